@@ -1,0 +1,38 @@
+"""The catalogue: mechanisms with a closed form, one file each."""
+
+import difflib
+from typing import Any
+
+from mechsim.catalog.base import Drive
+from mechsim.catalog.four_bar import FourBar
+from mechsim.catalog.rssr import Rssr
+from mechsim.catalog.slider_crank import SliderCrank
+from mechsim.errors import InputError
+
+DRIVES: dict[str, type[Drive]] = {drive.name: drive for drive in (FourBar, SliderCrank, Rssr)}
+
+
+def make(name: str, **parameters: Any) -> Drive:
+    """Return a catalogue mechanism with some parameters changed from their defaults.
+
+    Args:
+        name: as listed in `DRIVES`.
+        parameters: lengths in [m], angles in [rad]; names as the class declares them.
+
+    Raises:
+        InputError: for an unknown name or parameter (with the nearest known one) or a bad value.
+    """
+    if name not in DRIVES:
+        raise InputError(f"there is no mechanism {name!r}{nearest(name, list(DRIVES))}")
+    known = list(DRIVES[name].__dataclass_fields__)
+    for parameter in parameters:
+        if parameter not in known:
+            raise InputError(f"{name} has no parameter {parameter!r}{nearest(parameter, known)}")
+    return DRIVES[name](**parameters)
+
+
+def nearest(name: str, known: list[str]) -> str:
+    """Return the tail of a sentence that says what was probably meant."""
+    close = difflib.get_close_matches(name, known, n=1)
+    meant = f"; did you mean {close[0]!r}? " if close else "; "
+    return f"{meant}known are {', '.join(known)}"

@@ -1,0 +1,109 @@
+"""Motion: what the closed forms, the loop equations and MuJoCo all produce."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Source = Literal["closed form", "loop equations", "pose", "step", "user"]
+
+
+@dataclass(frozen=True, slots=True)
+class PointMotion:
+    """A tracked point in the ground frame: position [m], velocity [m/s], acceleration [m/s2], (n, 3) each."""
+
+    position: Array
+    velocity: Array
+    acceleration: Array
+
+
+@dataclass(frozen=True, slots=True)
+class LinkMotion:
+    """A link in the ground frame.
+
+    Attributes:
+        position: of the link's origin, (n, 3) in [m].
+        rotation: matrix whose columns are the link's axes, (n, 3, 3).
+        velocity: of the origin, (n, 3) in [m/s].
+        angular_velocity: (n, 3) in [rad/s].
+        acceleration: of the origin, (n, 3) in [m/s2].
+        angular_acceleration: (n, 3) in [rad/s2].
+    """
+
+    position: Array
+    rotation: Array
+    velocity: Array
+    angular_velocity: Array
+    acceleration: Array
+    angular_acceleration: Array
+
+
+@dataclass(frozen=True, slots=True)
+class JointMotion:
+    """A joint's coordinate and its first two rates, (n,) each, in [rad] or [m] and per second."""
+
+    value: Array
+    rate: Array
+    acceleration: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """The motion of a mechanism at n crank angles.
+
+    Attributes:
+        source: which road it came by.
+        angle: crank angle, not wrapped, (n,) in [rad].
+        speed: crank speed, (n,) in [rad/s].
+        acceleration: crank acceleration, (n,) in [rad/s2].
+        points: tracked point -> its motion.
+        links: link -> its motion; empty where only points are known.
+        joints: joint -> its motion; only joints with one coordinate.
+        time: (n,) in [s]; None where the motion is a function of the angle alone.
+        closure: worst distance by which the loops stood open at each instant, (n,) in [m]; None where
+            the road does not know it.
+    """
+
+    source: Source
+    angle: Array
+    speed: Array
+    acceleration: Array
+    points: Mapping[str, PointMotion]
+    links: Mapping[str, LinkMotion] = field(default_factory=dict)
+    joints: Mapping[str, JointMotion] = field(default_factory=dict)
+    time: Array | None = None
+    closure: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.angle)
+
+    def columns(self) -> Iterator[tuple[str, Array]]:
+        """Yield the table of this motion column by column: time, angle, P.x ..., P.vx ..., P.ax ..., in SI."""
+        if self.time is not None:
+            yield "time", self.time
+        yield "angle", self.angle
+        for name, point in self.points.items():
+            parts = (("", point.position), ("v", point.velocity), ("a", point.acceleration))
+            for prefix, values in parts:
+                for axis, column in zip("xyz", values.T, strict=True):
+                    yield f"{name}.{prefix}{axis}", column
+
+
+def join(parts: list[Motion]) -> Motion:
+    """Return the parts of one motion, put end to end."""
+    return parts[0] if len(parts) == 1 else _joined(parts)
+
+
+def _joined(parts: list[Any]) -> Any:
+    first = parts[0]
+    if isinstance(first, np.ndarray):
+        return np.concatenate(parts)
+    if isinstance(first, Mapping):
+        return {key: _joined([part[key] for part in parts]) for key in first}
+    if is_dataclass(first):
+        whole = {f.name: _joined([getattr(part, f.name) for part in parts]) for f in fields(first)}
+        return type(first)(**whole)  # pyright: ignore[reportCallIssue]
+    return first
