@@ -1,0 +1,53 @@
+"""MJCF text in which every number that physics depends on reads back as the same double."""
+
+import xml.etree.ElementTree as ET
+from typing import Any
+
+import mujoco
+import numpy as np
+
+# MuJoCo's own writer keeps six digits. Element -> attribute -> where the specification holds it.
+EXACT = {
+    "body": {"pos": "pos", "quat": "quat"},
+    "inertial": {"pos": "ipos", "mass": "mass", "diaginertia": "inertia"},
+    "joint": {"pos": "pos", "axis": "axis", "ref": "ref", "armature": "armature"},
+    "site": {"pos": "pos"},
+    "connect": {"solref": "solref", "solimp": "solimp"},
+}
+
+
+def to_xml(spec: mujoco.MjSpec) -> str:
+    """Return a specification as MJCF text, numbers with up to 17 significant digits."""
+    spec.compile()
+    root = ET.fromstring(spec.to_xml())
+    option = root.find("option")
+    if option is not None:
+        _rewrite(option, spec.option, {"timestep": "timestep", "gravity": "gravity"})
+    for body in root.iter("body"):
+        owner = spec.body(body.get("name"))
+        _rewrite(body, owner, EXACT["body"])
+        for inertial in body.findall("inertial"):
+            _rewrite(inertial, owner, EXACT["inertial"])
+    for joint in root.findall(".//body/joint"):
+        _rewrite(joint, spec.joint(joint.get("name")), EXACT["joint"])
+    for site in root.iter("site"):
+        _rewrite(site, spec.site(site.get("name")), EXACT["site"])
+    for equality in root.iterfind("equality/*"):
+        made = spec.equality(equality.get("name"))
+        _rewrite(equality, made, EXACT["connect"])
+        if equality.tag == "joint":
+            equality.set("polycoef", _text(made.data[:5]))
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _rewrite(element: ET.Element, source: Any, attributes: dict[str, str]) -> None:
+    for attribute, field in attributes.items():
+        if attribute in element.attrib:
+            count = len(element.attrib[attribute].split())
+            element.set(attribute, _text(np.atleast_1d(getattr(source, field))[:count]))
+
+
+def _text(values: Any) -> str:
+    # repr of a Python float is the shortest text that reads back the same
+    return " ".join(repr(float(value)).removesuffix(".0") for value in values)
