@@ -120,7 +120,7 @@ class _Stack:
         zero = np.zeros(3)
         self._add(_dot(u, v) - cosine, bias, [(a.slot, zero, across), (b.slot, zero, -across)])
 
-    def distance_along(self, a: _Side, i: int, b: _Side, way: ArrayLike) -> None:
+    def distance_along(self, a: _Side, i: int, b: _Side, way: float) -> None:
         """U.D = way, with U column i of a's frame."""
         u, u_rate, u_bias = a.direction(i)
         gap, gap_rate = b.point - a.point, b.point_velocity - a.point_velocity
@@ -257,7 +257,8 @@ def singular_values(mechanism: Mechanism, poses: Poses, *, crank_free: bool = Fa
     """
     angle = None if crank_free else 0.0
     rows = equations(mechanism, poses, angle)
-    return np.linalg.svd(_scaled(mechanism, rows.jacobian), compute_uv=False)
+    values = np.linalg.svd(_scaled(mechanism, rows.jacobian), compute_uv=False)
+    return values.astype(np.float64, copy=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,7 +297,7 @@ def freedom(mechanism: Mechanism, poses: Poses) -> Freedom:
 
 
 def _solve(mechanism: Mechanism, jacobian: Array, right: Array) -> Array:
-    """Least-norm solution of J x = right, (n, 6 links): redundant rows and passive freedoms are no trouble."""
+    """Least-norm solution of J x = right, (n, 6 links): redundant rows, passive freedoms do no harm."""
     size = mechanism.size
     columns = np.tile([size] * 3 + [1.0] * 3, len(mechanism.links))
     inverse = np.linalg.pinv(jacobian * columns, rcond=RANK_TOLERANCE)
@@ -409,13 +410,15 @@ def rough_poses(mechanism: Mechanism) -> dict[str, Pose]:
             placed[far.link] = Pose(pose.point(near.point) - rotation @ np.asarray(far.point), rotation)
     lost = [link.name for link in mechanism.links if link.name not in placed]
     if lost:
-        raise AssemblyError(f"{mechanism.name}: no joint holds link {', '.join(lost)}; add one or leave it out")
+        raise AssemblyError(
+            f"{mechanism.name}: no joint holds link {', '.join(lost)}; add one or leave it out"
+        )
     del placed[GROUND]
     return placed
 
 
 def follow(mechanism: Mechanism, angles: ArrayLike, *, step: float = np.pi / 36) -> dict[str, Pose]:
-    """Assemble along a path of crank angles, each pose guessed from its neighbour, so that the assembly is kept.
+    """Assemble along a path of crank angles, each pose guessed from the one before: the assembly is kept.
 
     Args:
         mechanism: the mechanism; its guess begins the path.

@@ -139,14 +139,12 @@ class Joint:
 
     def __post_init__(self) -> None:
         if self.kind not in FREEDOMS:
-            raise InputError(
-                f"joint {self.name!r} is of kind {self.kind!r}; known are {', '.join(FREEDOMS)}"
-            )
+            raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; known are {', '.join(FREEDOMS)}")
         if self.a.link == self.b.link:
             raise InputError(f"joint {self.name!r} joins link {self.a.link!r} to itself; name two links")
         if not 0.0 < self.cross_angle < np.pi:
             raise InputError(
-                f"cross angle of joint {self.name!r} is {self.cross_angle} rad; give an angle between 0 and pi"
+                f"cross angle of joint {self.name!r} is {self.cross_angle} rad; give one between 0 and pi"
             )
 
 
@@ -210,7 +208,7 @@ class Mechanism:
                 _known("gear", "revolute joint", joint, revolutes)
             if not 0.0 < abs(gear.ratio) < np.inf:
                 raise InputError(
-                    f"ratio of gear {gear.driver!r}-{gear.driven!r} is {gear.ratio}; give a finite number, not 0"
+                    f"ratio of gear {gear.driver!r}-{gear.driven!r} is {gear.ratio}; give a number, not 0"
                 )
 
     def joint(self, name: str) -> Joint:

@@ -81,7 +81,7 @@ class Motion:
         return len(self.angle)
 
     def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield the table of this motion column by column: time, angle, P.x ..., P.vx ..., P.ax ..., in SI."""
+        """Yield this motion as columns of a table: time, angle, P.x ..., P.vx ..., P.ax ..., in SI."""
         if self.time is not None:
             yield "time", self.time
         yield "angle", self.angle

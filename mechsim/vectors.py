@@ -132,9 +132,7 @@ def unit_at_angles(v1: Array, v2: Array, angle1: ArrayLike, angle2: ArrayLike, s
     return a * u1 + b * u2 + sign * h * n
 
 
-def unit_at_angles_published(
-    v1: Array, v2: Array, angle1: ArrayLike, angle2: ArrayLike, sign: Sign
-) -> Array:
+def unit_at_angles_published(v1: Array, v2: Array, angle1: ArrayLike, angle2: ArrayLike, sign: Sign) -> Array:
     """Return the unit vector at two angles by the published form; kept for validation only.
 
     It divides by the X-component of v1 x v2, and its `sign` is the sign of a root in p_X: it loses

@@ -1,7 +1,7 @@
-"""What every catalogue mechanism has in common: checked parameters, crank range, assemblies, chunked solving."""
+"""What every catalogue mechanism has in common: checked parameters, crank range, assemblies, solving."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Literal, Self
 
@@ -93,7 +93,7 @@ class Drive(ABC):
         """Return the arcs of crank angle over which the loops close in this assembly."""
 
     @abstractmethod
-    def assemblies(self, angle: float) -> list[Self]:
+    def assemblies(self, angle: float) -> Sequence[Self]:
         """Return the mechanism in each real assembly it has at a crank angle; empty if it has none."""
 
     @abstractmethod
@@ -147,7 +147,9 @@ class Drive(ABC):
         motion = self._motion(np.array([start]), np.zeros(1), np.zeros(1), "links")
         return {name: Pose(link.position[0], link.rotation[0]) for name, link in motion.links.items()}, start
 
-    def _chunked(self, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike, detail: Detail) -> Motion:
+    def _chunked(
+        self, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike, detail: Detail
+    ) -> Motion:
         angles = np.atleast_1d(np.asarray(angles, dtype=np.float64))
         if angles.ndim != 1 or angles.size == 0 or not np.isfinite(angles).all():
             raise InputError(
@@ -210,7 +212,7 @@ class TwoBranchDrive(Drive):
     def crank_range(self) -> Arcs:
         return reachable_arcs(self.margin, self.margin_degree)
 
-    def assemblies(self, angle: float) -> list[Self]:
+    def assemblies(self, angle: float) -> Sequence[Self]:
         if not self.margin(np.array([angle]))[0] >= 0.0:
             return []
         return [replace(self, branch=branch) for branch in (1, -1)]

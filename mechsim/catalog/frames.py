@@ -23,10 +23,8 @@ def point(position: Array, velocity: Array = STILL, acceleration: Array = STILL)
     return PointMotion(position.T, np.broadcast_to(velocity, shape).T, np.broadcast_to(acceleration, shape).T)
 
 
-def link(
-    origin: PointMotion, axes: tuple[Array, Array, Array], spin: Array, pull: Array
-) -> LinkMotion:
-    """Return a link's motion from its origin, its three axes, angular velocity and acceleration, (3, n) each."""
+def link(origin: PointMotion, axes: tuple[Array, Array, Array], spin: Array, pull: Array) -> LinkMotion:
+    """Return a link's motion from origin, three axes, angular velocity and acceleration, (3, n) each."""
     n = len(origin.position)
     rotation = np.empty((3, 3, n))
     for column, axis in enumerate(axes):

@@ -23,7 +23,7 @@ class Arcs:
     arcs: tuple[tuple[float, float], ...]
 
     def start(self) -> float:
-        """Return the crank angle to start from: 0 if it can stand there, else the middle of the longest arc."""
+        """Return the angle to start from: 0 if the crank can stand there, else amid the longest arc."""
         if self.full or not self.arcs:
             return 0.0
         if any(low < turn < high for low, high in self.arcs for turn in (0.0, TURN)):

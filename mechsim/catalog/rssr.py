@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from mechsim.catalog import frames
 from mechsim.catalog.base import Array, Detail, TwoBranchDrive, angle, choice, length, place
 from mechsim.mechanism import EX, EY, EZ, GROUND, End, Joint, Link, Mechanism
-from mechsim.motion import JointMotion, LinkMotion, Motion
+from mechsim.motion import JointMotion, Motion
 from mechsim.vectors import Sign, circle_sphere, column, cross, dot, rotation, unit_at_angles
 
 
@@ -79,7 +79,7 @@ class Rssr(TwoBranchDrive):
         )
 
     def margin(self, angles: ArrayLike) -> Array:
-        """4 r2 d2 - (d2 + h2 + r2 - l2)2 for the rocker r, coupler l and P4P2 with parts d across, h along the axis."""
+        """4 r2 d2 - (d2 + h2 + r2 - l2)2; rocker r, coupler l, P4P2 with parts d across, h along the axis."""
         to_crank = self._crank_pin(np.asarray(angles)) - column(self.pivot)
         height = dot(to_crank, column(self.rocker_frame[:, 2]))
         reach2 = dot(to_crank, to_crank) - height**2

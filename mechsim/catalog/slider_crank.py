@@ -88,7 +88,9 @@ class SliderCrank(TwoBranchDrive):
             acceleration,
             points,
             links={
-                "crank": frames.planar_link(frames.point(np.zeros_like(a)), a / self.crank, speed, acceleration),
+                "crank": frames.planar_link(
+                    frames.point(np.zeros_like(a)), a / self.crank, speed, acceleration
+                ),
                 "rod": frames.planar_link(points["A"], ahead, spin, pull),
                 "slider": frames.planar_link(points["B"], np.broadcast_to(ex, a.shape), zero, zero),
             },

@@ -1,0 +1,186 @@
+"""Quantities as people write them ("13 mm", "600 rpm", "0:360:5deg") to SI numbers, at the edges only.
+
+A number without a unit is SI: metres, radians, radians per second, seconds.
+"""
+
+import re
+from functools import cache
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.errors import InputError
+
+Array = NDArray[np.float64]
+Unit = Literal["m", "rad", "1", "rad/s", "s"]
+
+# more angles than this in one range is a slip of the step, not a wish
+MOST_ANGLES = 10_000_000
+
+# what each unit measures, and an example for the sentence that refuses a value
+_KINDS: dict[str, tuple[str, str]] = {
+    "m": ("a length", "13 mm"),
+    "rad": ("an angle", "20 deg"),
+    "1": ("a plain number", "0.5"),
+    "rad/s": ("a speed of rotation", "600 rpm"),
+    "s": ("a time", "2 ms"),
+}
+_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+
+
+def rpm(value: float) -> float:
+    """Return revolutions per minute in [rad/s]."""
+    return float(value) * np.pi / 30.0
+
+
+def deg(value: float) -> float:
+    """Return degrees in [rad]."""
+    return float(value) * np.pi / 180.0
+
+
+def mm(value: float) -> float:
+    """Return millimetres in [m]."""
+    return float(value) / 1000.0
+
+
+def parse(text: str, unit: Unit, name: str = "the value") -> float:
+    """Return a quantity given as text in an SI unit.
+
+    Args:
+        text: a number with or without a unit; without one it is in `unit` already.
+        unit: what is wanted.
+        name: what the value is called in the sentence of an error.
+
+    Raises:
+        InputError: for what is no finite number or has another dimension.
+    """
+    return _several([text], unit, text, name)[0]
+
+
+def parse_length(text: str, name: str = "the length") -> float:
+    """Return a length in [m]."""
+    return parse(text, "m", name)
+
+
+def parse_angle(text: str, name: str = "the angle") -> float:
+    """Return an angle in [rad]."""
+    return parse(text, "rad", name)
+
+
+def parse_speed(text: str, name: str = "the speed") -> float:
+    """Return a speed of rotation in [rad/s]."""
+    return parse(text, "rad/s", name)
+
+
+def parse_time(text: str, name: str = "the time") -> float:
+    """Return a time in [s]."""
+    return parse(text, "s", name)
+
+
+def parse_vector(text: str, unit: Unit, name: str = "the vector") -> tuple[float, ...]:
+    """Return quantities with commas between; the last unit applies to all that have none.
+
+    Raises:
+        InputError: as `parse`, for any of them.
+    """
+    return tuple(_several(text.split(","), unit, text, name))
+
+
+def parse_angles(text: str, name: str = "the angles") -> Array:
+    """Return crank angles in [rad] from `start:stop:step`, both ends included, or from a comma list.
+
+    The last unit applies to all that have none. A step that does not divide the way is followed by
+    a shorter last one.
+
+    Raises:
+        InputError: as `parse`; also for a step of zero or in the wrong direction.
+    """
+    if ":" not in text:
+        return np.array(_several(text.split(","), "rad", text, name))
+    parts = text.split(":")
+    if len(parts) != 3:
+        raise InputError(f"{name} {text!r} must be start:stop:step, for example 0:360:5deg")
+    # counted in the unit as written, where 360 / 5 is a whole number
+    numbers, factors = _read(parts, "rad", text, name)
+    if len(set(factors)) > 1:
+        numbers, factors = [n * f for n, f in zip(numbers, factors, strict=True)], [1.0]
+    start, stop, step = numbers
+    if start == stop:
+        return np.array([start]) * factors[0]
+    if step == 0.0 or (stop - start) / step < 0.0:
+        raise InputError(f"{name} {text!r} never get from start to stop; give a step such as in 0:360:5deg")
+    count = (stop - start) / step
+    if not count < MOST_ANGLES:
+        raise InputError(f"{name} {text!r} are more than {MOST_ANGLES}; give a longer step, as in 0:360:5deg")
+    # a step that misses the end by rounding only is one that meets it
+    whole = round(count) if abs(count - round(count)) < 1e-9 * max(1.0, count) else int(count)
+    values = start + step * np.arange(whole + 1, dtype=np.float64)
+    if whole >= count * (1.0 - 1e-9):
+        values[-1] = stop
+    else:
+        values = np.concatenate([values, [stop]])
+    return values * factors[0]
+
+
+def _several(parts: list[str], unit: Unit, text: str, name: str) -> list[float]:
+    numbers, factors = _read(parts, unit, text, name)
+    values = [_in_si(number, factor) for number, factor in zip(numbers, factors, strict=True)]
+    if not all(abs(value) < np.inf for value in values):
+        raise _refusal(text, unit, name, "is too large")
+    return values
+
+
+def _in_si(number: float, factor: float) -> float:
+    # 13 / 1000 is the number nearest to 0.013, 13 * 0.001 is its neighbour
+    inverse = round(1.0 / factor) if factor < 1.0 else 0
+    return number / inverse if inverse and 1.0 / inverse == factor else number * factor
+
+
+def _read(parts: list[str], unit: Unit, text: str, name: str) -> tuple[list[float], list[float]]:
+    """Return the numbers as written and the factor to SI of each; the last unit stands for missing ones."""
+    pairs = [_split(part, unit, text, name) for part in parts]
+    last = pairs[-1][1]
+    return [number for number, _ in pairs], [_factor(own or last, unit, text, name) for _, own in pairs]
+
+
+def _split(part: str, unit: Unit, text: str, name: str) -> tuple[float, str]:
+    """Return the number and the unit as written; the unit may be empty."""
+    match = _QUANTITY.fullmatch(part)
+    number = float(match[1]) if match else np.nan
+    if match is None or not abs(number) < np.inf:
+        what = "is" if part == text else f"holds {part.strip()!r}, which is"
+        raise _refusal(text, unit, name, f"{what} not a finite number with a unit")
+    return number, match[2]
+
+
+@cache
+def _registry() -> Any:
+    # pint takes a third of a second to read its definitions: only when a unit is really written
+    import pint
+
+    registry: Any = pint.UnitRegistry()
+    registry.define("@alias turn = rev")
+    return registry
+
+
+def _factor(written: str, unit: Unit, text: str, name: str) -> float:
+    """Return how many of `unit` one of the written unit is."""
+    if written in ("", unit):
+        return 1.0
+    registry = _registry()
+    try:
+        one = registry.Quantity(1.0, registry.parse_units(written)).to_root_units()
+    except Exception:  # pint's parser lets errors of every kind through for what is no unit
+        raise _refusal(text, unit, name, f"has unit {written!r}, which is not known") from None
+    wanted = registry.Unit("dimensionless" if unit == "1" else unit)
+    # pint takes an angle for a plain number, so that 1 Hz would be 1 rad/s and 1 mm/m an angle
+    turns = ("radian" in str(one.units)) == ("rad" in unit)
+    if not turns or not one.is_compatible_with(wanted):
+        raise _refusal(text, unit, name, f"has unit {written!r}, which does not measure that")
+    return float(one.to(wanted).magnitude)
+
+
+def _refusal(text: str, unit: Unit, name: str, what: str) -> InputError:
+    kind, example = _KINDS[unit]
+    return InputError(f"{name} {text.strip()!r} {what}; give {kind} such as {example!r}")
