@@ -5,11 +5,12 @@ from typing import Any
 
 from mechsim.catalog.base import Drive
 from mechsim.catalog.four_bar import FourBar
+from mechsim.catalog.rrsrr import Rrsrr
 from mechsim.catalog.rssr import Rssr
 from mechsim.catalog.slider_crank import SliderCrank
 from mechsim.errors import InputError
 
-DRIVES: dict[str, type[Drive]] = {drive.name: drive for drive in (FourBar, SliderCrank, Rssr)}
+DRIVES: dict[str, type[Drive]] = {drive.name: drive for drive in (FourBar, SliderCrank, Rssr, Rrsrr)}
 
 
 def make(name: str, **parameters: Any) -> Drive:
