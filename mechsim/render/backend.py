@@ -1,0 +1,145 @@
+"""OpenGL without a screen: which back end there is, its driver by name, and a renderer on it."""
+
+import functools
+import importlib
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import mujoco
+from mujoco.rendering.classic import gl_context
+
+from mechsim.errors import InputError, MissingToolError
+
+# in the order they are tried; macOS and Windows have one way each
+ORDER = {"linux": ("egl", "osmesa"), "darwin": ("cgl",), "win32": ("glfw",)}.get(sys.platform, ("glfw",))
+PACKAGES = {"egl": "libegl1", "osmesa": "libosmesa6"}
+SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "offscreen")
+
+# a driver that is missing or broken may abort the process or fix PyOpenGL on the wrong platform,
+# so each is tried in a process of its own
+PROBE = """
+import importlib, json, sys
+context = importlib.import_module("mujoco." + sys.argv[1]).GLContext(16, 16)
+context.make_current()
+from OpenGL import GL
+print(json.dumps([GL.glGetString(name).decode() for name in (GL.GL_RENDERER, GL.GL_VERSION)]))
+context.free()
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Backend:
+    """An OpenGL back end that works on this machine.
+
+    Attributes:
+        name: "egl", "osmesa", ... as MUJOCO_GL calls it.
+        driver: what draws, as the driver names itself.
+        version: of OpenGL.
+    """
+
+    name: str
+    driver: str
+    version: str
+
+    @property
+    def software(self) -> bool:
+        """Whether the processor draws, not a graphics card."""
+        return any(word in self.driver.lower() for word in SOFTWARE)
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.driver}, {'software' if self.software else 'hardware'}"
+
+
+def choose(forced: str | None = None) -> Backend:
+    """Return the back end to draw with: the forced one, else the first of EGL and OSMesa that works.
+
+    Raises:
+        InputError: for a name this platform does not know, or one this process can no longer use.
+        MissingToolError: where none works; names the package that brings one.
+    """
+    if forced is not None and forced not in ORDER:
+        raise InputError(f"there is no OpenGL back end {forced!r} here; known are {', '.join(ORDER)}")
+    settled = _settled()
+    if forced and settled and forced != settled:
+        raise InputError(
+            f"this process already draws with {settled}; start another one to draw with {forced}"
+        )
+    wanted = forced or settled
+    for name in (wanted,) if wanted else _preferred():
+        found = probe(name)
+        if found:
+            return found
+    asked = wanted or " and ".join(ORDER)
+    packages = " or ".join(PACKAGES[name] for name in ORDER if name in PACKAGES and wanted in (None, name))
+    remedy = f"; install the system package {packages}" if packages else ""
+    raise MissingToolError(f"no picture can be drawn: OpenGL by {asked} does not work here{remedy}")
+
+
+@functools.cache
+def probe(name: str) -> Backend | None:
+    """Return the back end of that name if it works in a process of its own, else None."""
+    environment = {key: value for key, value in os.environ.items() if key != "PYOPENGL_PLATFORM"}
+    environment["MUJOCO_GL"] = name
+    command = [sys.executable, "-c", PROBE, name]
+    try:
+        done = subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=60, check=True
+        )
+        driver, version = json.loads(done.stdout)
+    except (subprocess.SubprocessError, OSError, ValueError):
+        return None
+    return Backend(name, driver, version)
+
+
+def describe_backend() -> list[dict[str, object]]:
+    """Return one row per back end of this platform: name, whether it works, driver, package that brings it."""
+    rows: list[dict[str, object]] = []
+    for name in ORDER:
+        found = probe(name)
+        rows.append(
+            {
+                "name": name,
+                "works": found is not None,
+                "driver": found.driver if found else "",
+                "version": found.version if found else "",
+                "software": found.software if found else None,
+                "package": PACKAGES.get(name, ""),
+            }
+        )
+    return rows
+
+
+@contextmanager
+def renderer(model: mujoco.MjModel, size: tuple[int, int], backend: Backend) -> Iterator[mujoco.Renderer]:
+    """Open a MuJoCo renderer of (width, height) pixels on a back end, and close it afterwards.
+
+    MuJoCo fixes its back end when it is first imported; a caller may have done that long ago
+    without MUJOCO_GL, so the context class is put in its place for the time of construction.
+    """
+    before = getattr(gl_context, "GLContext", None)
+    gl_context.GLContext = importlib.import_module(f"mujoco.{backend.name}").GLContext
+    try:
+        drawing = mujoco.Renderer(model, height=size[1], width=size[0])
+    finally:
+        gl_context.GLContext = before
+    with drawing:
+        yield drawing
+
+
+def _settled() -> str | None:
+    """The back end that PyOpenGL was fixed on when it was first imported here, if it was."""
+    if "OpenGL.platform" not in sys.modules:
+        return None
+    platform = os.environ.get("PYOPENGL_PLATFORM", "").lower()
+    return platform if platform in ORDER else None
+
+
+def _preferred() -> tuple[str, ...]:
+    """The order to try, with what MUJOCO_GL asks for first."""
+    asked = os.environ.get("MUJOCO_GL", "").lower().strip()
+    return tuple(sorted(ORDER, key=lambda name: name != asked))

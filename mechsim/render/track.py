@@ -1,0 +1,121 @@
+"""Track: where every link stands in every frame, taken from a motion of either road."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechsim.errors import InputError
+from mechsim.mechanism import GROUND, Joint, Mechanism, Pose, joint_coordinate
+from mechsim.motion import Motion
+
+Array = NDArray[np.float64]
+
+# path points kept over a motion: a picture cannot show more
+PATH_POINTS = 360
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Poses of all links frame by frame, and the finer paths of the tracked points.
+
+    Attributes:
+        angle: crank angle of each frame, (n,) in [rad].
+        poses: link -> poses, ground included.
+        points: tracked point -> place in each frame, (n, 3) in [m].
+        paths: tracked point -> its path over the whole motion, (m, 3) in [m].
+        passed: how many points of its path each tracked point has passed, (n,).
+    """
+
+    angle: Array
+    poses: Mapping[str, Pose]
+    points: Mapping[str, Array]
+    paths: Mapping[str, Array]
+    passed: NDArray[np.intp]
+
+    def __len__(self) -> int:
+        return len(self.angle)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the paths end where they began."""
+        turned = abs(float(self.angle[-1] - self.angle[0]))
+        return turned > 6.0 and all(
+            float(np.linalg.norm(path[-1] - path[0])) < 1e-3 * float(np.ptp(path, axis=0).max())
+            for path in self.paths.values()
+        )
+
+    def travel(self, joint: Joint) -> tuple[float, float]:
+        """Return the least and greatest way of a sliding joint, in [m]."""
+        way = joint_coordinate(joint, self.poses[joint.a.link], self.poses[joint.b.link])[..., 0]
+        return float(way.min()), float(way.max())
+
+
+def track(mechanism: Mechanism, motion: Motion, angles: ArrayLike | None = None) -> Track:
+    """Return the frames of a motion, or of the poses it passes at given crank angles.
+
+    Raises:
+        InputError: where the motion lacks a link, holds a NaN, or does not reach an angle.
+    """
+    poses = {GROUND: Pose(np.zeros(3), np.eye(3))}
+    for link in mechanism.links:
+        if link.name not in motion.links:
+            raise InputError(
+                f"the motion does not say where link {link.name!r} is, so it cannot be drawn; "
+                "solve it with links"
+            )
+        moved = motion.links[link.name]
+        if not (np.isfinite(moved.position).all() and np.isfinite(moved.rotation).all()):
+            raise InputError(f"the motion of link {link.name!r} holds NaN or infinity and cannot be drawn")
+        poses[link.name] = Pose(moved.position, moved.rotation)
+    step = max(1, len(motion) // PATH_POINTS)
+    fine = np.unique(np.append(np.arange(0, len(motion), step), len(motion) - 1))
+    paths = {name: poses[link].at(fine).point(local) for name, (link, local) in _moving(mechanism)}
+    passed = np.searchsorted(fine, np.arange(len(motion)), side="right")
+    if angles is not None:
+        wanted = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+        place = _places(motion.angle, wanted)
+        poses = {name: _between(pose, place) for name, pose in poses.items()}
+        passed = np.searchsorted(fine, place + 1e-9, side="right")
+        angle = wanted
+    else:
+        angle = motion.angle
+    points = {
+        name: np.broadcast_to(poses[link].point(local), (len(angle), 3))
+        for name, (link, local) in mechanism.points.items()
+    }
+    return Track(angle, poses, points, paths, passed)
+
+
+def _moving(mechanism: Mechanism) -> list[tuple[str, tuple[str, tuple[float, float, float]]]]:
+    return [(name, place) for name, place in mechanism.points.items() if place[0] != GROUND]
+
+
+def _places(known: Array, wanted: Array) -> Array:
+    """Return where crank angles lie among the samples, as fractional indices."""
+    rising = known if known[-1] >= known[0] else -known
+    wanted = wanted if known[-1] >= known[0] else -wanted
+    if (np.diff(rising) <= 0.0).any():
+        raise InputError("the crank does not turn one way, so frames cannot be chosen by its angle")
+    slack = 1e-6
+    if wanted.min() < rising[0] - slack or wanted.max() > rising[-1] + slack:
+        raise InputError(
+            f"frames from {wanted.min():.6g} to {wanted.max():.6g} rad are asked for, "
+            f"but the motion goes only from {rising[0]:.6g} to {rising[-1]:.6g} rad"
+        )
+    return np.interp(wanted, rising, np.arange(len(rising), dtype=np.float64))
+
+
+def _between(pose: Pose, place: Array) -> Pose:
+    """Return poses at fractional indices; good for the eye, not for numbers."""
+    if pose.position.ndim == 1:
+        return pose
+    low = np.minimum(place.astype(np.intp), max(len(pose.position) - 2, 0))
+    high = np.minimum(low + 1, len(pose.position) - 1)
+    share = (place - low)[:, None]
+    position = (1.0 - share) * pose.position[low] + share * pose.position[high]
+    share = share[..., None]
+    mixed = (1.0 - share) * pose.rotation[low] + share * pose.rotation[high]
+    u, _, v = np.linalg.svd(mixed)  # the rotation nearest to the mixture
+    return Pose(position, u @ v)
