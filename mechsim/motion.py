@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,18 @@ class JointMotion:
     acceleration: Array
 
 
+class Solver(Protocol):
+    """What can give a motion at other crank angles and speeds: a catalogue mechanism."""
+
+    def solve(self, angles: Array, speed: Array, acceleration: Array) -> "Motion":
+        """Return the motion at crank angles."""
+        ...
+
+    def assembly_sign(self, points: Mapping[str, Array]) -> Array:
+        """Return the signed geometry that is positive in the assembly meant."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Motion:
     """The motion of a mechanism at n crank angles.
@@ -65,6 +77,7 @@ class Motion:
         time: (n,) in [s]; None where the motion is a function of the angle alone.
         closure: worst distance by which the loops stood open at each instant, (n,) in [m]; None where
             the road does not know it.
+        origin: what can solve it again at other crank angles; None where nothing can.
     """
 
     source: Source
@@ -76,6 +89,7 @@ class Motion:
     joints: Mapping[str, JointMotion] = field(default_factory=dict)
     time: Array | None = None
     closure: Array | None = None
+    origin: Solver | None = None
 
     def __len__(self) -> int:
         return len(self.angle)

@@ -162,7 +162,7 @@ class Drive(ABC):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             motion = join([self._motion(angles[i], speed[i], acceleration[i], detail) for i in parts])
         self._require_finite(motion)
-        return motion
+        return replace(motion, origin=self)
 
     def _require_finite(self, motion: Motion) -> None:
         """Raise AssemblyError where a closed form gave no number."""

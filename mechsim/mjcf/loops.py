@@ -74,6 +74,11 @@ class Loops:
         reach = [np.linalg.norm(local) for pair in self.pairs for local in pair.local]
         steps = np.linalg.norm(model.body_pos[1:], axis=1)
         self.size = float(max([*reach, *steps, 1e-300]))
+        self.quaternions = [
+            int(place) + (3 if kind == FREE else 0)
+            for kind, place in zip(model.jnt_type, model.jnt_qposadr, strict=True)
+            if kind in (BALL, FREE)
+        ]
         self._batches: dict[int, batch.Batch] = {}
         self._basis: Array | None = None
 
@@ -108,6 +113,14 @@ class Loops:
         if not residuals:
             return np.zeros((len(qpos), 0)), np.zeros((len(qpos), 0, self.model.nv))
         return np.concatenate(residuals, 1), np.concatenate(jacobians, 1)
+
+    def sites(self, qpos: Array) -> Array:
+        """Return the places of all sites at n states, (n, nsite, 3) in [m]."""
+        sims = self.batch(len(qpos))
+        places = sims.bind("site_xpos")
+        sims.bind("qpos")[:] = qpos
+        sims.forward(stage=int(mujoco.mjtStage.mjSTAGE_POS))
+        return places.copy()
 
     def _coupled(self, coupling: Coupling, qpos: Array) -> tuple[Array, Array]:
         (y, x), (y0, x0) = coupling.places, coupling.zeros

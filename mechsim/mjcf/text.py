@@ -14,6 +14,7 @@ EXACT = {
     "site": {"pos": "pos"},
     "connect": {"solref": "solref", "solimp": "solimp"},
 }
+DEFAULT = {"pos": (0.0, 0.0, 0.0), "quat": (1.0, 0.0, 0.0, 0.0), "axis": (0.0, 0.0, 1.0), "ref": (0.0,)}
 
 
 def to_xml(spec: mujoco.MjSpec) -> str:
@@ -43,9 +44,13 @@ def to_xml(spec: mujoco.MjSpec) -> str:
 
 def _rewrite(element: ET.Element, source: Any, attributes: dict[str, str]) -> None:
     for attribute, field in attributes.items():
+        values = np.atleast_1d(getattr(source, field))
         if attribute in element.attrib:
             count = len(element.attrib[attribute].split())
-            element.set(attribute, _text(np.atleast_1d(getattr(source, field))[:count]))
+            element.set(attribute, _text(values[:count]))
+        # the writer leaves out what is within rounding of the default
+        elif attribute in DEFAULT and not np.array_equal(values, DEFAULT[attribute]):
+            element.set(attribute, _text(values))
 
 
 def _text(values: Any) -> str:

@@ -94,7 +94,7 @@ def _distance_from_crank(mechanism: Mechanism) -> dict[str, int]:
     if GROUND in graph:
         graph.remove_node(GROUND)
     steps = dict(nx.single_source_shortest_path_length(graph, driven)) if driven in graph else {}
-    return {link.name: steps.get(link.name, far) for link in mechanism.links} | {GROUND: far}
+    return {link.name: steps.get(link.name, far) for link in mechanism.links} | {GROUND: 0}
 
 
 def _ordered(mechanism: Mechanism, kept: set[str]) -> tuple[Branch, ...]:

@@ -1,0 +1,101 @@
+"""How a model is stepped: integrator, step, constraint softness and the crank's flywheel."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from mechsim.errors import InputError
+from mechsim.mjcf import Loops
+from mechsim.mjcf.generate import FLYWHEEL
+
+INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4", "discrete")
+TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """Settings of a time-stepped run.
+
+    The defaults are the hard loop: fourth-order steps, constraints stiffened beyond MuJoCo's cap of
+    0.9999 by scaling the inverse weights it softens them with. Measured in
+    validation/tradeoff/constraint_settings.py.
+
+    Attributes:
+        integrator: one of `INTEGRATORS`.
+        steps_per_turn: steps in one turn of the crank.
+        constant_steps: time constant of the constraints, in steps; `solref` overrides it.
+        solref: MuJoCo's two numbers, as they are; None for (constant_steps * step, 1).
+        solimp: MuJoCo's five numbers (dmin, dmax, width, midpoint, power).
+        hardness: factor on the inverse weights that scale a constraint's softness; 1 is MuJoCo's own.
+        refsafe: whether MuJoCo keeps the time constant at two steps or more.
+        diagexact: whether MuJoCo computes the diagonal of the constraint inertia exactly.
+        flywheel: inertia on the crank that holds its speed, in [kg m2].
+    """
+
+    integrator: str = "RK4"
+    steps_per_turn: int = 1000
+    constant_steps: float = 20.0
+    solref: tuple[float, float] | None = None
+    solimp: tuple[float, float, float, float, float] = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+    hardness: float = 1e-4
+    refsafe: bool = False
+    diagexact: bool = False
+    flywheel: float = FLYWHEEL
+
+    def __post_init__(self) -> None:
+        if self.integrator not in INTEGRATORS:
+            raise InputError(f"there is no integrator {self.integrator!r}; known are {', '.join(INTEGRATORS)}")
+        if not self.steps_per_turn >= 4:
+            raise InputError(
+                f"{self.steps_per_turn} steps a turn is a step of a quarter turn or more; take at least 4"
+            )
+        for name in ("constant_steps", "hardness", "flywheel"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise InputError(f"{name} is {getattr(self, name)}; give a finite number above 0")
+        for name in ("solref", "solimp"):
+            values = getattr(self, name)
+            if values is not None and not np.isfinite(values).all():
+                raise InputError(f"{name} is {values}; give finite numbers")
+
+    def timestep(self, speed: float) -> float:
+        """Return the step in [s] at a crank speed in [rad/s]."""
+        return TURN / abs(speed) / self.steps_per_turn
+
+    def apply(self, loops: Loops, timestep: float) -> None:
+        """Set up a compiled model for a run; its own constraint and solver settings are replaced."""
+        model = loops.model
+        option = model.opt
+        option.timestep = timestep
+        option.integrator = int(getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}"))
+        option.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)
+        option.tolerance = 0.0
+        if _only_equalities(model):
+            # the cost is then quadratic: one step of Newton's method is exact
+            option.iterations = 1
+        disable, enable = mujoco.mjtDisableBit, mujoco.mjtEnableBit
+        _set(option, "disableflags", int(disable.mjDSBL_ISLAND | disable.mjDSBL_SENSOR), True)
+        _set(option, "disableflags", int(disable.mjDSBL_REFSAFE), not self.refsafe)
+        _set(option, "enableflags", int(enable.mjENBL_DIAGEXACT), self.diagexact)
+        model.eq_solref[:] = self.solref or (self.constant_steps * timestep, 1.0)
+        model.eq_solimp[:] = self.solimp
+        model.body_invweight0[:] *= self.hardness
+        model.dof_invweight0[:] *= self.hardness
+        model.dof_armature[loops.crank] = self.flywheel
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the settings as plain data."""
+        return asdict(self)
+
+
+def _set(option: Any, field: str, bits: int, on: bool) -> None:
+    value = getattr(option, field)
+    setattr(option, field, value | bits if on else value & ~bits)
+
+
+def _only_equalities(model: mujoco.MjModel) -> bool:
+    contacts = model.ngeom > 0 and not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    limits = bool(model.jnt_limited.any() or model.tendon_limited.any())
+    friction = bool((model.dof_frictionloss > 0.0).any() or (model.tendon_frictionloss > 0.0).any())
+    return not (contacts or limits or friction)

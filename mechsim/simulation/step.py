@@ -1,0 +1,114 @@
+"""Motion by stepping MuJoCo in time under a driven crank."""
+
+import time as clock
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco import batch
+from numpy.typing import NDArray
+
+from mechsim.errors import InputError
+from mechsim.mjcf import Loops
+from mechsim.simulation.profile import Profile
+from mechsim.simulation.record import States
+from mechsim.simulation.settings import Settings
+
+Array = NDArray[np.float64]
+
+# steps in one call into C: long enough that the call costs nothing, short enough for memory
+BLOCK = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """The recorded states of a stepped run.
+
+    Attributes:
+        states: at time zero and after every `stride` steps, up to where the run ended.
+        force: on the crank at each state, (n,) in [N m]; None at constant speed.
+        count: steps taken.
+        seconds: time spent stepping.
+        diverged: whether MuJoCo warned of a bad state or a number was not finite.
+    """
+
+    states: States
+    force: Array | None
+    count: int
+    seconds: float
+    diverged: bool
+
+
+def step(
+    loops: Loops, settings: Settings, profile: Profile, start: tuple[Array, Array], samples: int
+) -> Steps:
+    """Step a model along a crank profile.
+
+    The crank carries a flywheel so heavy that no reaction of the linkage changes its speed; a changing
+    speed is made by a torque on it, constant over each step, that gives the wanted speed at its end.
+    How this drive was chosen: validation/tradeoff/drive.py.
+
+    Args:
+        loops: of the model; its settings are replaced.
+        settings: how to step.
+        profile: the crank's motion.
+        start: closed state and rates at time zero, (nq,) and (nv,).
+        samples: states to record after the first, evenly spread over the profile.
+    """
+    steps = profile.duration * profile.fastest / (2.0 * np.pi) * settings.steps_per_turn
+    stride = max(1, int(np.ceil(steps / samples - 1e-9)))
+    timestep = profile.duration / (stride * samples)
+    settings.apply(loops, timestep)
+    model = loops.model
+    sims = batch.Batch(model, 1, 1)
+    sims.bind("qpos")[:], sims.bind("qvel")[:] = start
+    recorded = [(np.zeros(1), start[0][None], start[1][None])]
+    torque = None if profile.steady else _torque(profile, settings.flywheel, timestep, stride * samples)
+    # whole strides to a block, so that the last step of each stride is at a known place
+    block = max(stride, BLOCK - BLOCK % stride)
+    done, spent, diverged = 0, 0.0, False
+    while done < stride * samples and not diverged:
+        count = min(block, stride * samples - done)
+        control = None
+        if torque is not None:
+            control = np.zeros((1, count, model.nv))
+            control[0, :, loops.crank] = torque[done : done + count]
+        begin = clock.perf_counter()
+        out = sims.rollout(
+            count,
+            control=control,
+            control_spec=int(mujoco.mjtState.mjSTATE_QFRC_APPLIED),
+            record=("qpos", "qvel"),
+        )
+        spent += clock.perf_counter() - begin
+        kept = slice(stride - 1, None, stride)
+        qpos, qvel = out["qpos"][0, kept], out["qvel"][0, kept]
+        at = timestep * (done + stride * np.arange(1, len(qpos) + 1))
+        done += count
+        bad = ~(np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1))
+        diverged = bool(bad.any() or sims.warning[..., 1].any())
+        good = slice(0, int(np.argmax(bad)) if bad.any() else len(qpos))
+        recorded.append((at[good], qpos[good], qvel[good]))
+    states = States(*(np.concatenate(parts) for parts in zip(*recorded, strict=True)))
+    force = None
+    if torque is not None:
+        force = np.append(torque[::stride], torque[-1])[: len(states.time)]
+    return Steps(states, force, done, spent, diverged)
+
+
+def _torque(profile: Profile, flywheel: float, timestep: float, steps: int) -> Array:
+    speed = profile.state(timestep * np.arange(steps + 1))[1]
+    return flywheel * np.diff(speed) / timestep
+
+
+def check_step(timestep: float, profile: Profile) -> int:
+    """Return the steps a turn that a time step makes, or say that it is too large."""
+    if not 0.0 < timestep < np.inf:
+        raise InputError(f"time step is {timestep} s; give a finite time above 0")
+    turn = 2.0 * np.pi / profile.fastest
+    if timestep > turn / 4.0:
+        raise InputError(
+            f"time step is {timestep:g} s, but a turn of the crank takes {turn:.6g} s; "
+            f"take {turn / 4.0:.3g} s at the most"
+        )
+    return int(np.ceil(turn / timestep - 1e-9))
