@@ -1,0 +1,89 @@
+"""The same mechanisms with 50 digits and by other formulas: what the closed forms are measured against.
+
+Each function returns a tracked point's position and its first and second derivative by the crank
+angle, as arrays of doubles rounded from 50 digits.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from mpmath import mp
+
+from mechsim.catalog.four_bar import FourBar
+from mechsim.catalog.rssr import Rssr
+from mechsim.catalog.slider_crank import SliderCrank
+
+Derivatives = tuple[np.ndarray, np.ndarray, np.ndarray]
+DIGITS = 50
+
+
+def rssr_p3(drive: Rssr, f: float) -> Derivatives:
+    """P3 by the swing angle t of the rocker: |P4 + r (x cos t + y sin t) - P2| = l is A cos t + B sin t = K."""
+    with mp.workdps(DIGITS):
+        g1, g2 = mp.mpf(drive.gamma1), mp.mpf(drive.gamma2)
+        x = [mp.cos(g1), mp.mpf(0), -mp.sin(g1)]
+        y = [mp.sin(g1) * mp.sin(g2), mp.cos(g2), mp.cos(g1) * mp.sin(g2)]
+        pivot = [mp.mpf(value) for value in drive.pivot]
+        r, l, c = mp.mpf(drive.rocker), mp.mpf(drive.coupler), mp.mpf(drive.crank)
+
+        def p3(angle: mp.mpf) -> list[mp.mpf]:
+            d = [p - q for p, q in zip([0, c * mp.cos(angle), c * mp.sin(angle)], pivot, strict=True)]
+            a, b = (2 * r * mp.fdot(d, u) for u in (x, y))
+            k = mp.fdot(d, d) + r * r - l * l
+            # the rocker lies ahead of P4P2 by less than half a turn where P4P3 . (P4P2 x axis) < 0
+            t = mp.atan2(b, a) - drive.branch * mp.acos(k / mp.hypot(a, b))
+            return [p + r * (u * mp.cos(t) + v * mp.sin(t)) for p, u, v in zip(pivot, x, y, strict=True)]
+
+        return _derivatives(p3, f)
+
+
+def four_bar_b(drive: FourBar, f: float) -> Derivatives:
+    """B by the half-angle roots of Freudenstein's equation."""
+    with mp.workdps(DIGITS):
+        g, a = mp.mpf(drive.ground), mp.mpf(drive.crank)
+        l, r = mp.mpf(drive.coupler), mp.mpf(drive.rocker)
+
+        def b(angle: mp.mpf) -> list[mp.mpf]:
+            ax, ay = a * mp.cos(angle) - g, a * mp.sin(angle)
+            # p cos t + q sin t = k for the rocker angle t
+            p, q, k = 2 * r * ax, 2 * r * ay, ax * ax + ay * ay + r * r - l * l
+            root = mp.sqrt(p * p + q * q - k * k)
+            t = min(
+                (2 * mp.atan2(q + sign * root, p + k) for sign in (1, -1)),
+                key=lambda t: -drive.branch * r * (mp.cos(t) * ay - mp.sin(t) * ax),
+            )
+            return [g + r * mp.cos(t), r * mp.sin(t), mp.mpf(0)]
+
+        return _derivatives(b, f)
+
+
+def slider_crank_b(drive: SliderCrank, f: float) -> Derivatives:
+    """B by Pythagoras."""
+    with mp.workdps(DIGITS):
+        crank, rod, offset = mp.mpf(drive.crank), mp.mpf(drive.rod), mp.mpf(drive.offset)
+
+        def b(angle: mp.mpf) -> list[mp.mpf]:
+            leg = mp.sqrt(rod**2 - (offset - crank * mp.sin(angle)) ** 2)
+            return [crank * mp.cos(angle) + drive.branch * leg, offset, mp.mpf(0)]
+
+        return _derivatives(b, f)
+
+
+def unit_at_angles(v1: np.ndarray, v2: np.ndarray, angle1: float, angle2: float, sign: int) -> np.ndarray:
+    """The unit vector at two angles, as a combination of V1, V2 and V1 x V2 found by elimination."""
+    with mp.workdps(DIGITS):
+        u1, u2 = (mp.matrix([mp.mpf(value) for value in v.tolist()]) for v in (v1, v2))
+        u1, u2 = u1 / mp.norm(u1), u2 / mp.norm(u2)
+        n = mp.matrix(
+            [u1[1] * u2[2] - u1[2] * u2[1], u1[2] * u2[0] - u1[0] * u2[2], u1[0] * u2[1] - u1[1] * u2[0]]
+        )
+        rows = mp.matrix([list(u1), list(u2), list(n)])
+        flat = mp.lu_solve(rows, mp.matrix([mp.cos(mp.mpf(angle1)), mp.cos(mp.mpf(angle2)), 0]))
+        p = flat + sign * mp.sqrt(1 - mp.norm(flat) ** 2) / mp.norm(n) * n
+        return np.array([float(value) for value in p])
+
+
+def _derivatives(point: Callable[[mp.mpf], list[mp.mpf]], f: float) -> Derivatives:
+    columns = [mp.taylor(lambda angle, i=i: point(angle)[i], mp.mpf(float(f)), 2) for i in range(3)]
+    taylor = np.array([[float(value) for value in column] for column in columns])
+    return taylor[:, 0], taylor[:, 1], 2.0 * taylor[:, 2]
