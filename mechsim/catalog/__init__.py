@@ -5,12 +5,13 @@ from typing import Any
 
 from mechsim.catalog.base import Drive
 from mechsim.catalog.four_bar import FourBar
+from mechsim.catalog.looper import Looper
 from mechsim.catalog.rrsrr import Rrsrr
 from mechsim.catalog.rssr import Rssr
 from mechsim.catalog.slider_crank import SliderCrank
 from mechsim.errors import InputError
 
-DRIVES: dict[str, type[Drive]] = {drive.name: drive for drive in (FourBar, SliderCrank, Rssr, Rrsrr)}
+DRIVES: dict[str, type[Drive]] = {drive.name: drive for drive in (FourBar, SliderCrank, Rssr, Rrsrr, Looper)}
 
 
 def make(name: str, **parameters: Any) -> Drive:
