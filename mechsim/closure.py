@@ -547,6 +547,7 @@ def _joint_motion(joint: Joint, links: Mapping[str, LinkMotion]) -> JointMotion:
         value,
         _dot(axis, gap_rate) + _dot(axis_rate, gap),
         _dot(axis, gap_pull) + 2.0 * _dot(axis_rate, gap_rate) + _dot(axis_pull, gap),
+        "m",
     )
 
 

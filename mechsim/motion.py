@@ -43,11 +43,12 @@ class LinkMotion:
 
 @dataclass(frozen=True, slots=True)
 class JointMotion:
-    """A joint's coordinate and its first two rates, (n,) each, in [rad] or [m] and per second."""
+    """A joint's coordinate and its first two rates, (n,) each, in `unit` and per second."""
 
     value: Array
     rate: Array
     acceleration: Array
+    unit: Literal["rad", "m"] = "rad"
 
 
 class Solver(Protocol):
@@ -77,6 +78,8 @@ class Motion:
         time: (n,) in [s]; None where the motion is a function of the angle alone.
         closure: worst distance by which the loops stood open at each instant, (n,) in [m]; None where
             the road does not know it.
+        spinning: links whose spin about their own line nothing determines, so that their orientation
+            means nothing.
         origin: what can solve it again at other crank angles; None where nothing can.
     """
 
@@ -89,6 +92,7 @@ class Motion:
     joints: Mapping[str, JointMotion] = field(default_factory=dict)
     time: Array | None = None
     closure: Array | None = None
+    spinning: frozenset[str] = frozenset()
     origin: Solver | None = None
 
     def __len__(self) -> int:

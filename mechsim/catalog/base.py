@@ -18,6 +18,8 @@ Unit = Literal["m", "rad", "1"]
 # how much of a motion is wanted: places of points; also their rates; also whole links and joints
 Detail = Literal["places", "rates", "links"]
 
+# squares and fourth powers of lengths and rates below this stay far from overflow
+HUGE = 1e30
 # angles a closed form takes in one go: its arrays of this length stay in a core's own cache
 CHUNK = 2048
 
@@ -64,9 +66,9 @@ class Drive(ABC):
 
     def __post_init__(self) -> None:
         for parameter in fields(self):
-            _check(self.name, parameter.name, getattr(self, parameter.name), parameter.metadata)
-            if isinstance(getattr(self, parameter.name), list):
-                object.__setattr__(self, parameter.name, tuple(getattr(self, parameter.name)))
+            given, rule = getattr(self, parameter.name), parameter.metadata
+            kept = _check(self.name, parameter.name, given, parameter.default, rule)
+            object.__setattr__(self, parameter.name, kept)
 
     @property
     @abstractmethod
@@ -150,14 +152,17 @@ class Drive(ABC):
     def _chunked(
         self, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike, detail: Detail
     ) -> Motion:
-        angles = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+        try:
+            angles = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+        except (TypeError, ValueError):
+            angles = np.array([np.nan])
         if angles.ndim != 1 or angles.size == 0 or not np.isfinite(angles).all():
             raise InputError(
                 f"{self.name}: crank angles must be a list of finite numbers, not of shape {angles.shape} "
                 "or with NaN; give angles in [rad]"
             )
-        speed = np.broadcast_to(np.asarray(speed, dtype=np.float64), angles.shape)
-        acceleration = np.broadcast_to(np.asarray(acceleration, dtype=np.float64), angles.shape)
+        speed = _rate(self.name, "speed", speed, angles.shape)
+        acceleration = _rate(self.name, "acceleration", acceleration, angles.shape)
         parts = [slice(start, start + CHUNK) for start in range(0, len(angles), CHUNK)]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             motion = join([self._motion(angles[i], speed[i], acceleration[i], detail) for i in parts])
@@ -218,15 +223,39 @@ class TwoBranchDrive(Drive):
         return [replace(self, branch=branch) for branch in (1, -1)]
 
 
-def _check(mechanism: str, name: str, value: Any, rule: Mapping[str, Any]) -> None:
+def _check(mechanism: str, name: str, value: Any, default: Any, rule: Mapping[str, Any]) -> Any:
+    """Return a parameter as it is to be kept; raise InputError for what its declaration does not allow."""
     if "options" in rule:
-        if value not in rule["options"]:
+        if np.ndim(value) != 0 or value not in rule["options"]:
             options = " or ".join(str(option) for option in rule["options"])
             raise InputError(f"{mechanism}: {name} is {value!r}; it can be {options}")
-        return
-    default_is_vector = isinstance(value, tuple | list)
-    numbers = np.asarray(value, dtype=np.float64)
-    if not np.isfinite(numbers).all():
-        raise InputError(f"{mechanism}: {name} is {value} {rule['unit']}; give finite numbers")
-    if rule.get("positive") and not default_is_vector and not 0.0 < float(numbers) < np.inf:
+        return value
+    try:
+        numbers = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = np.array(np.nan)
+    shape, most = np.shape(default), HUGE if rule["unit"] == "m" else np.inf
+    if numbers.shape != shape or not (np.abs(numbers) < most).all():
+        count = f"{shape[0]} finite numbers" if shape else "a finite number"
+        raise InputError(f"{mechanism}: {name} is {value} {rule['unit']}; give {count}{_below(most)}")
+    if rule.get("positive") and not float(numbers) > 1.0 / HUGE:
         raise InputError(f"{mechanism}: {name} is {value} {rule['unit']}; give a length above 0")
+    return tuple(numbers.tolist()) if shape else value
+
+
+def _rate(mechanism: str, what: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return a crank rate for each crank angle; raise InputError for what is none."""
+    try:
+        rate = np.broadcast_to(np.asarray(value, dtype=np.float64), shape)
+    except (TypeError, ValueError):
+        rate = np.full(shape, np.nan)
+    if not (np.abs(rate) < HUGE).all():
+        raise InputError(
+            f"{mechanism}: the crank's {what} must be one finite number{_below(HUGE)}, or one for each of "
+            f"the {shape[0]} crank angles; give it in SI units"
+        )
+    return rate
+
+
+def _below(most: float) -> str:
+    return f" below {most:g}" if most < np.inf else ""

@@ -153,6 +153,7 @@ class Rssr(TwoBranchDrive):
                 "crank": JointMotion(angles, speed, acceleration),
                 "rocker": JointMotion(swing, spin, pull),
             },
+            spinning=frozenset() if self.guide else frozenset({"coupler"}),
         )
 
     def _coupler(

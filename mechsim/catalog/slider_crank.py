@@ -97,7 +97,7 @@ class SliderCrank(TwoBranchDrive):
             joints={
                 "crank": JointMotion(angles, speed, acceleration),
                 "A": JointMotion(np.arctan2(ahead[1], ahead[0]) - angles, spin - speed, pull - acceleration),
-                "slide": JointMotion(b[0], b_v[0], b_a[0]),
+                "slide": JointMotion(b[0], b_v[0], b_a[0], "m"),
             },
         )
 

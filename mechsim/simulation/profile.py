@@ -28,6 +28,11 @@ class Profile:
     state: Callable[[Array], tuple[Array, Array, Array]]
     steady: bool = False
 
+    @property
+    def turns(self) -> float:
+        """Turns the crank would make in this time at its fastest."""
+        return self.duration * self.fastest / TURN
+
 
 def constant(speed: float, turns: float, start: float = 0.0) -> Profile:
     """Return a crank that turns at constant speed.

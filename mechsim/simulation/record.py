@@ -210,6 +210,9 @@ def _joints(model: mujoco.MjModel, states: States, qacc: Array) -> dict[str, Joi
         if model.jnt_type[i] in (HINGE, SLIDE) and model.joint(i).name:
             place, dof = model.jnt_qposadr[i], model.jnt_dofadr[i]
             joints[model.joint(i).name] = JointMotion(
-                states.qpos[:, place], states.qvel[:, dof], qacc[:, dof]
+                states.qpos[:, place],
+                states.qvel[:, dof],
+                qacc[:, dof],
+                "rad" if model.jnt_type[i] == HINGE else "m",
             )
     return joints

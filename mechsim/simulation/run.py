@@ -27,6 +27,8 @@ Method = Literal["step", "pose"]
 Outcome = Literal["met", "missed", "diverged", "changed assembly", "cannot assemble"]
 Source = Mechanism | mujoco.MjSpec | str | os.PathLike[str]
 
+# instants recorded a turn where nothing else is asked
+SAMPLES = 72
 # steps a turn of the trial run that finds how many a tolerance needs, and the most that are spent
 TRIAL_STEPS, MOST_STEPS = 100, 100_000
 # the settings err as a power of the step (measured in validation/tradeoff/constraint_settings.py)
@@ -46,6 +48,7 @@ class Run:
         steps: time steps taken, trials not counted; poses solved for method "pose".
         seconds: time spent stepping or solving, trials not counted.
         settings: how it was stepped; None for method "pose".
+        timestep: in [s]; None for method "pose".
         method: "step" or "pose".
     """
 
@@ -56,6 +59,7 @@ class Run:
     steps: int
     seconds: float
     settings: Settings | None
+    timestep: float | None = None
     method: Method
 
     def summary(self) -> dict[str, Any]:
@@ -67,7 +71,7 @@ class Run:
             "steps": self.steps,
             "seconds": self.seconds,
             "method": self.method,
-            "settings": {} if self.settings is None else self.settings.as_dict(),
+            "settings": {} if self.settings is None else self.settings.as_dict() | {"timestep": self.timestep},
         }
 
 
@@ -95,7 +99,8 @@ def simulate(
             by a trial and the result checked against it.
         settings: how to step; with a tolerance their number of steps is replaced.
         method: "step" integrates in time; "pose" solves each crank angle by itself, to rounding.
-        samples: instants to record after the first, evenly spread; None takes 72 a turn.
+        samples: instants to record after the first, evenly spread; None takes about 72 a turn. With
+            samples given, the number of steps is raised to a multiple of them.
         scene: what the model holds; None takes `Scene(level="motion")`.
 
     Raises:
@@ -111,9 +116,7 @@ def simulate(
         if speed is None:
             raise InputError("neither a crank speed nor a profile was given; give one of them")
         profile = constant(speed, turns, start)
-    if samples is None:
-        samples = max(1, int(np.ceil(72 * profile.duration * profile.fastest / (2.0 * np.pi) - 1e-9)))
-    if not samples >= 1:
+    if samples is not None and not samples >= 1:
         raise InputError(f"{samples} samples asked for; take at least 1")
     stage = _Stage(model, track, profile, samples)
     if method == "pose":
@@ -161,7 +164,7 @@ def _prepared(source: Source, scene: Scene | None) -> tuple[mujoco.MjModel, Trac
 class _Stage:
     """A model, what to record of it, and the crank motion it is put through."""
 
-    def __init__(self, model: mujoco.MjModel, track: Track, profile: Profile, samples: int):
+    def __init__(self, model: mujoco.MjModel, track: Track, profile: Profile, samples: int | None):
         self.model, self.track, self.profile, self.samples = model, track, profile, samples
         loops = Loops(model)
         first = profile.state(np.zeros(1))
@@ -173,7 +176,8 @@ class _Stage:
 
     def solved(self, tolerance: float | None) -> Run:
         """Return the motion with every pose solved by itself."""
-        time = np.linspace(0.0, self.profile.duration, self.samples + 1)
+        samples = self.samples or max(1, int(np.ceil(SAMPLES * self.profile.turns - 1e-9)))
+        time = np.linspace(0.0, self.profile.duration, samples + 1)
         angle, speed, acceleration = self.profile.state(time)
         loops = Loops(self.model)
         begin = clock.perf_counter()
@@ -200,7 +204,8 @@ class _Stage:
         import copy
 
         loops = Loops(copy.copy(self.model))
-        steps = step(loops, settings, self.profile, (self.qpos[0], self.qvel[0]), self.samples)
+        total, stride = self._paced(settings)
+        steps = step(loops, settings, self.profile, (self.qpos[0], self.qvel[0]), total, stride)
         motion = evaluate(loops, self.track, steps.states, "step", force=steps.force)
         estimate, elsewhere = self._error(steps)
         outcome: Outcome = "met"
@@ -218,8 +223,17 @@ class _Stage:
             steps=steps.count,
             seconds=steps.seconds,
             settings=settings,
+            timestep=steps.timestep,
             method="step",
         )
+
+    def _paced(self, settings: Settings) -> tuple[int, int]:
+        """Return how many steps the run takes and how many lie between two records."""
+        total = max(1, int(np.ceil(self.profile.turns * settings.steps_per_turn - 1e-9)))
+        if self.samples is None:
+            return total, max(1, int(total / (SAMPLES * self.profile.turns)))
+        stride = -(-total // self.samples)
+        return stride * self.samples, stride
 
     def chosen(self, settings: Settings, tolerance: float) -> Settings:
         """Return settings with the steps a turn that a tolerance needs, by a trial of one turn at most."""

@@ -29,6 +29,7 @@ class Steps:
         force: on the crank at each state, (n,) in [N m]; None at constant speed.
         count: steps taken.
         seconds: time spent stepping.
+        timestep: in [s].
         diverged: whether MuJoCo warned of a bad state or a number was not finite.
     """
 
@@ -36,11 +37,12 @@ class Steps:
     force: Array | None
     count: int
     seconds: float
+    timestep: float
     diverged: bool
 
 
 def step(
-    loops: Loops, settings: Settings, profile: Profile, start: tuple[Array, Array], samples: int
+    loops: Loops, settings: Settings, profile: Profile, start: tuple[Array, Array], total: int, stride: int
 ) -> Steps:
     """Step a model along a crank profile.
 
@@ -53,22 +55,22 @@ def step(
         settings: how to step.
         profile: the crank's motion.
         start: closed state and rates at time zero, (nq,) and (nv,).
-        samples: states to record after the first, evenly spread over the profile.
+        total: steps to take over the whole profile.
+        stride: steps from one record to the next; the last step is recorded too.
     """
-    steps = profile.duration * profile.fastest / (2.0 * np.pi) * settings.steps_per_turn
-    stride = max(1, int(np.ceil(steps / samples - 1e-9)))
-    timestep = profile.duration / (stride * samples)
+    timestep = profile.duration / total
     settings.apply(loops, timestep)
     model = loops.model
     sims = batch.Batch(model, 1, 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = start
-    recorded = [(np.zeros(1), start[0][None], start[1][None])]
-    torque = None if profile.steady else _torque(profile, settings.flywheel, timestep, stride * samples)
+    recorded = [(start[0][None], start[1][None])]
+    taken = [np.zeros(1, dtype=np.int64)]
+    torque = None if profile.steady else _torque(profile, settings.flywheel, timestep, total)
     # whole strides to a block, so that the last step of each stride is at a known place
     block = max(stride, BLOCK - BLOCK % stride)
     done, spent, diverged = 0, 0.0, False
-    while done < stride * samples and not diverged:
-        count = min(block, stride * samples - done)
+    while done < total and not diverged:
+        count = min(block, total - done)
         control = None
         if torque is not None:
             control = np.zeros((1, count, model.nv))
@@ -81,19 +83,20 @@ def step(
             record=("qpos", "qvel"),
         )
         spent += clock.perf_counter() - begin
-        kept = slice(stride - 1, None, stride)
+        # blocks are whole strides, so that only the last step of all can lie off the stride
+        kept = np.unique(np.append(np.arange(stride - 1, count, stride), count - 1))
         qpos, qvel = out["qpos"][0, kept], out["qvel"][0, kept]
-        at = timestep * (done + stride * np.arange(1, len(qpos) + 1))
+        taken.append(done + 1 + kept)
         done += count
         bad = ~(np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1))
         diverged = bool(bad.any() or sims.warning[..., 1].any())
         good = slice(0, int(np.argmax(bad)) if bad.any() else len(qpos))
-        recorded.append((at[good], qpos[good], qvel[good]))
-    states = States(*(np.concatenate(parts) for parts in zip(*recorded, strict=True)))
-    force = None
-    if torque is not None:
-        force = np.append(torque[::stride], torque[-1])[: len(states.time)]
-    return Steps(states, force, done, spent, diverged)
+        recorded.append((qpos[good], qvel[good]))
+        taken[-1] = taken[-1][good]
+    at = np.concatenate(taken)
+    states = States(timestep * at, *(np.concatenate(parts) for parts in zip(*recorded, strict=True)))
+    force = None if torque is None else torque[np.minimum(at, total - 1)]
+    return Steps(states, force, done, spent, timestep, diverged)
 
 
 def _torque(profile: Profile, flywheel: float, timestep: float, steps: int) -> Array:
