@@ -8,13 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.closure import equations
-from mechsim.mechanism import GROUND, End, Joint, Mechanism, Pose
+from mechsim.mechanism import GROUND, Mechanism, Pose, Vector
+from mechsim.structure.twist import NOTHING, Twist, joints_of, motion_words
 
 Array = NDArray[np.float64]
-
-# parts of a null vector below this are rounding: singular vectors come to about 1e-16 over the gap
-# of RANK_TOLERANCE between zero and nonzero singular values
-NOTHING = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +20,8 @@ class FreeMotion:
 
     Attributes:
         links: what moves.
-        idle: whether it changes nothing wanted: no tracked point and no link on the frame moves.
+        idle: whether it changes nothing wanted: no tracked point moves, and where a link on the frame
+            takes part, no joint is carried along either (a wheel or rod that spins in place).
         text: what moves how, in words.
     """
 
@@ -33,17 +31,6 @@ class FreeMotion:
 
     def __str__(self) -> str:
         return f"{'idle freedom' if self.idle else 'freedom not driven'}: {self.text}"
-
-
-@dataclass(frozen=True, slots=True)
-class _Twist:
-    """Velocity of the point at the ground's origin, (3,) in [m/s], and angular velocity, (3,) in [rad/s]."""
-
-    velocity: Array
-    spin: Array
-
-    def at(self, point: Array) -> Array:
-        return self.velocity + np.cross(self.spin, point)
 
 
 def free_motions(mechanism: Mechanism, poses: Mapping[str, Pose], count: int) -> tuple[FreeMotion, ...]:
@@ -68,11 +55,11 @@ def free_motions(mechanism: Mechanism, poses: Mapping[str, Pose], count: int) ->
     for vector in _localised(space, len(names)):
         parts = vector.reshape(-1, 6)
         moving = np.linalg.norm(parts, axis=1) > NOTHING * np.linalg.norm(parts)
-        twists: dict[str, _Twist] = {}
+        twists: dict[str, Twist] = {}
         for name, part in zip(names, parts, strict=True):
             if moving[names.index(name)]:
                 shift = np.asarray(np.cross(part[3:], poses[name].position[0]), dtype=np.float64)
-                twists[name] = _Twist(size * part[:3] - shift, part[3:])
+                twists[name] = Twist(size * part[:3] - shift, part[3:])
         found.append(_named(mechanism, poses, twists))
     return tuple(found)
 
@@ -100,31 +87,39 @@ def _null_space(matrix: Array) -> Array:
     return right[int((values > NOTHING).sum()) :].T
 
 
-def _named(mechanism: Mechanism, poses: Mapping[str, Pose], twists: Mapping[str, _Twist]) -> FreeMotion:
-    on_frame = {end.link for joint in _joints_of(mechanism, {GROUND}) for end in (joint.a, joint.b)}
+def _named(mechanism: Mechanism, poses: Mapping[str, Pose], twists: Mapping[str, Twist]) -> FreeMotion:
     still = NOTHING * mechanism.size
+
+    def moves(link: str, local: Vector) -> bool:
+        place = poses[link].point(local)[0]
+        return float(np.linalg.norm(twists[link].at(place))) > still
+
     moved = [
-        point
-        for point, (link, local) in mechanism.points.items()
-        if link in twists and np.linalg.norm(twists[link].at(poses[link].point(local)[0])) > still
+        point for point, (link, local) in mechanism.points.items() if link in twists and moves(link, local)
     ]
-    bodies = _rigid_bodies(twists, mechanism.size)
-    said = [(body, _motion(mechanism, poses, body, twists[body[0]])) for body in bodies]
-    words = [f"{' and '.join(body)} {motion}" for body, motion in said if motion]
-    others = [link for body, motion in said if not motion for link in body]
-    if others:
-        # a motion that no joint names goes with the ones that can be named, if there are any
-        words.append(
-            f"{', '.join(others)} {'moves' if len(others) == 1 else 'move'}{' with them' * bool(words)}"
-        )
-    if moved:
-        words.append(
-            f"tracked {', '.join(moved)} with them" if len(twists) > 1 else f"and with it {', '.join(moved)}"
-        )
-    return FreeMotion(tuple(twists), not moved and not on_frame & set(twists), ", ".join(words))
+    ends = [end for joint in mechanism.joints for end in (joint.a, joint.b) if end.link in twists]
+    on_frame = any(GROUND in (joint.a.link, joint.b.link) for joint in joints_of(mechanism, set(twists)))
+    felt = on_frame and any(moves(end.link, end.point) for end in ends)
+    words = _words(mechanism, poses, twists) + (f", which moves {', '.join(moved)}" if moved else "")
+    return FreeMotion(tuple(twists), not moved and not felt, words)
 
 
-def _rigid_bodies(twists: Mapping[str, _Twist], size: float) -> list[tuple[str, ...]]:
+def _words(mechanism: Mechanism, poses: Mapping[str, Pose], twists: Mapping[str, Twist]) -> str:
+    """Say how each rigid body moves; what no joint names goes with the ones that joints do name."""
+    said: list[str] = []
+    carried: list[str] = []
+    for body in _rigid_bodies(twists, mechanism.size):
+        motion = motion_words(mechanism, poses, body, twists[body[0]])
+        if motion:
+            said.append(f"{' and '.join(body)} {motion}")
+        else:
+            carried += body
+    if not said:
+        return f"{' and '.join(carried)} {'moves' if len(carried) == 1 else 'move'}"
+    return ", ".join(said) + (f", carrying {' and '.join(carried)}" if carried else "")
+
+
+def _rigid_bodies(twists: Mapping[str, Twist], size: float) -> list[tuple[str, ...]]:
     """Put links together that move as one."""
     bodies: list[list[str]] = []
     for name, twist in twists.items():
@@ -137,58 +132,3 @@ def _rigid_bodies(twists: Mapping[str, _Twist], size: float) -> list[tuple[str, 
         else:
             bodies.append([name])
     return [tuple(body) for body in bodies]
-
-
-def _motion(
-    mechanism: Mechanism, poses: Mapping[str, Pose], body: tuple[str, ...], twist: _Twist
-) -> str | None:
-    """Say about or along which joints a body moves; None if no joint tells."""
-    size = mechanism.size
-    ends = [
-        (joint, end)
-        for joint in _joints_of(mechanism, set(body))
-        for end in (joint.a, joint.b)
-        if end.link in body
-    ]
-    places = {joint.name: poses[end.link].point(end.point)[0] for joint, end in ends}
-    speed = float(np.linalg.norm(twist.spin))
-    if speed <= NOTHING:
-        along = _along(poses, ends, twist.velocity, ("prismatic", "cylindrical"))
-        return f"slides along the axis of joint {along[0]}" if along else None
-    direction = twist.spin / speed
-    pitch = float(twist.velocity @ direction) / speed
-    verb = "spins" if abs(pitch) <= NOTHING * size else "screws"
-    foot = np.cross(direction, twist.velocity) / speed
-    on_axis = [
-        name
-        for name, place in places.items()
-        if np.linalg.norm(np.cross(place - foot, direction)) <= NOTHING * size
-    ]
-    along = _along(poses, ends, direction, ("revolute", "cylindrical", "universal"))
-    for name in along:
-        if name in on_axis:
-            return f"{verb} about the axis of joint {name}"
-    for first, second in combinations(on_axis, 2):
-        if np.linalg.norm(places[first] - places[second]) > NOTHING * size:
-            return f"{verb} about the line through {first} and {second}"
-    if on_axis:
-        return f"{verb} about a line through {on_axis[0]} along ({', '.join(f'{x:.3g}' for x in direction)})"
-    return None
-
-
-def _along(
-    poses: Mapping[str, Pose], ends: list[tuple[Joint, End]], direction: Array, kinds: tuple[str, ...]
-) -> list[str]:
-    """Return the joints of some kinds whose axes lie along a direction."""
-    unit = direction / np.linalg.norm(direction)
-    return [
-        joint.name
-        for joint, end in ends
-        if joint.kind in kinds
-        and np.linalg.norm(np.cross(poses[end.link].rotation[0] @ np.asarray(end.axis), unit)) <= NOTHING
-    ]
-
-
-def _joints_of(mechanism: Mechanism, links: set[str]) -> list[Joint]:
-    """Return the joints between some links and the rest."""
-    return [joint for joint in mechanism.joints if (joint.a.link in links) != (joint.b.link in links)]

@@ -140,7 +140,7 @@ def _stands(mechanism: Mechanism) -> list[dict[str, Pose]]:
     stands = [assemble(mechanism, [mechanism.start])]
     for aside in (ASIDE, -ASIDE):
         try:
-            stands.append(assemble(mechanism, [mechanism.start + aside], stands[0]))
+            stands.append(assemble(mechanism, [mechanism.start + aside], stands[0], most_steps=20))
         except AssemblyError:
             continue  # a dead centre or a locked structure: the other stands tell
     return stands
