@@ -1,6 +1,7 @@
 """The catalogue: mechanisms with a closed form, one file each."""
 
 import difflib
+from dataclasses import fields
 from typing import Any
 
 from mechsim.catalog.base import Drive
@@ -9,12 +10,15 @@ from mechsim.catalog.looper import Looper
 from mechsim.catalog.rrsrr import Rrsrr
 from mechsim.catalog.rssr import Rssr
 from mechsim.catalog.slider_crank import SliderCrank
+from mechsim.catalog.warp_knitter import WarpKnitter
 from mechsim.errors import InputError
 
-DRIVES: dict[str, type[Drive]] = {drive.name: drive for drive in (FourBar, SliderCrank, Rssr, Rrsrr, Looper)}
+DRIVES: dict[str, type[Drive]] = {
+    drive.name: drive for drive in (FourBar, SliderCrank, Rssr, Rrsrr, WarpKnitter, Looper)
+}
 
 
-def make(name: str, **parameters: Any) -> Drive:
+def make(name: str, /, **parameters: Any) -> Drive:
     """Return a catalogue mechanism with some parameters changed from their defaults.
 
     Args:
@@ -26,7 +30,7 @@ def make(name: str, **parameters: Any) -> Drive:
     """
     if name not in DRIVES:
         raise InputError(f"there is no mechanism {name!r}{nearest(name, list(DRIVES))}")
-    known = list(DRIVES[name].__dataclass_fields__)
+    known = [parameter.name for parameter in fields(DRIVES[name])]
     for parameter in parameters:
         if parameter not in known:
             raise InputError(f"{name} has no parameter {parameter!r}{nearest(parameter, known)}")

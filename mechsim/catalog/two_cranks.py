@@ -1,0 +1,76 @@
+"""The warp knitter without its gears: both cranks driven on their own, W = 2."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.catalog.base import Array
+from mechsim.catalog.knitter_parts import xyz
+from mechsim.catalog.legs import leg_vectors, rates
+from mechsim.catalog.triad_path import Pivots, TriadPath
+from mechsim.errors import AssemblyError
+
+if TYPE_CHECKING:
+    from mechsim.catalog.warp_knitter import WarpKnitter
+
+
+def velocities(
+    drive: "WarpKnitter", angle1: ArrayLike, angle2: ArrayLike, speed1: ArrayLike, speed2: ArrayLike
+) -> dict[str, Array]:
+    """Return velocities of the tracked points, both cranks at angles and speeds of their own.
+
+    Args:
+        drive: the mechanism; says which assembly is meant.
+        angle1: angle of crank 1 from +X, scalar or (n,) in [rad].
+        angle2: angle of crank 2 from +X, likewise.
+        speed1: speed of crank 1, scalar or (n,) in [rad/s].
+        speed2: speed of crank 2, likewise.
+
+    Returns:
+        Tracked point -> (n, 3) in [m/s], by the loop equations. The assembly is the one got by turning
+        the geared cranks to `angle1`, then crank 2 alone, the shorter way, to `angle2`.
+
+    Raises:
+        AssemblyError: where crank 2 cannot be turned so.
+    """
+    given = np.broadcast_arrays(*np.atleast_1d(angle1, angle2, speed1, speed2))
+    f1, f2, w1, w2 = (np.asarray(x, dtype=np.float64) for x in given)
+    o2, e = complex(*drive.pivot2), complex(*drive.pivot_rocker)
+    place, turn = _poses(drive, f1, f2)
+    a, arm2 = drive.crank1 * np.exp(1j * f1), drive.crank2 * np.exp(1j * f2)
+    vectors = leg_vectors(place, turn, [a, o2 + arm2, e], drive.platform)
+    a_v, d_v = 1j * w1 * a, 1j * w2 * arm2
+    still = np.zeros_like(a)
+    v, spin, _, _ = rates(turn, vectors, drive.platform, (a_v, d_v, still), (still, still, still))
+    b_v, c_v, k_v = (v + 1j * spin * turn * point for point in drive.platform)
+    moved = {"A": a_v, "B": b_v, "C": c_v, "D": d_v, "K": k_v}
+    return {name: xyz(value).T for name, value in moved.items()}
+
+
+def flat(point: Array) -> Any:
+    """Return (n, 3) points as complex numbers x + iy, (n,)."""
+    return point[..., 0] + 1j * point[..., 1]
+
+
+def _poses(drive: "WarpKnitter", f1: Array, f2: Array) -> tuple[Any, Any]:
+    """Return place and turn of the base link: the geared pose, then crank 2 turned alone to f2."""
+    geared = drive.positions(f1)
+    place = flat(geared["B"])
+    turn = (flat(geared["C"]) - place) / complex(*drive.base_c)
+    turn = turn / abs(turn)
+    from_ = drive.gear_ratio * f1 + drive.phase
+    way = (f2 - from_ + np.pi) % (2.0 * np.pi) - np.pi
+    for i in np.nonzero(way)[0]:
+        a = drive.crank1 * complex(np.exp(1j * f1[i]))
+        centres = (a, complex(*drive.pivot2), complex(*drive.pivot_rocker))
+        pivots = Pivots(centres, (0.0, drive.crank2, 0.0), (0.0, 1.0, 0.0), (0.0, float(from_[i]), 0.0))
+        path = TriadPath(pivots, drive.platform, drive.sides, (place[i], turn[i]))
+        there = path.poses(way[i : i + 1])
+        if not np.isfinite(there[0][0]):
+            raise AssemblyError(
+                f"{drive.name}: with crank 1 at {f1[i]:.6g} rad crank 2 cannot turn from {from_[i]:.6g} "
+                f"to {f2[i]:.6g} rad; choose angles nearer the geared ones"
+            )
+        place[i], turn[i] = there[0][0], there[1][0]
+    return place, turn

@@ -1,0 +1,251 @@
+"""Two-crank six-link mechanism of a warp-knitting machine: its dimensions and its closed form."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.catalog import frames, triad
+from mechsim.catalog.base import Array, Detail, Drive, angle, length, number, place
+from mechsim.catalog.knitter_parts import description, link_motions, period_of, xyz
+from mechsim.catalog.legs import cross, determinant, leg_vectors, moments, rates
+from mechsim.catalog.reach import Arcs
+from mechsim.catalog.triad_path import Pivots, TriadPath
+from mechsim.catalog.two_cranks import flat, velocities
+from mechsim.errors import InputError
+from mechsim.mechanism import Mechanism, Pose
+from mechsim.motion import Motion
+
+# turns of crank 1 tried before a gear that never brings both cranks round is called free to turn
+TURNS_TRIED = 100
+
+
+@dataclass(frozen=True, kw_only=True)
+class WarpKnitter(Drive):
+    """Cranks O1A and O2D, rods AB and CD, ternary base link BCK, rocker KE, in the XY plane.
+
+    Crank 1 turns about the origin, its angle counted from +X; gears turn crank 2 by `gear_ratio`
+    times that, from `phase`. Links 3, 4, 5, 6 are an Assur group of class III: up to six assemblies.
+    They are numbered from 1 at crank angle 0, by rising angle of the base link (of its frame, in
+    which B is the origin) in [0, 2 pi); `assembly` is followed from there as the crank turns.
+
+    Source: paper 003; defaults from papers.md section 3.
+    """
+
+    name: ClassVar[str] = "warp_knitter"
+
+    crank1: float = length(0.009, "length O1A")
+    crank2: float = length(0.006, "length O2D")
+    rod3: float = length(0.074, "length AB")
+    rod5: float = length(0.049, "length DC")
+    rocker: float = length(0.035, "length EK")
+    pivot2: tuple[float, float] = place((0.055, 0.023), "pivot O2 of crank 2")
+    pivot_rocker: tuple[float, float] = place((-0.003, 0.079), "rocker pivot E")
+    base_c: tuple[float, float] = place((0.042, 0.0), "C in the frame of the base link, B being its origin")
+    base_k: tuple[float, float] = place((0.003, 0.024), "K in the frame of the base link")
+    phase: float = angle(math.radians(75.0), "angle of crank 2 where crank 1 is at zero")
+    gear_ratio: float = number(-2.0, "turns of crank 2 per turn of crank 1")
+    assembly: int = number(2, "number of the assembly at crank angle 0, by rising angle of the base link")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.gear_ratio == 0.0:
+            raise InputError(f"{self.name}: gear_ratio is 0; give the turns of crank 2 per turn of crank 1")
+        if self.assembly != int(self.assembly):
+            raise InputError(f"{self.name}: assembly is {self.assembly}; give a whole number")
+        object.__setattr__(self, "assembly", int(self.assembly))
+        count = len(self._at_zero)
+        # where none exists the dimensions are to blame, which solving says
+        if self.assembly < 1 or 0 < count < self.assembly:
+            raise InputError(
+                f"{self.name}: assembly is {self.assembly}, but at crank angle 0 there are {count}; "
+                f"give a number from 1 to {max(count, 1)}"
+            )
+
+    @property
+    def mechanism(self) -> Mechanism:
+        guess, start = self.guess()
+        return description(self, guess, start)
+
+    @property
+    def two_degrees_of_freedom(self) -> Mechanism:
+        """The mechanism without its gears: both cranks are free, W = 2."""
+        return replace(self.mechanism, gears=())
+
+    @property
+    def sides(self) -> tuple[float, float, float]:
+        """Lengths of the three legs of the triad: rod 3, rod 5, rocker, in [m]."""
+        return self.rod3, self.rod5, self.rocker
+
+    @property
+    def platform(self) -> tuple[complex, complex, complex]:
+        """B, C, K in the frame of the base link, in [m]."""
+        return 0j, complex(*self.base_c), complex(*self.base_k)
+
+    @property
+    def pivots(self) -> Pivots:
+        """Where A, D and E go as crank 1 turns."""
+        return Pivots(
+            (0j, complex(*self.pivot2), complex(*self.pivot_rocker)),
+            (self.crank1, self.crank2, 0.0),
+            (1.0, self.gear_ratio, 0.0),
+            (0.0, self.phase, 0.0),
+        )
+
+    def guess(self) -> tuple[dict[str, Pose], float]:
+        """Return link poses at crank angle 0, where assemblies are numbered; none if it cannot stand."""
+        if self._path is None:
+            return {}, 0.0
+        links = self._motion(np.zeros(1), np.zeros(1), np.zeros(1), "links").links
+        return {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}, 0.0
+
+    def crank_range(self) -> Arcs:
+        """Return the arc of crank angle that this assembly reaches from crank angle 0.
+
+        The arc contains 0 and may be longer than a turn, for the motion repeats only when both
+        cranks have come round. Where they never do, 100 turns either way count as a full turn.
+
+        Accuracy: 1e-12 rad.
+        """
+        if self._path is None:
+            return Arcs(False, ())
+        if self._path.round() is None:
+            # a way blocked on one side of a motion that repeats is blocked on the other
+            far = 2.0 * np.pi * TURNS_TRIED
+            high, low = self._path.end(1, far), self._path.end(-1, -far)
+            if high is not None or low is not None:
+                return Arcs(False, ((-far if low is None else low, far if high is None else high),))
+        return Arcs(True, ((-np.pi, np.pi),))
+
+    def assemblies(self, angle: float) -> Sequence[Self]:
+        """Return the mechanism in each assembly that is carried from crank angle 0 to this one."""
+        drives = [replace(self, assembly=1 + k) for k in range(len(self._at_zero))]
+        return [drive for drive in drives if drive._reaches(angle)]
+
+    def assembly_points(self, angle: float) -> list[tuple[int | None, dict[str, Array]]]:
+        """Return every real assembly at a crank angle: its number, and the tracked points, (3,) in [m].
+
+        The number is None where the assembly cannot be carried from crank angle 0.
+        """
+        numbered = [(drive.assembly, drive.positions([angle])) for drive in self.assemblies(angle)]
+        known = [(n, {name: p[0] for name, p in points.items()}) for n, points in numbered]
+        found: list[tuple[int | None, dict[str, Array]]] = []
+        for pose in self._assemblies_at(self.pivots.at(angle)):
+            points = self._points(np.array([angle]), np.array([pose[0]]), np.array([pose[1]]))
+            here = {name: frames.point(p).position[0] for name, p in points.items()}
+            gaps = [max(float(np.abs(here[name] - other[name]).max()) for name in here) for _, other in known]
+            near = int(np.argmin(gaps)) if gaps else None
+            matched = near is not None and gaps[near] < 1e-6 * self._longest
+            found.append((known[near][0] if matched and near is not None else None, here))
+        return found
+
+    def assembly_sign(self, points: Mapping[str, Array]) -> Array:
+        """Return the triad's determinant over that of this assembly at crank angle 0, (n,).
+
+        It cannot change sign without passing a dead centre. Among six assemblies three share it.
+        """
+        a, b, c, d, k = (flat(points[name]) for name in "ABCDK")
+        legs = [b - a, c - d, k - complex(*self.pivot_rocker)]
+        value = determinant(legs, [0.0, cross(c - b, legs[1]), cross(k - b, legs[2])])
+        return value / self._nominal_determinant
+
+    def transmission_angle(self, angles: ArrayLike) -> Array:
+        """Return the angle between the rocker and the force on it, (n,) in [rad], 0 to pi/2.
+
+        Rods 3 and 5 carry only pull and push, so the base link presses on K along the line from K to
+        where the lines of the two rods meet. Zero is a pose in which the triad locks.
+        """
+        points = self.positions(angles)
+        a, b, c, d, k = (flat(points[name]) for name in "ABCDK")
+        e3, e5 = (b - a) / self.rod3, (c - d) / self.rod5
+        e6 = (k - complex(*self.pivot_rocker)) / self.rocker
+        force = cross(c - k, e5) * e3 - cross(b - k, e3) * e5
+        size = np.maximum(abs(force), np.finfo(np.float64).tiny)
+        return np.arcsin(np.minimum(abs(cross(force, e6)) / size, 1.0))
+
+    def velocities(
+        self, angle1: ArrayLike, angle2: ArrayLike, speed1: ArrayLike, speed2: ArrayLike
+    ) -> dict[str, Array]:
+        """Return velocities of the tracked points with both cranks driven on their own, (n, 3) in [m/s].
+
+        Angles count from +X; see `two_cranks.velocities`.
+        """
+        return velocities(self, angle1, angle2, speed1, speed2)
+
+    def _motion(self, angles: Array, speed: Array, acceleration: Array, detail: Detail) -> Motion:
+        if self._path is None:
+            place = turn = np.full(angles.shape, np.nan + 0j)
+        else:
+            place, turn = self._path.poses(angles)
+        points = self._points(angles, place, turn)
+        if detail == "places":
+            still = {name: frames.point(point) for name, point in points.items()}
+            return Motion("closed form", angles, speed, acceleration, still)
+        a, _, _, d, _ = (point[0] + 1j * point[1] for point in points.values())
+        e, ratio = complex(*self.pivot_rocker), self.gear_ratio
+        vectors = leg_vectors(place, turn, [a, d, e], self.platform)
+        arm2 = d - complex(*self.pivot2)
+        a_v, d_v = 1j * speed * a, 1j * ratio * speed * arm2
+        a_a = (1j * acceleration - speed**2) * a
+        d_a = (1j * ratio * acceleration - (ratio * speed) ** 2) * arm2
+        still = np.zeros_like(a)
+        v, spin, pull_at, pull = rates(turn, vectors, self.platform, (a_v, d_v, still), (a_a, d_a, still))
+        arms = [turn * point for point in self.platform]
+        on_base = [(v + 1j * spin * arm, pull_at + (1j * pull - spin**2) * arm) for arm in arms]
+        moves = [(a_v, a_a), on_base[0], on_base[1], (d_v, d_a), on_base[2]]
+        motions = {
+            name: frames.point(point, xyz(velocity), xyz(rate))
+            for (name, point), (velocity, rate) in zip(points.items(), moves, strict=True)
+        }
+        if detail == "rates":
+            return Motion("closed form", angles, speed, acceleration, motions)
+        links, joints = link_motions(self, angles, speed, acceleration, motions, turn, spin, pull)
+        return Motion("closed form", angles, speed, acceleration, motions, links, joints)
+
+    def _points(self, angles: Array, place: Any, turn: Any) -> dict[str, Array]:
+        """Return A, B, C, D, K for a pose of the base link, (3, n) each."""
+        a, d, _ = self.pivots.at_all(angles)
+        b, c, k = (place + turn * point for point in self.platform)
+        return {name: xyz(point) for name, point in zip("ABCDK", (a, b, c, d, k), strict=True)}
+
+    def _assemblies_at(self, pivots: list[complex]) -> list[tuple[complex, complex]]:
+        """Return place and turn of the base link in every assembly, by rising angle."""
+        moved, fixed = ([(z.real, z.imag) for z in points] for points in (pivots, self.platform))
+        poses = triad.assemblies(moved, fixed, self.sides)
+        return [(complex(x, y), complex(np.exp(1j * t))) for x, y, t in poses[np.isfinite(poses[:, 2])]]
+
+    @cached_property
+    def _at_zero(self) -> list[tuple[complex, complex]]:
+        return self._assemblies_at(self.pivots.at(0.0))
+
+    @cached_property
+    def _path(self) -> TriadPath | None:
+        if not self._at_zero:
+            return None
+        period = period_of(self.gear_ratio)
+        return TriadPath(self.pivots, self.platform, self.sides, self._at_zero[self.assembly - 1], period)
+
+    @cached_property
+    def _nominal_determinant(self) -> float:
+        place, turn = self._at_zero[self.assembly - 1] if self._at_zero else (0j, 1.0 + 0j)
+        vectors = leg_vectors(place, turn, self.pivots.at(0.0), self.platform)
+        return determinant(vectors, moments(vectors, turn, self.platform))
+
+    @cached_property
+    def angles_at_zero(self) -> dict[str, float]:
+        """Angles of the links that are no cranks at crank angle 0, in [rad]."""
+        place, turn = self._at_zero[self.assembly - 1] if self._at_zero else (0j, 1.0 + 0j)
+        vectors = leg_vectors(place, turn, self.pivots.at(0.0), self.platform)
+        names = ("rod3", "rod5", "rocker", "base")
+        return {name: float(np.angle(v)) for name, v in zip(names, [*vectors, turn], strict=True)}
+
+    @property
+    def _longest(self) -> float:
+        return max(*self.sides, *(abs(point) for point in self.platform))
+
+    def _reaches(self, angle: float) -> bool:
+        return self._path is not None and bool(np.isfinite(self._path.poses(np.array([angle]))[0][0]))
