@@ -48,7 +48,8 @@ def four_bars(draw: st.DrawFn) -> FourBar:
     crank, rocker, ground = (draw(lengths) for _ in range(3))
     f, swing = draw(turns), draw(turns)
     coupler = abs(crank * np.exp(1j * f) - ground - rocker * np.exp(1j * swing))
-    assume(coupler > 0.005)
+    # two equal links let the pin meet a pivot, where the rocker may point anywhere
+    assume(coupler > 0.005 and np.diff(np.sort([ground, crank, coupler, rocker])).min() > 2e-5)
     return FourBar(
         ground=ground,
         crank=crank,

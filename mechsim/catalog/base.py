@@ -145,9 +145,13 @@ class Drive(ABC):
 
     def guess(self) -> tuple[dict[str, Pose], float]:
         """Return link poses at a crank angle well inside the range, and that angle in [rad]."""
-        start = self.crank_range().start()
+        start = self._start()
         motion = self._motion(np.array([start]), np.zeros(1), np.zeros(1), "links")
         return {name: Pose(link.position[0], link.rotation[0]) for name, link in motion.links.items()}, start
+
+    def _start(self) -> float:
+        """Return the crank angle of the guess in [rad]."""
+        return self.crank_range().start()
 
     def _chunked(
         self, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike, detail: Detail
@@ -217,6 +221,18 @@ class TwoBranchDrive(Drive):
     def crank_range(self) -> Arcs:
         return reachable_arcs(self.margin, self.margin_degree)
 
+    def _start(self) -> float:
+        arcs = self.crank_range()
+        start = arcs.start()
+        if not arcs.arcs:
+            return start
+        spread = np.concatenate([np.linspace(low, high, 25) for low, high in arcs.arcs])
+        margins = self.margin(spread)
+        # where the assemblies meet, as in a parallelogram laid flat, no guess tells them apart
+        if self.margin(np.array([start]))[0] > 1e-3 * margins.max():
+            return start
+        return float(spread[np.argmax(margins)])
+
     def assemblies(self, angle: float) -> Sequence[Self]:
         if not self.margin(np.array([angle]))[0] >= 0.0:
             return []
@@ -240,7 +256,9 @@ def _check(mechanism: str, name: str, value: Any, default: Any, rule: Mapping[st
         raise InputError(f"{mechanism}: {name} is {value} {rule['unit']}; give {count}{_below(most)}")
     if rule.get("positive") and not float(numbers) > 1.0 / HUGE:
         raise InputError(f"{mechanism}: {name} is {value} {rule['unit']}; give a length above 0")
-    return tuple(numbers.tolist()) if shape else value
+    if shape:
+        return tuple(numbers.tolist())
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def _rate(mechanism: str, what: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:

@@ -1,0 +1,98 @@
+"""No NaN leaves the catalogue: what cannot be used ends in one sentence that says what can."""
+
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.errors import AssemblyError, InputError
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value", "remedy"),
+    [
+        ("crank", 0.0, "above 0"),
+        ("crank", -0.01, "above 0"),
+        ("crank", np.nan, "finite"),
+        ("crank", np.inf, "finite"),
+        ("crank", 1e300, "below 1e"),
+        ("crank", 1e-320, "above 0"),
+        ("crank", "long", "a finite number"),
+        ("crank", (0.01, 0.02), "a finite number"),
+        ("crank", 1 + 2j, "a finite number"),
+        ("pivot", (0.04, 0.01), "3 finite numbers"),
+        ("pivot", 0.04, "3 finite numbers"),
+        ("pivot", (0.04, 0.01, np.nan), "3 finite numbers"),
+        ("gamma1", np.nan, "finite"),
+        ("branch", 0, "1 or -1"),
+        ("branch", [1], "1 or -1"),
+        ("branch", np.nan, "1 or -1"),
+        ("guide", "yes", "False or True"),
+    ],
+)
+def test_a_parameter_that_cannot_be_is_refused_with_what_can(parameter, value, remedy):
+    with pytest.raises(InputError, match=rf"rssr: {parameter} is .*{remedy}"):
+        catalog.make("rssr", **{parameter: value})
+
+
+@pytest.mark.parametrize("pivot", [[0.043, -0.01, -0.024], np.array([0.043, -0.01, -0.024])])
+def test_vectors_may_be_given_as_lists_and_arrays(pivot):
+    drive = catalog.make("rssr", pivot=pivot)
+    assert drive == catalog.make("rssr")
+    assert hash(drive) == hash(catalog.make("rssr"))
+
+
+@pytest.mark.parametrize("name", ["krank", "name", "margin_degree"])
+def test_an_unknown_parameter_is_refused_with_the_known_ones(name):
+    with pytest.raises(InputError, match=r"has no parameter .* known are crank, coupler, rocker, pivot"):
+        catalog.make("rssr", **{name: 0.01})
+
+
+def test_an_unknown_mechanism_is_refused_with_the_nearest():
+    with pytest.raises(InputError, match="there is no mechanism 'rsr'; did you mean 'rssr'"):
+        catalog.make("rsr")
+
+
+@pytest.mark.parametrize("angles", [[np.nan], [np.inf], [], [[0.1, 0.2]], ["a"], None])
+def test_crank_angles_that_are_none_are_refused(angles):
+    with pytest.raises(InputError, match="crank angles must be a list of finite numbers"):
+        catalog.make("rssr").solve(angles)
+
+
+@pytest.mark.parametrize("rate", [np.nan, np.inf, 1e200, [1.0, 2.0], "fast"])
+@pytest.mark.parametrize("which", ["speed", "acceleration"])
+def test_crank_rates_that_are_none_are_refused(which, rate):
+    with pytest.raises(InputError, match=f"the crank's {which} must be one finite number"):
+        catalog.make("rssr").solve([0.1, 0.2, 0.3], **{which: rate})
+
+
+@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr"])
+def test_shorter_and_shorter_couplers_end_in_numbers_or_in_a_sentence(name):
+    link = {"slider_crank": "rod"}.get(name, "coupler")
+    angles = np.linspace(-np.pi, np.pi, 41)
+    outcomes = set()
+    for length in np.geomspace(1e-9, 10.0, 40):
+        drive = catalog.make(name, **{link: float(length)})
+        try:
+            motion = drive.solve(angles)
+        except AssemblyError as error:
+            outcomes.add("refused")
+            assert "crank angle" in str(error)
+            assert "nan" not in str(error)
+        else:
+            outcomes.add("solved")
+            for point in motion.points.values():
+                assert np.isfinite(point.position).all()
+                assert np.isfinite(point.acceleration).all()
+    assert outcomes == {"refused", "solved"}
+
+
+@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr"])
+def test_many_angles_in_pieces_are_the_same_as_one_by_one(name):
+    drive = catalog.make(name)
+    angles = np.linspace(0.0, 40.0, 5000)
+    whole = drive.solve(angles, speed=np.linspace(1.0, 2.0, 5000))
+    assert len(whole) == 5000
+    for i in (0, 2047, 2048, 4999):
+        alone = drive.solve(angles[i : i + 1], speed=float(whole.speed[i]))
+        for point, motion in alone.points.items():
+            assert np.abs(whole.points[point].acceleration[i] - motion.acceleration[0]).max() <= 1e-13
