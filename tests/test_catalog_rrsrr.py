@@ -34,7 +34,7 @@ def rrsrrs(draw: st.DrawFn) -> Rrsrr:
 
 
 def exact(drive: Rrsrr, f: float) -> np.ndarray:
-    """S, u2, v2 by the half-angle roots of A cos v + B sin v = K with 50 digits, and two derivatives, (3, 5)."""
+    """S, u2, v2 by the half-angle roots of A cos v + B sin v = K in 50 digits, two derivatives, (3, 5)."""
     with mp.workdps(50):
         r1, r, link = (mp.mpf(x) for x in (drive.crank, drive.coupler, drive.link))
         px, py, pz = (mp.mpf(x) for x in drive.pivot)
@@ -292,6 +292,12 @@ def test_the_paper_s_arc_length_road_agrees_with_the_closed_form_and_closes(driv
         own = next(arc for arc in drive.crank_range().arcs if arc[0] < u1[0] < arc[1])
         assert own[0] - 1e-9 <= u1.min() < own[0] + 0.05
         assert own[1] - 0.05 < u1.max() <= own[1] + 1e-9
+
+
+def test_the_arc_length_road_tells_a_link_a_thousandth_long_from_the_right_one():
+    path = trace_path(replace(Rrsrr(), coupler=1.001 * Rrsrr().coupler))
+    gap = np.linalg.norm(Rrsrr().positions(path.parameters[:, 0])["S"] - path.on_torus, axis=1)
+    assert gap.min() > 1e-6
 
 
 def test_the_length_of_the_path_is_that_of_the_closed_form():

@@ -19,7 +19,8 @@ class System:
 
     Attributes:
         residual: F, (n,) -> (m,); m >= n - 1, of which n - 1 are independent.
-        jacobian: dF/dx, (n,) -> (m, n); None takes central differences, good to about 1e-10.
+        jacobian: dF/dx, (n,) -> (m, n); None takes central differences over
+            6e-6 of the size, good to about 1e-10 if nothing changes faster than the size says.
         size: typical size of the curve, in the unit of the coordinates.
         periods: of each coordinate, 0 where it has none; the curve also closes a whole period on.
         name: for messages.

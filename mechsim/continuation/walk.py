@@ -250,4 +250,4 @@ def _hermite(curve: Curve, i: int, part: float) -> Array:
 
 def _curve(points: list[Array], arc: list[float], frames: list[Frame], closed: bool, newton: int) -> Curve:
     tangents = np.array([frame.tangent for frame in frames])
-    return Curve(np.array(points), np.array(arc), tangents, closed, arc[-1], len(arc) - 1, newton)
+    return Curve(np.array(points), np.array(arc), tangents, closed, float(arc[-1]), len(arc) - 1, newton)
