@@ -31,7 +31,7 @@ def inputs(
     if freedoms < len(wanted):
         still = f" with {', '.join(stopped)} stopped" if stopped else ""
         raise InputError(
-            f"{mechanism.name}: {', '.join(wanted)} cannot drive{still}, which leaves {freedoms} freedoms; "
+            f"{mechanism.name}: {', '.join(wanted)} cannot drive{still}, which leaves W = {freedoms}; "
             f"links on the frame that can: {', '.join(_on_frame(mechanism, pairs))}"
         )
     if len(wanted) > 1:
