@@ -6,6 +6,8 @@ The names below are the public face; they load on first use, so that the command
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from mechsim._version import __version__
+
 if TYPE_CHECKING:
     from mechsim import catalog, closure, simulation, units
     from mechsim.crosscheck import Check, Verdict, crosscheck
@@ -15,8 +17,6 @@ if TYPE_CHECKING:
     from mechsim.scene import Scene
     from mechsim.simulation import Run, Settings, simulate
     from mechsim.tolerances import Tolerance
-
-__version__ = "0.1.0"
 
 _HOME = {
     "AssemblyError": "errors",
@@ -57,6 +57,7 @@ __all__ = [
     "Settings",
     "Tolerance",
     "Verdict",
+    "__version__",
     "catalog",
     "closure",
     "crosscheck",

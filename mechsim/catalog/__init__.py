@@ -1,7 +1,7 @@
 """The catalogue: mechanisms with a closed form, one file each."""
 
 import difflib
-from dataclasses import fields
+from dataclasses import Field, fields
 from typing import Any
 
 from mechsim.catalog.base import Drive
@@ -18,23 +18,32 @@ DRIVES: dict[str, type[Drive]] = {
 }
 
 
-def make(name: str, /, **parameters: Any) -> Drive:
+def make(name: str, /, **values: Any) -> Drive:
     """Return a catalogue mechanism with some parameters changed from their defaults.
 
     Args:
         name: as listed in `DRIVES`.
-        parameters: lengths in [m], angles in [rad]; names as the class declares them.
+        values: lengths in [m], angles in [rad]; names as the class declares them.
 
     Raises:
         InputError: for an unknown name or parameter (with the nearest known one) or a bad value.
     """
-    if name not in DRIVES:
-        raise InputError(f"there is no mechanism {name!r}{nearest(name, list(DRIVES))}")
-    known = [parameter.name for parameter in fields(DRIVES[name])]
-    for parameter in parameters:
+    known = list(parameters(name))
+    for parameter in values:
         if parameter not in known:
             raise InputError(f"{name} has no parameter {parameter!r}{nearest(parameter, known)}")
-    return DRIVES[name](**parameters)
+    return DRIVES[name](**values)
+
+
+def parameters(name: str) -> dict[str, Field[Any]]:
+    """Return the parameters of a mechanism: name -> field with default and, in its metadata, unit and doc.
+
+    Raises:
+        InputError: for an unknown name, with the nearest known one.
+    """
+    if name not in DRIVES:
+        raise InputError(f"there is no mechanism {name!r}{nearest(name, list(DRIVES))}")
+    return {field.name: field for field in fields(DRIVES[name])}
 
 
 def nearest(name: str, known: list[str]) -> str:

@@ -170,7 +170,7 @@ def _mesh_gears(spec: mujoco.MjSpec, mechanism: Mechanism, coordinates: Mapping[
             objtype=mujoco.mjtObj.mjOBJ_JOINT,
             name1=names[0],
             name2=names[1],
-            data=[offset, gear.ratio] + [0.0] * 9,
+            data=np.array([offset, gear.ratio] + [0.0] * (mujoco.mjNEQDATA - 2)),
             solref=(20 * spec.option.timestep, 1.0),
             solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
         )

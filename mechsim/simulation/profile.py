@@ -79,3 +79,26 @@ def table(time: ArrayLike, angle: ArrayLike) -> Profile:
     if not fastest > 0.0:
         raise InputError("the crank profile stands still; give angles that change")
     return Profile(float(time[-1]), fastest, lambda t: (spline(t), speed(t), acceleration(t)))
+
+
+def swing(middle: float, reach: float, fastest: float) -> Profile:
+    """Return a crank that swings once to and fro about an angle, starting from its lower end.
+
+    Args:
+        middle: of the swing, in [rad].
+        reach: to either side, in [rad].
+        fastest: crank speed in the middle, in [rad/s].
+    """
+    if not 0.0 < reach < np.inf or not 0.0 < abs(fastest) < np.inf:
+        raise InputError(f"a swing of {reach} rad at {fastest} rad/s; give finite numbers above 0")
+    rate = abs(fastest) / reach
+
+    def state(time: Array) -> tuple[Array, Array, Array]:
+        phase = rate * time
+        return (
+            middle - reach * np.cos(phase),
+            reach * rate * np.sin(phase),
+            reach * rate**2 * np.cos(phase),
+        )
+
+    return Profile(TURN / rate, abs(fastest), state)

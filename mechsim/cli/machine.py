@@ -1,0 +1,49 @@
+"""Command about this machine: doctor."""
+
+import typer
+
+from mechsim.cli.options import Json
+from mechsim.cli.output import print_json, print_table
+
+LIBRARIES = ("mujoco", "numpy", "scipy", "mediapy", "matplotlib", "imageio-ffmpeg")
+
+
+def doctor(as_json: Json = False) -> None:
+    """Say what this machine has: OpenGL back ends, ffmpeg, versions, and what mends what is missing."""
+    found = examine()
+    if as_json:
+        print_json(found)
+        return
+    print_table("Versions", ("what", "version"), found["versions"].items())
+    rows = [
+        (row["name"], row["driver"] if row["works"] else "does not work", "software" if row["software"] else "")
+        for row in found["opengl"]
+    ]
+    print_table("OpenGL without a screen", ("back end", "driver", ""), rows)
+    typer.echo(f"ffmpeg: {found['ffmpeg'] or 'none'}")
+    typer.echo(f"to mend what is missing: {found['remedy']}" if found["remedy"] else "nothing is missing")
+
+
+def examine() -> dict[str, object]:
+    """Return what this machine has, as plain data."""
+    import platform
+    from importlib import metadata
+
+    from mechsim._version import __version__
+    from mechsim.errors import MissingToolError
+    from mechsim.render import describe_backend, find_ffmpeg
+
+    versions = {"mechsim": __version__, "python": platform.python_version(), "machine": platform.platform()}
+    for library in LIBRARIES:
+        versions[library] = metadata.version(library)
+    backends = describe_backend()
+    remedies: list[str] = []
+    if not any(row["works"] for row in backends):
+        packages = " ".join(str(row["package"]) for row in backends if row["package"])
+        remedies.append(f"apt-get install {packages}")
+    try:
+        ffmpeg = str(find_ffmpeg())
+    except MissingToolError:
+        ffmpeg = None
+        remedies.append("pip install imageio-ffmpeg")
+    return {"versions": versions, "opengl": backends, "ffmpeg": ffmpeg, "remedy": " && ".join(remedies)}

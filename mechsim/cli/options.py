@@ -1,0 +1,101 @@
+"""Options that several commands share, and how their text becomes values."""
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from mechsim.catalog.base import Drive
+    from mechsim.scene import Scene
+
+Name = Annotated[str, typer.Argument(metavar="NAME", help="A mechanism of the catalogue; see `mechsim list`.")]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Change a parameter: crank=13mm, pivot=43,-10,-24mm."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Speed = Annotated[str, typer.Option(help="Crank speed; a bare number is rad/s.")]
+Output = Annotated[str | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
+
+
+def drive_of(name: str, sets: list[str] | None) -> "Drive":
+    """Return a catalogue mechanism with the parameters of `--set`."""
+    from mechsim import catalog
+    from mechsim.errors import InputError
+
+    fields = catalog.parameters(name)
+    values: dict[str, Any] = {}
+    for text in sets or ():
+        parameter, equals, value = text.partition("=")
+        parameter = parameter.strip()
+        if not equals:
+            raise InputError(f"--set {text!r} has no '='; write --set name=value, as in --set crank=13mm")
+        if parameter not in fields:
+            raise InputError(f"{name} has no parameter {parameter!r}{catalog.nearest(parameter, list(fields))}")
+        values[parameter] = _value(name, fields[parameter], parameter, value.strip())
+    return catalog.make(name, **values)
+
+
+def _value(mechanism: str, field: Any, parameter: str, text: str) -> Any:
+    from mechsim import units
+    from mechsim.errors import InputError
+
+    unit, what = field.metadata["unit"], f"{parameter} of {mechanism}"
+    options = field.metadata.get("options")
+    if options is not None:
+        words = {str(option).lower(): option for option in options}
+        if set(options) == {False, True}:
+            words = {"on": True, "off": False, "true": True, "false": False, "1": True, "0": False}
+        word = text.lower().removeprefix("+")
+        if word not in words:
+            raise InputError(f"{what} is {text!r}; it can be {' or '.join(list(words)[:2])}")
+        return words[word]
+    if isinstance(field.default, tuple):
+        values = units.parse_vector(text, unit, what)
+        if len(values) != len(field.default):
+            raise InputError(f"{what} is {text!r}, {len(values)} numbers; give {len(field.default)}, with commas")
+        return values
+    value = units.parse(text, unit, what)
+    if isinstance(field.default, int):
+        if value != int(value):
+            raise InputError(f"{what} is {text!r}; give a whole number")
+        return int(value)
+    return value
+
+
+def speed_of(text: str) -> float:
+    """Return a crank speed in [rad/s], which may not be zero."""
+    from mechsim import units
+    from mechsim.errors import InputError
+
+    speed = units.parse_speed(text, "the crank speed")
+    if speed == 0.0:
+        raise InputError(f"the crank speed is {text}; give a speed other than 0, as in 600rpm")
+    return speed
+
+
+def scene_of(level: str, cut: str | None = None) -> "Scene":
+    """Return a scene of a level, with loops cut at named joints."""
+    from mechsim.scene import Scene
+
+    return Scene(level=level, cut=tuple(cut.split(",")) if cut else None)  # pyright: ignore[reportArgumentType]
+
+
+def writable(path: str, *extensions: str) -> "Path":
+    """Return an output path, checked before any work is done for it."""
+    import os
+    from pathlib import Path
+
+    from mechsim.errors import InputError, OutputError
+
+    place = Path(path)
+    if extensions and place.suffix.lower() not in extensions:
+        raise InputError(f"{path!r} ends in {place.suffix or 'nothing'}; known are {', '.join(extensions)}")
+    folder = place.parent
+    if not folder.is_dir() or not os.access(folder, os.W_OK):
+        raise OutputError(f"cannot write {path!r}: {str(folder)!r} is no folder that can be written; make it first")
+    if place.is_dir():
+        raise OutputError(f"cannot write {path!r}: it is a folder; give a file name")
+    return place
