@@ -103,8 +103,10 @@ def _write_csv(path: Path, table: Mapping[str, Array]) -> None:
 
 def _read_csv(path: Path) -> Table:
     with path.open(encoding="ascii") as file:
-        names = file.readline().strip().split(",")
-        rows = np.loadtxt(file, delimiter=",", ndmin=2)
+        names, *lines = file.read().splitlines() or [""]
+    if not lines:
+        raise ValueError("it has no row of numbers")
+    names, rows = names.split(","), np.loadtxt(lines, delimiter=",", ndmin=2)
     if rows.shape[1] != len(names):
         raise ValueError(f"{len(names)} names stand over {rows.shape[1]} columns")
     return dict(zip(names, np.ascontiguousarray(rows.T), strict=True))

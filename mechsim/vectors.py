@@ -24,9 +24,9 @@ def dot(a: Array, b: Array) -> Array:
 def cross(a: Array, b: Array) -> Array:
     """Return the vector product of vectors, (3, ...) and (3, ...) -> (3, ...)."""
     out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    np.subtract(a[1] * b[2], a[2] * b[1], out=out[0])
-    np.subtract(a[2] * b[0], a[0] * b[2], out=out[1])
-    np.subtract(a[0] * b[1], a[1] * b[0], out=out[2])
+    np.subtract(a[1] * b[2], a[2] * b[1], out=out[0, ...])
+    np.subtract(a[2] * b[0], a[0] * b[2], out=out[1, ...])
+    np.subtract(a[0] * b[1], a[1] * b[0], out=out[2, ...])
     return out
 
 
@@ -170,7 +170,8 @@ def circle_sphere(
         Unit vectors p from the circle's centre to the point, (3, n), NaN where they do not meet.
 
     Accuracy: the answer lies on both to a few ulp of the largest length, also at a dead centre,
-        where a miss by no more than rounding counts as touching.
+        where a miss by no more than rounding counts as touching. Only where the sphere's centre comes
+        near the axis, and p may point anywhere, p leaves the plane by an ulp times |d| over that way.
     """
     d = sphere_centre - centre
     height = dot(d, axis)

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
+# between the two roots that rounding makes of a double one the polynomial rises this much at most
+FLAT = 256.0 * np.finfo(np.float64).eps
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +75,33 @@ def reachable_arcs(margin: Callable[[Array], Array], degree: int) -> Arcs:
     if not ends:
         full = value(0.0) > 0.0
         return Arcs(full, ((-np.pi, np.pi),) if full else ())
+    gaps = list(zip(ends, [*ends[1:], ends[0] + TURN], strict=True))
+    return _joined(gaps, [value((low + high) / 2.0) / scale for low, high in gaps])
+
+
+def _joined(gaps: list[tuple[float, float]], heights: list[float]) -> Arcs:
+    """Return the arcs that neighbouring gaps between roots make up, from the polynomial's height in each.
+
+    A double root comes out as two with a gap of rounding between: it takes the sign of its neighbours.
+    """
+    noise = [
+        abs(height) <= FLAT and high - low < 1e-3 for (low, high), height in zip(gaps, heights, strict=True)
+    ]
+    first = noise.index(False)
+    order = [*range(first, len(gaps)), *range(first)]
     arcs: list[tuple[float, float]] = []
-    for low, high in zip(ends, [*ends[1:], ends[0] + TURN], strict=True):
-        if high - low > 1e-7 and value((low + high) / 2.0) > 0.0:
-            if arcs and low - arcs[-1][1] <= 1e-7:
-                arcs[-1] = (arcs[-1][0], high)
-            else:
-                arcs.append((low, high))
-    if len(arcs) == 1 and arcs[0][1] - arcs[0][0] > TURN - 1e-7:
+    inside = False
+    for i in order:
+        low, high = gaps[i]
+        if i < first:
+            low, high = low + TURN, high + TURN
+        was, inside = inside, inside if noise[i] else heights[i] > 0.0
+        if inside:
+            low = arcs.pop()[0] if was else low
+            arcs.append((low, high))
+    if len(arcs) > 1 and arcs[-1][1] >= arcs[0][0] + TURN:
+        arcs = [(arcs[-1][0], arcs[0][1] + TURN), *arcs[1:-1]]
+    if len(arcs) == 1 and arcs[0][1] >= arcs[0][0] + TURN:
         return Arcs(True, ((-np.pi, np.pi),))
-    return Arcs(False, tuple(arcs))
+    turned = [(low - TURN, high - TURN) if low >= np.pi else (low, high) for low, high in arcs]
+    return Arcs(False, tuple(sorted(turned)))

@@ -1,0 +1,121 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mechsim import units
+from mechsim.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("13 mm", "m", 0.013),
+        ("13mm", "m", 0.013),
+        (" 1um ", "m", 1e-6),
+        ("1 µm", "m", 1e-6),
+        ("2 inch", "m", 0.0508),
+        ("-0.5", "m", -0.5),
+        ("1e-3", "m", 0.001),
+        (".5 cm", "m", 0.005),
+        ("180 deg", "rad", np.pi),
+        ("180°", "rad", np.pi),
+        ("0.25 turn", "rad", np.pi / 2),
+        ("1.5", "rad", 1.5),
+        ("1.5 rad", "rad", 1.5),
+        ("60rpm", "rad/s", 2 * np.pi),
+        ("60 rev/min", "rad/s", 2 * np.pi),
+        ("90 deg/s", "rad/s", np.pi / 2),
+        ("7", "rad/s", 7.0),
+        ("2 ms", "s", 0.002),
+        ("3", "1", 3.0),
+        ("5 %", "1", 0.05),
+    ],
+)
+def test_quantities_become_si(text, unit, value):
+    assert units.parse(text, unit) == pytest.approx(value, rel=4e-16, abs=0.0)
+
+
+@given(st.integers(1, 10**6))
+def test_millimetres_are_the_nearest_number_to_their_thousandth(count):
+    assert units.parse_length(f"{count} mm") == float(f"{count}e-3") == units.mm(count)
+
+
+def test_helpers_agree_with_the_parser():
+    assert units.rpm(3000) == pytest.approx(units.parse_speed("3000 rpm"), rel=4e-16)
+    assert units.rpm(60) == pytest.approx(2 * np.pi, rel=4e-16)
+    assert units.deg(20) == pytest.approx(units.parse_angle("20 deg"), rel=4e-16)
+    assert units.parse_time("1 min") == 60.0
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "said"),
+    [
+        ("13 s", "m", "does not measure"),
+        ("13 furlongpersecond", "m", "not known"),
+        ('13 "', "m", "not known"),
+        ("13 mm", "rad", "does not measure"),
+        ("1 mm/m", "rad", "does not measure"),
+        ("1 deg", "1", "does not measure"),
+        ("5 Hz", "rad/s", "does not measure"),
+        ("5 rad", "rad/s", "does not measure"),
+        ("1 degC", "m", "does not measure"),
+        ("nan", "m", "not a finite number"),
+        ("inf mm", "m", "not a finite number"),
+        ("1e999", "m", "not a finite number"),
+        ("1e308 km", "m", "too large"),
+        ("", "m", "not a finite number"),
+        ("mm", "m", "not a finite number"),
+        ("1,5 mm", "m", "not known"),
+    ],
+)
+def test_what_is_no_such_quantity_is_refused_in_one_sentence_with_an_example(text, unit, said):
+    with pytest.raises(InputError, match=said) as refused:
+        units.parse(text, unit, "the crank")
+    sentence = str(refused.value)
+    assert sentence.startswith("the crank ")
+    assert repr(text.strip()) in sentence
+    assert "such as" in sentence
+    assert "\n" not in sentence
+
+
+def test_the_last_unit_of_a_vector_stands_for_missing_ones():
+    assert units.parse_vector("43,-10,-24mm", "m") == (0.043, -0.01, -0.024)
+    assert units.parse_vector("43 mm, 1 cm, 2", "m") == (0.043, 0.01, 2.0)
+    assert units.parse_vector("0.5", "m") == (0.5,)
+
+
+@pytest.mark.parametrize("text", ["43,,24mm", "", "1,x", "1,2 s"])
+def test_a_vector_with_a_hole_is_refused(text):
+    with pytest.raises(InputError, match="pivot"):
+        units.parse_vector(text, "m", "pivot")
+
+
+@given(st.integers(-720, 720), st.integers(1, 400), st.integers(1, 50), st.booleans())
+def test_a_range_of_angles_holds_both_ends_and_even_steps(start, count, step, falling):
+    step = -step if falling else step
+    angles = units.parse_angles(f"{start}:{start + count * step}:{step}deg")
+    assert len(angles) == count + 1
+    exact = np.deg2rad(np.array([start + i * step for i in range(count + 1)]))
+    assert np.abs(angles - exact).max() <= 1e-14
+    assert angles[-1] == units.parse_angle(f"{start + count * step}deg")
+
+
+def test_ranges_of_angles_as_people_write_them():
+    assert len(units.parse_angles("0:360:5deg")) == 73
+    assert units.parse_angles("0:360:5deg")[-1] == 2 * np.pi
+    assert len(units.parse_angles("0:1:0.1deg")) == 11
+    assert units.parse_angles("0:1:0.3").tolist() == pytest.approx([0.0, 0.3, 0.6, 0.9, 1.0])
+    assert units.parse_angles("30:30:5deg").tolist() == pytest.approx([np.pi / 6])
+    assert units.parse_angles("0,90,180deg").tolist() == pytest.approx([0.0, np.pi / 2, np.pi])
+    assert units.parse_angles("0 deg:1 turn:90 deg").tolist() == pytest.approx(
+        (np.pi / 2 * np.arange(5)).tolist()
+    )
+
+
+@pytest.mark.parametrize(
+    "text", ["0:360:-5deg", "0:360:0deg", "0:360", "0:360:5mm", "0:1:1e-12", "a:b:c", "1:2:3:4"]
+)
+def test_a_range_that_leads_nowhere_is_refused(text):
+    with pytest.raises(InputError, match=r"the angles '.*5deg|the angles .* an angle such as"):
+        units.parse_angles(text)
