@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from mechsim import closure
 from mechsim.catalog.base import Drive
 from mechsim.crosscheck import Check, Outcome, Verdict, crosscheck
-from mechsim.errors import AssemblyError
 from mechsim.mechanism import Pose
 from mechsim.motion import Motion
 from mechsim.simulation import Profile, Run, Settings, constant, simulate
@@ -120,11 +119,7 @@ def crank_profile(drive: Drive, speed: float, turns: float = 1.0) -> Profile:
     arcs = drive.crank_range()
     if arcs.full:
         return constant(speed, turns)
-    if not arcs.arcs:
-        raise AssemblyError(
-            f"{drive.name}: the loops close at no crank angle; change the dimensions so that the links reach"
-        )
-    start = arcs.start()
+    start = drive.mechanism.start
     low, high = next(arc for arc in arcs.arcs if arc[0] <= start <= arc[1] or arc[0] <= start + 2 * np.pi <= arc[1])
     middle, reach = (low + high) / 2.0, PART_OF_RANGE * (high - low) / 2.0
     return swing(middle, reach, speed)

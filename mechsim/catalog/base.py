@@ -151,7 +151,12 @@ class Drive(ABC):
 
     def _start(self) -> float:
         """Return the crank angle of the guess in [rad]."""
-        return self.crank_range().start()
+        arcs = self.crank_range()
+        if not arcs.arcs:
+            raise AssemblyError(
+                f"{self.name}: the loops close at no crank angle; change the dimensions so that the links reach"
+            )
+        return arcs.start()
 
     def _chunked(
         self, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike, detail: Detail

@@ -5,12 +5,14 @@ import mujoco
 from mechsim.mechanism import Mechanism, Pose
 from mechsim.mjcf.generate import generate
 from mechsim.mjcf.loops import Loops
+from mechsim.mjcf.quiet import quiet
 from mechsim.mjcf.text import to_xml
 from mechsim.scene import Scene
 
-__all__ = ["Loops", "assembled", "generate", "to_xml"]
+__all__ = ["Loops", "assembled", "generate", "quiet", "to_xml"]
 
 
+@quiet()
 def assembled(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
     """Return the model of a mechanism with its loops closed in the reference configuration.
 

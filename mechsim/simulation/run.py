@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim import mjcf
 from mechsim.errors import AssemblyError, InputError
 from mechsim.mechanism import Mechanism
-from mechsim.mjcf import Loops
+from mechsim.mjcf import Loops, quiet
 from mechsim.motion import Motion
 from mechsim.scene import Scene
 from mechsim.simulation import pose
@@ -75,6 +75,7 @@ class Run:
         }
 
 
+@quiet()
 def simulate(
     source: Source,
     *,
