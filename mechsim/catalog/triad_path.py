@@ -133,15 +133,12 @@ class TriadPath:
     def poses(self, angles: Array) -> tuple[Complex, Complex]:
         """Return place and turn of the link at crank angles, (n,) each; NaN beyond a dead centre.
 
+        A crank angle beyond a dead centre that is within reach the other way round is taken so.
+
         Accuracy: Newton's method to rounding.
         """
-        low, high = float(angles.min()), float(angles.max())
-        if self._period is not None and max(high, -low) > self._period:
-            whole = self.round()
-            if whole is not None:
-                angles = angles - whole * np.floor(angles / whole)
-                low, high = 0.0, float(angles.max())
-        bounds = self.end(-1, low), self.end(1, high)
+        angles = self._reduced(angles)
+        bounds = self.end(-1, float(angles.min())), self.end(1, float(angles.max()))
         # the last stretch before a dead centre carries no certificate: it needs more steps and a check
         place, turn = self._on_table(angles, 5 if bounds == (None, None) else 40)
         for side, bound in zip((-1, 1), bounds, strict=True):
@@ -151,6 +148,24 @@ class TriadPath:
                 beyond |= (side * angles > side * last.angle) & ~(abs(turn - last.turn) < ASTRAY)
                 place[beyond] = turn[beyond] = np.nan
         return place - turn * self._middle, turn
+
+    def _reduced(self, angles: Array) -> Array:
+        """Return crank angles of the way for which the pivots stand as at those asked for."""
+        low, high, period = float(angles.min()), float(angles.max()), self._period
+        if period is None:
+            return angles
+        if max(high, -low) <= period and self.end(-1, low) is None and self.end(1, high) is None:
+            return angles
+        whole = self.round()
+        if whole is not None:
+            return angles - whole * np.floor(angles / whole)
+        # a way blocked on one side of a motion that repeats is blocked on the other
+        far = (1 + MOST_ROUNDS) * period
+        low, high = self.end(-1, -far), self.end(1, far)
+        if low is None or high is None or high - low >= period:
+            return angles  # without a gap between its ends the way would be left for another unseen
+        back = np.ceil(np.maximum(angles - high, 0.0) / period)
+        return angles - period * (back - np.ceil(np.maximum(low - angles, 0.0) / period))
 
     def _on_table(self, angles: Array, steps: int = 5) -> tuple[Complex, Complex]:
         """Solve from the node that each angle was certified from: the nearest towards zero."""

@@ -106,20 +106,26 @@ class WarpKnitter(Drive):
     def crank_range(self) -> Arcs:
         """Return the arc of crank angle that this assembly reaches from crank angle 0.
 
-        The arc contains 0 and may be longer than a turn, for the motion repeats only when both
-        cranks have come round. Where they never do, 100 turns either way count as a full turn.
+        An arc shorter than a turn begins in [-pi, pi), as for any drive, where the cranks come round
+        with every turn of crank 1. Else it contains 0: a triad may go round into another assembly and
+        meet its dead centre more than a turn later. Where the cranks never come round, 100 turns
+        either way count as a full turn.
 
         Accuracy: 1e-12 rad.
         """
         if self._path is None:
             return Arcs(False, ())
-        if self._path.round() is None:
-            # a way blocked on one side of a motion that repeats is blocked on the other
-            far = 2.0 * np.pi * TURNS_TRIED
-            high, low = self._path.end(1, far), self._path.end(-1, -far)
-            if high is not None or low is not None:
-                return Arcs(False, ((-far if low is None else low, far if high is None else high),))
-        return Arcs(True, ((-np.pi, np.pi),))
+        if self._path.round() is not None:
+            return Arcs(True, ((-np.pi, np.pi),))
+        far = 2.0 * np.pi * TURNS_TRIED
+        low, high = self._path.end(-1, -far), self._path.end(1, far)
+        if low is None and high is None:
+            return Arcs(True, ((-np.pi, np.pi),))
+        low, high = -far if low is None else low, far if high is None else high
+        if period_of(self.gear_ratio) == 2.0 * np.pi > high - low:
+            shift = 2.0 * np.pi * np.floor((low + np.pi) / (2.0 * np.pi))
+            low, high = float(low - shift), float(high - shift)
+        return Arcs(False, ((low, high),))
 
     def assemblies(self, angle: float) -> Sequence[Self]:
         """Return the mechanism in each assembly that is carried from crank angle 0 to this one."""

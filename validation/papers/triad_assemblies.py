@@ -146,11 +146,16 @@ def exact_count(pivots: Array, platform: Array, legs: Array) -> int:
 
         at = [value(mp.expjpi(mp.mpf(2 * k) / 7)) for k in range(7)]
         rising = [sum(at[k] * mp.expjpi(mp.mpf(-2 * k * h) / 7) for k in range(7)) / 7 for h in range(-3, 4)]
-        roots = mp.polyroots(rising[::-1], maxsteps=500, extraprec=400)
-        return sum(abs(abs(z) - 1) < mp.mpf(10) ** -40 for z in roots)
+        companion = mp.matrix(6)
+        for row in range(6):
+            companion[row, 5] = -rising[row] / rising[6]
+            if row:
+                companion[row, row - 1] = 1
+        roots = mp.eig(companion, left=False, right=False)
+        return sum(abs(abs(z) - 1) < mp.mpf(10) ** -25 for z in roots)
 
 
-def disagreements(poses: Array, others: list[Array]) -> NDArray[np.intp]:
+def disagreements(poses: Array, others: list[Array], bound: float = MATCH) -> NDArray[np.intp]:
     """Return the triads for which the two methods do not give the same poses."""
     bad = []
     for j, other in enumerate(others):
@@ -158,7 +163,7 @@ def disagreements(poses: Array, others: list[Array]) -> NDArray[np.intp]:
         if len(mine) == len(other):
             gap = abs(mine[:, None, :2] - other[None, :, :2]).max(-1)
             gap = np.maximum(gap, abs(np.exp(1j * mine[:, None, 2]) - np.exp(1j * other[None, :, 2])))
-            if len(mine) == 0 or (gap.min(0).max() < MATCH and gap.min(1).max() < MATCH):
+            if len(mine) == 0 or (gap.min(0).max() < bound and gap.min(1).max() < bound):
                 continue
         bad.append(j)
     return np.array(bad, dtype=np.intp)
