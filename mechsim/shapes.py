@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.mechanism import GROUND, End, Gear, Joint, Mechanism, Vector, joint_coordinate
+from mechsim.mechanism import GROUND, End, Gear, Joint, Mechanism, Pose, Vector, joint_coordinate
 from mechsim.mechanism import IDENTITY as GROUND_POSE
 
 Array = NDArray[np.float64]
@@ -107,7 +107,9 @@ def rod_radius(mechanism: Mechanism) -> float:
 
 
 def link_shapes(
-    mechanism: Mechanism, travel: Mapping[str, tuple[float, float]] | None = None
+    mechanism: Mechanism,
+    travel: Mapping[str, tuple[float, float]] | None = None,
+    outward: Mapping[str, float] | None = None,
 ) -> dict[str, list[Shape]]:
     """Return the shapes of every link, "ground" included.
 
@@ -115,9 +117,63 @@ def link_shapes(
         mechanism: what to draw.
         travel: joint -> least and greatest way along its axis in [m], where it is known from a
             motion; else sliding joints get rails long enough for any motion from the guess.
+        outward: joint -> which way its shaft leads along its axis to a bearing, +1 or -1; see
+            `free_sides`. Else the side that is free in the guess.
     """
-    drawer = _Drawer(mechanism, dict(travel or {}))
-    return drawer.shapes()
+    if outward is None:
+        outward = free_sides(mechanism, {GROUND: GROUND_POSE, **mechanism.guess})
+    return _Drawer(mechanism, dict(travel or {}), dict(outward)).shapes()
+
+
+def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, float]:
+    """Return the side of every revolute joint on the ground where a shaft and its bearing are least in the way.
+
+    Args:
+        mechanism: whose joints.
+        poses: link -> pose or poses; links left out do not count.
+
+    Returns:
+        Joint -> +1 or -1, along the axis of its end on the ground.
+    """
+    reach, share = 9.0 * rod_radius(mechanism), np.linspace(0.0, 1.0, 9)[:, None]
+    rods = {
+        link.name: np.array([a + share * (b - a) for a, b in _edges(_stations(mechanism, link.name))])
+        for link in mechanism.links
+        if link.name in poses
+    }
+    sides: dict[str, float] = {}
+    for joint in mechanism.joints:
+        for ground, moving in ((joint.a, joint.b), (joint.b, joint.a)):
+            if joint.kind != "revolute" or ground.link != GROUND:
+                continue
+            gaps = {}
+            for side in (-1.0, 1.0):
+                along = np.linspace(0.25, 1.0, 5)[:, None] * reach * side
+                shaft = np.asarray(ground.point) + along * np.asarray(ground.axis)
+                gaps[side] = min(
+                    (_gap(shaft, poses[link], rod) for link, rod in rods.items() if link != moving.link),
+                    default=0.0,
+                )
+            inward = float((_middle(mechanism) - np.asarray(ground.point)) @ np.asarray(ground.axis))
+            # a clear difference decides; else the shaft leads off the mechanism
+            clear = abs(gaps[1.0] - gaps[-1.0]) > 2.0 * rod_radius(mechanism)
+            sides[joint.name] = max(gaps, key=gaps.__getitem__) if clear else (1.0 if inward < -reach / 90.0 else -1.0)
+    return sides
+
+
+def _gap(places: Array, pose: Pose, rods: Array) -> float:
+    """The least distance between places, (k, 3), and points of rods in all poses of their link."""
+    local = rods.reshape(-1, 3)
+    if not len(local):
+        local = np.zeros((1, 3))
+    rotation, position = np.atleast_3d(pose.rotation).reshape(-1, 3, 3), pose.position.reshape(-1, 1, 3)
+    moved = (position + local @ np.swapaxes(rotation, -1, -2)).reshape(-1, 1, 3)
+    return float(np.sqrt(((moved - places) ** 2).sum(-1)).min())
+
+
+def _middle(mechanism: Mechanism) -> Array:
+    """The middle of all joints on the ground."""
+    return np.array([end.point for end in mechanism.ends(GROUND)]).mean(0)
 
 
 def planar_normals(mechanism: Mechanism) -> dict[str, Array] | None:
@@ -148,9 +204,12 @@ def planar_normals(mechanism: Mechanism) -> dict[str, Array] | None:
 
 
 class _Drawer:
-    def __init__(self, mechanism: Mechanism, travel: dict[str, tuple[float, float]]):
+    def __init__(
+        self, mechanism: Mechanism, travel: dict[str, tuple[float, float]], outward: dict[str, float]
+    ):
         self.mechanism = mechanism
         self.travel = travel
+        self.outward = outward
         self.r = rod_radius(mechanism)
         self.colours = link_colours(mechanism)
         self.normals = planar_normals(mechanism)
@@ -237,7 +296,7 @@ class _Drawer:
         for ground, link in ((joint.a, joint.b), (joint.b, joint.a)):
             if ground.link == GROUND:
                 self._disc(link.link, link, -1.6 * r, 1.6 * r, 2.0 * r, self.colours[link.link])
-                away = self._outward(ground)
+                away = self.outward.get(joint.name, -1.0)
                 low, high = sorted((-2.2 * r * away, 9.0 * r * away))
                 self._disc(GROUND, ground, low, high, 1.1 * r, STEEL)
                 low, high = sorted((4.2 * r * away, 7.8 * r * away))
@@ -332,12 +391,6 @@ class _Drawer:
         arms = [_vector(end.point) for end in self.mechanism.ends(driver.link)]
         reach = 2.0 * max(float(np.linalg.norm(np.subtract(arm, driver.point))) for arm in arms)
         return here - reach, here + reach
-
-    def _outward(self, end: End) -> float:
-        """The way along a shaft that leads off the mechanism, +1 or -1."""
-        places = np.array([other.point for other in self.mechanism.ends(GROUND)])
-        inward = (places.mean(0) - np.asarray(end.point)) @ np.asarray(end.axis)
-        return 1.0 if inward < -1e-9 * self.mechanism.size else -1.0
 
     def _rod_direction(self, end: End) -> Array | None:
         """The direction from a joint to the rest of its link, None where the link is only that place."""

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.mechanism import Mechanism
 from mechsim.motion import Motion
 from mechsim.render import backend as backends
+from mechsim.render.lines import Chain, chain
 from mechsim.render.look import Look
 from mechsim.render.marks import Picture, written
 from mechsim.render.stage import CAMERA, Stage
@@ -56,74 +57,71 @@ def draw(stage: Stage, backend: backends.Backend) -> Iterator[Picture]:
     """Yield the frames of a stage."""
     look = stage.look
     count = 1 if look.overlay > 1 else len(stage.track)
+    trace = Trace(stage)
+    name = stage.mechanism.name if look.notes else ""
+    clear = 2.2 * stage.radius
     with backends.renderer(stage.model, look.size, backend) as drawing:
         for frame in range(count):
             stage.place(frame)
             drawing.update_scene(stage.data, CAMERA)
-            _trace(stage, drawing.scene, frame)
+            trace.put(drawing.scene, frame)
+            picture = drawing.render()
             labels = {name: path[frame] for name, path in stage.track.points.items()} if look.labels else {}
             angle = float(stage.track.angle[frame]) if look.overlay == 1 else None
-            name = stage.mechanism.name if look.notes else ""
-            picture = drawing.render()
-            clear = 2.2 * stage.radius
             yield written(picture, stage.camera, labels, clear, name, angle) if labels or name else picture
 
 
-def _trace(stage: Stage, scene: mujoco.MjvScene, frame: int) -> None:
-    """Add the paths of the tracked points to a scene."""
-    look, now = stage.look, stage.track
-    colours = link_colours(stage.mechanism)
-    for name, path in now.paths.items():
-        colour = np.array(colours[stage.mechanism.points[name][0]])
-        colour[:3] *= 0.8
-        done = int(now.passed[frame])
+class Trace:
+    """The lines of a picture: paths, their projections, the arrow of the crank's sense."""
+
+    def __init__(self, stage: Stage):
+        self.stage, look = stage, stage.look
+        self.width = 2.4 * look.size[1] / 480.0 / stage.camera.scale
+        colours = link_colours(stage.mechanism)
+        self.paths: dict[str, Chain] = {}
+        self.fixed: list[Chain] = []
+        for name, path in stage.track.paths.items():
+            colour = np.array(colours[stage.mechanism.points[name][0]])
+            self.paths[name] = chain(path, self.width, colour)
+            if name in look.projections:
+                thrown = [chain(stage.thrown(path, wall), self.width, colour) for wall in stage.walls]
+                self.fixed.extend(thrown)
         if look.trace == "whole":
-            _line(scene, path, colour)
-        elif look.trace == "grow":
-            _line(scene, np.vstack([path[:done], now.points[name][frame]]), colour)
-        elif look.trace == "tail":
-            _line(scene, _tail(path, done, now.closed), colour)
-        if name in look.projections:
-            for wall in stage.walls:
-                _line(scene, stage.thrown(path, wall), colour)
-    if look.sense:
-        _sense(stage, scene)
+            self.fixed.extend(self.paths.values())
+        if look.sense:
+            self.fixed.extend(self._sense())
 
+    def put(self, scene: mujoco.MjvScene, frame: int) -> None:
+        """Add the lines of a frame to a scene."""
+        now, trace = self.stage.track, self.stage.look.trace
+        for fixed in self.fixed:
+            fixed.put(scene)
+        if trace not in ("grow", "tail"):
+            return
+        done = int(now.passed[frame])
+        for name, path in self.paths.items():
+            start = 0
+            if trace == "tail":
+                length = len(path) // 4
+                start = max(0, done - 1 - length)
+                if now.closed and done - 1 < length:
+                    path.put(scene, len(path) + done - 1 - length)
+            path.put(scene, start, done - 1)
+            reached, here = now.paths[name][done - 1], now.points[name][frame]
+            if not np.array_equal(reached, here):
+                chain(np.array([reached, here]), self.width, path.rgba).put(scene)
 
-def _tail(path: Array, done: int, closed: bool) -> Array:
-    """The last quarter of a path up to a point, going back over the seam of a closed one."""
-    length = len(path) // 4
-    if done >= length or not closed:
-        return path[max(0, done - length) : done]
-    return np.vstack([path[done - 1 - length : -1], path[:done]])
-
-
-def _sense(stage: Stage, scene: mujoco.MjvScene) -> None:
-    """An arrow around the crank shaft, the way the crank turns."""
-    end = stage.mechanism.joint(stage.mechanism.driver).a
-    forward = stage.track.angle[-1] >= stage.track.angle[0]
-    lift = np.asarray(end.axis) * (4.0 * stage.radius if stage.camera.back @ np.asarray(end.axis) > 0 else 0.0)
-    turn = np.linspace(0.0, 1.5 * np.pi, 33) * (1.0 if forward else -1.0)
-    ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(33)]) @ end.frame.T
-    arc = np.asarray(end.point) + lift + 5.0 * stage.radius * ring
-    ink = np.array([0.11, 0.13, 0.16, 1.0])
-    for a, b in zip(arc[:-3], arc[1:-2], strict=True):
-        _connect(scene, mujoco.mjtGeom.mjGEOM_CAPSULE, 0.3 * stage.radius, a, b, ink)
-    head = arc[-4] + (arc[-3] - arc[-4]) / np.linalg.norm(arc[-3] - arc[-4]) * 3.6 * stage.radius
-    _connect(scene, mujoco.mjtGeom.mjGEOM_ARROW, 0.75 * stage.radius, arc[-4], head, ink)
-
-
-def _line(scene: mujoco.MjvScene, path: Array, colour: Array) -> None:
-    for a, b in zip(path[:-1], path[1:], strict=True):
-        _connect(scene, mujoco.mjtGeom.mjGEOM_LINE, 2.5, a, b, colour)
-
-
-def _connect(scene: mujoco.MjvScene, kind: mujoco.mjtGeom, width: float, a: Array, b: Array, rgba: Array) -> None:
-    if scene.ngeom >= scene.maxgeom:
-        return
-    geom = scene.geoms[scene.ngeom]
-    mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.zeros(9), rgba.astype(np.float32))
-    mujoco.mjv_connector(geom, kind, width, a, b)
-    # lines have no surface: without this the light would wash their colour out
-    geom.specular = 0.0
-    scene.ngeom += 1
+    def _sense(self) -> list[Chain]:
+        """An arrow around the crank shaft, the way the crank turns, on the camera's side."""
+        stage = self.stage
+        end, radius = stage.mechanism.joint(stage.mechanism.driver).a, stage.radius
+        axis, forward = np.asarray(end.axis), stage.track.angle[-1] >= stage.track.angle[0]
+        lift = 3.0 * radius * axis * np.sign(axis @ stage.camera.back + 1e-12)
+        turn = np.linspace(0.0, 1.5 * np.pi, 49) * (1.0 if forward else -1.0)
+        ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(49)]) @ end.frame.T
+        arc = np.asarray(end.point) + lift + 5.0 * radius * ring
+        tip, ahead = arc[-1], arc[-1] - arc[-2]
+        ahead /= np.linalg.norm(ahead)
+        ink, width = np.array([0.11, 0.13, 0.16, 1.0]), 0.5 * radius
+        barbs = [tip - 1.8 * radius * (ahead + side * 0.7 * ring[-1]) for side in (1.0, -1.0)]
+        return [chain(arc, width, ink), chain(np.array([barbs[0], tip, barbs[1]]), width, ink)]

@@ -10,12 +10,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.mechanism import GROUND, Mechanism
+from mechsim.mechanism import GROUND, Mechanism, Pose
 from mechsim.render import camera as cameras
 from mechsim.render.camera import Camera
 from mechsim.render.look import Look
 from mechsim.render.track import Track
-from mechsim.shapes import HOUSING, Shape, link_shapes, planar_normals, rod_radius
+from mechsim.shapes import HOUSING, Shape, free_sides, link_shapes, planar_normals, rod_radius
 
 Array = NDArray[np.float64]
 
@@ -28,6 +28,7 @@ GEOMS = {
 PAPER = (0.955, 0.96, 0.97)
 GRID_LINE = (0.76, 0.79, 0.83)
 CAMERA = "view"
+MATTE = "matte"
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +56,8 @@ class Stage:
         self.mechanism, self.track, self.look = mechanism, track, look
         self.radius = rod_radius(mechanism)
         sliding = [j for j in mechanism.joints if j.kind in ("prismatic", "cylindrical")]
-        self.shapes = link_shapes(mechanism, {joint.name: track.travel(joint) for joint in sliding})
+        travel = {joint.name: track.travel(joint) for joint in sliding}
+        self.shapes = link_shapes(mechanism, travel, outward=self._free_sides())
         balls, radii = self._extent()
         self.low, self.high = (balls - radii[:, None]).min(0), (balls + radii[:, None]).max(0)
         if not planar_normals(mechanism):
@@ -94,6 +96,15 @@ class Stage:
         """Return a path thrown square on a wall, a hair's breadth in front of it."""
         height = (path - wall.point) @ wall.normal - 0.15 * self.radius
         return path - height[:, None] * wall.normal
+
+    def _free_sides(self) -> dict[str, float]:
+        """The side of every shaft that the links keep farther away from over the motion."""
+        some = np.linspace(0, len(self.track) - 1, 24).astype(int)
+        poses = {
+            name: pose if pose.position.ndim == 1 else Pose(pose.position[some], pose.rotation[some])
+            for name, pose in self.track.poses.items()
+        }
+        return free_sides(self.mechanism, poses)
 
     def _extent(self) -> tuple[Array, Array]:
         """Balls that hold all shapes over all frames: centres (k, 3) and radii (k,)."""
@@ -172,6 +183,9 @@ class Stage:
         spec = mujoco.MjSpec()
         self._settings(spec)
         self._lights(spec)
+        spec.add_material(name=MATTE, specular=0.25, shininess=0.4, rgba=(1.0, 1.0, 1.0, 1.0))
+        if self.look.projections:
+            self._paper(spec)
         for i, wall in enumerate(self.walls):
             self._grid(spec, wall, f"wall{i}")
         for shape in self.shapes[GROUND]:
@@ -190,15 +204,16 @@ class Stage:
     def _settings(self, spec: mujoco.MjSpec) -> None:
         spec.visual.global_.offwidth, spec.visual.global_.offheight = self.look.size
         spec.visual.quality.shadowsize = 2048
-        spec.visual.headlight.ambient = [0.36] * 3
-        spec.visual.headlight.diffuse = [0.24] * 3
+        spec.visual.headlight.ambient = [0.42] * 3
+        spec.visual.headlight.diffuse = [0.28] * 3
         spec.visual.headlight.specular = [0.05] * 3
         # the camera's distances are multiples of the extent
         spec.stat.extent = self.camera.height
         spec.stat.center = (self.low + self.high) / 2.0
         spec.visual.map.znear = 0.01
         spec.visual.map.zfar = 12.0
-        spec.visual.map.shadowclip = 1.2
+        # the box in which shadows fall is as deep as it is wide: a smaller one leaves specks on the floor
+        spec.visual.map.shadowclip = 1.25 * float(np.hypot(1.0, self.look.size[0] / self.look.size[1]))
 
     def _lights(self, spec: mujoco.MjSpec) -> None:
         view = self.camera
@@ -207,7 +222,7 @@ class Stage:
         light = spec.worldbody.add_light(pos=(self.low + self.high) / 2.0 - 2.0 * view.height * _unit(way))
         light.dir = _unit(way)
         light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-        light.diffuse, light.specular = [0.40] * 3, [0.20] * 3
+        light.diffuse, light.specular = [0.30] * 3, [0.20] * 3
         light.castshadow = self._stands_on_wall()
 
     def _stands_on_wall(self) -> bool:
@@ -218,6 +233,17 @@ class Stage:
         if normals:
             return abs(float(normals[GROUND] @ self.walls[0].normal)) > 0.9
         return self.look.camera == "iso"
+
+    def _paper(self, spec: mujoco.MjSpec) -> None:
+        """A plain sheet behind everything: MuJoCo's own background is black."""
+        view = self.camera
+        spec.add_material(name="paper", specular=0.0, shininess=0.0, emission=1.0, rgba=(*PAPER, 1.0))
+        depth = 2.0 * view.height + 2.0 * float(np.linalg.norm(self.high - self.low))
+        sheet = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, material="paper")
+        sheet.pos = view.position - depth * view.back
+        sheet.size = [4.0 * view.height, 4.0 * view.height, 1.0]
+        sheet.quat = _quat(np.column_stack([view.right, view.up, view.back]))
+        sheet.contype = sheet.conaffinity = 0
 
     def _grid(self, spec: mujoco.MjSpec, wall: Wall, name: str) -> None:
         texture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D)
@@ -232,6 +258,9 @@ class Stage:
         material.textures = textures
         material.texrepeat = [2.0 * half / self.cell for half in wall.half]
         material.specular, material.shininess = 0.0, 0.0
+        # what a slanting plane misses of the camera's light, so that paper looks white from everywhere
+        missed = 1.0 - float(wall.normal @ self.camera.back)
+        material.emission = (0.5 if self.look.projections else 0.25) * missed
         plane = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, pos=wall.point, material=name)
         plane.size = [*wall.half, 1.0]
         plane.quat = _quat(np.column_stack([wall.across, np.cross(wall.normal, wall.across), wall.normal]))
@@ -246,7 +275,7 @@ def nice(length: float) -> float:
 
 def _geom(body: mujoco.MjsBody, shape: Shape) -> None:
     sizes = [*shape.half_sizes, 0.0, 0.0][:3]
-    geom = body.add_geom(type=GEOMS[shape.kind], pos=shape.centre, size=sizes, rgba=shape.rgba)
+    geom = body.add_geom(type=GEOMS[shape.kind], pos=shape.centre, size=sizes, rgba=shape.rgba, material=MATTE)
     geom.quat = _quat(shape.frame)
     geom.contype = geom.conaffinity = 0
 
