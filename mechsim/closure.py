@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.errors import AssemblyError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.mechanism import GROUND, IDENTITY, Joint, Mechanism, Pose, joint_coordinate
 from mechsim.motion import JointMotion, LinkMotion, Motion, PointMotion
 
@@ -343,7 +343,7 @@ def assemble(
     Accuracy: Newton's method to rounding: residuals of a few ulp of the longest link away from a
     dead centre.
     """
-    angles = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+    angles = _crank_angles(mechanism, angles)
     start = rough_poses(mechanism) if guess is None else guess
     poses = {
         link.name: Pose(
@@ -373,6 +373,15 @@ def assemble(
         f"{gap[worst]:.3g} of the longest link is left after {most_steps} Newton steps; "
         "change the dimensions, the crank angle or the guess"
     )
+
+
+def _crank_angles(mechanism: Mechanism, angles: ArrayLike) -> Array:
+    values = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+    if values.ndim != 1 or not np.isfinite(values).all():
+        raise InputError(
+            f"{mechanism.name}: a crank angle is no finite number; give a list of angles in [rad]"
+        )
+    return values
 
 
 def _gap(mechanism: Mechanism, residual: Array) -> Array:
@@ -431,7 +440,7 @@ def follow(mechanism: Mechanism, angles: ArrayLike, *, step: float = np.pi / 36)
     Raises:
         AssemblyError: where the loops do not close.
     """
-    angles = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+    angles = _crank_angles(mechanism, angles)
     current = assemble(mechanism, [mechanism.start])
     found: list[dict[str, Pose]] = []
     for here, there in pairwise([mechanism.start, *angles]):
