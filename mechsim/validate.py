@@ -120,7 +120,13 @@ def crank_profile(drive: Drive, speed: float, turns: float = 1.0) -> Profile:
     if arcs.full:
         return constant(speed, turns)
     start = drive.mechanism.start
-    low, high = next(arc for arc in arcs.arcs if arc[0] <= start <= arc[1] or arc[0] <= start + 2 * np.pi <= arc[1])
+    # the arc that holds the start, counted so that the start lies on it as a number
+    low, high = next(
+        (low + turn, high + turn)
+        for low, high in arcs.arcs
+        for turn in (0.0, -2.0 * np.pi)
+        if low + turn <= start <= high + turn
+    )
     middle, reach = (low + high) / 2.0, PART_OF_RANGE * (high - low) / 2.0
     return swing(middle, reach, speed)
 

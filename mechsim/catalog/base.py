@@ -227,10 +227,7 @@ class TwoBranchDrive(Drive):
         return reachable_arcs(self.margin, self.margin_degree)
 
     def _start(self) -> float:
-        arcs = self.crank_range()
-        start = arcs.start()
-        if not arcs.arcs:
-            return start
+        start, arcs = super()._start(), self.crank_range()
         spread = np.concatenate([np.linspace(low, high, 25) for low, high in arcs.arcs])
         margins = self.margin(spread)
         # where the assemblies meet, as in a parallelogram laid flat, no guess tells them apart
