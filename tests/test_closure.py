@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from strategies import EPS, four_bars, rssrs
 
 from mechsim import catalog, closure
@@ -113,12 +113,11 @@ def test_solving_without_the_closed_form_gives_the_closed_form(name, branch):
 @settings(max_examples=10)
 @given(rssrs())
 def test_assembly_from_a_rough_place_finds_the_branch_meant(drive):
-    if not drive.crank_range().arcs:
-        return
+    assume(drive.crank_range().arcs)
     mechanism = drive.mechanism
     start = np.array([mechanism.start])
-    if drive.transmission_angle(start)[0] < 0.3:
-        return  # so near a dead centre a rough place is as near to the other branch
+    # near a dead centre a rough place is as near to the other branch
+    assume(drive.transmission_angle(start)[0] > 0.3)
     rough = {name: Pose(pose.position + 1e-4, pose.rotation) for name, pose in mechanism.guess.items()}
     poses = closure.assemble(mechanism, start, rough)
     assert closure.residual_norms(mechanism, poses, start)[0][0] <= 8 * EPS * mechanism.size
@@ -130,10 +129,9 @@ def test_assembly_from_a_rough_place_finds_the_branch_meant(drive):
 @given(four_bars())
 def test_a_turn_and_back_ends_where_it_began(drive):
     arcs = drive.crank_range()
-    if not arcs.arcs:
-        return
+    assume(arcs.arcs)
     mechanism = drive.mechanism
-    low, high = next(arc for arc in arcs.arcs if arc[0] <= mechanism.start <= arc[1])
+    _, high = next(arc for arc in arcs.arcs if arc[0] <= mechanism.start <= arc[1])
     aim = mechanism.start + 0.3 * (high - mechanism.start)
     there = closure.follow(mechanism, [aim, mechanism.start])
     for name, pose in mechanism.guess.items():

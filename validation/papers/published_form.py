@@ -1,0 +1,124 @@
+"""The published unit vector at two angles (paper 000, eqs 10-21): lost digits and changed assemblies.
+
+    python validation/papers/published_form.py --out DIR
+
+Problem: the looper layout of papers.md section 1 (rocker axis along Z), whose V3 = P4P2 x axis has an
+X-component that changes sign twice a turn. Reference: the same vector with 50 digits by mpmath, from
+the defining equations p.V1 = |V1| cos a1, p.V2 = |V2| cos a2, |p| = 1; its own error is below 1e-16.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+from mpmath import mp
+from numpy.typing import NDArray
+
+from mechsim.catalog.rssr import Rssr
+from mechsim.vectors import Sign, column, cross, triangle_angle, unit_at_angles, unit_at_angles_published
+
+Array = NDArray[np.float64]
+LOOPER = Rssr(crank=0.014, coupler=0.048, rocker=0.024, pivot=(0.039, -0.008, 0.004), gamma1=0.0, gamma2=0.0)
+
+
+def question(drive: Rssr, f: Array) -> tuple[Array, Array, Array]:
+    """Return P4P2, (3, n), the rocker axis, (3, 1), and the angle between rocker and P4P2, (n,)."""
+    p2 = drive.crank * np.stack([np.zeros_like(f), np.cos(f), np.sin(f)])
+    to_crank = p2 - column(drive.pivot)
+    distance = np.sqrt((to_crank**2).sum(0))
+    return to_crank, column(drive.rocker_frame[:, 2]), triangle_angle(distance, drive.rocker, drive.coupler)
+
+
+def with_fifty_digits(v1: Array, v2: Array, angle1: float, angle2: float, sign: Sign) -> list[mp.mpf]:
+    """Return p by solving p.u1, p.u2 and p.n from the defining equations; n = u1 x u2, sign that of p.n."""
+    with mp.workdps(50):
+        u1, u2 = (mp.matrix([mp.mpf(float(x)) for x in v]) for v in (v1, v2))
+        u1, u2 = u1 / mp.norm(u1), u2 / mp.norm(u2)
+        n = [u1[1] * u2[2] - u1[2] * u2[1], u1[2] * u2[0] - u1[0] * u2[2], u1[0] * u2[1] - u1[1] * u2[0]]
+        flat = mp.lu_solve(
+            mp.matrix([list(u1), list(u2), n]), mp.matrix([mp.cos(mp.mpf(angle1)), mp.cos(mp.mpf(angle2)), 0])
+        )
+        n = mp.matrix(n)
+        return list(flat + sign * mp.sqrt(1 - mp.norm(flat) ** 2) / mp.norm(n) * n)
+
+
+def errors_near_zero(distances: Array, drive: Rssr = LOOPER) -> tuple[Array, Array]:
+    """Return the errors of the published and the sound form so far from V3x = 0, in [rad], (n,) each.
+
+    The published root loses digits by the distance, and is then divided by it: two digits for each.
+    A published answer that is no number counts as an error of 1; its sign is chosen in its favour.
+    """
+    zero = np.arccos(drive.pivot[1] / drive.crank)
+    published, sound = np.empty_like(distances), np.empty_like(distances)
+    for i, distance in enumerate(distances):
+        v1, axis, angle = question(drive, np.array([zero + distance]))
+        v2, across = axis[:, 0], np.pi / 2
+        exact = with_fifty_digits(v1[:, 0], v2, float(angle[0]), across, drive.branch)
+
+        def error(p: Array, exact: list[mp.mpf] = exact) -> float:
+            if not np.isfinite(p).all():
+                return 1.0
+            return float(mp.sqrt(sum((mp.mpf(float(a)) - b) ** 2 for a, b in zip(p, exact, strict=True))))
+
+        with np.errstate(all="ignore"):
+            both = [unit_at_angles_published(v1, axis, angle, across, sign)[:, 0] for sign in (1, -1)]
+        published[i] = min(1.0, *(error(p) for p in both))
+        sound[i] = error(unit_at_angles(v1, axis, angle, across, drive.branch)[:, 0])
+    return published, sound
+
+
+def assemblies_over_a_turn(angles: Array, drive: Rssr = LOOPER) -> tuple[Array, Array]:
+    """Return the assembly, +1 or -1, in which each form lands with its sign +1: published, sound; (n,) each."""
+    v1, axis, angle = question(drive, angles)
+    normal = cross(v1, np.broadcast_to(axis, v1.shape))
+    forms = (unit_at_angles_published, unit_at_angles)
+    published, sound = (np.sign((form(v1, axis, angle, np.pi / 2, 1) * normal).sum(0)) for form in forms)
+    return published, sound
+
+
+def jumps(assemblies: Array) -> int:
+    """Return how often an assembly changes over a closed turn."""
+    return int((assemblies != np.roll(assemblies, 1)).sum())
+
+
+def draw(path: Path, distances: Array, errors: tuple[Array, Array], angles: Array, landed: Array) -> None:
+    """Write the picture of both defects."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4), layout="constrained")
+    for error, label in zip(errors, ("published form", "sound form"), strict=True):
+        left.loglog(distances, np.maximum(error, 1e-17), ".-", label=label)
+    left.set(xlabel="crank angle from V3x = 0 [rad]", ylabel="error of the unit vector")
+    left.legend()
+    right.plot(np.rad2deg(angles), landed, drawstyle="steps-mid")
+    right.set(xlabel="crank angle [deg]", ylabel="assembly meant by W = +1", yticks=[-1, 1])
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
+
+
+def main(arguments: list[str]) -> int:
+    parser = argparse.ArgumentParser(description="Where the published unit vector at two angles fails.")
+    parser.add_argument("--out", type=Path, required=True, help="directory of the picture")
+    out: Path = parser.parse_args(arguments).out
+    out.mkdir(parents=True, exist_ok=True)
+
+    distances = np.geomspace(1e-15, 1e-1, 43)
+    published, sound = errors_near_zero(distances)
+    print("crank angle from V3x = 0 [rad]   published form   sound form")
+    for row in zip(distances[::6], published[::6], sound[::6], strict=True):
+        print("{:30.1e}   {:14.1e}   {:10.1e}".format(*row))
+
+    angles = np.linspace(0.0, 2 * np.pi, 720, endpoint=False) + 1e-3
+    landed, kept = assemblies_over_a_turn(angles)
+    print(f"assembly changes in a turn: published form {jumps(landed)}, sound form {jumps(kept)}")
+    draw(out / "published_form.png", distances, (published, sound), angles, landed)
+    passed = sound.max() <= 4e-16 and jumps(landed) == 2 and jumps(kept) == 0
+    return 0 if passed else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
