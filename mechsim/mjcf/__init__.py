@@ -27,7 +27,7 @@ def assembled(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
     loops = Loops(model)
     start = model.qpos0.copy()
     start[loops.crank_place] = mechanism.start
-    closed, _, _ = loops.close(start[None])
+    closed = loops.close(start[None])
     data = mujoco.MjData(model)
     data.qpos[:] = closed[0]
     mujoco.mj_kinematics(model, data)

@@ -4,7 +4,8 @@ MuJoCo gives the kinematics and the Jacobians; the equations solved are the mode
 constraints. No closed form is near.
 """
 
-from collections.abc import Sequence
+import copy
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 from mechsim.errors import AssemblyError, InputError
 
 Array = NDArray[np.float64]
+# body and points of it, (n, 3) -> the points' Jacobian, (n, 3, nv)
+Slope = Callable[[int, Array], Array]
 
 FREE, BALL, SLIDE, HINGE = (
     int(kind)
@@ -28,6 +31,10 @@ FREE, BALL, SLIDE, HINGE = (
 
 # closed to rounding: what Newton's method leaves on a well-conditioned loop, with a margin of a few
 CLOSED = 1e-14
+# singular values below this part of the largest count as zero
+RANK_TOLERANCE = 1e-9
+# states up to which one thread is as fast as two: below a few milliseconds of work
+ONE_THREAD = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +43,11 @@ class PointPair:
 
     bodies: tuple[int, int]
     local: tuple[Array, Array]
+
+    @property
+    def ends(self) -> tuple[tuple[int, Array], tuple[int, Array]]:
+        """Body and point, twice."""
+        return (self.bodies[0], self.local[0]), (self.bodies[1], self.local[1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +66,11 @@ class Loops:
     Attributes:
         model: the compiled model.
         crank: index of the crank among the degrees of freedom.
+        crank_place: its index in qpos.
+        free: indices of all other degrees of freedom.
         size: yardstick of lengths in the model, in [m].
+        hinges: for each number of qpos whether it is the angle of a hinge.
+        quaternions: where quaternions begin in qpos.
     """
 
     def __init__(self, model: mujoco.MjModel):
@@ -70,7 +86,8 @@ class Loops:
         self.crank_place = int(model.jnt_qposadr[joint])
         self.pairs, self.couplings = _constraints(model)
         self.name = model.names.split(b"\0", 1)[0].decode() or "model"
-        self.free = np.array([i for i in range(model.nv) if i != self.crank])
+        self.free = np.array([i for i in range(model.nv) if i != self.crank], dtype=np.int64)
+        self._angular = _is_angle(model)[self.free]
         reach = [np.linalg.norm(local) for pair in self.pairs for local in pair.local]
         steps = np.linalg.norm(model.body_pos[1:], axis=1)
         self.size = float(max([*reach, *steps, 1e-300]))
@@ -79,48 +96,79 @@ class Loops:
             for kind, place in zip(model.jnt_type, model.jnt_qposadr, strict=True)
             if kind in (BALL, FREE)
         ]
+        self.hinges = np.zeros(model.nq, dtype=np.bool_)
+        self.hinges[model.jnt_qposadr[model.jnt_type == HINGE]] = True
+        self._looking = _only_kinematics(model)
+        self._data = mujoco.MjData(self._looking)
         self._batches: dict[int, batch.Batch] = {}
-        self._basis: Array | None = None
+        self._basis: tuple[Array, Array] | None = None
 
-    def batch(self, n: int) -> batch.Batch:
+    def residual(self, qpos: Array) -> Array:
+        """Return how far the constraints stand open, (n, m) in [m] or [rad]."""
+        return self._look(qpos)[0]
+
+    def linearise(self, qpos: Array) -> tuple[Array, Array]:
+        """Return the constraint residuals, (n, m) in [m] or [rad], and their Jacobian, (n, m, nv)."""
+        residual, jacobian = self._look(qpos)
+        return residual, jacobian()
+
+    def _look(self, qpos: Array) -> tuple[Array, Callable[[], Array]]:
+        """Return the residuals, and what computes their Jacobian as long as nothing else is looked at."""
+        position, rotation, slope = self._one(qpos) if len(qpos) == 1 else self._many(qpos)
+        n, nv = len(qpos), self.model.nv
+        ends = [
+            [(body, position[:, body] + rotation[:, body] @ local) for body, local in pair.ends]
+            for pair in self.pairs
+        ]
+        coupled = [self._coupled(coupling, qpos) for coupling in self.couplings]
+        residual = np.concatenate(
+            [np.zeros((n, 0)), *(a[1] - b[1] for a, b in ends), *(value[:, None] for value, _ in coupled)], 1
+        )
+
+        def jacobian() -> Array:
+            parts = [np.zeros((n, 0, nv))]
+            for (a, at_a), (b, at_b) in ends:
+                parts.append((slope(a, at_a) if a else 0.0) - (slope(b, at_b) if b else np.zeros((n, 3, nv))))
+            return np.concatenate([*parts, *(turn[:, None] for _, turn in coupled)], 1)
+
+        return residual, jacobian
+
+    def _one(self, qpos: Array) -> tuple[Array, Array, Slope]:
+        """Return places and rotations of all bodies at one state; a batch of one costs three times this."""
+        model, data = self._looking, self._data
+        data.qpos[:] = qpos[0]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+
+        def slope(body: int, point: Array) -> Array:
+            jacobian = np.empty((3, model.nv))
+            mujoco.mj_jac(model, data, jacobian, None, point[0], body)
+            return jacobian[None]
+
+        return data.xpos[None], data.xmat.reshape(1, -1, 3, 3), slope
+
+    def _many(self, qpos: Array) -> tuple[Array, Array, Slope]:
+        """Return places and rotations of all bodies at n states."""
+        sims = self._batch(len(qpos))
+        position, matrix = sims.bind("xpos"), sims.bind("xmat")
+        sims.bind("qpos")[:] = qpos
+        sims.forward(stage=int(mujoco.mjtStage.mjSTAGE_POS))
+        return position, matrix.reshape(*matrix.shape[:2], 3, 3), lambda body, at: sims.jac(body, at)[0]
+
+    def _batch(self, n: int) -> batch.Batch:
         """Return a batch of n simulations of the model, made once for each n."""
         if n not in self._batches:
             if len(self._batches) > 8:
                 self._batches.clear()
-            self._batches[n] = batch.Batch(self.model, n)
+            threads = [1] if n <= ONE_THREAD else []
+            self._batches[n] = batch.Batch(self._looking, n, *threads)
         return self._batches[n]
-
-    def linearise(self, qpos: Array) -> tuple[Array, Array]:
-        """Return the constraint residuals, (n, m) in [m] or [rad], and their Jacobian, (n, m, nv)."""
-        sims = self.batch(len(qpos))
-        position, matrix = sims.bind("xpos"), sims.bind("xmat")
-        sims.bind("qpos")[:] = qpos
-        sims.forward(stage=int(mujoco.mjtStage.mjSTAGE_POS))
-        residuals, jacobians = [], []
-        for pair in self.pairs:
-            ends, slopes = [], []
-            for body, local in zip(pair.bodies, pair.local, strict=True):
-                frame = matrix[:, body].reshape(-1, 3, 3)
-                point = position[:, body] + frame @ local
-                ends.append(point)
-                slopes.append(sims.jac(body, point)[0] if body else 0.0)
-            residuals.append(ends[0] - ends[1])
-            jacobians.append(slopes[0] - slopes[1])
-        for coupling in self.couplings:
-            value, slope = self._coupled(coupling, qpos)
-            residuals.append(value[:, None])
-            jacobians.append(slope[:, None])
-        if not residuals:
-            return np.zeros((len(qpos), 0)), np.zeros((len(qpos), 0, self.model.nv))
-        return np.concatenate(residuals, 1), np.concatenate(jacobians, 1)
 
     def sites(self, qpos: Array) -> Array:
         """Return the places of all sites at n states, (n, nsite, 3) in [m]."""
-        sims = self.batch(len(qpos))
-        places = sims.bind("site_xpos")
-        sims.bind("qpos")[:] = qpos
-        sims.forward(stage=int(mujoco.mjtStage.mjSTAGE_POS))
-        return places.copy()
+        position, rotation, _ = self._many(qpos)
+        bodies = self.model.site_bodyid
+        return position[:, bodies] + (rotation[:, bodies] @ self.model.site_pos[..., None])[..., 0]
 
     def _coupled(self, coupling: Coupling, qpos: Array) -> tuple[Array, Array]:
         (y, x), (y0, x0) = coupling.places, coupling.zeros
@@ -140,82 +188,96 @@ class Loops:
         return np.abs(residual * scale).max(1, initial=0.0)
 
     def solve(self, jacobian: Array, right: Array) -> Array:
-        """Return the least-norm x, (n, nv - 1), of J x = right over all freedoms but the crank's.
-
-        Redundant rows (a planar loop's third) are left out by a basis of the row space found once.
-        """
+        """Return the least-norm x, (n, nv - 1, k), of J x = right, (n, m, k), in all freedoms but the crank."""
         held = jacobian[:, :, self.free]
-        if self._basis is None or self._basis.shape[0] != held.shape[1]:
+        rows = self._independent(held)
+        if rows is None:
+            return np.linalg.pinv(held, rcond=RANK_TOLERANCE) @ right
+        if rows.shape[1] < rows.shape[0]:
+            held, right = rows.T @ held, rows.T @ right
+        if held.shape[1] == held.shape[2]:
+            return np.linalg.solve(held, right)
+        turned = np.swapaxes(held, -1, -2)
+        return turned @ np.linalg.solve(held @ turned, right)
+
+    def _independent(self, held: Array) -> Array | None:
+        """Return a basis, (m, rank), of the rows that say something new; None if it changes with the pose.
+
+        A planar loop's third row says nothing anywhere; in an overconstrained loop such as Bennett's
+        every row counts, and which repeat others changes from pose to pose.
+        """
+        if self._basis is None:
             left, values, _ = np.linalg.svd(held[0])
-            rank = int((values > 1e-9 * values.max(initial=0.0)).sum())
-            self._basis = left[:, :rank]
-        rows = self._basis.T @ held
-        right = right @ self._basis
-        if rows.shape[1] == rows.shape[2]:
-            return np.linalg.solve(rows, right[..., None])[..., 0]
-        square = rows @ np.swapaxes(rows, -1, -2)
-        return (np.swapaxes(rows, -1, -2) @ np.linalg.solve(square, right[..., None]))[..., 0]
+            rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
+            self._basis = left[:, :rank], left[:, rank:]
+        rows, idle = self._basis
+        if idle.shape[1] and np.abs(idle.T @ held).max(initial=0.0) > RANK_TOLERANCE * np.abs(held).max():
+            return None
+        return rows
 
     def tangent(self, jacobian: Array) -> Array:
         """Return the rates of all freedoms per radian of the crank, (n, nv), that keep the loops closed."""
-        rates = np.zeros((len(jacobian), self.model.nv))
-        rates[:, self.crank] = 1.0
-        rates[:, self.free] = self.solve(jacobian, -jacobian[:, :, self.crank])
+        pull = -jacobian[:, :, [self.crank]]
+        rates = self.solve(jacobian, pull)
+        # least norm comes by normal equations, which square the condition; what they left undone mends that
+        rates += self.solve(jacobian, pull - jacobian[:, :, self.free] @ rates)
+        return self._spread(rates[..., 0], 1.0)
+
+    def newton(self, residual: Array, jacobian: Array) -> tuple[Array, Array]:
+        """Return the step that closes the linearised loops with the crank held, and the tangent; (n, nv) each."""
+        both = self.solve(jacobian, np.stack([-residual, -jacobian[:, :, self.crank]], -1))
+        step = both[..., 0]
+        # a turn of more than half a radian at once is beyond the linear model
+        longest = np.abs(step).max(1, initial=0.0, where=self._angular)
+        step *= (0.5 / np.maximum(0.5, longest))[:, None]
+        return self._spread(step, 0.0), self._spread(both[..., 1], 1.0)
+
+    def _spread(self, held: Array, crank: float) -> Array:
+        """Return rates of all freedoms from those of all but the crank."""
+        rates = np.empty((len(held), self.model.nv))
+        rates[:, self.crank], rates[:, self.free] = crank, held
         return rates
 
-    def close(self, qpos: Array, *, most_steps: int = 50) -> tuple[Array, Array, Array]:
-        """Close the loops of n states with their cranks held, by Newton's method.
+    def close(self, qpos: Array, *, most_steps: int = 50) -> Array:
+        """Return n states with their loops closed, their cranks held, by Newton's method.
 
         Args:
             qpos: rough states, (n, nq).
             most_steps: Newton steps before giving up.
 
-        Returns:
-            The closed states (n, nq); their worst openings in units of the size, (n,); and the
-            Jacobian (n, m, nv) at the last step, which is that of the closed states to rounding.
-
         Raises:
             AssemblyError: where a loop does not close.
         """
         qpos, before = qpos.copy(), np.inf
+        gap = np.full(len(qpos), np.inf)
         for _ in range(most_steps):
-            residual, jacobian = self.linearise(qpos)
+            residual, jacobian = self._look(qpos)
             gap = self.gap(residual)
             worst = gap.max(initial=0.0)
             # stop at rounding: below the bound, or no better than the step before
             if worst <= CLOSED or (worst < 1e-11 and worst >= 0.5 * before):
-                return qpos, gap, jacobian
+                return qpos
             before = worst
             try:
-                step = self.solve(jacobian, -residual)
+                step, _ = self.newton(residual, jacobian())
             except np.linalg.LinAlgError:
                 break
-            # a turn of more than half a radian at once is beyond the linear model
-            longest = np.abs(step).max(1, initial=0.0, where=self._angular[self.free])
-            step *= (0.5 / np.maximum(0.5, longest))[:, None]
-            full = np.zeros((len(qpos), self.model.nv))
-            full[:, self.free] = step
-            qpos = self.moved(qpos, full)
+            qpos = self.moved(qpos, step)
             if not np.isfinite(qpos).all():
                 break
         worst = int(np.argmax(gap))
         raise AssemblyError(
             f"{self.name}: the loops do not close at crank angle "
-            f"{qpos[worst, self.crank_place]:.6g} rad: a gap of {gap[worst]:.3g} of the longest link is left; "
-            "change the dimensions, the crank angle or the start"
+            f"{qpos[worst, self.crank_place]:.6g} rad: a gap of {gap[worst]:.3g} of the longest link "
+            "is left; change the dimensions, the crank angle or the start"
         )
-
-    @property
-    def _angular(self) -> NDArray[np.bool_]:
-        kinds = self.model.jnt_type[self.model.dof_jntid]
-        free = kinds == FREE
-        # of the six freedoms of a free joint the first three are lengths
-        order = np.arange(self.model.nv) - self.model.jnt_dofadr[self.model.dof_jntid]
-        return (kinds != SLIDE) & ~(free & (order < 3))
 
     def moved(self, qpos: Array, step: Array) -> Array:
         """Return states displaced by a step in the freedoms, (n, nq): mj_integratePos for many at once."""
         model, out = self.model, qpos.copy()
+        if len(out) == 1:
+            mujoco.mj_integratePos(model, out[0], step[0], 1.0)
+            return out
         for kind, place, dof in zip(model.jnt_type, model.jnt_qposadr, model.jnt_dofadr, strict=True):
             if kind in (HINGE, SLIDE):
                 out[:, place] += step[:, dof]
@@ -247,9 +309,27 @@ def _quaternion_turned(quaternion: Array, vector: Array) -> Array:
     return turned / np.sqrt((turned * turned).sum(1))[:, None]
 
 
+def _only_kinematics(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Return a copy of a model that computes places and no more than it must beside them."""
+    looking = copy.copy(model)
+    off = mujoco.mjtDisableBit
+    looking.opt.disableflags |= int(off.mjDSBL_CONSTRAINT | off.mjDSBL_CONTACT | off.mjDSBL_SENSOR)
+    return looking
+
+
+def _is_angle(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Say of each freedom whether it is an angle; of the six of a free joint the first three are lengths."""
+    kinds = model.jnt_type[model.dof_jntid]
+    order = np.arange(model.nv) - model.jnt_dofadr[model.dof_jntid]
+    return (kinds != SLIDE) & ~((kinds == FREE) & (order < 3))
+
+
 def _constraints(model: mujoco.MjModel) -> tuple[Sequence[PointPair], Sequence[Coupling]]:
-    pairs, couplings = [], []
+    pairs: list[PointPair] = []
+    couplings: list[Coupling] = []
     for i in range(model.neq):
+        if not model.eq_active0[i]:
+            continue
         first, second = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
         if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_CONNECT):
             pairs.append(_point_pair(model, i, first, second))

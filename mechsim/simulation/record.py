@@ -178,7 +178,7 @@ def _correction(
     change[:, loops.crank] = wanted - qacc[:, loops.crank]
     if opening:
         right = np.concatenate(opening, 1) + jacobian[:, :, loops.crank] * change[:, [loops.crank]]
-        change[:, loops.free] = loops.solve(jacobian, -right)
+        change[:, loops.free] = loops.solve(jacobian, -right[..., None])[..., 0]
     return change
 
 

@@ -169,7 +169,7 @@ class _Stage:
         self.model, self.track, self.profile, self.samples = model, track, profile, samples
         loops = Loops(model)
         first = profile.state(np.zeros(1))
-        begun, _, _ = loops.close(model.qpos0[None])
+        begun = loops.close(model.qpos0[None])
         self.qpos = pose.follow(loops, begun[0], first[0])
         _, jacobian = loops.linearise(self.qpos)
         self.qvel = loops.tangent(jacobian) * first[1][:, None]
@@ -257,7 +257,7 @@ class _Stage:
             return error, False
         # far from the right pose: in another one, or in none?
         try:
-            nearest, _, _ = loops.close(states.qpos)
+            nearest = loops.close(states.qpos)
         except AssemblyError:
             return error, False
         off = self._distance(loops, states.qpos, nearest)
