@@ -164,13 +164,13 @@ def _mesh_gears(spec: mujoco.MjSpec, mechanism: Mechanism, coordinates: Mapping[
         offset = gear.ratio * first + gear.phase - second
         offset -= 2.0 * np.pi * np.round(offset / (2.0 * np.pi))
         names = ["crank" if name == mechanism.driver else name for name in (gear.driven, gear.driver)]
-        spec.add_equality(
+        made = spec.add_equality(
             name=f"{gear.driver}-{gear.driven}",
             type=mujoco.mjtEq.mjEQ_JOINT,
             objtype=mujoco.mjtObj.mjOBJ_JOINT,
             name1=names[0],
             name2=names[1],
-            data=np.array([offset, gear.ratio] + [0.0] * (mujoco.mjNEQDATA - 2)),
             solref=(20 * spec.option.timestep, 1.0),
             solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
         )
+        made.data[:5] = offset, gear.ratio, 0.0, 0.0, 0.0
