@@ -411,8 +411,8 @@ class _Drawer:
         if not (grounded and parallel and gear.ratio < 0.0 and distance > 0.0):
             return
         fast = 1.0 / (1.0 + abs(gear.ratio))  # the driven gear's part of the distance
-        teeth = max(14, round(18 / abs(gear.ratio)))
-        counts = max(14, round(teeth * abs(gear.ratio))), teeth
+        teeth = max(18, round(18 / abs(gear.ratio)))
+        counts = max(18, round(teeth * abs(gear.ratio))), teeth
         angles = [_angle_in(joint.a, sign * across) for joint, sign in ((first, 1.0), (second, -1.0))]
         self._gear(first.b, distance * (1.0 - fast), counts[0], angles[0])
         # at driver angle zero a gap of the driven gear meets a tooth of the driver
@@ -429,8 +429,9 @@ class _Drawer:
         centre = np.asarray(end.point) + (low + 0.6 * self.r) * np.asarray(upright.axis)
         for angle in first + 2.0 * np.pi * np.arange(teeth) / teeth:
             out = end.frame @ np.array([np.cos(angle), np.sin(angle), 0.0])
-            ends = centre + (radius - 1.5 * depth) * out, centre + (radius + 0.8 * depth) * out
-            size = (0.42 * np.pi * radius / teeth, 0.6 * self.r)
+            ends = centre + (radius - 1.3 * depth) * out, centre + (radius + 0.8 * depth) * out
+            # a shade thinner than the disc, so that the faces do not fight where they overlap
+            size = (0.42 * np.pi * radius / teeth, 0.57 * self.r)
             self.out[end.link].append(Shape("box", *map(_vector, ends), size, colour, upright.axis))
 
 
@@ -510,7 +511,7 @@ def _across(direction: Array, axis: Array) -> Array:
 
 def _pale(colour: Rgba) -> Rgba:
     r, g, b, a = colour
-    return (0.45 + 0.55 * r, 0.45 + 0.55 * g, 0.45 + 0.55 * b, a)
+    return (0.62 + 0.38 * r, 0.62 + 0.38 * g, 0.62 + 0.38 * b, a)
 
 
 def _vector(point: ArrayLike, by: ArrayLike = 0.0) -> Vector:

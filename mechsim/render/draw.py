@@ -82,6 +82,7 @@ class Trace:
         self.fixed: list[Chain] = []
         for name, path in stage.track.paths.items():
             colour = np.array(colours[stage.mechanism.points[name][0]])
+            colour[:3] *= 0.9
             self.paths[name] = chain(path, self.width, colour)
             if name in look.projections:
                 thrown = [chain(stage.thrown(path, wall), self.width, colour) for wall in stage.walls]

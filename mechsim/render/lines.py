@@ -38,9 +38,9 @@ class Chain:
         for i in range(start, stop):
             geom = geoms[ngeom]
             mujoco.mjv_initGeom(geom, BOX, self.sizes[i], self.centres[i], self.frames[i], self.rgba)
-            # half their own light, so that a path reads the same in light and shade; decoration
+            # some light of their own, so that a path reads the same in light and shade; decoration
             # throws no shadow
-            geom.specular, geom.emission, geom.category = 0.0, 0.5, DECOR
+            geom.specular, geom.emission, geom.category = 0.0, 0.15, DECOR
             ngeom += 1
         scene.ngeom = ngeom
 
