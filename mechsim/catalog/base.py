@@ -108,8 +108,12 @@ class Drive(ABC):
         Raises:
             AssemblyError: where the loop cannot close; says over which part of the turn it can.
         """
-        motion = self._chunked(angles, 0.0, 0.0, "places")
-        return {name: point.position for name, point in motion.points.items()}
+        parts = self._parts(angles, 0.0, 0.0, "places")
+        names = parts[0].points
+        places = {name: np.concatenate([part.points[name].position for part in parts]) for name in names}
+        if not all(np.isfinite(place).all() for place in places.values()):
+            self._require_finite(join(parts))
+        return places
 
     def solve(
         self,
@@ -153,14 +157,20 @@ class Drive(ABC):
         """Return the crank angle of the guess in [rad]."""
         arcs = self.crank_range()
         if not arcs.arcs:
-            raise AssemblyError(
-                f"{self.name}: the loops close at no crank angle; change the dimensions so that the links reach"
-            )
+            raise AssemblyError(f"{self.name}: the loops close at no crank angle; change the dimensions")
         return arcs.start()
 
     def _chunked(
         self, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike, detail: Detail
     ) -> Motion:
+        motion = join(self._parts(angles, speed, acceleration, detail))
+        self._require_finite(motion)
+        return replace(motion, origin=self)
+
+    def _parts(
+        self, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike, detail: Detail
+    ) -> list[Motion]:
+        """Return the motion chunk by chunk, not yet judged: NaN where the loop does not close."""
         try:
             angles = np.atleast_1d(np.asarray(angles, dtype=np.float64))
         except (TypeError, ValueError):
@@ -174,9 +184,7 @@ class Drive(ABC):
         acceleration = _rate(self.name, "acceleration", acceleration, angles.shape)
         parts = [slice(start, start + CHUNK) for start in range(0, len(angles), CHUNK)]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            motion = join([self._motion(angles[i], speed[i], acceleration[i], detail) for i in parts])
-        self._require_finite(motion)
-        return replace(motion, origin=self)
+            return [self._motion(angles[i], speed[i], acceleration[i], detail) for i in parts]
 
     def _require_finite(self, motion: Motion) -> None:
         """Raise AssemblyError where a closed form gave no number."""

@@ -69,7 +69,7 @@ def errors_near_zero(distances: Array, drive: Rssr = LOOPER) -> tuple[Array, Arr
 
 
 def assemblies_over_a_turn(angles: Array, drive: Rssr = LOOPER) -> tuple[Array, Array]:
-    """Return the assembly, +1 or -1, in which each form lands with its sign +1: published, sound; (n,) each."""
+    """Return the assembly, +1 or -1, that W = +1 means in the published and in the sound form, (n,) each."""
     v1, axis, angle = question(drive, angles)
     normal = cross(v1, np.broadcast_to(axis, v1.shape))
     forms = (unit_at_angles_published, unit_at_angles)
