@@ -173,6 +173,8 @@ def error_plot(
             ax.semilogy(x, size, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], lw=1.2, label=label)
         if bound is not None:
             ax.axhline(bound, color="#b00020", lw=1.2, ls="--", label=f"bound {bound:.1e} {unit}")
+        # an error passes zero when it changes sign; following it there would flatten all the rest
+        ax.set_ylim(bottom=max(FLOOR, 1e-4 * min(peaks)) if (peaks := _peaks(errors)) else None)
         ax.set_ylabel(f"error [{unit}]")
         ax.set_title(title)
         _angle_axis(ax)
@@ -258,6 +260,13 @@ def _chosen(motion: Motion, points: Sequence[str] | None) -> list[str]:
     if not names:
         raise InputError("the motion has no tracked point to plot")
     return names
+
+
+def _peaks(errors: Mapping[str, ArrayLike]) -> list[float]:
+    """The largest finite error of each label that has one above the floor."""
+    sizes = (np.abs(np.asarray(values, dtype=np.float64)) for values in errors.values())
+    peaks = [float(np.max(size, where=np.isfinite(size), initial=0.0)) for size in sizes]
+    return [peak for peak in peaks if peak > FLOOR]
 
 
 def _degrees(motion: Motion) -> Array:
