@@ -81,6 +81,7 @@ class Motion:
         spinning: links whose spin about their own line nothing determines, so that their orientation
             means nothing.
         origin: what can solve it again at other crank angles; None where nothing can.
+        broken: why the motion ended before its time; empty where it did not.
     """
 
     source: Source
@@ -94,6 +95,7 @@ class Motion:
     closure: Array | None = None
     spinning: frozenset[str] = frozenset()
     origin: Solver | None = None
+    broken: str = ""
 
     def __len__(self) -> int:
         return len(self.angle)

@@ -43,7 +43,9 @@ def for_steps(place: float, stroke: float, speed: float) -> dict[str, Tolerance]
     return {
         "position": Tolerance(place, "m", asked),
         "velocity": Tolerance(
-            RATE_GAIN * place * speed, "m/s", f"{RATE_GAIN:.0f} x position bound x crank speed: the loop's swing"
+            RATE_GAIN * place * speed,
+            "m/s",
+            f"{RATE_GAIN:.0f} x position bound x crank speed: the loop's swing",
         ),
         "acceleration": Tolerance(
             PULL_GAIN * place * speed**2,
@@ -52,10 +54,16 @@ def for_steps(place: float, stroke: float, speed: float) -> dict[str, Tolerance]
         ),
         "angle": Tolerance(2.0 * angle, "rad", "position bound over the stroke, for levers half as long"),
         "way": Tolerance(place, "m", "position bound"),
-        "orientation": Tolerance(4.0 * angle, "rad", "position bound over the stroke, for levers a quarter as long"),
+        "orientation": Tolerance(
+            4.0 * angle, "rad", "position bound over the stroke, for levers a quarter as long"
+        ),
         "loop": Tolerance(10.0 * place, "m", "an open loop of this size moves a point by about the bound"),
-        "drive angle": Tolerance(1e-7, "rad", "does not enter the errors, which are taken at the angle reached"),
-        "drive speed": Tolerance(1e-8 * speed, "rad/s", "flywheel of 1e9 kg m2: no reaction changes its speed"),
+        "drive angle": Tolerance(
+            1e-7, "rad", "does not enter the errors, which are taken at the angle reached"
+        ),
+        "drive speed": Tolerance(
+            1e-8 * speed, "rad/s", "flywheel of 1e9 kg m2: no reaction changes its speed"
+        ),
     }
 
 
@@ -79,4 +87,22 @@ def for_poses(stroke: float, speed: float) -> dict[str, Tolerance]:
         "loop": Tolerance(tiny * stroke, "m", why),
         "drive angle": Tolerance(tiny * 10.0, "rad", "the crank is placed, not driven"),
         "drive speed": Tolerance(tiny * speed, "rad/s", "the crank is placed, not driven"),
+    }
+
+
+def for_differences(reach: float, speed: float) -> dict[str, Tolerance]:
+    """Return the bounds of rates where the analytic side is a function, differentiated by differences.
+
+    Args:
+        reach: largest coordinate of any point, in [m].
+        speed: largest crank speed, in [rad/s].
+    """
+    why = "eighth-order differences of the function given"
+    return {
+        "velocity": Tolerance(
+            1e-10 * reach * speed, "m/s", f"{why}: rounding 1e-13, harmonics up to the tenth"
+        ),
+        "acceleration": Tolerance(
+            1e-9 * reach * speed**2, "m/s2", f"{why}: rounding 1e-11, harmonics up to the tenth"
+        ),
     }

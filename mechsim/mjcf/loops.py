@@ -188,7 +188,7 @@ class Loops:
         return np.abs(residual * scale).max(1, initial=0.0)
 
     def solve(self, jacobian: Array, right: Array) -> Array:
-        """Return the least-norm x, (n, nv - 1, k), of J x = right, (n, m, k), in all freedoms but the crank."""
+        """Return the least-norm x (n, nv - 1, k) of J x = right (n, m, k) in all freedoms but the crank."""
         held = jacobian[:, :, self.free]
         rows = self._independent(held)
         if rows is None:
@@ -224,7 +224,7 @@ class Loops:
         return self._spread(rates[..., 0], 1.0)
 
     def newton(self, residual: Array, jacobian: Array) -> tuple[Array, Array]:
-        """Return the step that closes the linearised loops with the crank held, and the tangent; (n, nv) each."""
+        """Return the step that closes the linearised loops, the crank held, and the tangent; (n, nv) each."""
         both = self.solve(jacobian, np.stack([-residual, -jacobian[:, :, self.crank]], -1))
         step = both[..., 0]
         # a turn of more than half a radian at once is beyond the linear model

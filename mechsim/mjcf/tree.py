@@ -57,9 +57,14 @@ def cut_loops(mechanism: Mechanism, cut: tuple[str, ...] | None = None) -> Tree:
     for unknown in asked - {joint.name for joint in mechanism.joints}:
         known = ", ".join(joint.name for joint in mechanism.joints)
         raise InputError(f"{mechanism.name}: there is no joint {unknown!r} to cut; known are {known}")
+    # what is driven or geared must be a joint of the model
+    needed = {mechanism.driver, *(name for gear in mechanism.gears for name in (gear.driver, gear.driven))}
+    for name in sorted(asked & needed):
+        what = "driven" if name == mechanism.driver else "geared"
+        raise InputError(f"{mechanism.name}: joint {name!r} is {what} and cannot be cut; cut another")
     distance = _distance_from_crank(mechanism)
     for order, joint in enumerate(mechanism.joints):
-        held = UNCUTTABLE if joint.name == mechanism.driver else CUT_COST.get(joint.kind, UNCUTTABLE - 1)
+        held = UNCUTTABLE if joint.name in needed else CUT_COST.get(joint.kind, UNCUTTABLE - 1)
         cost = 0 if joint.name in asked else held
         far = min(distance[joint.a.link], distance[joint.b.link])
         # the most costly to cut stay in the tree; among equals the nearest to the crank
@@ -72,6 +77,11 @@ def cut_loops(mechanism: Mechanism, cut: tuple[str, ...] | None = None) -> Tree:
     kept = {key for _, _, key in nx.maximum_spanning_edges(graph, keys=True, data=False)}
     cuts = tuple(joint for joint in mechanism.joints if joint.name not in kept)
     for joint in cuts:
+        if joint.name in needed:
+            raise InputError(
+                f"{mechanism.name}: the loop through joint {joint.name!r} has only driven and geared joints; "
+                "have another joint in it"
+            )
         if joint.kind not in CUT_COST:
             raise InputError(
                 f"{mechanism.name}: a loop would have to be cut at {joint.kind} joint {joint.name!r}, which "
@@ -158,9 +168,7 @@ def is_planar(mechanism: Mechanism, tree: Tree) -> bool:
     normal: np.ndarray | None = None
     for branch in tree.branches:
         parent, local = poses[branch.parent.link], zero_pose(branch)
-        poses[branch.child.link] = Pose(
-            parent.point(tuple(local.position)), parent.rotation @ local.rotation
-        )
+        poses[branch.child.link] = Pose(parent.point(tuple(local.position)), parent.rotation @ local.rotation)
     joints = sorted(mechanism.joints, key=lambda joint: joint.kind != "revolute")
     for joint in joints:
         axis = poses[joint.a.link].rotation @ np.asarray(joint.a.axis)

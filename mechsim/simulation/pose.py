@@ -154,9 +154,7 @@ def _through(loops: Loops, knots: Array) -> Path:
     else:
         degree = min(7, len(knots) - 1)
         degree -= 1 - degree % 2
-        path = make_interp_spline(
-            knots[:, loops.crank_place], _same_sign_quaternions(loops, knots), k=degree
-        )
+        path = make_interp_spline(knots[:, loops.crank_place], _same_sign_quaternions(loops, knots), k=degree)
 
     def states(at: Array) -> Array:
         found = path(at)

@@ -1,5 +1,6 @@
 """States of a model to a Motion: places, rates and accelerations of one and the same instant."""
 
+import copy
 from dataclasses import dataclass
 
 import mujoco
@@ -8,13 +9,13 @@ from mujoco import batch
 from numpy.typing import NDArray
 
 from mechsim.mjcf import Loops
-from mechsim.mjcf.loops import HINGE, SLIDE
-from mechsim.motion import JointMotion, LinkMotion, Motion, PointMotion, Source
+from mechsim.mjcf.loops import HINGE, ONE_THREAD, SLIDE
+from mechsim.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join
 
 Array = NDArray[np.float64]
 
 # states evaluated in one go, so that a long run needs little memory
-CHUNK = 8192
+CHUNK = 2048
 RATES = {
     "linvel": mujoco.mjtSensor.mjSENS_FRAMELINVEL,
     "angvel": mujoco.mjtSensor.mjSENS_FRAMEANGVEL,
@@ -62,6 +63,11 @@ class States:
     qpos: Array
     qvel: Array
 
+    def at(self, first: int) -> "States":
+        """Return one chunk of them."""
+        part = slice(first, first + CHUNK)
+        return States(self.time[part], self.qpos[part], self.qvel[part])
+
 
 def evaluate(
     loops: Loops,
@@ -83,9 +89,31 @@ def evaluate(
             exactly. None reports what MuJoCo's own dynamics gives at the state.
         force: generalised force on the crank at each state, (n,) in [N m].
     """
-    model = _with_sensors(loops.model)
     n = len(states.time)
-    sims = batch.Batch(model, n)
+
+    def part(of: Array | None, i: int) -> Array | None:
+        return None if of is None else of[i : i + CHUNK]
+
+    return join(
+        [
+            _evaluated(loops, track, states.at(i), source, part(crank_acceleration, i), part(force, i))
+            for i in range(0, n, CHUNK)
+        ]
+    )
+
+
+def _evaluated(
+    loops: Loops,
+    track: Track,
+    states: States,
+    source: Source,
+    crank_acceleration: Array | None,
+    force: Array | None,
+) -> Motion:
+    # where the loops settle the accelerations, MuJoCo's soft constraints need not be solved first
+    model = _with_sensors(loops.model, constrained=crank_acceleration is None)
+    n = len(states.time)
+    sims = batch.Batch(model, n, *([1] if n <= ONE_THREAD else []))
     sims.bind("qpos")[:] = states.qpos
     sims.bind("qvel")[:] = states.qvel
     if force is not None:
@@ -94,8 +122,7 @@ def evaluate(
     fields = {name: sims.bind(name) for name in names}
     sims.forward()
     sensors = {
-        model.sensor(i).name: fields["sensordata"][:, adr : adr + 3]
-        for i, adr in enumerate(model.sensor_adr)
+        model.sensor(i).name: fields["sensordata"][:, adr : adr + 3] for i, adr in enumerate(model.sensor_adr)
     }
     gravity = np.asarray(model.opt.gravity)
     if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
@@ -121,8 +148,9 @@ def evaluate(
         for name in track.points
     }
     qacc = fields["qacc"].copy()
-    residual, jacobian = loops.linearise(states.qpos)
+    residual = loops.residual(states.qpos)
     if crank_acceleration is not None:
+        _, jacobian = loops.linearise(states.qpos)
         change = _correction(loops, jacobian, states, qacc, links, crank_acceleration)
         qacc += change
         links = {name: _moved_link(sims, model, name, link, change) for name, link in links.items()}
@@ -140,11 +168,11 @@ def evaluate(
     )
 
 
-def _with_sensors(model: mujoco.MjModel) -> mujoco.MjModel:
-    import copy
-
+def _with_sensors(model: mujoco.MjModel, *, constrained: bool) -> mujoco.MjModel:
     seeing = copy.copy(model)
     seeing.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+    if not constrained:
+        seeing.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     return seeing
 
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from mechsim import mjcf
 from mechsim.errors import AssemblyError, InputError
@@ -20,7 +20,7 @@ from mechsim.simulation import pose
 from mechsim.simulation.profile import Profile, constant
 from mechsim.simulation.record import States, Track, add_sensors, evaluate
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.step import Steps, step
+from mechsim.simulation.step import step
 
 Array = NDArray[np.float64]
 Method = Literal["step", "pose"]
@@ -31,6 +31,8 @@ Source = Mechanism | mujoco.MjSpec | str | os.PathLike[str]
 SAMPLES = 72
 # steps a turn of the trial run that finds how many a tolerance needs, and the most that are spent
 TRIAL_STEPS, MOST_STEPS = 100, 100_000
+# crank angles at which a profile is probed beforehand
+PROBES = 64
 # the settings err as a power of the step (measured in validation/tradeoff/constraint_settings.py)
 ORDER = 4
 
@@ -67,11 +69,11 @@ class Run:
         return {
             "outcome": self.outcome,
             "tolerance": self.tolerance,
-            "estimate": self.estimate,
+            "estimate": self.estimate if np.isfinite(self.estimate) else None,
             "steps": self.steps,
             "seconds": self.seconds,
             "method": self.method,
-            "settings": {} if self.settings is None else self.settings.as_dict() | {"timestep": self.timestep},
+            "settings": self.settings.as_dict() | {"timestep": self.timestep} if self.settings else {},
         }
 
 
@@ -157,6 +159,8 @@ def _prepared(source: Source, scene: Scene | None) -> tuple[mujoco.MjModel, Trac
     spec = load(source, scene)
     sites = [site.name for site in spec.sites if site.name and "@" not in site.name]
     points = tuple(source.points) if isinstance(source, Mechanism) else tuple(sites)
+    if not points:
+        raise InputError("the model has no point to track; put a named site at each point of interest")
     track = add_sensors(spec, points)
     model = spec.compile()
     return model, track, float(model.qpos0[Loops(model).crank_place])
@@ -168,12 +172,12 @@ class _Stage:
     def __init__(self, model: mujoco.MjModel, track: Track, profile: Profile, samples: int | None):
         self.model, self.track, self.profile, self.samples = model, track, profile, samples
         loops = Loops(model)
-        first = profile.state(np.zeros(1))
-        begun = loops.close(model.qpos0[None])
-        self.qpos = pose.follow(loops, begun[0], first[0])
+        self.begun = loops.close(model.qpos0[None])[0]
+        angle, speed, _ = profile.state(np.linspace(0.0, profile.duration, PROBES))
+        # all the way, so that a crank that cannot go there is refused before anything is stepped
+        self.qpos = pose.follow(loops, self.begun, angle)[:1]
         _, jacobian = loops.linearise(self.qpos)
-        self.qvel = loops.tangent(jacobian) * first[1][:, None]
-        self.begun = begun[0]
+        self.qvel = loops.tangent(jacobian) * speed[:1, None]
 
     def solved(self, tolerance: float | None) -> Run:
         """Return the motion with every pose solved by itself."""
@@ -208,13 +212,14 @@ class _Stage:
         total, stride = self._paced(settings)
         steps = step(loops, settings, self.profile, (self.qpos[0], self.qvel[0]), total, stride)
         motion = evaluate(loops, self.track, steps.states, "step", force=steps.force)
-        estimate, elsewhere = self._error(steps)
+        estimate, elsewhere = self._error(steps.states, motion)
         outcome: Outcome = "met"
         if steps.diverged:
-            outcome = "diverged"
+            outcome, estimate = "diverged", np.inf
+            motion = replace(motion, broken=f"MuJoCo's state went bad after {steps.states.time[-1]:.6g} s")
         elif elsewhere:
             outcome = "changed assembly"
-        elif tolerance is not None and not estimate <= tolerance:
+        elif not estimate <= (np.inf if tolerance is None else tolerance):
             outcome = "missed"
         return Run(
             motion=motion,
@@ -237,22 +242,31 @@ class _Stage:
         return stride * self.samples, stride
 
     def chosen(self, settings: Settings, tolerance: float) -> Settings:
-        """Return settings with the steps a turn that a tolerance needs, by a trial of one turn at most."""
-        trial = replace(settings, steps_per_turn=TRIAL_STEPS)
-        estimate = self.stepped(trial, None).estimate
+        """Return settings with the steps a turn that a tolerance needs, by a coarse trial."""
+        estimate = self._trial().stepped(replace(settings, steps_per_turn=TRIAL_STEPS), None).estimate
+        if not np.isfinite(estimate):
+            return settings
         # half the tolerance for what the trial does not see
         wanted = TRIAL_STEPS * (2.0 * estimate / tolerance) ** (1.0 / ORDER)
         return replace(settings, steps_per_turn=int(np.clip(np.ceil(wanted), 24, MOST_STEPS)))
 
-    def _error(self, steps: Steps) -> tuple[float, bool]:
-        """Return the worst distance of any tracked point from the solved pose, and whether the run is in another assembly."""
-        loops, states = Loops(self.model), steps.states
+    def _trial(self) -> "_Stage":
+        """Return the stage of a trial: one turn is enough where the speed is steady."""
+        if not self.profile.steady or self.profile.turns <= 1.0:
+            return self
+        (start,), (speed,), _ = self.profile.state(np.zeros(1))
+        return _Stage(self.model, self.track, constant(float(speed), 1.0, float(start)), None)
+
+    def _error(self, states: States, motion: Motion) -> tuple[float, bool]:
+        """Return the points' worst distance from the solved poses; whether another assembly explains it."""
+        loops = Loops(self.model)
+        stepped = np.stack([point.position for point in motion.points.values()], 1)
         try:
             true = pose.follow(loops, self.begun, states.qpos[:, loops.crank_place])
         except AssemblyError:
-            # the crank was driven beyond a dead centre: no pose is right there
+            # the crank came to rest on a dead centre, or beyond: no pose is right there
             return float("inf"), False
-        error = self._distance(loops, states.qpos, true)
+        error = self._distance(loops, stepped, true)
         if not error > 1e-4 * loops.size:
             return error, False
         # far from the right pose: in another one, or in none?
@@ -260,12 +274,11 @@ class _Stage:
             nearest = loops.close(states.qpos)
         except AssemblyError:
             return error, False
-        off = self._distance(loops, states.qpos, nearest)
-        return error, off < 0.1 * error
+        return error, self._distance(loops, stepped, nearest) < 0.1 * error
 
-    def _distance(self, loops: Loops, first: Array, second: Array) -> float:
-        places = [loops.sites(states)[:, self._sites] for states in (first, second)]
-        gaps = np.sqrt(((places[0] - places[1]) ** 2).sum(-1))
+    def _distance(self, loops: Loops, stepped: Array, states: Array) -> float:
+        """Return the largest distance of points (n, k, 3) from where states put them."""
+        gaps = np.sqrt(((stepped - loops.sites(states)[:, self._sites]) ** 2).sum(-1))
         return float(gaps.max(initial=0.0)) if np.isfinite(gaps).all() else float("inf")
 
     @property

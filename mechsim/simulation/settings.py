@@ -46,7 +46,9 @@ class Settings:
 
     def __post_init__(self) -> None:
         if self.integrator not in INTEGRATORS:
-            raise InputError(f"there is no integrator {self.integrator!r}; known are {', '.join(INTEGRATORS)}")
+            raise InputError(
+                f"there is no integrator {self.integrator!r}; known are {', '.join(INTEGRATORS)}"
+            )
         if not self.steps_per_turn >= 4:
             raise InputError(
                 f"{self.steps_per_turn} steps a turn is a step of a quarter turn or more; take at least 4"

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 # steps in one call into C: long enough that the call costs nothing, short enough for memory
 BLOCK = 4096
+TIME = int(mujoco.mjtState.mjSTATE_TIME)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,14 +64,11 @@ def step(
     model = loops.model
     sims = batch.Batch(model, 1, 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = start
-    recorded = [(start[0][None], start[1][None])]
-    taken = [np.zeros(1, dtype=np.int64)]
+    records = [(np.zeros(1, dtype=np.int64), start[0][None], start[1][None])]
     torque = None if profile.steady else _torque(profile, settings.flywheel, timestep, total)
-    # whole strides to a block, so that the last step of each stride is at a known place
-    block = max(stride, BLOCK - BLOCK % stride)
     done, spent, diverged = 0, 0.0, False
     while done < total and not diverged:
-        count = min(block, total - done)
+        count = min(BLOCK, total - done)
         control = None
         if torque is not None:
             control = np.zeros((1, count, model.nv))
@@ -80,23 +78,20 @@ def step(
             count,
             control=control,
             control_spec=int(mujoco.mjtState.mjSTATE_QFRC_APPLIED),
-            record=("qpos", "qvel"),
+            record=("qpos", "qvel", TIME),
         )
         spent += clock.perf_counter() - begin
-        # blocks are whole strides, so that only the last step of all can lie off the stride
-        kept = np.unique(np.append(np.arange(stride - 1, count, stride), count - 1))
-        qpos, qvel = out["qpos"][0, kept], out["qvel"][0, kept]
-        taken.append(done + 1 + kept)
+        number = np.arange(done + 1, done + count + 1)
+        kept = np.flatnonzero((number % stride == 0) | (number == total))
+        number, (qpos, qvel, time) = number[kept], (values[0, kept] for values in out.values())
+        # MuJoCo sets a bad state back to time zero
+        good = np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1) & (time[:, 0] > timestep * (number - 0.5))
+        records.append((number[good], qpos[good], qvel[good]))
+        diverged = bool(not good.all() or sims.warning[..., 1].any())
         done += count
-        bad = ~(np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1))
-        diverged = bool(bad.any() or sims.warning[..., 1].any())
-        good = slice(0, int(np.argmax(bad)) if bad.any() else len(qpos))
-        recorded.append((qpos[good], qvel[good]))
-        taken[-1] = taken[-1][good]
-    at = np.concatenate(taken)
-    states = States(timestep * at, *(np.concatenate(parts) for parts in zip(*recorded, strict=True)))
+    at, qpos, qvel = (np.concatenate(parts) for parts in zip(*records, strict=True))
     force = None if torque is None else torque[np.minimum(at, total - 1)]
-    return Steps(states, force, done, spent, timestep, diverged)
+    return Steps(States(timestep * at, qpos, qvel), force, done, spent, timestep, diverged)
 
 
 def _torque(profile: Profile, flywheel: float, timestep: float, steps: int) -> Array:
