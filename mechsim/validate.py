@@ -95,7 +95,9 @@ def validate(drive: Drive, *, speed: float = 20.0 * np.pi) -> Case:
     if run.outcome == "diverged":
         verdicts[2] = ("step", Verdict("diverged", (), "MuJoCo warned of a bad state"))
     checks = tuple(
-        replace(check, quantity=f"{road}: {check.quantity}") for road, verdict in verdicts for check in verdict.checks
+        replace(check, quantity=f"{road}: {check.quantity}")
+        for road, verdict in verdicts
+        for check in verdict.checks
     )
     outcome, reason = _worst(verdicts)
     return Case(
@@ -149,8 +151,15 @@ def _against_loops(drive: Drive, exact: Motion) -> Verdict:
     longest = mechanism.size
     loops = closure.rates(mechanism, poses, exact.angle, exact.speed, exact.acceleration)
     checks = [
-        _check("loop residual", open_by, exact.angle, Tolerance(8 * EPS * longest, "m", "8 ulp of the longest link")),
-        _check("axes and gears", turned_by, exact.angle, Tolerance(32 * EPS, "rad", "8 ulp of a turn of 4 rad")),
+        _check(
+            "loop residual",
+            open_by,
+            exact.angle,
+            Tolerance(8 * EPS * longest, "m", "8 ulp of the longest link"),
+        ),
+        _check(
+            "axes and gears", turned_by, exact.angle, Tolerance(32 * EPS, "rad", "8 ulp of a turn of 4 rad")
+        ),
     ]
     speed, stroke = float(np.abs(exact.speed).max()), _stroke(exact)
     for kind, unit, power in (("velocity", "m/s", 1), ("acceleration", "m/s2", 2)):
@@ -168,7 +177,9 @@ def _against_loops(drive: Drive, exact: Motion) -> Verdict:
 def _check(quantity: str, error: Array, angle: Array, tolerance: Tolerance) -> Check:
     at = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
     rms = float(np.sqrt(np.mean(error**2)))
-    return Check(quantity, tolerance.unit, float(error[at]), float(angle[at]), rms, tolerance.bound, tolerance.why)
+    return Check(
+        quantity, tolerance.unit, float(error[at]), float(angle[at]), rms, tolerance.bound, tolerance.why
+    )
 
 
 def validate_all(

@@ -25,9 +25,7 @@ Call = Callable[..., Answer]
 
 
 @pytest.fixture
-def mechsim(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> Call:
+def mechsim(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Call:
     monkeypatch.chdir(tmp_path)
 
     def call(*words: str) -> Answer:

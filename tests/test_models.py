@@ -24,7 +24,16 @@ def test_the_model_is_what_the_generator_writes_today(name: str) -> None:
     assert [made.body(i).name for i in range(made.nbody)] == [
         written.body(i).name for i in range(written.nbody)
     ]
-    for field in ("body_pos", "body_quat", "jnt_pos", "jnt_axis", "qpos0", "site_pos", "eq_data", "body_inertia"):
+    for field in (
+        "body_pos",
+        "body_quat",
+        "jnt_pos",
+        "jnt_axis",
+        "qpos0",
+        "site_pos",
+        "eq_data",
+        "body_inertia",
+    ):
         # assembly ends at rounding, which may differ by a few ulp from one processor to the next
         np.testing.assert_allclose(getattr(written, field), getattr(made, field), rtol=1e-12, atol=1e-15)
 

@@ -39,7 +39,7 @@ class Rssr(TwoBranchDrive):
     pivot: tuple[float, float, float] = place((0.043, -0.010, -0.024), "rocker pivot P4")
     gamma1: float = angle(np.deg2rad(20.0), "turn of the rocker axis about Y")
     gamma2: float = angle(np.deg2rad(30.0), "turn of the rocker axis about the turned X")
-    branch: Sign = choice(1, (1, -1), "assembly: sign of P4P3 . (P4P2 x axis)")
+    branch: Sign = choice(-1, (1, -1), "assembly: sign of P4P3 . (P4P2 x axis)")
     guide: bool = choice(False, (False, True), "whether a guide stops the coupler's spin")
     psi1: float = angle(np.pi / 2, "turn of the pin about Z")
     psi2: float = angle(0.0, "turn of the pin about X")

@@ -113,7 +113,9 @@ def solve(
 
 
 def export(
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="A mechanism of the catalogue.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help="A mechanism of the catalogue.")
+    ] = None,
     every: Annotated[
         str | None, typer.Option("--all", metavar="DIR", help="Export every mechanism into this folder.")
     ] = None,

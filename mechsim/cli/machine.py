@@ -1,5 +1,7 @@
 """Command about this machine: doctor."""
 
+from typing import Any
+
 import typer
 
 from mechsim.cli.options import Json
@@ -16,7 +18,11 @@ def doctor(as_json: Json = False) -> None:
         return
     print_table("Versions", ("what", "version"), found["versions"].items())
     rows = [
-        (row["name"], row["driver"] if row["works"] else "does not work", "software" if row["software"] else "")
+        (
+            row["name"],
+            row["driver"] if row["works"] else "does not work",
+            "software" if row["software"] else "",
+        )
         for row in found["opengl"]
     ]
     print_table("OpenGL without a screen", ("back end", "driver", ""), rows)
@@ -24,7 +30,7 @@ def doctor(as_json: Json = False) -> None:
     typer.echo(f"to mend what is missing: {found['remedy']}" if found["remedy"] else "nothing is missing")
 
 
-def examine() -> dict[str, object]:
+def examine() -> dict[str, Any]:
     """Return what this machine has, as plain data."""
     import platform
     from importlib import metadata

@@ -10,7 +10,9 @@ if TYPE_CHECKING:
     from mechsim.catalog.base import Drive
     from mechsim.scene import Scene
 
-Name = Annotated[str, typer.Argument(metavar="NAME", help="A mechanism of the catalogue; see `mechsim list`.")]
+Name = Annotated[
+    str, typer.Argument(metavar="NAME", help="A mechanism of the catalogue; see `mechsim list`.")
+]
 Sets = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="Change a parameter: crank=13mm, pivot=43,-10,-24mm."),
@@ -33,7 +35,9 @@ def drive_of(name: str, sets: list[str] | None) -> "Drive":
         if not equals:
             raise InputError(f"--set {text!r} has no '='; write --set name=value, as in --set crank=13mm")
         if parameter not in fields:
-            raise InputError(f"{name} has no parameter {parameter!r}{catalog.nearest(parameter, list(fields))}")
+            raise InputError(
+                f"{name} has no parameter {parameter!r}{catalog.nearest(parameter, list(fields))}"
+            )
         values[parameter] = _value(name, fields[parameter], parameter, value.strip())
     return catalog.make(name, **values)
 
@@ -55,7 +59,9 @@ def _value(mechanism: str, field: Any, parameter: str, text: str) -> Any:
     if isinstance(field.default, tuple):
         values = units.parse_vector(text, unit, what)
         if len(values) != len(field.default):
-            raise InputError(f"{what} is {text!r}, {len(values)} numbers; give {len(field.default)}, with commas")
+            raise InputError(
+                f"{what} is {text!r}, {len(values)} numbers; give {len(field.default)}, with commas"
+            )
         return values
     value = units.parse(text, unit, what)
     if isinstance(field.default, int):
@@ -95,7 +101,9 @@ def writable(path: str, *extensions: str) -> "Path":
         raise InputError(f"{path!r} ends in {place.suffix or 'nothing'}; known are {', '.join(extensions)}")
     folder = place.parent
     if not folder.is_dir() or not os.access(folder, os.W_OK):
-        raise OutputError(f"cannot write {path!r}: {str(folder)!r} is no folder that can be written; make it first")
+        raise OutputError(
+            f"cannot write {path!r}: {str(folder)!r} is no folder that can be written; make it first"
+        )
     if place.is_dir():
         raise OutputError(f"cannot write {path!r}: it is a folder; give a file name")
     return place

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 from typing import Any, Protocol
 
@@ -50,11 +50,15 @@ class Tick(Protocol):
         ...
 
 
+def _nothing(what: str = "") -> None:
+    pass
+
+
 @contextmanager
-def progress(what: str, total: int, *, quiet: bool = False) -> Iterator[Tick]:
+def progress(what: str, total: int, *, quiet: bool = False) -> Generator[Tick]:
     """Show on stderr how far long work has come."""
     if quiet:
-        yield lambda what="": None
+        yield _nothing
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -62,4 +66,8 @@ def progress(what: str, total: int, *, quiet: bool = False) -> Iterator[Tick]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=total)
-        yield lambda what="": bar.update(task, advance=1, **({"description": what} if what else {}))
+
+        def tick(done: str = "") -> None:
+            bar.update(task, advance=1, description=done or what)
+
+        yield tick

@@ -1,11 +1,10 @@
 """Commands that draw: render, plot."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from mechsim.cli.options import Name, Sets, Speed, drive_of, speed_of, writable
-from mechsim.cli.output import progress
 
 if TYPE_CHECKING:
     from mechsim.catalog.base import Drive
@@ -26,7 +25,9 @@ def render(
     frames_per_turn: Annotated[int, typer.Option(help="Frames in a turn; 36 stand 10 degrees apart.")] = 72,
     size: Annotated[str, typer.Option(help="Pixels, width x height.")] = "960x720",
     camera: Annotated[str, typer.Option(help="iso, shaft, top or side.")] = "iso",
-    backend: Annotated[str | None, typer.Option(help="egl or osmesa; the first that works if left out.")] = None,
+    backend: Annotated[
+        str | None, typer.Option(help="egl or osmesa; the first that works if left out.")
+    ] = None,
     paths: Annotated[bool, typer.Option(help="Draw the paths of tracked points.")] = True,
     labels: Annotated[bool, typer.Option(help="Write the names of tracked points.")] = True,
     project: Annotated[
@@ -46,7 +47,9 @@ def render(
     picture = Path(output).suffix == ".png"
     place = writable(output, ".png", ".mp4", ".webm", ".gif", "")
     if positions > 1 and not picture:
-        raise InputError(f"{positions} positions over one another make a still picture; write it to a .png file")
+        raise InputError(
+            f"{positions} positions over one another make a still picture; write it to a .png file"
+        )
     at = None if angle is None else units.parse_angle(angle, "the crank angle")
     look = {
         "size": _size(size),
@@ -67,17 +70,15 @@ def render(
         return
     whole = abs(turns - round(turns)) < 1e-9 and drive.crank_range().full
     shown = motion.angle[:-1] if whole else motion.angle
-    with progress("frames", len(shown)) as tick:
-        count = write_video(
-            place,
-            drive.mechanism,
-            motion,
-            fps=fps,
-            angles=shown,
-            paths="tail" if paths and whole else paths,
-            done=tick,
-            **look,
-        )
+    count = write_video(
+        place,
+        drive.mechanism,
+        motion,
+        fps=fps,
+        angles=shown,
+        paths="tail" if paths and whole else paths,
+        **look,
+    )
     typer.echo(f"wrote {count} frames to {output}")
 
 
@@ -95,7 +96,9 @@ def motion_of(drive: "Drive", road: str, speed: float, turns: float, count: int)
     if road not in ("closed", "simulated"):
         raise InputError(f"there is no road {road!r}; known are closed, simulated")
     if not (turns != 0.0 and abs(turns) < 1e4) or count < 1:
-        raise InputError(f"{turns} turns with {count} frames each; give turns other than 0 and frames above 0")
+        raise InputError(
+            f"{turns} turns with {count} frames each; give turns other than 0 and frames above 0"
+        )
     profile = crank_profile(drive, speed if turns > 0 else -speed, abs(turns))
     samples = max(1, round(abs(turns) * count))
     if road == "simulated":
@@ -113,5 +116,71 @@ def _size(text: str) -> tuple[int, int]:
     return int(parts[0]), int(parts[1])
 
 
-def plot(name: Name, sets: Sets = None) -> None:
-    """Plot."""
+def plot(
+    name: Name,
+    output: File,
+    kind: Annotated[str, typer.Option(help="motion, curve, transmission, error or plan.")] = "motion",
+    points: Annotated[str | None, typer.Option(help="Tracked points, with commas; all if left out.")] = None,
+    road: Road = "closed",
+    speed: Speed = "600rpm",
+    angle: Annotated[str, typer.Option(help="Crank angle of a velocity plan.")] = "0deg",
+    stopped: Annotated[
+        str, typer.Option(help="Crank stopped in a velocity plan: crank1 or crank2.")
+    ] = "crank2",
+    sets: Sets = None,
+) -> None:
+    """Plot motions, coupler curves, transmission angle, errors or velocity plans: .svg, .pdf or .png."""
+    from mechsim import plots, units
+    from mechsim.errors import InputError
+
+    form = plots.form_of(output)
+    place = writable(output)
+    drive, asked = drive_of(name, sets), speed_of(speed)
+    chosen = points.split(",") if points else None
+    if kind == "motion":
+        drawing = plots.motion_plot(motion_of(drive, road, asked, 1.0, 360), chosen, form=form)
+    elif kind == "curve":
+        motion = motion_of(drive, road, asked, 1.0, 360)
+        drawing = plots.coupler_curve(drive.mechanism, motion, chosen, form=form)
+    elif kind == "transmission":
+        angles = motion_of(drive, "closed", asked, 1.0, 360).angle
+        drawing = plots.transmission_plot(angles, drive.transmission_angle(angles), form=form)
+    elif kind == "error":
+        motion = motion_of(drive, "simulated", asked, 1.0, 180)
+        exact = drive.solve(motion.angle, motion.speed, motion.acceleration)
+        drawing = plots.error_plot(motion.angle, errors_of(motion, exact), unit="m", form=form)
+    elif kind == "plan":
+        drawing = _plan(drive, units.parse_angle(angle, "the crank angle"), asked, stopped, form)
+    else:
+        raise InputError(f"there is no plot {kind!r}; known are motion, curve, transmission, error, plan")
+    plots.write(place, drawing)
+    typer.echo(f"wrote {output}")
+
+
+def errors_of(motion: "Motion", exact: "Motion") -> "dict[str, Any]":
+    """Return the distance of each tracked point from where it should be, point -> (n,) in [m]."""
+    import numpy as np
+
+    return {
+        name: np.sqrt(((motion.points[name].position - point.position) ** 2).sum(1))
+        for name, point in exact.points.items()
+    }
+
+
+def _plan(drive: "Drive", angle: float, speed: float, stopped: str, form: Any) -> bytes:
+    import math
+
+    from mechsim import plots
+    from mechsim.catalog.warp_knitter import WarpKnitter
+    from mechsim.errors import InputError
+    from mechsim.velocity_plan import velocity_plan
+
+    if not isinstance(drive, WarpKnitter):
+        raise InputError(f"{drive.name} has no velocity plan with a crank stopped; warp_knitter has")
+    both = velocity_plan(drive, angle, speed)
+    plans = {"crank2": both.crank2_stopped, "crank1": both.crank1_stopped}
+    if stopped not in plans:
+        raise InputError(f"there is no crank {stopped!r} to stop; known are crank1, crank2")
+    plan = plans[stopped]
+    title = f"{stopped} stopped, crank angle {math.degrees(angle):g} deg, {plan.scale:.4g} m/s per unit"
+    return plots.velocity_plan_plot(plan, title, form=form)

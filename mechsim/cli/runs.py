@@ -24,9 +24,15 @@ def simulate(
     integrator: Annotated[
         str | None, typer.Option(help="Euler, implicitfast, implicit, RK4 or discrete.")
     ] = None,
-    solref: Annotated[str | None, typer.Option(help="Two numbers with a comma, as MuJoCo takes them.")] = None,
-    solimp: Annotated[str | None, typer.Option(help="Two to five numbers with commas, as MuJoCo takes them.")] = None,
-    hardness: Annotated[float | None, typer.Option(help="Factor on constraint softness; 1 is MuJoCo's own.")] = None,
+    solref: Annotated[
+        str | None, typer.Option(help="Two numbers with a comma, as MuJoCo takes them.")
+    ] = None,
+    solimp: Annotated[
+        str | None, typer.Option(help="Two to five numbers with commas, as MuJoCo takes them.")
+    ] = None,
+    hardness: Annotated[
+        float | None, typer.Option(help="Factor on constraint softness; 1 is MuJoCo's own.")
+    ] = None,
     method: Annotated[str, typer.Option(help="step in time, or solve each pose by itself.")] = "step",
     profile: Annotated[
         str | None, typer.Option(metavar="FILE", help="Crank angle over time: .csv or .npz with time, angle.")
@@ -74,7 +80,9 @@ def simulate(
     else:
         bound = "" if run.tolerance is None else f" (bound {run.tolerance:.3g} m)"
         typer.echo(f"{run.outcome}: places within {run.estimate:.3g} m of the solved poses{bound}")
-        typer.echo(f"{run.steps} {'poses' if run.method == 'pose' else 'steps'} in {run.seconds:.4g} s, by {run.method}")
+        typer.echo(
+            f"{run.steps} {'poses' if run.method == 'pose' else 'steps'} in {run.seconds:.4g} s, by {run.method}"
+        )
         if place is not None:
             typer.echo(f"wrote {len(run.motion)} rows to {output}")
     raise typer.Exit(0 if run.outcome == "met" else 1)
@@ -99,7 +107,9 @@ def _profile(path: str) -> "Profile":
     table = tables.read(path)
     missing = [column for column in ("time", "angle") if column not in table]
     if missing:
-        raise InputError(f"{path!r} has no column {', '.join(missing)} (it has {', '.join(table)}); name them so")
+        raise InputError(
+            f"{path!r} has no column {', '.join(missing)} (it has {', '.join(table)}); name them so"
+        )
     return simulation.table(table["time"], table["angle"])
 
 
@@ -146,7 +156,9 @@ def _numbers(name: str, text: str, least: int, most: int) -> tuple[float, ...]:
 
 
 def validate(
-    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Mechanisms; none means all.")] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME]...", help="Mechanisms; none means all.")
+    ] = None,
     report: Annotated[
         str | None, typer.Option(metavar="DIR", help="Write plots, pictures, videos and a page here.")
     ] = None,
@@ -178,7 +190,7 @@ def validate(
     except AssemblyError:
         if as_json:
             lost = {"passed": False, "outcome": "cannot assemble", "checks": [], "steps": 0, "seconds": 0.0}
-            print_json({"passed": False, "mechanisms": {name: lost for name in names}})
+            print_json({"passed": False, "mechanisms": dict.fromkeys(names, lost)})
         raise
     passed = all(case.passed for case in cases.values())
     results = {"passed": passed, "mechanisms": {name: case.as_dict() for name, case in cases.items()}}
