@@ -100,6 +100,11 @@ class Motion:
     def __len__(self) -> int:
         return len(self.angle)
 
+    def place_errors(self, other: "Motion") -> dict[str, Array]:
+        """Return how far each tracked point is from another motion's at the same instants, (n,) in [m]."""
+        gaps = {name: self.points[name].position - point.position for name, point in other.points.items()}
+        return {name: np.sqrt((gap**2).sum(1)) for name, gap in gaps.items()}
+
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield this motion as columns of a table: time, angle, P.x ..., P.vx ..., P.ax ..., in SI."""
         if self.time is not None:

@@ -32,7 +32,7 @@ def show(
 ) -> None:
     """Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups."""
     from mechsim import units
-    from mechsim.cli.facts import facts
+    from mechsim.facts import facts
 
     drive = drive_of(name, sets)
     at = None if angle is None else units.parse_angle(angle, "the crank angle")

@@ -7,8 +7,6 @@ import typer
 from mechsim.cli.options import Json
 from mechsim.cli.output import print_json, print_table
 
-LIBRARIES = ("mujoco", "numpy", "scipy", "mediapy", "matplotlib", "imageio-ffmpeg")
-
 
 def doctor(as_json: Json = False) -> None:
     """Say what this machine has: OpenGL back ends, ffmpeg, versions, and what mends what is missing."""
@@ -33,15 +31,12 @@ def doctor(as_json: Json = False) -> None:
 def examine() -> dict[str, Any]:
     """Return what this machine has, as plain data."""
     import platform
-    from importlib import metadata
 
-    from mechsim._version import __version__
     from mechsim.errors import MissingToolError
     from mechsim.render import describe_backend, find_ffmpeg
+    from mechsim.report import versions
 
-    versions = {"mechsim": __version__, "python": platform.python_version(), "machine": platform.platform()}
-    for library in LIBRARIES:
-        versions[library] = metadata.version(library)
+    found = versions() | {"machine": platform.platform()}
     backends = describe_backend()
     remedies: list[str] = []
     if not any(row["works"] for row in backends):
@@ -52,4 +47,4 @@ def examine() -> dict[str, Any]:
     except MissingToolError:
         ffmpeg = None
         remedies.append("pip install imageio-ffmpeg")
-    return {"versions": versions, "opengl": backends, "ffmpeg": ffmpeg, "remedy": " && ".join(remedies)}
+    return {"versions": found, "opengl": backends, "ffmpeg": ffmpeg, "remedy": " && ".join(remedies)}

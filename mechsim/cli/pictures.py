@@ -148,23 +148,13 @@ def plot(
     elif kind == "error":
         motion = motion_of(drive, "simulated", asked, 1.0, 180)
         exact = drive.solve(motion.angle, motion.speed, motion.acceleration)
-        drawing = plots.error_plot(motion.angle, errors_of(motion, exact), unit="m", form=form)
+        drawing = plots.error_plot(motion.angle, motion.place_errors(exact), unit="m", form=form)
     elif kind == "plan":
         drawing = _plan(drive, units.parse_angle(angle, "the crank angle"), asked, stopped, form)
     else:
         raise InputError(f"there is no plot {kind!r}; known are motion, curve, transmission, error, plan")
     plots.write(place, drawing)
     typer.echo(f"wrote {output}")
-
-
-def errors_of(motion: "Motion", exact: "Motion") -> "dict[str, Any]":
-    """Return the distance of each tracked point from where it should be, point -> (n,) in [m]."""
-    import numpy as np
-
-    return {
-        name: np.sqrt(((motion.points[name].position - point.position) ** 2).sum(1))
-        for name, point in exact.points.items()
-    }
 
 
 def _plan(drive: "Drive", angle: float, speed: float, stopped: str, form: Any) -> bytes:

@@ -195,9 +195,10 @@ def validate(
     passed = all(case.passed for case in cases.values())
     results = {"passed": passed, "mechanisms": {name: case.as_dict() for name, case in cases.items()}}
     if folder is not None:
-        from mechsim.pages import write_pages
+        from mechsim.validation_report import write_validation_report
 
-        notes = write_pages(folder, cases, results)
+        with progress("draw", len(cases)) as tick:
+            notes = write_validation_report(folder, cases, results, done=tick)
         for note in notes:
             typer.echo(note, err=True)
     if as_json:
