@@ -21,10 +21,10 @@ Complex = NDArray[np.complex128]
 
 # the theorem wants at most 1/2; what is kept back keeps Newton's method quick
 KANTOROVICH = 0.4
-# a step shorter than this, in [rad], is a dead centre reached: it lies about ten such steps ahead
-SHORTEST = 1e-10
-# from the last node on the way to its dead centre a pose moves by 1e-5 or so, in [rad]
-ASTRAY = 1e-3
+# a step shorter than this, in [rad], is a dead centre reached: it lies some ten or hundred such steps ahead
+SHORTEST = 1e-9
+# from the last node on the way to its dead centre a pose moves by 1e-4 or so, in [rad]
+ASTRAY = 1e-2
 # a way longer than this many steps means dimensions in which the steps never get anywhere
 MOST_STEPS = 2_000_000
 # up to six assemblies can follow one another before the first comes round again
@@ -140,7 +140,7 @@ class TriadPath:
         angles = self._reduced(angles)
         bounds = self.end(-1, float(angles.min())), self.end(1, float(angles.max()))
         # the last stretch before a dead centre carries no certificate: it needs more steps and a check
-        place, turn = self._on_table(angles, 5 if bounds == (None, None) else 40)
+        place, turn = self._on_table(angles, 5 if bounds == (None, None) else 16)
         for side, bound in zip((-1, 1), bounds, strict=True):
             if bound is not None:
                 last = self._ways[side][-1]
@@ -237,10 +237,15 @@ class TriadPath:
         return all(move + 2.0 * newton * arm <= leg for _, move, leg, arm in parts)
 
     def _dead_centre(self, way: list[Node]) -> float:
-        """Return where the determinant, which goes with the root of the way left, vanishes."""
+        """Return where the determinant d vanishes, from angle = end + p d^2 + q d^3 through three nodes."""
         last = way[-1]
-        if len(way) == 1:
+        sizes = abs(np.array([node.determinant for node in way[-5000:]]))
+        if len(way) < 3 or sizes[-1] == 0.0 or not sizes.max() >= 3.0 * sizes[-1]:
             return last.angle
-        before = way[-2]
-        d0, d1 = before.determinant**2, last.determinant**2
-        return last.angle + d1 / (d0 - d1) * (last.angle - before.angle)
+        nodes = [last]
+        for factor in (1.7, 3.0):
+            nodes.append(way[-5000:][np.nonzero(sizes >= factor * sizes[-1])[0][-1]])
+        d = np.array([node.determinant for node in nodes]) / last.determinant
+        ahead = np.array([node.angle - last.angle for node in nodes])
+        end = np.linalg.solve(np.stack([np.ones(3), d**2, d**3], 1), ahead)[0]
+        return last.angle + float(end)

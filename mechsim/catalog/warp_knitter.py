@@ -129,8 +129,7 @@ class WarpKnitter(Drive):
 
     def assemblies(self, angle: float) -> Sequence[Self]:
         """Return the mechanism in each assembly that is carried from crank angle 0 to this one."""
-        drives = [replace(self, assembly=1 + k) for k in range(len(self._at_zero))]
-        return [drive for drive in drives if drive._reaches(angle)]
+        return [drive for drive in self._family if drive._reaches(angle)]
 
     def assembly_points(self, angle: float) -> list[tuple[int | None, dict[str, Array]]]:
         """Return every real assembly at a crank angle: its number, and the tracked points, (3,) in [m].
@@ -227,6 +226,12 @@ class WarpKnitter(Drive):
     @cached_property
     def _at_zero(self) -> list[tuple[complex, complex]]:
         return self._assemblies_at(self.pivots.at(0.0))
+
+    @cached_property
+    def _family(self) -> list[Self]:
+        """This mechanism in every assembly of crank angle 0; kept, for each knows its way."""
+        numbers = range(1, 1 + len(self._at_zero))
+        return [self if n == self.assembly else replace(self, assembly=n) for n in numbers]
 
     @cached_property
     def _path(self) -> TriadPath | None:
