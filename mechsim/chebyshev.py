@@ -52,7 +52,7 @@ def best_circle(points: Array, weights: Array) -> Circle:
     rough = goal - basis @ (basis.T @ goal)
     unit = float(np.abs(rough).max())
     if unit <= 1e-14 * float(goal.max()):
-        unit, active, q = 1.0, np.arange(0), basis.T @ goal
+        active, q = np.arange(0), basis.T @ goal
     else:
         rows = weights[:, None] * basis
         ones, right = np.ones((len(near), 1)), weights * rough / unit
@@ -76,7 +76,7 @@ def best_circle(points: Array, weights: Array) -> Circle:
     return Circle(origin + p[:2], float(np.sqrt(radius2)), error, level, tuple(active.tolist()))
 
 
-def _exact(rows: Array, right: Array, best: Any) -> tuple[Array, Array]:
+def _exact(rows: Array, right: Array, best: Any) -> tuple[NDArray[np.intp], Array]:
     """Return the active points of a linear programme and its solution from them alone."""
     x: Array = best.x
     duals: Array = np.abs(best.ineqlin.marginals)
@@ -89,5 +89,3 @@ def _exact(rows: Array, right: Array, best: Any) -> tuple[Array, Array]:
         if np.abs(right - rows @ q[:3]).max() <= np.abs(error).max() * (1.0 + 1e-6):
             return active, q[:3]
     return active, x[:3]
-
-

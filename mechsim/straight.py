@@ -6,7 +6,7 @@ frame are found by least squares, reweighted a few times towards the best approx
 then synthesised by the linear programme.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,57 +14,23 @@ from numpy.typing import NDArray
 
 from mechsim.catalog.looper import Looper
 from mechsim.errors import InputError
+from mechsim.straight_trials import BROKEN, Conditions, cost, trials_of
 from mechsim.synthesis import Synthesis, synthesize_looper
 
 Array = NDArray[np.float64]
 
-NODES = 17
-TURN_STEPS = 72
-# lengths are searched in units of the crank; a trial that breaks a condition costs more than any that does not
-BROKEN = 1e3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Conditions:
-    """What a straighter linkage must keep.
-
-    Attributes:
-        stroke: least and greatest extent of C along the line over the turn, in [m]; with the follower's
-            length it is the follower's swing.
-        width: least extent of C across the line over the turn, in [m].
-        clearance: least distance of C's way back from the line, over `needle`, in [m].
-        needle: part of the line at its middle where needles pass, in [m].
-        transmission: least angle between coupler and rocker over the turn, in [rad].
-        longest: no link, nor the frame, is longer, in [m].
-        centred: greatest distance of the follower's axis from the middle of the stroke, in [m].
-
-    Source: stroke, width and swing are the paper's; clearance is what its linkage has, which for its
-    transmission is 58 degrees; its longest link is 35.4 mm. The paper prints no bounds for these three.
-    """
-
-    stroke: tuple[float, float] = (0.0133, 0.0138)
-    width: float = 0.003
-    clearance: float = 0.00185
-    needle: float = 0.004
-    transmission: float = np.deg2rad(45.0)
-    longest: float = 0.040
-    centred: float = 0.0005
-
-
-@dataclass(frozen=True, slots=True)
-class _Trials:
-    """Linkages side by side, (m,) each in units of the crank, and how far each one's line error goes."""
-
-    coupler: Array
-    arm: Array
-    arm_angle: Array
-    line: Array
-    middle: Array
-    axis: Array
+# a trial is only nearly the linkage it becomes: it must keep the conditions this part more strictly,
+# and more so again where that was not enough
+SPARES = (0.002, 0.006, 0.012, 0.016)
 
 
 def straighter(
-    length: float, base: Looper, conditions: Conditions | None = None, *, free_coupler: bool = False, seed: int = 1
+    length: float,
+    base: Looper,
+    conditions: Conditions | None = None,
+    *,
+    free_coupler: bool = False,
+    seed: int = 1,
 ) -> Synthesis:
     """Return a looper whose spatial C follows a line along Y best, the place of the line being free.
 
@@ -80,153 +46,103 @@ def straighter(
 
     Accuracy: differential evolution finds no proven optimum; what it returns is checked and exact.
     """
-    from scipy.optimize import differential_evolution
-
     wanted = conditions or Conditions()
-    unit = base.crank
-    bounds = [(0.5, wanted.longest / unit), (1.0, wanted.longest / unit), (-1.5, 1.5)]
+    most = wanted.longest / base.crank
+    place = [(0.5, most), (1.0, most), (-1.5, 1.5)]
+    regions = [place]
     if free_coupler:
-        bounds += [(2.0, wanted.longest / unit), (2.0, wanted.longest / unit), (-np.pi, np.pi)]
-
-    def cost(x: Array) -> Array:
-        with np.errstate(all="ignore"):
-            return _cost(_trials(x, base), length / unit, base, wanted)
-
-    found: Any = differential_evolution(
-        cost, bounds, popsize=20, maxiter=300, tol=1e-6, rng=seed, vectorized=True, updating="deferred", polish=False
-    )
-    if not found.fun < BROKEN:
+        # short and long arms are two valleys; a search over both at once often misses the deeper one
+        arms = [(2.0, most / 2.0), (most / 2.0, most)]
+        regions = [[*place, (2.0, most), arm, (-np.pi, np.pi)] for arm in arms]
+    kept = [found for bounds in regions if (found := _kept(length, base, wanted, bounds, seed)) is not None]
+    if not kept:
         raise InputError(
             f"no looper was found that keeps the conditions with a straight part of {length:.6g} m; relax "
-            "the stroke, the clearance, the transmission angle or the longest link"
+            "the stroke, the width, the clearance, the transmission angle or the longest link"
         )
-    best = _trials(found.x[:, None], base)
+    return min(kept, key=lambda one: one.deviation)
+
+
+def _kept(
+    length: float, base: Looper, wanted: Conditions, bounds: list[tuple[float, float]], seed: int
+) -> Synthesis | None:
+    """Return what a search finds with the least spare that keeps the conditions; None if nothing does."""
+    for spare in SPARES:
+        found = _searched(length, base, wanted, bounds, spare, seed)
+        if found is not None and not broken(found, wanted):
+            return found
+    return None
+
+
+def _searched(
+    length: float,
+    base: Looper,
+    wanted: Conditions,
+    bounds: list[tuple[float, float]],
+    spare: float,
+    seed: int,
+) -> Synthesis | None:
+    from scipy.optimize import differential_evolution
+
+    unit = base.crank
+
+    def total(x: Array) -> Array:
+        with np.errstate(all="ignore"):
+            return cost(trials_of(x, base), length / unit, base, wanted, spare)
+
+    best: Any = differential_evolution(
+        total,
+        bounds,
+        popsize=20,
+        maxiter=300,
+        tol=1e-6,
+        rng=seed,
+        vectorized=True,
+        updating="deferred",
+        polish=False,
+    )
+    if not best.fun < BROKEN:
+        return None
+    trial = trials_of(best.x[:, None], base)
     start = replace(
         base,
-        coupler=float(best.coupler[0]) * unit,
-        arm=float(best.arm[0]) * unit,
-        arm_angle=float(best.arm_angle[0]),
-        axis_y=float(best.axis[0]) * unit,
+        coupler=float(trial.coupler[0]) * unit,
+        arm=float(trial.arm[0]) * unit,
+        arm_angle=float(trial.arm_angle[0]),
+        axis_y=float(trial.axis[0]) * unit,
     )
-    through = (float(best.line[0]) * unit, float(best.middle[0]) * unit)
+    through = (float(trial.line[0]) * unit, float(trial.middle[0]) * unit)
     return synthesize_looper(through, 0.0, length, start, equal_ripple=True, in_space=True)
 
 
-def _trials(x: Array, base: Looper) -> _Trials:
-    """Return what the search's variables mean, (3 or 6, m)."""
-    unit, same = base.crank, np.ones(x.shape[1])
-    rest = x[3:] if len(x) > 3 else [base.coupler / unit * same, base.arm / unit * same, base.arm_angle * same]
-    return _Trials(rest[0], rest[1], rest[2], x[0], x[1] + x[2], x[1])
-
-
-def _cost(trials: _Trials, length: float, base: Looper, wanted: Conditions) -> Array:
-    """Return the error of the line in units of the crank, or `BROKEN` and by how much, (m,)."""
-    unit = base.crank
-    y = trials.middle - 0.5 * length * np.cos(np.pi * np.arange(NODES) / (NODES - 1))[:, None]  # (nodes, m)
-    x = trials.line + np.zeros_like(y)
-    z = _depth(y - trials.axis, base)
-    pin, b, arm = _dyad(trials, np.stack([x, y]), z)
-    centre, radius2, slack = _circle(b, np.stack([x, y]), pin, arm)
-    frame, rocker = np.hypot(*centre), np.sqrt(radius2)
-    low = (trials.coupler**2 + rocker**2 - (frame - 1.0) ** 2) / (2.0 * trials.coupler * rocker)
-    high = (trials.coupler**2 + rocker**2 - (frame + 1.0) ** 2) / (2.0 * trials.coupler * rocker)
-    bent = _wedge(b - centre[:, None], pin - centre[:, None])
-    faults = [
-        np.maximum(np.abs(low), np.abs(high)) - np.cos(wanted.transmission),
-        1.01 - frame,
-        np.maximum(rocker, frame) * unit / wanted.longest - 1.0,
-        1.0 - np.abs(np.sign(bent).sum(0)) / NODES,
-    ]
-    path = _path(trials, centre, rocker, np.sign(bent[0]), base)
-    stroke, lowest = np.ptp(path[1], axis=0), path[1].min(0)
-    passing = np.abs(path[1] - trials.middle) <= 0.5 * wanted.needle / unit
-    # on its way back C moves the other way along Y, the crank still turning the same way
-    outward = np.sign(_wedge(pin[:, 0], pin[:, -1]))
-    returning = outward * (np.roll(path[1], -1, 0) - np.roll(path[1], 1, 0)) < 0.0
-    back = np.where(passing & returning, np.abs(path[0] - trials.line), np.inf).min(0)
-    faults += [
-        (wanted.stroke[0] / unit - stroke) / stroke,
-        (stroke - wanted.stroke[1] / unit) / stroke,
-        1.0 - np.ptp(path[0], axis=0) / (wanted.width / unit),
-        1.0 - back / (wanted.clearance / unit),
-        (np.abs(lowest + 0.5 * stroke - trials.axis) - wanted.centred / unit) / stroke,
-    ]
-    broken = np.sum([np.maximum(fault, 0.0) for fault in faults], axis=0)
-    bad = ~np.isfinite(broken + slack)
-    return np.where(bad, 10.0 * BROKEN, np.where(broken > 0.0, BROKEN * (1.0 + np.minimum(broken, 8.0)), slack))
-
-
-def _depth(height: Array, base: Looper) -> Array:
-    """Return z of C on the cylinder at a height above its axis, in units of the crank."""
-    f, p = base.follower / base.crank, base.axis_z / base.crank
-    return p - np.copysign(np.sqrt((f - height) * (f + height)), p)
-
-
-def _dyad(trials: _Trials, c: Array, z: Array) -> tuple[Array, Array, Array]:
-    """Return A, B, (2, nodes, m) each, and AC in space, (3, nodes, m), with C at given places."""
-    k = np.sqrt(trials.arm**2 - z**2)
-    cosine = trials.arm * np.cos(trials.arm_angle) / k
-    sine = np.sign(np.sin(trials.arm_angle)) * np.sqrt(1.0 - cosine**2)
-    reach = np.hypot(*c)
-    # the paper's assembly: A lies left of the way from O1 to C
-    angle = np.arctan2(c[1], c[0]) + np.arccos((1.0 + reach**2 - k**2) / (2.0 * reach))
-    pin = np.stack([np.cos(angle), np.sin(angle)])
-    x, y = (c - pin) / k
-    b = pin + trials.coupler * np.stack([cosine * x + sine * y, cosine * y - sine * x])
-    return pin, b, np.stack([*(c - pin), z])
-
-
-def _circle(b: Array, c: Array, pin: Array, arm: Array) -> tuple[Array, Array, Array]:
-    """Return centre (2, m), radius squared and the error of the line (m,) of nearly best circles."""
-    middle = b.mean(1, keepdims=True)
-    near = b - middle
-    size = np.sqrt((near**2).sum(0).max(0))
-    u, v = near / size
-    basis = np.stack([2.0 * u, 2.0 * v, np.ones_like(u)], -1).swapaxes(0, 1)  # (m, nodes, 3)
-    goal = (u**2 + v**2).T
-    usable = np.isfinite(basis).all((1, 2)) & np.isfinite(goal).all(1)
-    basis, goal = np.where(usable[:, None, None], basis, np.eye(NODES, 3)), np.where(usable[:, None], goal, 0.0)
-    weights = np.ones_like(goal)
-    lever = np.ones_like(goal)
-    for _ in range(6):
-        root = np.sqrt(weights)
-        q, r = np.linalg.qr(root[..., None] * basis)
-        singular = ~(np.abs(np.diagonal(r, axis1=1, axis2=2)).min(1) > 1e-12)
-        r = np.where(singular[:, None, None], np.eye(3), r)
-        p = np.linalg.solve(r, (np.swapaxes(q, 1, 2) @ (root * goal)[..., None]))[..., 0]
-        error = (goal - (basis @ p[..., None])[..., 0]) * size[:, None] ** 2
-        centre = middle[:, 0] + size * p[:, :2].T
-        lever = _lever(b, c, pin, centre)
-        away = np.abs(error) * lever
-        # Lawson: weights grow where the error is, so that its greatest value falls
-        weights = weights * (away / away.max(1, keepdims=True) + 1e-3)
-        weights = np.where(np.isfinite(weights), weights, 1.0)
-        weights /= weights.max(1, keepdims=True)
-    radius2 = size**2 * (p[:, 2] + p[:, 0] ** 2 + p[:, 1] ** 2)
-    slack = np.where(usable & ~singular, (np.abs(error) * lever).max(1), np.nan)
-    return centre, radius2, slack
-
-
-def _lever(b: Array, c: Array, pin: Array, centre: Array) -> Array:
-    """Return by how much C leaves the line for an error of one in |B - O2|2, as in the plane, (m, nodes)."""
-    closed = 2.0 * np.abs(_wedge(b - pin, b - centre[:, None]))
-    return (np.abs(c[1] - pin[1]) / closed).T
-
-
-def _path(trials: _Trials, centre: Array, rocker: Array, branch: Array, base: Looper) -> Array:
-    """Return planar places of C over a turn, (2, steps, m)."""
-    turn = (2.0 * np.pi * np.arange(TURN_STEPS) / TURN_STEPS)[:, None]
-    pin = np.stack([np.cos(turn), np.sin(turn)])
-    to_pin = pin - centre[:, None]
-    reach2 = (to_pin**2).sum(0)
-    ahead = (reach2 + rocker**2 - trials.coupler**2) / (2.0 * reach2)
-    beside = branch * np.sqrt(rocker**2 / reach2 - ahead**2)
-    # branch is the sign of O2B . (O2A x eZ)
-    b = centre[:, None] + ahead * to_pin + beside * np.stack([to_pin[1], -to_pin[0]])
-    x, y = (b - pin) / trials.coupler
-    c, s = trials.arm * np.cos(trials.arm_angle), trials.arm * np.sin(trials.arm_angle)
-    return pin + np.stack([c * x - s * y, c * y + s * x])
-
-
-def _wedge(u: Array, v: Array) -> Array:
-    return u[0] * v[1] - u[1] * v[0]
+def broken(found: Synthesis, wanted: Conditions) -> list[str]:
+    """Return which conditions a linkage does not keep, by exact kinematics; empty if it keeps all."""
+    design, faults = found.design, list[str]()
+    if not design.crank_range().full:
+        return ["full turning of the crank"]
+    turn = np.linspace(0.0, 2.0 * np.pi, 3601)
+    places = design.positions(turn)
+    c, a, b = (places[name] for name in "CAB")
+    x, y = c[:, 0], c[:, 1]
+    stroke = float(np.ptp(y))
+    if not wanted.stroke[0] <= stroke <= wanted.stroke[1]:
+        faults.append(f"the stroke ({stroke:.6g} m)")
+    if not np.ptp(x) >= wanted.width:
+        faults.append(f"the width ({np.ptp(x):.6g} m)")
+    middle = found.curve.mean(0)
+    outward = np.sign((found.angles[-1] - found.angles[0]) * (found.curve[-1, 1] - found.curve[0, 1]))
+    back = (np.gradient(y) * outward < 0.0) & (np.abs(y - middle[1]) <= 0.5 * wanted.needle)
+    gap = float(np.abs(x[back] - middle[0]).min(initial=np.inf))
+    if not gap >= wanted.clearance:
+        faults.append(f"the clearance ({gap:.6g} m)")
+    off = abs(float(y.min()) + 0.5 * stroke - design.axis_y)
+    if not off <= wanted.centred:
+        faults.append(f"the centring of the follower's axis ({off:.6g} m)")
+    rod, arm = (b - a)[:, :2] / design.coupler, (b[:, :2] - design.pivot[:2, 0]) / design.rocker
+    transmission = float(np.arcsin(np.abs(rod[:, 0] * arm[:, 1] - rod[:, 1] * arm[:, 0])).min())
+    if not transmission >= wanted.transmission:
+        faults.append(f"the transmission angle ({transmission:.6g} rad)")
+    longest = max(design.coupler, design.arm, design.rocker, design.frame)
+    if not longest <= wanted.longest:
+        faults.append(f"the longest link ({longest:.6g} m)")
+    return faults
