@@ -81,7 +81,9 @@ def motion_plot(motion: Motion, points: Sequence[str] | None = None, *, form: Fo
                 ax, values = axes[row, column], getattr(motion.points[name], attribute)
                 factor, unit = _unit(values, ("m", "m/s", "m/s²")[row])
                 for i, part in enumerate("xyz"):
-                    ax.plot(_degrees(motion), values[:, i] / factor, color=COLOURS[i], ls=STYLES[i], label=part)
+                    ax.plot(
+                        _degrees(motion), values[:, i] / factor, color=COLOURS[i], ls=STYLES[i], label=part
+                    )
                 ax.set_ylabel(f"{label} [{unit}]")
             axes[0, column].set_title(name)
             _angle_axis(axes[2, column])

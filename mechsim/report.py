@@ -100,7 +100,10 @@ def write_report(
 
 
 def render(
-    results: Mapping[str, Any], sections: Sequence[Section], about: Mapping[str, Any], notes: Sequence[str] = ()
+    results: Mapping[str, Any],
+    sections: Sequence[Section],
+    about: Mapping[str, Any],
+    notes: Sequence[str] = (),
 ) -> str:
     """Return the page as HTML text."""
     import jinja2

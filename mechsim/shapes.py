@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechsim.errors import InputError
 from mechsim.mechanism import GROUND, End, Gear, Joint, Mechanism, Pose, Vector, joint_coordinate
 from mechsim.mechanism import IDENTITY as GROUND_POSE
 
@@ -99,11 +100,26 @@ def link_colours(mechanism: Mechanism) -> dict[str, Rgba]:
 
 def rod_radius(mechanism: Mechanism) -> float:
     """Return the radius of rods in [m]: a fixed part of the mechanism, less where a link is very short."""
-    shortest = mechanism.size
+    size = shortest = span(mechanism)
     for link in mechanism.links:
         for a, b in combinations(_stations(mechanism, link.name), 2):
             shortest = min(shortest, float(np.linalg.norm(a - b)))
-    return float(np.clip(0.2 * shortest, 0.010 * mechanism.size, 0.022 * mechanism.size))
+    return float(np.clip(0.2 * shortest, 0.010 * size, 0.022 * size))
+
+
+def span(mechanism: Mechanism) -> float:
+    """Return the longest distance between two places of one link, tracked points and outline included, in [m].
+
+    Raises:
+        InputError: for a mechanism whose links are all mere points.
+    """
+    longest = mechanism.size
+    for link in mechanism.links:
+        for a, b in combinations(_stations(mechanism, link.name), 2):
+            longest = max(longest, float(np.linalg.norm(a - b)))
+    if not longest > 0.0:
+        raise InputError(f"{mechanism.name} has no length to draw; give its links joints or outline points")
+    return longest
 
 
 def link_shapes(
@@ -157,7 +173,9 @@ def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, flo
             inward = float((_middle(mechanism) - np.asarray(ground.point)) @ np.asarray(ground.axis))
             # a clear difference decides; else the shaft leads off the mechanism
             clear = abs(gaps[1.0] - gaps[-1.0]) > 2.0 * rod_radius(mechanism)
-            sides[joint.name] = max(gaps, key=gaps.__getitem__) if clear else (1.0 if inward < -reach / 90.0 else -1.0)
+            sides[joint.name] = (
+                max(gaps, key=gaps.__getitem__) if clear else (1.0 if inward < -reach / 90.0 else -1.0)
+            )
     return sides
 
 
@@ -198,7 +216,7 @@ def planar_normals(mechanism: Mechanism) -> dict[str, Array] | None:
                 return None
     for link, normal in normals.items():
         heights = [float(normal @ np.asarray(end.point)) for end in mechanism.ends(link)]
-        if heights and max(heights) - min(heights) > 1e-9 * mechanism.size:
+        if heights and max(heights) - min(heights) > 1e-9 * span(mechanism):
             return None
     return normals
 
@@ -268,7 +286,7 @@ class _Drawer:
                 self._add(link, "capsule", a, b, self.r, colour)
         joints = [np.asarray(end.point) for end in self.mechanism.ends(link)]
         for place in places:
-            if min(float(np.linalg.norm(place - joint)) for joint in joints) > 1e-9 * self.mechanism.size:
+            if min(float(np.linalg.norm(place - joint)) for joint in joints) > 0.1 * self.r:
                 self._add(link, "sphere", place + lift, place + lift, 1.5 * self.r, colour)
 
     def _flat_revolute(self, joint: Joint) -> None:
@@ -397,7 +415,7 @@ class _Drawer:
         rest = np.array(_stations(self.mechanism, end.link)) - np.asarray(end.point)
         way = rest.sum(0)
         length = float(np.linalg.norm(way))
-        return way / length if length > 1e-9 * self.mechanism.size else None
+        return way / length if length > 0.1 * self.r else None
 
     def _gear_pair(self, gear: Gear) -> None:
         """Two toothed discs that mesh outside, behind the links, between shafts that stand parallel."""
@@ -442,7 +460,8 @@ def _stations(mechanism: Mechanism, link: str) -> list[Array]:
     places: list[Array] = []
     for point in [*(end.point for end in mechanism.ends(link)), *outline, *tracked]:
         place = np.asarray(point)
-        if all(float(np.linalg.norm(place - known)) > 1e-9 * mechanism.size for known in places):
+        near = 1e-9 * max(mechanism.size, float(np.linalg.norm(place)))
+        if all(float(np.linalg.norm(place - known)) > near for known in places):
             places.append(place)
     return places
 

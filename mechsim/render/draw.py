@@ -20,7 +20,9 @@ from mechsim.shapes import link_colours
 Array = NDArray[np.float64]
 
 
-def frames(mechanism: Mechanism, motion: Motion, *, angles: ArrayLike | None = None, **options: Any) -> Iterator[Picture]:
+def frames(
+    mechanism: Mechanism, motion: Motion, *, angles: ArrayLike | None = None, **options: Any
+) -> Iterator[Picture]:
     """Yield the frames of a motion, (height, width, 3) each.
 
     Args:

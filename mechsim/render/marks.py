@@ -77,7 +77,9 @@ def scale_bar(camera: Camera) -> tuple[float, str]:
     return length, f"{length:g} m"
 
 
-def _text(pen: ImageDraw.ImageDraw, at: tuple[float, float], text: str, font: ImageFont.FreeTypeFont, anchor: str) -> None:
+def _text(
+    pen: ImageDraw.ImageDraw, at: tuple[float, float], text: str, font: ImageFont.FreeTypeFont, anchor: str
+) -> None:
     pen.text(at, text, fill=INK, font=font, anchor=anchor, stroke_width=2, stroke_fill=HALO)
 
 

@@ -275,9 +275,12 @@ def nice(length: float) -> float:
 
 def _geom(body: mujoco.MjsBody, shape: Shape) -> None:
     sizes = [*shape.half_sizes, 0.0, 0.0][:3]
-    geom = body.add_geom(type=GEOMS[shape.kind], pos=shape.centre, size=sizes, rgba=shape.rgba, material=MATTE)
+    geom = body.add_geom(
+        type=GEOMS[shape.kind], pos=shape.centre, size=sizes, rgba=shape.rgba, material=MATTE
+    )
     geom.quat = _quat(shape.frame)
     geom.contype = geom.conaffinity = 0
+    geom.mass = 0.0
 
 
 def _bounds(shape: Shape) -> tuple[Array, float]:

@@ -1,0 +1,209 @@
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from mechsim import catalog, plots, report
+from mechsim.errors import OutputError
+
+TURN = np.linspace(0.0, 2.0 * np.pi, 37)
+# the smallest PNG there is
+PNG = bytes.fromhex(
+    "89504e470d0a1a0a0000000d49484452000000010000000108060000001f15c4890000000d49444154789c6360606060000000050001"
+    "a5f645400000000049454e44ae426082"
+)
+
+
+class Reader(HTMLParser):
+    def __init__(self, page):
+        super().__init__()
+        self.tags, self.links, self.text = [], [], ""
+        self.skip = False
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.skip = tag == "style"
+        self.links += [value for name, value in attrs if name in ("src", "href", "srcset", "poster", "data")]
+
+    def handle_endtag(self, tag):
+        self.skip = False
+
+    def handle_data(self, data):
+        self.text += "" if self.skip else data
+
+
+def check(passed=True, worst=3.2e-10, quantity="step: place of P3"):
+    return {
+        "quantity": quantity,
+        "unit": "m",
+        "worst": worst,
+        "at_angle": 1.2,
+        "rms": 1e-10,
+        "bound": 1e-9,
+        "why": "a twentieth of what a link 0.1 % long does",
+        "passed": passed,
+    }
+
+
+def results(**mechanisms):
+    return {"passed": all(one["passed"] for one in mechanisms.values()), "mechanisms": mechanisms}
+
+
+def good():
+    return {"passed": True, "outcome": "met", "checks": [check()], "steps": 1000, "seconds": np.float64(1.25)}
+
+
+def bad():
+    broken = check(False, float("nan"), "step: velocity of P2")
+    return {"passed": False, "outcome": "diverged", "reason": "MuJoCo warned", "checks": [check(), broken]}
+
+
+@pytest.fixture
+def section(tmp_path):
+    drive = catalog.make("rssr")
+    motion = drive.solve(TURN, 60.0)
+    return report.Section(
+        name="rssr",
+        title="Spatial four-bar",
+        facts={
+            "mobility": 1,
+            "crank_range": "full turn",
+            "links": ["crank", "coupler"],
+            "slack": {"a": 1e-9},
+        },
+        still=PNG,
+        plots=[
+            ("Motion", plots.motion_plot(motion)),
+            ("Paths", plots.coupler_curve(drive.mechanism, motion, form="png")),
+        ],
+        settings={"integrator": "RK4", "timestep": 1e-4},
+    )
+
+
+def test_the_page_needs_nothing_but_itself(section, tmp_path):
+    video = tmp_path / "turn.mp4"
+    video.write_bytes(b"not really a video")
+    section = replace(section, video=video)
+    page = report.write_report(tmp_path / "out", results(rssr=good()), [section]).read_text(encoding="utf-8")
+    seen = Reader(page)
+    assert all(link.startswith(("data:", "#")) or link == "validate.json" for link in seen.links)
+    assert sum(link.startswith("data:video/mp4;base64,") for link in seen.links) == 1
+    assert sum(link.startswith("data:image/") for link in seen.links) == 3
+    assert "script" not in seen.tags
+    assert "@import" not in page
+    assert not re.search(r"url\(", page)
+
+
+def test_the_numbers_lie_beside_the_page_as_json(section, tmp_path):
+    report.write_report(
+        tmp_path, results(rssr=good(), other=bad()), [section], command="mechsim validate", notes=["x"]
+    )
+    numbers = json.loads((tmp_path / "validate.json").read_text(encoding="utf-8"))
+    assert numbers["passed"] is False
+    assert numbers["mechanisms"]["rssr"]["checks"][0]["worst"] == 3.2e-10
+    assert numbers["mechanisms"]["rssr"]["seconds"] == 1.25
+    assert numbers["mechanisms"]["other"]["checks"][1]["worst"] is None
+    assert numbers["about"]["command"] == "mechsim validate"
+    assert {"mechsim", "python", "mujoco", "numpy"} <= set(numbers["about"]["versions"])
+
+
+def test_what_was_missed_stands_before_any_mechanism(section, tmp_path):
+    other = report.Section(name="other")
+    path = report.write_report(
+        tmp_path, results(rssr=good(), other=bad()), [section, other], notes=["no pictures: install libegl1"]
+    )
+    page = path.read_text(encoding="utf-8")
+    text = Reader(page).text
+    first = page.index("<section")
+    assert page.index("Not every bound met") < page.index("What was missed or refused") < first
+    assert page.index("velocity of P2") < first
+    assert page.index("install libegl1") < first
+    assert "not a number m at 68.8°, bound 1.00·10⁻⁹ m" in text
+    assert "MuJoCo warned" in text
+
+
+def test_a_good_page_says_so_and_shows_bound_and_reason(section, tmp_path):
+    text = Reader(
+        report.write_report(tmp_path, results(rssr=good()), [section]).read_text(encoding="utf-8")
+    ).text
+    for words in ("Every bound met", "1 of 1 mechanisms", "3.20·10⁻¹⁰ m", "0.32", "a link 0.1 % long", "RK4"):
+        assert words in text
+    assert "missed or refused" not in text
+
+
+def test_a_mechanism_without_pictures_is_reported_all_the_same(tmp_path):
+    page = report.write_report(tmp_path, results(rssr=good()), [report.Section(name="rssr")])
+    assert "step: place of P3" in Reader(page.read_text(encoding="utf-8")).text
+
+
+def test_names_cannot_smuggle_markup(tmp_path):
+    section = report.Section(name="rssr", title="<script>alert(1)</script>", facts={"<b>": "<i>"})
+    page = report.write_report(tmp_path, results(rssr=good()), [section]).read_text(encoding="utf-8")
+    assert {"script", "b", "i"}.isdisjoint(Reader(page).tags)
+
+
+@pytest.mark.parametrize(
+    ("x", "shown"),
+    [
+        (0.0, "0"),
+        (12000.0, "12\u202f000"),
+        (0.32, "0.32"),
+        (1.5e-7, "1.50·10⁻⁷"),
+        (np.nan, "not a number"),
+        (None, "not a number"),
+    ],
+)
+def test_numbers_are_short(x, shown):
+    assert report.number(x) == shown
+
+
+def test_values_are_shown_as_lines():
+    assert report.value(True) == ["yes"]
+    assert report.value(["a", "b"]) == ["a, b"]
+    assert report.value([{"class": 3, "links": ["a", "b"]}]) == ["class: 3, links: a, b"]
+    assert report.value(np.float64(0.5)) == ["0.5"]
+
+
+def test_what_cannot_be_written_or_read_is_one_sentence(tmp_path):
+    with pytest.raises(OutputError, match="cannot write a report to"):
+        report.write_report(tmp_path / "missing" / "out", results(), [])
+    lost = report.Section(name="rssr", video=tmp_path / "lost.mp4")
+    with pytest.raises(OutputError, match=r"lost\.mp4 into the report"):
+        report.write_report(tmp_path, results(rssr=good()), [lost])
+    assert not (tmp_path / "index.html").exists()
+
+
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium here; Debian's package chromium brings it")
+@pytest.mark.parametrize("width", [1280, 500])
+def test_a_browser_shows_the_page_without_complaint(width, section, tmp_path):
+    from PIL import Image
+
+    page = report.write_report(tmp_path / "out", results(rssr=good()), [section])
+    shot = tmp_path / "shot.png"
+    command = [
+        BROWSER,
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-dev-shm-usage",
+        "--enable-logging=stderr",
+        f"--user-data-dir={tmp_path / 'profile'}",
+        f"--window-size={width},1200",
+        f"--screenshot={shot}",
+        page.as_uri(),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    assert not [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    with Image.open(shot) as image:
+        assert image.width == width
+        colours = len(image.convert("RGB").getcolors(1 << 24) or [])
+    assert colours > 100
