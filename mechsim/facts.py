@@ -7,9 +7,6 @@ import numpy as np
 
 from mechsim.catalog.base import Drive
 
-# parameters that say which assembly is meant
-SELECTORS = ("branch", "side", "assembly")
-
 
 def facts(drive: Drive, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:
     """Return all that is known of a mechanism without simulating it, as plain data.
@@ -62,12 +59,10 @@ def facts(drive: Drive, angle: float | None = None, driver: str | None = None) -
 
 def assemblies(drive: Drive, angle: float) -> list[dict[str, Any]]:
     """Return every real assembly at a crank angle: what selects it, and its points in [m]."""
-    listed = []
-    for one in drive.assemblies(angle):
-        places = {name: place[0].tolist() for name, place in one.positions([angle]).items()}
-        chosen = {name: getattr(one, name) for name in SELECTORS if hasattr(one, name)}
-        listed.append({**chosen, "points": places})
-    return listed
+    return [
+        {**chosen, "points": {name: place.tolist() for name, place in points.items()}}
+        for chosen, points in drive.assembly_points(angle)
+    ]
 
 
 def _least_transmission(drive: Drive) -> dict[str, float] | None:

@@ -20,6 +20,9 @@ Detail = Literal["places", "rates", "links"]
 
 # squares and fourth powers of lengths and rates below this stay far from overflow
 HUGE = 1e30
+# parameters that say which assembly is meant
+SELECTORS = ("branch", "side", "assembly")
+
 # angles a closed form takes in one go: its arrays of this length stay in a core's own cache
 CHUNK = 2048
 
@@ -97,6 +100,19 @@ class Drive(ABC):
     @abstractmethod
     def assemblies(self, angle: float) -> Sequence[Self]:
         """Return the mechanism in each real assembly it has at a crank angle; empty if it has none."""
+
+    def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
+        """Return every real assembly at a crank angle: the parameters that select it, and its tracked points.
+
+        Points are (3,) in [m]. A selector is None where no value of it leads to the assembly.
+        """
+        listed: list[tuple[dict[str, int | None], dict[str, Array]]] = []
+        for one in self.assemblies(angle):
+            chosen: dict[str, int | None] = {
+                name: getattr(one, name) for name in SELECTORS if hasattr(one, name)
+            }
+            listed.append((chosen, {name: place[0] for name, place in one.positions([angle]).items()}))
+        return listed
 
     @abstractmethod
     def _motion(self, angles: Array, speed: Array, acceleration: Array, detail: Detail) -> Motion:

@@ -131,21 +131,18 @@ class WarpKnitter(Drive):
         """Return the mechanism in each assembly that is carried from crank angle 0 to this one."""
         return [drive for drive in self._family if drive._reaches(angle)]
 
-    def assembly_points(self, angle: float) -> list[tuple[int | None, dict[str, Array]]]:
-        """Return every real assembly at a crank angle: its number, and the tracked points, (3,) in [m].
-
-        The number is None where the assembly cannot be carried from crank angle 0.
-        """
+    def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
+        """Return every real assembly at a crank angle; its number is None if it comes from none at angle 0."""
         numbered = [(drive.assembly, drive.positions([angle])) for drive in self.assemblies(angle)]
         known = [(n, {name: p[0] for name, p in points.items()}) for n, points in numbered]
-        found: list[tuple[int | None, dict[str, Array]]] = []
+        found: list[tuple[dict[str, int | None], dict[str, Array]]] = []
         for pose in self._assemblies_at(self.pivots.at(angle)):
             points = self._points(np.array([angle]), np.array([pose[0]]), np.array([pose[1]]))
             here = {name: frames.point(p).position[0] for name, p in points.items()}
             gaps = [max(float(np.abs(here[name] - other[name]).max()) for name in here) for _, other in known]
             near = int(np.argmin(gaps)) if gaps else None
             matched = near is not None and gaps[near] < 1e-6 * self._longest
-            found.append((known[near][0] if matched and near is not None else None, here))
+            found.append(({"assembly": known[near][0] if matched and near is not None else None}, here))
         return found
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
