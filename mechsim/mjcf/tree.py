@@ -89,7 +89,7 @@ def cut_loops(mechanism: Mechanism, cut: tuple[str, ...] | None = None) -> Tree:
             )
     if cut is not None and {joint.name for joint in cuts} != asked:
         raise InputError(
-            f"{mechanism.name}: cutting {', '.join(sorted(asked))} does not leave a tree; "
+            f"{mechanism.name}: cutting {', '.join(sorted(asked)) or 'no joint'} does not leave a tree; "
             f"as many joints as there are loops ({len(cuts)}) must be named, one in each"
         )
     return Tree(_ordered(mechanism, kept), cuts)

@@ -1,0 +1,152 @@
+"""Mechanisms that are in no catalogue, one for each kind of joint, loop and gear, ready to be assembled."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mechsim import closure
+from mechsim.mechanism import GROUND, End, Gear, Joint, Link, Mechanism, Pose, Vector
+
+START = 0.7
+
+
+def at(link: str, point: Vector = (0.0, 0.0, 0.0), axis: Vector = (0.0, 0.0, 1.0)) -> End:
+    return End(link, point, axis)
+
+
+def rsup() -> Mechanism:
+    """Spatial slider-crank R-S-U-P, the universal joint's axes crossing at 70 degrees."""
+    return _placed(
+        Mechanism(
+            "rsup",
+            (Link("crank"), Link("rod"), Link("slider")),
+            (
+                Joint("shaft", "revolute", at(GROUND, (0.01, 0.02, 0.03), (0.2, 0.1, 1.0)), at("crank")),
+                Joint("ball", "spherical", at("crank", (0.03, 0.004, 0.002)), at("rod")),
+                Joint(
+                    "cross",
+                    "universal",
+                    at("rod", (0.14, 0.01, -0.003), (0.1, 1.0, 0.2)),
+                    at("slider", axis=(0.3, 0.1, 1.0)),
+                    cross_angle=np.deg2rad(70.0),
+                ),
+                Joint("slide", "prismatic", at(GROUND, (0.0, 0.01, 0.02), (1.0, 0.1, 0.2)), at("slider")),
+            ),
+            "shaft",
+            {"tip": ("crank", (0.03, 0.004, 0.002)), "cross": ("slider", (0.0, 0.0, 0.0))},
+            start=START,
+        ),
+        {
+            "crank": ((0.01, 0.02, 0.03), (-0.03, 0.22, 0.69)),
+            "rod": ((0.03, 0.042, 0.026), (-1.13, -0.17, -0.26)),
+            "slider": ((0.167, 0.027, 0.053), (1.01, 1.14, 1.36)),
+        },
+    )
+
+
+def rscr() -> Mechanism:
+    """Spatial four-link R-S-C-R: the rod slides and turns in the lever."""
+    return _placed(
+        Mechanism(
+            "rscr",
+            (Link("crank"), Link("rod"), Link("lever")),
+            (
+                Joint("shaft", "revolute", at(GROUND, axis=(0.1, 0.2, 1.0)), at("crank")),
+                Joint("ball", "spherical", at("crank", (0.02, 0.003, 0.004)), at("rod", (0.05, 0.035, 0.0))),
+                Joint(
+                    "sleeve",
+                    "cylindrical",
+                    at("lever", (0.01, 0.0, 0.0), (0.1, 1.0, 0.2)),
+                    at("rod", axis=(1.0, 0.1, 0.0)),
+                ),
+                Joint("pivot", "revolute", at(GROUND, (0.09, 0.03, 0.02), (0.2, -0.1, 1.0)), at("lever")),
+            ),
+            "shaft",
+            {"ball": ("crank", (0.02, 0.003, 0.004)), "rod end": ("rod", (-0.04, 0.0, 0.0))},
+            start=START,
+        ),
+        {
+            "crank": ((0.0, 0.0, 0.0), (-0.15, 0.16, 0.69)),
+            "rod": ((-0.026, -0.03, 0.011), (-0.47, -0.18, 0.28)),
+            "lever": ((0.09, 0.03, 0.02), (-0.01, 0.23, -1.04)),
+        },
+    )
+
+
+def bennett() -> Mechanism:
+    """Bennett's overconstrained spatial 4R: closed at a revolute joint, three of its six rows redundant."""
+    twist, other, length = 0.6, 1.1, 0.05
+    far = length * float(np.sin(other) / np.sin(twist))
+
+    def end(link: str, reach: float, turn: float) -> End:
+        return End(link, (reach, 0.0, 0.0), (0.0, -float(np.sin(turn)), float(np.cos(turn))), (1.0, 0.0, 0.0))
+
+    return _placed(
+        Mechanism(
+            "bennett",
+            (Link("crank"), Link("coupler"), Link("rocker")),
+            (
+                Joint("crank", "revolute", end(GROUND, length, twist), end("crank", 0.0, 0.0)),
+                Joint("A", "revolute", end("crank", far, other), end("coupler", 0.0, 0.0)),
+                Joint("B", "revolute", end("coupler", length, twist), end("rocker", 0.0, 0.0)),
+                Joint("rocker", "revolute", end(GROUND, 0.0, 0.0), end("rocker", far, other)),
+            ),
+            "crank",
+            {"B": ("rocker", (0.0, 0.0, 0.0)), "K": ("coupler", (0.02, 0.01, 0.03))},
+            start=START,
+        ),
+        {
+            "crank": ((0.05, 0.0, 0.0), (0.58, -0.21, 0.68)),
+            "coupler": ((0.11, 0.042, 0.029), (0.0, 1.79, -1.45)),
+            "rocker": ((0.077, 0.019, 0.0), (-0.18, 1.53, -2.5)),
+        },
+    )
+
+
+def geared_five_bar(ratio: float = -1.5) -> Mechanism:
+    """Planar five-bar whose two cranks are geared; a ratio that is no whole number takes two turns."""
+    return _placed(
+        Mechanism(
+            "geared_five_bar",
+            (Link("one"), Link("two"), Link("rod"), Link("arm")),
+            (
+                Joint("shaft", "revolute", at(GROUND), at("one")),
+                Joint("second", "revolute", at(GROUND, (0.09, 0.01, 0.0)), at("two")),
+                Joint("A", "revolute", at("one", (0.021, 0.0, 0.0)), at("rod")),
+                Joint("B", "revolute", at("two", (0.017, 0.0, 0.0)), at("arm")),
+                Joint("C", "revolute", at("rod", (0.083, 0.0, 0.0)), at("arm", (0.071, 0.0, 0.0))),
+            ),
+            "shaft",
+            {"C": ("rod", (0.083, 0.0, 0.0)), "B": ("two", (0.017, 0.0, 0.0))},
+            gears=(Gear("shaft", "second", ratio, 0.4),),
+            start=START,
+        ),
+        {
+            "one": ((0.0, 0.0, 0.0), (0.0, 0.0, 0.7)),
+            "two": ((0.09, 0.01, 0.0), (0.0, 0.0, -0.65)),
+            "rod": ((0.016, 0.014, 0.0), (0.0, 0.0, 0.69)),
+            "arm": ((0.104, 0.0, 0.0), (0.0, 0.0, 1.91)),
+        },
+    )
+
+
+def swapped(mechanism: Mechanism) -> Mechanism:
+    """The same mechanism with the two sides of every joint but the crank's named the other way round."""
+    fixed = {mechanism.driver, *(gear.driven for gear in mechanism.gears)}
+    joints = tuple(
+        joint if joint.name in fixed else replace(joint, a=joint.b, b=joint.a) for joint in mechanism.joints
+    )
+    return replace(mechanism, joints=joints)
+
+
+def everything() -> list[Mechanism]:
+    return [rsup(), rscr(), bennett(), geared_five_bar()]
+
+
+def _placed(mechanism: Mechanism, guess: dict[str, tuple[Vector, Vector]]) -> Mechanism:
+    """Return the mechanism with a rough guess, link -> position and rotation vector, made into poses."""
+    poses = {
+        name: Pose(np.array(place), closure.turned_by(np.eye(3)[None], np.array([turn]))[0])
+        for name, (place, turn) in guess.items()
+    }
+    return mechanism.with_guess(poses, mechanism.start)
