@@ -5,10 +5,10 @@ carry units, colours stay apart for colour-blind eyes.
 """
 
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -238,7 +238,7 @@ def form_of(path: str | Path) -> Format:
 @contextmanager
 def _figure(
     form: Format, rows: int, columns: int, size: tuple[float, float], **options: Any
-) -> Iterator[tuple["Figure", NDArray[Any], io.BytesIO]]:
+) -> Generator[tuple["Figure", NDArray[Any], io.BytesIO]]:
     """Give a figure with axes; when the block ends, its bytes are in the buffer."""
     if form not in FORMATS:
         raise InputError(f"there is no plot format {form!r}; known are {', '.join(FORMATS)}")
@@ -247,7 +247,7 @@ def _figure(
     from matplotlib.figure import Figure
 
     out = io.BytesIO()
-    with rc_context(LOOK), np.errstate(all="ignore"):
+    with rc_context(cast(Any, LOOK)), np.errstate(all="ignore"):
         figure = Figure(figsize=size, layout="constrained")
         yield figure, figure.subplots(rows, columns, squeeze=False, **options), out
         dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[form]

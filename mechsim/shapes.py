@@ -108,7 +108,7 @@ def rod_radius(mechanism: Mechanism) -> float:
 
 
 def span(mechanism: Mechanism) -> float:
-    """Return the longest distance between two places of one link, tracked points and outline included, in [m].
+    """Return the longest distance between two places of one link, outline included, in [m].
 
     Raises:
         InputError: for a mechanism whose links are all mere points.
@@ -142,7 +142,7 @@ def link_shapes(
 
 
 def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, float]:
-    """Return the side of every revolute joint on the ground where a shaft and its bearing are least in the way.
+    """Return the side of every ground joint where a shaft and its bearing are least in the way.
 
     Args:
         mechanism: whose joints.
@@ -353,7 +353,7 @@ class _Drawer:
         axis = np.asarray(rail.axis)
         ends = at + (low - 4.0 * r) * axis, at + (high + 4.0 * r) * axis
         colour = STEEL if rail.link == GROUND else self.colours[rail.link]
-        shape = Shape("box", *map(_vector, ends), (1.4 * r, 0.6 * r), colour, _vector(thick))
+        shape = Shape("box", _vector(ends[0]), _vector(ends[1]), (1.4 * r, 0.6 * r), colour, _vector(thick))
         self.out[rail.link].append(shape)
         if rail.link == GROUND and self.normals:
             self._feet(shape, thick)
@@ -362,7 +362,9 @@ class _Drawer:
         ends = at - 3.0 * r * axis, at + 3.0 * r * axis
         colour = STEEL if block.link == GROUND else self.colours[block.link]
         size = (2.2 * r, 1.2 * r)
-        self.out[block.link].append(Shape("box", *map(_vector, ends), size, colour, _vector(thick)))
+        self.out[block.link].append(
+            Shape("box", _vector(ends[0]), _vector(ends[1]), size, colour, _vector(thick))
+        )
 
     def _feet(self, rail: Shape, thick: Array) -> None:
         """Two feet that carry a rail on the mounting plate."""
@@ -450,7 +452,9 @@ class _Drawer:
             ends = centre + (radius - 1.3 * depth) * out, centre + (radius + 0.8 * depth) * out
             # a shade thinner than the disc, so that the faces do not fight where they overlap
             size = (0.42 * np.pi * radius / teeth, 0.57 * self.r)
-            self.out[end.link].append(Shape("box", *map(_vector, ends), size, colour, upright.axis))
+            self.out[end.link].append(
+                Shape("box", _vector(ends[0]), _vector(ends[1]), size, colour, upright.axis)
+            )
 
 
 def _stations(mechanism: Mechanism, link: str) -> list[Array]:

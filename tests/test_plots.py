@@ -79,7 +79,7 @@ def test_what_cannot_be_plotted_is_refused(motion, tmp_path):
         plots.motion_plot(motion, ["Q"])
     with pytest.raises(InputError, match="no plot format 'bmp'"):
         plots.motion_plot(motion, form="bmp")
-    with pytest.raises(InputError, match="not one of .svg, .png, .pdf"):
+    with pytest.raises(InputError, match=r"not one of .svg, .png, .pdf"):
         plots.form_of("plot.jpg")
     assert plots.form_of(Path("plot.pdf")) == "pdf"
     with pytest.raises(OutputError, match="no directory"):

@@ -3,6 +3,7 @@ import subprocess
 import sys
 from colorsys import rgb_to_hsv
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -176,7 +177,7 @@ def test_paths_grow_behind_their_points(drive, motion):
     grown = list(bare(drive.mechanism, motion, paths="grow"))
     drawn = [(plain[i] != grown[i]).any(2).sum() for i in some]
     assert drawn[0] == 0
-    assert all(a < b for a, b in zip(drawn[:-1], drawn[1:], strict=True))
+    assert all(a < b for a, b in pairwise(drawn))
 
 
 @draws
@@ -308,7 +309,8 @@ import mujoco, sys
 import numpy as np
 from mechsim import catalog, render
 drive = catalog.make("rssr")
-picture = render.still(drive.mechanism, drive.solve(np.linspace(0.0, 2.0 * np.pi, 37), 60.0), size={SIZE}, backend="{name}")
+motion = drive.solve(np.linspace(0.0, 2.0 * np.pi, 37), 60.0)
+picture = render.still(drive.mechanism, motion, size={SIZE}, backend="{name}")
 from OpenGL import GL
 np.save(sys.argv[1], picture)
 """
@@ -329,7 +331,7 @@ def test_a_machine_without_opengl_names_the_packages(monkeypatch):
     monkeypatch.setattr(backend, "_settled", lambda: None)
     with pytest.raises(MissingToolError, match="libegl1 or libosmesa6"):
         backend.choose()
-    with pytest.raises(MissingToolError, match="package libosmesa6$"):
+    with pytest.raises(MissingToolError, match=r"package libosmesa6$"):
         backend.choose("osmesa")
     assert [row["works"] for row in backend.describe_backend()] == [False] * len(backend.ORDER)
 
@@ -393,7 +395,7 @@ def test_a_picture_is_written_as_png(drive, motion, tmp_path):
 
 @pytest.mark.parametrize("name", ["turn.avi", "turn.txt", "turn.png"])
 def test_unknown_video_extensions_are_refused_before_drawing(name, drive, motion, tmp_path):
-    with pytest.raises(InputError, match="is not one of .mp4, .webm, .gif"):
+    with pytest.raises(InputError, match=r"is not one of .mp4, .webm, .gif"):
         render.write_video(tmp_path / name, drive.mechanism, motion)
     with pytest.raises(InputError, match="frames per second"):
         render.write_video(tmp_path / "a.mp4", drive.mechanism, motion, fps=float("nan"))

@@ -6,7 +6,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -97,7 +97,7 @@ def probe(name: str) -> Backend | None:
 
 
 def describe_backend() -> list[dict[str, object]]:
-    """Return one row per back end of this platform: name, whether it works, driver, package that brings it."""
+    """Return one row per back end of this platform: name, whether it works, its driver, its package."""
     rows: list[dict[str, object]] = []
     for name in ORDER:
         found = probe(name)
@@ -115,7 +115,7 @@ def describe_backend() -> list[dict[str, object]]:
 
 
 @contextmanager
-def renderer(model: mujoco.MjModel, size: tuple[int, int], backend: Backend) -> Iterator[mujoco.Renderer]:
+def renderer(model: mujoco.MjModel, size: tuple[int, int], backend: Backend) -> Generator[mujoco.Renderer]:
     """Open a MuJoCo renderer of (width, height) pixels on a back end, and close it afterwards.
 
     MuJoCo fixes its back end when it is first imported; a caller may have done that long ago

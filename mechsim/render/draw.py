@@ -1,6 +1,7 @@
 """Frames of a motion, drawn one after the other."""
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from contextlib import closing
 from typing import Any
 
 import mujoco
@@ -46,16 +47,18 @@ def still(mechanism: Mechanism, motion: Motion, *, angle: float | None = None, *
 
     Paths are drawn whole unless asked for otherwise.
     """
-    look = Look(**{"paths": "whole", **options})
+    options.setdefault("paths", "whole")
+    look = Look(**options)
     look.check(mechanism)
     whole = track(mechanism, motion)
     stage = Stage(mechanism, whole, look)
     if angle is not None:
         stage.track = track(mechanism, motion, [angle])
-    return next(iter(draw(stage, backends.choose(look.backend))))
+    with closing(draw(stage, backends.choose(look.backend))) as pictures:
+        return next(pictures)
 
 
-def draw(stage: Stage, backend: backends.Backend) -> Iterator[Picture]:
+def draw(stage: Stage, backend: backends.Backend) -> Generator[Picture]:
     """Yield the frames of a stage."""
     look = stage.look
     count = 1 if look.overlay > 1 else len(stage.track)
@@ -118,7 +121,7 @@ class Trace:
         """An arrow around the crank shaft, the way the crank turns, on the camera's side."""
         stage = self.stage
         end, radius = stage.mechanism.joint(stage.mechanism.driver).a, stage.radius
-        axis, forward = np.asarray(end.axis), stage.track.angle[-1] >= stage.track.angle[0]
+        axis, forward = np.asarray(end.axis), stage.forward
         lift = 3.0 * radius * axis * np.sign(axis @ stage.camera.back + 1e-12)
         turn = np.linspace(0.0, 1.5 * np.pi, 49) * (1.0 if forward else -1.0)
         ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(49)]) @ end.frame.T

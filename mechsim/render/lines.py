@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
@@ -45,7 +45,7 @@ class Chain:
         scene.ngeom = ngeom
 
 
-def chain(path: Array, width: float, rgba: Array) -> Chain:
+def chain(path: Array, width: float, rgba: ArrayLike) -> Chain:
     """Return the rods along a path, (m, 3), `width` across."""
     steps = np.diff(path, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
@@ -57,4 +57,4 @@ def chain(path: Array, width: float, rgba: Array) -> Chain:
     sizes = np.full((len(steps), 3), width / 2.0)
     # half a width longer at each end closes the outer side of a bend
     sizes[:, 2] = (lengths + 0.5 * width) / 2.0
-    return Chain((path[:-1] + path[1:]) / 2.0, frames, sizes, rgba.astype(np.float32))
+    return Chain((path[:-1] + path[1:]) / 2.0, frames, sizes, np.asarray(rgba, dtype=np.float32))

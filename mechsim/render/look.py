@@ -59,5 +59,6 @@ class Look:
         for name in self.projections:
             if name not in mechanism.points:
                 raise InputError(
-                    f"{mechanism.name} has no point {name!r} to project; known are {', '.join(mechanism.points)}"
+                    f"{mechanism.name} has no point {name!r} to project; "
+                    f"known are {', '.join(mechanism.points)}"
                 )

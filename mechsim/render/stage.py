@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from mechsim.mechanism import GROUND, Mechanism, Pose
 from mechsim.render import camera as cameras
-from mechsim.render.camera import Camera
 from mechsim.render.look import Look
 from mechsim.render.track import Track
 from mechsim.shapes import HOUSING, Shape, free_sides, link_shapes, planar_normals, rod_radius
@@ -33,7 +32,14 @@ MATTE = "matte"
 
 @dataclass(frozen=True, slots=True)
 class Wall:
-    """A plane with a grid on it: a point of it, the direction off it towards the mechanism, half its edges."""
+    """A plane with a grid on it.
+
+    Attributes:
+        point: its middle, (3,) in [m].
+        normal: unit vector off it towards the mechanism, (3,).
+        half: half its edges in [m], the first along `across`.
+        across: unit vector along its first edge, (3,).
+    """
 
     point: Array
     normal: Array
@@ -49,12 +55,14 @@ class Stage:
         model: shapes only; a mocap body per link and overlaid position.
         data: its state.
         cell: edge of a grid cell in [m].
-        walls: point and normal of each plane with a grid.
+        walls: planes with a grid.
+        forward: whether the crank turns the positive way.
     """
 
     def __init__(self, mechanism: Mechanism, track: Track, look: Look):
         self.mechanism, self.track, self.look = mechanism, track, look
         self.radius = rod_radius(mechanism)
+        self.forward = bool(track.angle[-1] >= track.angle[0])
         sliding = [j for j in mechanism.joints if j.kind in ("prismatic", "cylindrical")]
         travel = {joint.name: track.travel(joint) for joint in sliding}
         self.shapes = link_shapes(mechanism, travel, outward=self._free_sides())

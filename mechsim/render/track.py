@@ -71,21 +71,23 @@ def track(mechanism: Mechanism, motion: Motion, angles: ArrayLike | None = None)
         poses[link.name] = Pose(moved.position, moved.rotation)
     step = max(1, len(motion) // PATH_POINTS)
     fine = np.unique(np.append(np.arange(0, len(motion), step), len(motion) - 1))
-    paths = {name: poses[link].at(fine).point(local) for name, (link, local) in _moving(mechanism)}
+    paths = {name: _picked(poses[link], fine).point(local) for name, (link, local) in _moving(mechanism)}
     passed = np.searchsorted(fine, np.arange(len(motion)), side="right")
-    if angles is not None:
-        wanted = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+    wanted = motion.angle if angles is None else np.atleast_1d(np.asarray(angles, dtype=np.float64))
+    # the samples themselves need no search, which a crank that swings to and fro would not allow
+    if not np.array_equal(wanted, motion.angle):
         place = _places(motion.angle, wanted)
         poses = {name: _between(pose, place) for name, pose in poses.items()}
         passed = np.searchsorted(fine, place + 1e-9, side="right")
-        angle = wanted
-    else:
-        angle = motion.angle
     points = {
-        name: np.broadcast_to(poses[link].point(local), (len(angle), 3))
+        name: np.broadcast_to(poses[link].point(local), (len(wanted), 3))
         for name, (link, local) in mechanism.points.items()
     }
-    return Track(angle, poses, points, paths, passed)
+    return Track(wanted, poses, points, paths, passed)
+
+
+def _picked(pose: Pose, samples: NDArray[np.intp]) -> Pose:
+    return Pose(pose.position[samples], pose.rotation[samples])
 
 
 def _moving(mechanism: Mechanism) -> list[tuple[str, tuple[str, tuple[float, float, float]]]]:

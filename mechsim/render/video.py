@@ -173,5 +173,6 @@ def _write_png(path: Path, picture: Picture) -> None:
 def _known(path: Path, extensions: tuple[str, ...]) -> None:
     if path.suffix not in extensions:
         raise InputError(
-            f"cannot write {path.name}: extension {path.suffix or '(none)'!r} is not one of {', '.join(extensions)}"
+            f"cannot write {path.name}: extension {path.suffix or '(none)'!r} "
+            f"is not one of {', '.join(extensions)}"
         )
