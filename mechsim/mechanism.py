@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
+from mechsim.inertia import Inertia
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -60,10 +61,12 @@ class Link:
         name: unique in the mechanism.
         outline: points of the link's own frame, in [m], that a picture joins up; joint points are
             added by themselves, so this is for what no joint touches.
+        inertia: mass, centre and moments; None leaves them to `rods.with_inertia`.
     """
 
     name: str
     outline: tuple[Vector, ...] = ()
+    inertia: Inertia | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,12 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "mechsim"
 CLOSED_FORM = {
     "vectors",
+    "inertia",
     "mechanism",
+    "rods",
+    "motors",
+    "course",
+    "forces",
     "motion",
     "closure",
     "catalog",
