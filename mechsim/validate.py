@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 # catalogue mechanism (measured 2.6e-9 at the worst), and a link 0.1 % long exceeds it 1e5 times
 STEP_PLACE = 1e-8
 STEPS = 1000
+# from good to bad
+OUTCOMES: tuple[Outcome, ...] = ("met", "missed", "changed assembly", "diverged", "cannot assemble")
 # a crank that cannot turn fully swings over this part of its range
 PART_OF_RANGE = 0.9
 
@@ -78,6 +80,26 @@ def validate(drive: Drive, *, speed: float = 20.0 * np.pi) -> Case:
     Raises:
         AssemblyError: if the loops close nowhere.
     """
+    case = _validated(drive, speed)
+    for name, variant in drive.variants().items():
+        case = _with_variant(case, name, _validated(variant, speed))
+    return case
+
+
+def _with_variant(case: Case, name: str, variant: Case) -> Case:
+    """Return a case that holds a variant's checks too, each with the variant's name in front."""
+    checks = tuple(replace(check, quantity=f"{name}, {check.quantity}") for check in variant.checks)
+    worse = OUTCOMES.index(variant.outcome) > OUTCOMES.index(case.outcome)
+    return replace(
+        case,
+        outcome=variant.outcome if worse else case.outcome,
+        reason=f"{name}, {variant.reason}" if worse else case.reason,
+        checks=case.checks + checks,
+        seconds=case.seconds + variant.seconds,
+    )
+
+
+def _validated(drive: Drive, speed: float) -> Case:
     begin = clock.perf_counter()
     profile = crank_profile(drive, speed)
     angles = profile.state(np.linspace(0.0, profile.duration, 73))[0]
@@ -134,8 +156,7 @@ def crank_profile(drive: Drive, speed: float, turns: float = 1.0) -> Profile:
 
 
 def _worst(verdicts: Iterable[tuple[str, Verdict]]) -> tuple[Outcome, str]:
-    order: list[Outcome] = ["met", "missed", "changed assembly", "diverged", "cannot assemble"]
-    road, verdict = max(verdicts, key=lambda one: order.index(one[1].outcome))
+    road, verdict = max(verdicts, key=lambda one: OUTCOMES.index(one[1].outcome))
     return verdict.outcome, f"{road}: {verdict.reason}" if verdict.reason else ""
 
 

@@ -47,7 +47,7 @@ def write_validation_report(
             if str(error) not in notes:
                 notes.append(str(error))
         drawings = _plots(case)
-        for caption, (file, drawing) in drawings.items():
+        for file, drawing in drawings.values():
             plots.write(folder / f"{name}_{file}.svg", drawing)
         sections.append(
             Section(
@@ -115,9 +115,8 @@ def _facts(case: Case) -> dict[str, Any]:
         listed["dead centres"] = ", ".join(f"{math.degrees(at):.4f}°" for at in known["dead_centres"])
     if known["transmission_angle"] is not None:
         least = known["transmission_angle"]
-        listed["transmission angle"] = (
-            f"at least {math.degrees(least['least']):.2f}°, at crank angle {math.degrees(least['at_angle']):.1f}°"
-        )
+        value, place = math.degrees(least["least"]), math.degrees(least["at_angle"])
+        listed["transmission angle"] = f"at least {value:.2f}°, at crank angle {place:.1f}°"
     if known["assur_explained"]:
         listed["Assur groups"] = known["assur_explained"]
     return listed

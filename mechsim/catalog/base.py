@@ -118,6 +118,10 @@ class Drive(ABC):
     def _motion(self, angles: Array, speed: Array, acceleration: Array, detail: Detail) -> Motion:
         """Return the motion at one chunk of crank angles, NaN where the loop does not close."""
 
+    def variants(self) -> dict[str, Self]:
+        """Return what is validated besides this mechanism itself: name -> the same with something changed."""
+        return {}
+
     def positions(self, angles: ArrayLike) -> dict[str, Array]:
         """Return the tracked points at crank angles: name -> (n, 3) in [m].
 

@@ -1,9 +1,9 @@
 """RSSR: spatial four-bar crank-rocker, its dimensions and its closed form."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -77,6 +77,9 @@ class Rssr(TwoBranchDrive):
             guess=guess,
             start=start,
         )
+
+    def variants(self) -> dict[str, Self]:
+        return {} if self.guide else {"guided": replace(self, guide=True)}
 
     def margin(self, angles: ArrayLike) -> Array:
         """4 r2 d2 - (d2 + h2 + r2 - l2)2; rocker r, coupler l, P4P2 with parts d across, h along the axis."""

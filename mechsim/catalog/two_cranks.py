@@ -1,6 +1,7 @@
 """The warp knitter without its gears: both cranks driven on their own, W = 2."""
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +11,7 @@ from mechsim.catalog.knitter_parts import xyz
 from mechsim.catalog.legs import leg_vectors, rates
 from mechsim.catalog.triad_path import Pivots, TriadPath
 from mechsim.errors import AssemblyError
+from mechsim.mechanism import GROUND, End, Mechanism, Pose
 
 if TYPE_CHECKING:
     from mechsim.catalog.warp_knitter import WarpKnitter
@@ -46,6 +48,48 @@ def velocities(
     b_v, c_v, k_v = (v + 1j * spin * turn * point for point in drive.platform)
     moved = {"A": a_v, "B": b_v, "C": c_v, "D": d_v, "K": k_v}
     return {name: xyz(value).T for name, value in moved.items()}
+
+
+def one_crank_stopped(drive: "WarpKnitter", stopped: Literal["crank1", "crank2"], angle: float) -> Mechanism:
+    """Return the mechanism with one crank stopped in thought and the other driving, W = 1.
+
+    Args:
+        drive: the mechanism; says which assembly is meant.
+        stopped: the crank that becomes part of the frame.
+        angle: of crank 1 from +X in [rad], where both cranks stand as the gears put them; the guess is
+            there, at the driving crank's own angle.
+
+    Source: paper 003, the exchange of drivers, eqs (1)-(5).
+    """
+    links = drive.solve([angle]).links
+    held = Pose(links[stopped].position[0], links[stopped].rotation[0])
+
+    def end(side: End) -> End:
+        if side.link != stopped:
+            return side
+        x, y, z = (float(value) for value in held.point(side.point))
+        return End(GROUND, (x, y, z))
+
+    whole = drive.mechanism
+    driver = "crank2" if stopped == "crank1" else "crank"
+    points = {
+        name: (GROUND, end(End(link, local)).point) if link == stopped else (link, local)
+        for name, (link, local) in whole.points.items()
+    }
+    return replace(
+        whole,
+        links=tuple(link for link in whole.links if link.name != stopped),
+        joints=tuple(
+            replace(joint, a=end(joint.a), b=end(joint.b))
+            for joint in whole.joints
+            if {joint.a.link, joint.b.link} != {GROUND, stopped}
+        ),
+        driver=driver,
+        points=points,
+        gears=(),
+        guess={n: Pose(m.position[0], m.rotation[0]) for n, m in links.items() if n != stopped},
+        start=angle if driver == "crank" else drive.gear_ratio * angle + drive.phase,
+    )
 
 
 def flat(point: Array) -> Any:

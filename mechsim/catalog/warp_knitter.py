@@ -132,7 +132,7 @@ class WarpKnitter(Drive):
         return [drive for drive in self._family if drive._reaches(angle)]
 
     def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
-        """Return every real assembly at a crank angle; its number is None if it comes from none at angle 0."""
+        """Return every real assembly at a crank angle; its number is None if none at angle 0 leads to it."""
         numbered = [(drive.assembly, drive.positions([angle])) for drive in self.assemblies(angle)]
         known = [(n, {name: p[0] for name, p in points.items()}) for n, points in numbered]
         found: list[tuple[dict[str, int | None], dict[str, Array]]] = []

@@ -45,12 +45,12 @@ def print_table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) 
 class Tick(Protocol):
     """Called after each piece of work, with what was done."""
 
-    def __call__(self, what: str = "") -> None:
+    def __call__(self, done: str = "", /) -> None:
         """Advance by one."""
         ...
 
 
-def _nothing(what: str = "") -> None:
+def _nothing(done: str = "") -> None:
     pass
 
 

@@ -80,9 +80,8 @@ def simulate(
     else:
         bound = "" if run.tolerance is None else f" (bound {run.tolerance:.3g} m)"
         typer.echo(f"{run.outcome}: places within {run.estimate:.3g} m of the solved poses{bound}")
-        typer.echo(
-            f"{run.steps} {'poses' if run.method == 'pose' else 'steps'} in {run.seconds:.4g} s, by {run.method}"
-        )
+        what = "poses" if run.method == "pose" else "steps"
+        typer.echo(f"{run.steps} {what} in {run.seconds:.4g} s, by {run.method}")
         if place is not None:
             typer.echo(f"wrote {len(run.motion)} rows to {output}")
     raise typer.Exit(0 if run.outcome == "met" else 1)
