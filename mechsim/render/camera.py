@@ -112,6 +112,12 @@ def backdrop_axis(mechanism: Mechanism, back: Array) -> Array:
     return axes[nearest] * np.sign(along[nearest])
 
 
+def nice(length: float) -> float:
+    """Return the largest of 1, 2, 5 times a power of ten that is no longer than a length."""
+    power = 10.0 ** np.floor(np.log10(length))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= length * (1.0 + 1e-9)))
+
+
 def _span(values: Array, radii: Array) -> tuple[float, float]:
     low, high = float((values - radii).min()), float((values + radii).max())
     return low, high - low

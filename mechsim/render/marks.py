@@ -1,18 +1,19 @@
 """What is written on a picture: names of points, scale bar, crank angle."""
 
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from mechsim.render.camera import Camera
+from mechsim.render.camera import Camera, nice
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
 INK = (28, 32, 40)
 HALO = (250, 250, 252)
+HALO_WIDTH = 2
 
 
 def written(
@@ -29,47 +30,42 @@ def written(
         angle: of the crank in [rad]; None where the picture shows many.
     """
     image = Image.fromarray(picture)
-    pen = ImageDraw.Draw(image)
     edge = max(11, round(camera.size[1] / 30))
-    _labels(pen, camera, labels, 0.7 * clear * camera.scale + 0.3 * edge, edge)
+    _labels(image, camera, labels, 0.7 * clear * camera.scale + 0.3 * edge, edge)
     if name:
-        _notes(pen, camera, name, angle, edge)
+        _notes(image, camera, name, angle, edge)
     return np.asarray(image)
 
 
-def _labels(
-    pen: ImageDraw.ImageDraw, camera: Camera, labels: dict[str, Array], off: float, edge: int
-) -> None:
+def _labels(image: Image.Image, camera: Camera, labels: dict[str, Array], off: float, edge: int) -> None:
     """Write names beside their points, each off the middle of them all, so that links stay clear."""
     if not labels:
         return
-    font = _font(edge)
     places = {name: camera.pixel(place) for name, place in labels.items()}
     middle = np.mean(list(places.values()), axis=0)
     for name, (x, y) in places.items():
         left = len(places) > 1 and x < middle[0]
         at = (x - off if left else x + off, y - off)
-        _text(pen, at, name, font, "rs" if left else "ls")
+        _text(image, at, name, edge, "rs" if left else "ls")
 
 
-def _notes(pen: ImageDraw.ImageDraw, camera: Camera, name: str, angle: float | None, edge: int) -> None:
+def _notes(image: Image.Image, camera: Camera, name: str, angle: float | None, edge: int) -> None:
     width, height = camera.size
-    font, pad = _font(edge), round(0.8 * edge)
-    _text(pen, (pad, pad), name.replace("_", "-"), font, "la")
+    pad = round(0.8 * edge)
+    _text(image, (pad, pad), name.replace("_", "-"), edge, "la")
     if angle is not None:
-        _text(pen, (width - pad, pad), f"crank {np.rad2deg(angle) % 360.0:5.1f}°", font, "ra")
+        _text(image, (width - pad, pad), f"crank {np.rad2deg(angle) % 360.0:5.1f}°", edge, "ra")
     length, text = scale_bar(camera)
     pixels = length * camera.scale
     y = height - pad
+    pen = ImageDraw.Draw(image)
     pen.rectangle((pad - 1, y - edge // 4 - 1, pad + pixels + 1, y + 1), fill=HALO)
     pen.rectangle((pad, y - edge // 4, pad + pixels, y), fill=INK)
-    _text(pen, (pad + pixels + 0.4 * edge, y + 1), text, font, "ls")
+    _text(image, (pad + pixels + 0.4 * edge, y + 1), text, edge, "ls")
 
 
 def scale_bar(camera: Camera) -> tuple[float, str]:
     """Return a round length of about a sixth of the picture's width in [m], and how it is written."""
-    from mechsim.render.stage import nice
-
     length = nice(camera.size[0] / camera.scale / 5.0)
     for unit, factor in (("m", 1.0), ("mm", 1e-3), ("µm", 1e-6)):
         if length >= 0.9999 * factor:
@@ -77,10 +73,24 @@ def scale_bar(camera: Camera) -> tuple[float, str]:
     return length, f"{length:g} m"
 
 
-def _text(
-    pen: ImageDraw.ImageDraw, at: tuple[float, float], text: str, font: ImageFont.FreeTypeFont, anchor: str
-) -> None:
-    pen.text(at, text, fill=INK, font=font, anchor=anchor, stroke_width=2, stroke_fill=HALO)
+def _text(image: Image.Image, at: tuple[float, float], text: str, edge: int, anchor: str) -> None:
+    """Write a text with its left ("l") or right ("r") end at a place, hung ("a") or standing ("s") there."""
+    stamp, left, top, right = _stamp(text, edge, anchor[1])
+    x = at[0] + left if anchor[0] == "l" else at[0] - right
+    image.paste(stamp, (round(x), round(at[1] + top)), stamp)
+
+
+# drawing letters with a halo costs more than all else on a picture, and names stay the same
+@lru_cache(maxsize=256)
+def _stamp(text: str, edge: int, hang: str) -> tuple[Image.Image, float, float, float]:
+    """A text on a clear ground: picture, its left and top from the anchor, its right end."""
+    font = _font(edge)
+    left, top, right, bottom = font.getbbox(text, anchor=f"l{hang}", stroke_width=HALO_WIDTH)
+    stamp = Image.new("RGBA", (int(np.ceil(right - left)) + 2, int(np.ceil(bottom - top)) + 2), (*HALO, 0))
+    pen = ImageDraw.Draw(stamp)
+    at = -left + 1, -top + 1
+    pen.text(at, text, fill=INK, font=font, anchor=f"l{hang}", stroke_width=HALO_WIDTH, stroke_fill=HALO)
+    return stamp, left - 1, top - 1, right - HALO_WIDTH
 
 
 @cache

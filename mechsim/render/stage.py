@@ -76,7 +76,7 @@ class Stage:
             corners = np.array(np.meshgrid(*zip(self.low, self.high, strict=True))).reshape(3, -1).T
             balls, radii = np.vstack([balls, corners]), np.append(radii, np.zeros(len(corners)))
         self.camera = cameras.framed(back, up, balls, radii, look.size)
-        self.cell = nice(self.camera.height / 9.0)
+        self.cell = cameras.nice(self.camera.height / 9.0)
         self.walls = self._walls()
         self.model = self._spec().compile()
         self.data = mujoco.MjData(self.model)
@@ -273,12 +273,6 @@ class Stage:
         plane.size = [*wall.half, 1.0]
         plane.quat = _quat(np.column_stack([wall.across, np.cross(wall.normal, wall.across), wall.normal]))
         plane.contype = plane.conaffinity = 0
-
-
-def nice(length: float) -> float:
-    """Return the largest of 1, 2, 5 times a power of ten that is no longer than a length."""
-    power = 10.0 ** np.floor(np.log10(length))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= length * (1.0 + 1e-9)))
 
 
 def _geom(body: mujoco.MjsBody, shape: Shape) -> None:
