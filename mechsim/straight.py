@@ -69,7 +69,9 @@ def _kept(
     """Return what a search finds with the least spare that keeps the conditions; None if nothing does."""
     for spare in SPARES:
         found = _searched(length, base, wanted, bounds, spare, seed)
-        if found is not None and not broken(found, wanted):
+        if found is None:
+            break
+        if not broken(found, wanted):
             return found
     return None
 

@@ -15,7 +15,7 @@ from mechsim.catalog.sheets import Sheet, sheets
 from mechsim.errors import InputError
 from mechsim.mechanism import EX, EY, EZ, GROUND, End, Joint, Link, Mechanism
 from mechsim.motion import JointMotion, Motion
-from mechsim.vectors import Sign, circle_sphere, column, cross, dot
+from mechsim.vectors import Sign, circle_sphere, column, cross, dot, norm
 
 Side = int
 # in nine hundred random linkages the highest number met was five
@@ -44,6 +44,8 @@ class Looper(Drive):
     cylinder is met by the circle of C from within or from without. Neither can change without a dead
     centre. Two roots of the quartic can have the same sign: side 2 (-2), 3 (-3) are the further ones, as
     `assemblies` numbers them; 1 and -1 are those at crank angle zero nearest to the plane.
+    A root may run on for more than a turn of the crank between its dead centres; crank angles then count
+    turns inside `crank_range`, and outside it are taken back into it by whole turns.
 
     Source: paper 004, eqs (2), (4)-(15), the cylinder along X as in (2) and (14), not along Z as printed in
     (6); defaults from papers.md section 4.
@@ -207,7 +209,8 @@ class Looper(Drive):
         b = self.pivot + self.rocker * circle_sphere(
             self.pivot, ez, self.rocker, a, self.coupler, self.branch
         )
-        ahead = (b - a) / self.coupler
+        # a short coupler off by an ulp must not make a long arm off by many
+        ahead = (b - a) / norm(b - a)
         return _Planar(a, b, ahead, cross(ez, ahead))
 
     def _swing(self, ahead: Array) -> Array:

@@ -22,6 +22,9 @@ Coefficients = Callable[[Array], Array]
 
 # nodes a turn: neighbouring roots of one sign are tens of degrees apart, a root moves by one or two
 NODES = 360
+SHRINK = 8.0 ** -np.arange(1, 7)
+# each finds one fold more in a gap between nodes that held several
+PASSES = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +149,8 @@ def _matched(here: Array, there: Array) -> list[tuple[int, int]]:
     """Pair the roots at two neighbouring nodes, at most four each, so that they move least in sum."""
     if len(here) > len(there):
         return [(b, a) for a, b in _matched(there, here)]
+    if len(there) == 1:
+        return [(0, 0)] if len(here) else []
     gap = np.abs(np.mod(here[:, None] - there[None] + np.pi, TURN) - np.pi)
     choices = permutations(range(len(there)), len(here))
     best = min(choices, key=lambda c: sum(gap[i, j] for i, j in enumerate(c)))
@@ -163,20 +168,26 @@ def _nodes(coefficients: Coefficients, arc: tuple[float, float], full: bool) -> 
     def apart(angles: Array) -> Array:
         return quartic.discriminant(coefficients(angles))
 
-    base = np.union1d(base, _dips(apart, base))
-    sides = apart(base) > 0.0
-    at = np.nonzero(sides[1:] != sides[:-1])[0]
-    left, right = base[at], base[at + 1]
-    side = sides[at]
-    for _ in range(60):
-        middle = (left + right) / 2.0
-        same = (apart(middle) > 0.0) == side if len(middle) else middle > 0.0
-        left, right = np.where(same, middle, left), np.where(same, right, middle)
-    folds = (left + right) / 2.0
-    # near a fold roots move like a square root: nodes close up on it by a factor of eight
-    shrink = 8.0 ** -np.arange(1, 7)
-    near = [np.outer(end - folds, shrink) + folds[:, None] for end in (base[at], base[at + 1])]
-    nodes = np.union1d(base, np.concatenate([part.ravel() for part in near]))
+    def count(angles: Array) -> Array:
+        return (~np.isnan(quartic.real_roots(coefficients(angles)))).sum(0)
+
+    nodes, folds = base, np.empty(0)
+    for _ in range(PASSES):
+        nodes = np.union1d(nodes, _dips(apart, nodes))
+        counts = count(nodes)
+        passed = np.searchsorted(folds, nodes)
+        at = np.nonzero((counts[1:] != counts[:-1]) & (passed[1:] == passed[:-1]))[0]
+        if len(at) == 0:
+            break
+        left, right, before = nodes[at], nodes[at + 1], counts[at]
+        for _ in range(52):
+            middle = (left + right) / 2.0
+            same = count(middle) == before
+            left, right = np.where(same, middle, left), np.where(same, right, middle)
+        new = (left + right) / 2.0
+        # near a fold roots move like a square root: nodes close up on it by a factor of eight
+        near = [(np.outer(end - new, SHRINK) + new[:, None]).ravel() for end in (nodes[at], nodes[at + 1])]
+        folds, nodes = np.union1d(folds, new), np.union1d(nodes, np.concatenate(near))
     return folds.tolist(), nodes[:-1] if full else nodes
 
 
