@@ -85,7 +85,7 @@ def _exact(rows: Array, right: Array, best: Any) -> tuple[NDArray[np.intp], Arra
     error = right - rows @ x[:3]
     if len(active) == 4:
         square = np.column_stack([rows[active], np.sign(error[active])])
-        q = np.linalg.solve(square, right[active])
+        q = np.asarray(np.linalg.solve(square, right[active]), dtype=np.float64)
         if np.abs(right - rows @ q[:3]).max() <= np.abs(error).max() * (1.0 + 1e-6):
             return active, q[:3]
     return active, x[:3]
