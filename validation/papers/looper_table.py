@@ -152,7 +152,11 @@ def plot(out: Path, looper: Looper) -> list[Path]:
         (right, part, "Fig. 4b: its straight part"),
     ):
         for kind in ("space", "plane"):
-            axes.plot(four[f"{kind} x"][chosen], four[f"{kind} y"][chosen], label=f"in the {kind}")
+            axes.plot(
+                four[f"{kind} x"][chosen],
+                four[f"{kind} y"][chosen],
+                label={"space": "in space", "plane": "in the plane"}[kind],
+            )
         axes.set(title=title, xlabel="x, mm", ylabel="y, mm")
         axes.legend()
     written.append(out / "looper_paths.svg")
