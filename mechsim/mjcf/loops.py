@@ -71,6 +71,7 @@ class Loops:
         size: yardstick of lengths in the model, in [m].
         hinges: for each number of qpos whether it is the angle of a hinge.
         quaternions: where quaternions begin in qpos.
+        turning: for each number of qpos whether it is one of a quaternion's.
     """
 
     def __init__(self, model: mujoco.MjModel):
@@ -96,12 +97,15 @@ class Loops:
             for kind, place in zip(model.jnt_type, model.jnt_qposadr, strict=True)
             if kind in (BALL, FREE)
         ]
+        self.turning = np.zeros(model.nq, dtype=np.bool_)
+        for place in self.quaternions:
+            self.turning[place : place + 4] = True
         self.hinges = np.zeros(model.nq, dtype=np.bool_)
         self.hinges[model.jnt_qposadr[model.jnt_type == HINGE]] = True
         self._looking = _only_kinematics(model)
         self._data = mujoco.MjData(self._looking)
         self._batches: dict[int, batch.Batch] = {}
-        self._basis: tuple[Array, Array] | None = None
+        self._basis: tuple[Array, Array, Array] | None = None
 
     def residual(self, qpos: Array) -> Array:
         """Return how far the constraints stand open, (n, m) in [m] or [rad]."""
@@ -170,6 +174,13 @@ class Loops:
         bodies = self.model.site_bodyid
         return position[:, bodies] + (rotation[:, bodies] @ self.model.site_pos[..., None])[..., 0]
 
+    def places(self, qpos: Array) -> Array:
+        """Return the places of all sites and of all points that close loops at n states, (n, k, 3) in [m]."""
+        position, rotation, _ = self._many(qpos)
+        ends = [end for pair in self.pairs for end in pair.ends]
+        points = [position[:, body] + rotation[:, body] @ local for body, local in ends]
+        return np.concatenate([np.stack(points, 1) if points else position[:, :0], self.sites(qpos)], 1)
+
     def _coupled(self, coupling: Coupling, qpos: Array) -> tuple[Array, Array]:
         (y, x), (y0, x0) = coupling.places, coupling.zeros
         slope = np.zeros((len(qpos), self.model.nv))
@@ -207,13 +218,28 @@ class Loops:
         every row counts, and which repeat others changes from pose to pose.
         """
         if self._basis is None:
-            left, values, _ = np.linalg.svd(held[0])
+            left, values, right = np.linalg.svd(held[0])
             rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
-            self._basis = left[:, :rank], left[:, rank:]
-        rows, idle = self._basis
+            self._basis = left[:, :rank], left[:, rank:], right[rank:]
+        rows, idle, _ = self._basis
         if idle.shape[1] and np.abs(idle.T @ held).max(initial=0.0) > RANK_TOLERANCE * np.abs(held).max():
             return None
         return rows
+
+    def side(self, jacobian: Array) -> Array:
+        """Return on which side of the dead centres states lie, (n,): +1 or -1; 0 where that is not known.
+
+        It is the sign of the Jacobian's determinant with the crank held: two assemblies that meet at a
+        dead centre have opposite signs, and on the way from one dead centre to the next it stays.
+        """
+        held = jacobian[:, :, self.free]
+        rows = self._independent(held)
+        if rows is None or self._basis is None:
+            return np.zeros(len(held))
+        # freedoms that no row holds (a passive spin) stand in for the rows that are missing
+        spare = np.broadcast_to(self._basis[2], (len(held), *self._basis[2].shape))
+        square = np.concatenate([rows.T @ held, spare], 1)
+        return np.linalg.slogdet(square)[0]
 
     def tangent(self, jacobian: Array) -> Array:
         """Return the rates of all freedoms per radian of the crank, (n, nv), that keep the loops closed."""

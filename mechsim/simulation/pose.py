@@ -1,6 +1,8 @@
 """Motion by solving poses: no time, no integration, every crank angle to rounding."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,19 +11,24 @@ from mechsim.errors import AssemblyError
 from mechsim.mjcf import Loops
 
 Array = NDArray[np.float64]
-Path = Callable[[Array], Array]
 TURN = 2.0 * np.pi
 
 # the crank's stride in the first walk over the range; the poses between come by interpolation
 STRIDE = TURN / 16
-# a walk that needs strides below this stands at a dead centre
+# a walk that needs strides below this stands at a dead centre; what lies nearer needs no walk
 SHORTEST = 1e-7
-# opening of the loops after which one more Newton step leaves the walk as closed as it need be
-LOOSE, MOST_STEPS = 1e-2, 8
+# opening of the loops, in units of the stride squared, from which one Newton step leaves an opening
+# far below what the next stride is judged by
+LOOSE, ROUNDING, MOST_STEPS = 0.05, 1e-13, 8
 # a correction longer than this part of the stride may have fallen into the other assembly
 SAFE = 0.25
 # how far from its start a state may be after a turn to count as the same: rounding of a walk, squared up
 SAME = 1e-9
+# where many poses are asked for, the way through the walk's is first made this much denser
+DENSER = 6
+# a correction of an interpolated pose that cannot lead into another assembly, and one that may though
+# the sign of the Jacobian be the same: measured 2e-7 and 1e-2 at most
+SURE, DOUBT = 1e-6, 5e-2
 # poses closed in one go: their arrays stay in the cache, and a long run needs little memory
 CHUNK = 2048
 
@@ -42,50 +49,109 @@ def follow(loops: Loops, start: Array, angles: ArrayLike) -> Array:
         AssemblyError: at the crank angle beyond which the loops cannot close in this assembly.
     """
     angles = np.asarray(angles, dtype=np.float64)
-    guess = _path(loops, start, angles)
-    states = np.empty((len(angles), loops.model.nq))
-    for i in range(0, len(angles), CHUNK):
-        states[i : i + CHUNK] = loops.close(guess(angles[i : i + CHUNK]))
-    return states
-
-
-def _path(loops: Loops, start: Array, angles: Array) -> Path:
-    """Return the way over all crank angles asked for, as a function."""
     here = float(start[loops.crank_place])
     low, high = min(here, float(angles.min())), max(here, float(angles.max()))
-    if high - low <= 1.5 * TURN:
-        return _spline(loops, _knots(loops, start, low, high), len(angles))
-    lap = _knots(loops, start, here, here + TURN)
-    gain = _gain(loops, lap)
+    gain = None
+    if high - low > 1.5 * TURN:
+        knots = _knots(loops, start, here, here + TURN)
+        gain = _gain(loops, knots)
     if gain is None:
-        return _spline(loops, _knots(loops, start, low, high), len(angles))
-    one_lap = _spline(loops, lap, len(angles))
+        knots = _knots(loops, start, low, high)
+    way = Way(loops, knots, gain)
+    way = way if len(angles) <= 2 * DENSER * len(knots) else way.denser()
+    parts = [way.at(angles[i : i + CHUNK]) for i in range(0, len(angles), CHUNK)]
+    return np.concatenate(parts)
 
-    def path(at: Array) -> Array:
-        laps = np.floor((at - here) / TURN)
-        states = one_lap(np.clip(at - laps * TURN, here, here + TURN)) + laps[:, None] * gain
-        states[:, loops.crank_place] = at
+
+@dataclass(frozen=True)
+class Way:
+    """The states of an assembly as a function of the crank angle.
+
+    Attributes:
+        loops: of the model.
+        knots: closed states by rising crank angle, (k, nq).
+        gain: what a turn adds to a state, (nq,), where the knots span one turn that leads back; else None.
+    """
+
+    loops: Loops
+    knots: Array
+    gain: Array | None
+
+    def at(self, angles: Array) -> Array:
+        """Return closed states at crank angles, (n, nq)."""
+        laps = np.zeros(len(angles))
+        if self.gain is not None:
+            laps = np.floor((angles - self.knots[0, self.loops.crank_place]) / TURN)
+        guess = self._guess(angles - laps * TURN)
+        if self.gain is not None:
+            guess += laps[:, None] * self.gain
+        guess[:, self.loops.crank_place] = angles
+        try:
+            states = self.loops.close(guess)
+        except (AssemblyError, FloatingPointError):
+            states = np.full_like(guess, np.inf)
+        # what moved from where it was expected may have fallen into the other assembly
+        doubtful = np.flatnonzero(~(np.abs(states - guess).max(1) < SURE))
+        for i in doubtful[self._elsewhere(states[doubtful], guess[doubtful])]:
+            states[i] = self._walked_to(float(angles[i]), float(laps[i]))
         return states
 
-    return path
+    def _elsewhere(self, states: Array, guess: Array) -> NDArray[np.bool_]:
+        """Say of states whether they may lie in another assembly than the knots."""
+        if len(states) == 0:
+            return np.zeros(0, dtype=np.bool_)
+        far = ~(np.abs(states - guess).max(1) < DOUBT)
+        finite = np.where(np.isfinite(states), states, self.knots[0])
+        side = self.loops.side(self.loops.linearise(finite)[1])
+        return far | (side * self._side < 0.0)
+
+    @cached_property
+    def _side(self) -> float:
+        return float(self.loops.side(self.loops.linearise(self.knots[:1])[1])[0])
+
+    def denser(self) -> "Way":
+        """Return the same way through more knots."""
+        first, last = self.knots[[0, -1], self.loops.crank_place]
+        if last - first <= STRIDE:
+            return self
+        more = Way(self.loops, self.knots, None).at(np.linspace(first, last, DENSER * len(self.knots)))
+        return Way(self.loops, more, self.gain)
+
+    def _walked_to(self, angle: float, laps: float) -> Array:
+        knots = self.knots if self.gain is None else self.knots + laps * self.gain
+        nearest = knots[np.argmin(np.abs(knots[:, self.loops.crank_place] - angle))].copy()
+        steps = _walk(self.loops, nearest, angle)
+        there = steps[-1] if steps else nearest
+        there[self.loops.crank_place] = angle
+        return self.loops.close(there[None])[0]
+
+    @cached_property
+    def _guess(self) -> Callable[[Array], Array]:
+        from scipy.interpolate import make_interp_spline
+
+        if len(self.knots) == 1:
+            return lambda at: np.repeat(self.knots, len(at), 0)
+        degree = min(7, len(self.knots) - 1)
+        degree -= 1 - degree % 2
+        at = self.knots[:, self.loops.crank_place]
+        return make_interp_spline(at, _same_sign_quaternions(self.loops, self.knots), k=degree)
 
 
 def _gain(loops: Loops, lap: Array) -> Array | None:
     """Return what a turn of the crank adds to a state, (nq,); None where it does not lead back."""
-    first, last = lap[0], lap[-1]
-    gain = last - first
-    for place in loops.quaternions:
-        turn = slice(place, place + 4)
-        gain[turn] = last[turn] - np.sign(last[turn] @ first[turn]) * first[turn]
+    gain = np.where(loops.turning, 0.0, lap[-1] - lap[0])
     whole = np.where(loops.hinges, TURN * np.round(gain / TURN), 0.0)
-    return whole if np.abs(gain - whole).max() < SAME else None
+    # a passive spin of a ball joint's link need not come back, but whatever lies on its line must
+    places = loops.places(lap[[0, -1]])
+    back = np.abs(places[1] - places[0]).max(initial=0.0) < SAME * loops.size
+    return whole if back and np.abs(gain - whole).max() < SAME else None
 
 
 def _knots(loops: Loops, start: Array, low: float, high: float) -> Array:
     """Return closed states from a lowest to a highest crank angle, rising, (k, nq)."""
     here = float(start[loops.crank_place])
-    before = _walk(loops, start, low) if here - low > 1e-12 else []
-    after = _walk(loops, start, high) if high - here > 1e-12 else []
+    before = _walk(loops, start, low) if here - low > SHORTEST else []
+    after = _walk(loops, start, high) if high - here > SHORTEST else []
     return loops.close(np.stack([*before[::-1], start, *after]))
 
 
@@ -94,15 +160,18 @@ def _walk(loops: Loops, start: Array, end: float) -> list[Array]:
     here, stride = start[None], STRIDE
     angle = float(start[loops.crank_place])
     sense = 1.0 if end > angle else -1.0
-    slope = loops.tangent(loops.linearise(here)[1])
+    jacobian = loops.linearise(here)[1]
+    slope, side = loops.tangent(jacobian), loops.side(jacobian)
     bend = np.zeros_like(slope)
     found: list[Array] = []
-    while sense * (end - angle) > 1e-12:
-        step = min(stride, abs(end - angle))
-        target = end if step == abs(end - angle) else angle + sense * step
+    while sense * (end - angle) > SHORTEST:
+        left = abs(end - angle)
+        # no crumb is left for the end
+        step = left if left < 1.1 * stride else stride
+        target = end if step == left else angle + sense * step
         guess = loops.moved(here, sense * step * slope + 0.5 * step**2 * bend)
         guess[0, loops.crank_place] = target
-        there = _landed(loops, here, guess)
+        there = _landed(loops, here, guess, side)
         if there is None:
             stride = step / 2.0
             if stride < SHORTEST:
@@ -119,9 +188,10 @@ def _walk(loops: Loops, start: Array, end: float) -> list[Array]:
     return found
 
 
-def _landed(loops: Loops, here: Array, guess: Array) -> tuple[Array, Array] | None:
+def _landed(loops: Loops, here: Array, guess: Array, side: Array) -> tuple[Array, Array] | None:
     """Return the state that a guess leads to, and its slope; None if that may be another assembly."""
     there = guess
+    step_of_crank = float(guess[0, loops.crank_place] - here[0, loops.crank_place])
     for _ in range(MOST_STEPS):
         residual, jacobian = loops.linearise(there)
         try:
@@ -131,37 +201,9 @@ def _landed(loops: Loops, here: Array, guess: Array) -> tuple[Array, Array] | No
         there = loops.moved(there, step)
         if np.abs(there - guess).max() > SAFE * np.abs(here - guess).max():
             return None
-        if loops.gap(residual)[0] < LOOSE:
-            return there, slope
+        if loops.gap(residual)[0] < max(LOOSE * step_of_crank**2, ROUNDING):
+            return None if loops.side(jacobian) * side < 0.0 else (there, slope)
     return None
-
-
-def _spline(loops: Loops, knots: Array, count: int) -> Path:
-    """Return the way through closed states, after making them denser if many poses are asked for."""
-    path = _through(loops, knots)
-    finer = 6 * len(knots)
-    if count > 2 * finer and len(knots) > 8:
-        ends = knots[[0, -1], loops.crank_place]
-        path = _through(loops, loops.close(path(np.linspace(ends[0], ends[1], finer))))
-    return path
-
-
-def _through(loops: Loops, knots: Array) -> Path:
-    from scipy.interpolate import make_interp_spline
-
-    if len(knots) == 1:
-        path: Path = lambda at: np.repeat(knots, len(at), 0)  # noqa: E731
-    else:
-        degree = min(7, len(knots) - 1)
-        degree -= 1 - degree % 2
-        path = make_interp_spline(knots[:, loops.crank_place], _same_sign_quaternions(loops, knots), k=degree)
-
-    def states(at: Array) -> Array:
-        found = path(at)
-        found[:, loops.crank_place] = at
-        return found
-
-    return states
 
 
 def _same_sign_quaternions(loops: Loops, states: Array) -> Array:

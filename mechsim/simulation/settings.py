@@ -12,6 +12,8 @@ from mechsim.mjcf.generate import FLYWHEEL
 
 INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4", "discrete")
 TURN = 2.0 * np.pi
+# time constant of the constraints, in steps, below which stepping rings
+LEAST_CONSTANT = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,14 +21,16 @@ class Settings:
     """Settings of a time-stepped run.
 
     The defaults are the hard loop: fourth-order steps, constraints stiffened beyond MuJoCo's cap of
-    0.9999 by scaling the inverse weights it softens them with. Measured in
-    validation/tradeoff/constraint_settings.py.
+    0.9999 by scaling the inverse weights it softens them with, and a time constant that is a tenth of
+    a turn. A time constant that shrinks with the step keeps a stiff mode in every step, and the order
+    of Runge's method falls from four to two. Measured in validation/tradeoff/constraint_settings.py.
 
     Attributes:
         integrator: one of `INTEGRATORS`.
         steps_per_turn: steps in one turn of the crank.
-        constant_steps: time constant of the constraints, in steps; `solref` overrides it.
-        solref: MuJoCo's two numbers, as they are; None for (constant_steps * step, 1).
+        constant_steps: time constant of the constraints, in steps; None takes a tenth of a turn, at
+            least ten steps. `solref` overrides it.
+        solref: MuJoCo's two numbers, as they are; None for (time constant, 1).
         solimp: MuJoCo's five numbers (dmin, dmax, width, midpoint, power).
         hardness: factor on the inverse weights that scale a constraint's softness; 1 is MuJoCo's own.
         refsafe: whether MuJoCo keeps the time constant at two steps or more.
@@ -36,10 +40,10 @@ class Settings:
 
     integrator: str = "RK4"
     steps_per_turn: int = 1000
-    constant_steps: float = 20.0
+    constant_steps: float | None = None
     solref: tuple[float, float] | None = None
     solimp: tuple[float, float, float, float, float] = (0.9999, 0.9999, 0.001, 0.5, 2.0)
-    hardness: float = 1e-4
+    hardness: float = 1e-8
     refsafe: bool = False
     diagexact: bool = False
     flywheel: float = FLYWHEEL
@@ -54,8 +58,9 @@ class Settings:
                 f"{self.steps_per_turn} steps a turn is a step of a quarter turn or more; take at least 4"
             )
         for name in ("constant_steps", "hardness", "flywheel"):
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise InputError(f"{name} is {getattr(self, name)}; give a finite number above 0")
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < np.inf:
+                raise InputError(f"{name} is {value}; give a finite number above 0")
         for name in ("solref", "solimp"):
             values = getattr(self, name)
             if values is not None and not np.isfinite(values).all():
@@ -64,6 +69,11 @@ class Settings:
     def timestep(self, speed: float) -> float:
         """Return the step in [s] at a crank speed in [rad/s]."""
         return TURN / abs(speed) / self.steps_per_turn
+
+    @property
+    def constant(self) -> float:
+        """The time constant of the constraints in steps."""
+        return self.constant_steps or max(LEAST_CONSTANT, self.steps_per_turn / 10.0)
 
     def apply(self, loops: Loops, timestep: float) -> None:
         """Set up a compiled model for a run; its own constraint and solver settings are replaced."""
@@ -80,7 +90,7 @@ class Settings:
         _set(option, "disableflags", int(disable.mjDSBL_ISLAND | disable.mjDSBL_SENSOR), True)
         _set(option, "disableflags", int(disable.mjDSBL_REFSAFE), not self.refsafe)
         _set(option, "enableflags", int(enable.mjENBL_DIAGEXACT), self.diagexact)
-        model.eq_solref[:] = self.solref or (self.constant_steps * timestep, 1.0)
+        model.eq_solref[:] = self.solref or (self.constant * timestep, 1.0)
         model.eq_solimp[:] = self.solimp
         model.body_invweight0[:] *= self.hardness
         model.dof_invweight0[:] *= self.hardness
