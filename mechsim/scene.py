@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-import numpy as np
-
 from mechsim.errors import InputError
-from mechsim.mechanism import Vector
+from mechsim.forces import Forces
 
 Level = Literal["pose", "motion", "dynamics", "picture"]
 LEVELS: tuple[Level, ...] = get_args(Level)
+GRAVITY = Forces(gravity=(0.0, -9.81, 0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,24 +17,22 @@ class Scene:
 
     - pose: links, joints, sites and loop constraints. No time: masses are placeholders.
     - motion: the crank is prescribed; time-stepping options that keep the loops closed.
-    - dynamics: gravity acts, and the masses count.
+    - dynamics: masses count (rods where a link has none), all forces act, and the crank is free.
     - picture: geoms, lights and a camera that neither collide nor weigh anything.
 
     Attributes:
         level: one of the four above.
         cut: joints at which loops are cut and closed by a constraint; None lets the generator choose.
-        gravity: in [m/s2]; counts from level dynamics on.
+        forces: what acts on the mechanism; counts from level dynamics on.
     """
 
     level: Level = "motion"
     cut: tuple[str, ...] | None = None
-    gravity: Vector = (0.0, -9.81, 0.0)
+    forces: Forces = GRAVITY
 
     def __post_init__(self) -> None:
         if self.level not in LEVELS:
             raise InputError(f"there is no scene {self.level!r}; known are {', '.join(LEVELS)}")
-        if not np.isfinite(self.gravity).all():
-            raise InputError(f"gravity is {self.gravity} m/s2; give three finite numbers")
 
     def holds(self, level: Level) -> bool:
         """Return whether this scene reaches a level."""

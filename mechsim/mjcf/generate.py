@@ -6,7 +6,10 @@ import mujoco
 import numpy as np
 
 from mechsim.mechanism import GROUND, IDENTITY, Mechanism, Pose
+from mechsim.mjcf.forces import add_forces
+from mechsim.mjcf.inertia import quaternion, set_inertia, set_placeholder
 from mechsim.mjcf.tree import Branch, Tree, cut_loops, is_planar, seated_pose, zero_pose
+from mechsim.rods import with_inertia
 from mechsim.scene import Scene
 
 # the crank's speed changes by (torque / armature) in unit time: with 1e9 kg m2 by less than rounding
@@ -28,7 +31,12 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
         "crank", and each tracked point is a site of its name. A universal joint is two hinges NAME.1
         and NAME.2, a cylindrical one NAME.way and NAME.turn.
     """
-    tree = cut_loops(mechanism, scene.cut)
+    acting = scene.forces if scene.holds("dynamics") else None
+    dry = frozenset(friction.joint for friction in acting.friction if friction.coulomb) if acting else ()
+    tree = cut_loops(mechanism, scene.cut, keep=dry)
+    if acting is not None:
+        mechanism = with_inertia(mechanism)
+    inertias = {known.name: known.inertia for known in mechanism.links}
     spec = mujoco.MjSpec()
     spec.modelname = mechanism.name
     spec.compiler.degree = False
@@ -46,7 +54,11 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
         body = bodies[branch.parent.link].add_body(
             name=link, pos=local.position, quat=quaternion(local.rotation)
         )
-        _inertia(body, mechanism, link)
+        inertia = inertias[link] if acting is not None else None
+        if inertia is None:
+            set_placeholder(body, mechanism, link)
+        else:
+            set_inertia(body, inertia)
         _add_joints(body, mechanism, branch, local, values, scene)
         if values:
             coordinates[branch.joint.name] = values[-1]
@@ -56,6 +68,8 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
         bodies[link].add_site(name=name, pos=point)
     _close(spec, mechanism, tree, bodies)
     _mesh_gears(spec, mechanism, coordinates)
+    if acting is not None:
+        add_forces(spec, mechanism, tree, bodies, acting)
     if scene.holds("picture"):
         from mechsim.mjcf.picture import add_picture
 
@@ -63,38 +77,16 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
     return spec
 
 
-def quaternion(rotation: np.ndarray) -> np.ndarray:
-    """Return the unit quaternion (w, x, y, z) of a rotation matrix."""
-    out = np.empty(4)
-    mujoco.mju_mat2Quat(out, np.ascontiguousarray(rotation, dtype=np.float64).ravel())
-    return out
-
-
 def _options(spec: mujoco.MjSpec, scene: Scene) -> None:
     """Set what the scene needs; constraint settings from validation/tradeoff/constraint_settings.py."""
     option = spec.option
-    option.gravity = scene.gravity if scene.holds("dynamics") else (0.0, 0.0, 0.0)
+    option.gravity = scene.forces.gravity if scene.holds("dynamics") else (0.0, 0.0, 0.0)
     option.integrator = mujoco.mjtIntegrator.mjINT_RK4
     option.timestep = 1e-4
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     option.tolerance = 0.0
     disable = mujoco.mjtDisableBit
     option.disableflags = int(disable.mjDSBL_CONTACT | disable.mjDSBL_ISLAND | disable.mjDSBL_REFSAFE)
-
-
-def _inertia(body: mujoco.MjsBody, mechanism: Mechanism, link: str) -> None:
-    """Give a link a placeholder mass: 1 kg, a ball about the middle of its joints.
-
-    Under a prescribed crank no motion depends on it; a ball of the link's own size keeps the mass
-    matrix well conditioned whatever the scale.
-    """
-    points = np.array([end.point for end in mechanism.ends(link)])
-    centre = (points.min(0) + points.max(0)) / 2.0
-    radius = max(float(np.linalg.norm(points - centre, axis=1).max()), 0.1 * mechanism.size)
-    body.explicitinertial = True
-    body.ipos = centre
-    body.mass = 1.0
-    body.inertia = np.full(3, 0.4 * radius**2)
 
 
 def _add_joints(
@@ -126,7 +118,8 @@ def _add_joints(
         parts = [(name, hinge if joint.kind == "revolute" else slide, own, values[0])]
     for name, kind, axis, value in parts:
         made = body.add_joint(name=name, type=kind, pos=end.point, axis=axis, ref=value)
-        if name == "crank" and scene.holds("motion"):
+        # at level dynamics the crank is free, or driven by its motor
+        if name == "crank" and scene.holds("motion") and scene.level != "dynamics":
             made.armature = FLYWHEEL
 
 

@@ -9,10 +9,26 @@ import numpy as np
 # MuJoCo's own writer keeps six digits. Element -> attribute -> where the specification holds it.
 EXACT = {
     "body": {"pos": "pos", "quat": "quat"},
-    "inertial": {"pos": "ipos", "mass": "mass", "diaginertia": "inertia"},
-    "joint": {"pos": "pos", "axis": "axis", "ref": "ref", "armature": "armature"},
-    "site": {"pos": "pos"},
+    "inertial": {"pos": "ipos", "quat": "iquat", "mass": "mass", "diaginertia": "inertia"},
+    "joint": {
+        "pos": "pos",
+        "axis": "axis",
+        "ref": "ref",
+        "armature": "armature",
+        "stiffness": "stiffness",
+        "springref": "springref",
+        "damping": "damping",
+        "frictionloss": "frictionloss",
+    },
+    "site": {"pos": "pos", "quat": "quat"},
     "connect": {"solref": "solref", "solimp": "solimp"},
+    "tendon": {
+        "stiffness": "stiffness",
+        "damping": "damping",
+        "springlength": "springlength",
+        "frictionloss": "frictionloss",
+    },
+    "general": {"gainprm": "gainprm", "biasprm": "biasprm", "gear": "gear"},
 }
 DEFAULT = {"pos": (0.0, 0.0, 0.0), "quat": (1.0, 0.0, 0.0, 0.0), "axis": (0.0, 0.0, 1.0), "ref": (0.0,)}
 
@@ -31,13 +47,17 @@ def to_xml(spec: mujoco.MjSpec) -> str:
             _rewrite(inertial, owner, EXACT["inertial"])
     for joint in root.findall(".//body/joint"):
         _rewrite(joint, spec.joint(joint.get("name")), EXACT["joint"])
-    for site in root.iter("site"):
+    for site in root.findall("./worldbody//site"):
         _rewrite(site, spec.site(site.get("name")), EXACT["site"])
     for equality in root.iterfind("equality/*"):
         made = spec.equality(equality.get("name"))
         _rewrite(equality, made, EXACT["connect"])
         if equality.tag == "joint":
             equality.set("polycoef", _text(made.data[:5]))
+    for tendon in root.iterfind("tendon/*"):
+        _rewrite(tendon, spec.tendon(tendon.get("name")), EXACT["tendon"])
+    for actuator in root.iterfind("actuator/*"):
+        _rewrite(actuator, spec.actuator(actuator.get("name")), EXACT["general"])
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 

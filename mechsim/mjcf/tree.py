@@ -1,5 +1,6 @@
 """Where to cut the loops: a mechanism as a tree of bodies and a few joints closed by constraints."""
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import networkx as nx
@@ -39,13 +40,16 @@ class Tree:
     cuts: tuple[Joint, ...]
 
 
-def cut_loops(mechanism: Mechanism, cut: tuple[str, ...] | None = None) -> Tree:
+def cut_loops(
+    mechanism: Mechanism, cut: tuple[str, ...] | None = None, *, keep: Collection[str] = ()
+) -> Tree:
     """Return a spanning tree of the mechanism's links, rooted in the frame.
 
     Args:
         mechanism: the mechanism.
         cut: names of the joints to cut; None cuts those whose closing takes the fewest constraint
             rows, and among equals those farthest from the crank.
+        keep: names of joints to cut only where no other can be.
 
     Raises:
         InputError: for cuts that leave a loop or part the chain, or a loop that no spherical or
@@ -65,6 +69,7 @@ def cut_loops(mechanism: Mechanism, cut: tuple[str, ...] | None = None) -> Tree:
     distance = _distance_from_crank(mechanism)
     for order, joint in enumerate(mechanism.joints):
         held = UNCUTTABLE if joint.name in needed else CUT_COST.get(joint.kind, UNCUTTABLE - 1)
+        held += 10 * (joint.name in keep)
         cost = 0 if joint.name in asked else held
         far = min(distance[joint.a.link], distance[joint.b.link])
         # the most costly to cut stay in the tree; among equals the nearest to the crank
@@ -183,6 +188,23 @@ def is_planar(mechanism: Mechanism, tree: Tree) -> bool:
         else:
             return False
     return True
+
+
+def planar_senses(tree: Tree) -> dict[str, Mapping[str, float]]:
+    """Return link -> the revolute joints whose angles add up to its own, each with its sign, in a plane."""
+    poses: dict[str, Pose] = {GROUND: IDENTITY}
+    sums: dict[str, Mapping[str, float]] = {GROUND: {}}
+    normal: np.ndarray | None = None
+    for branch in tree.branches:
+        parent, local = poses[branch.parent.link], zero_pose(branch)
+        link = branch.child.link
+        poses[link] = Pose(parent.point(tuple(local.position)), parent.rotation @ local.rotation)
+        sums[link] = sums[branch.parent.link]
+        if branch.joint.kind == "revolute":
+            axis = branch.sense * (poses[link].rotation @ np.asarray(branch.child.axis))
+            normal = axis if normal is None else normal
+            sums[link] = {**sums[link], branch.joint.name: 1.0 if float(axis @ normal) > 0.0 else -1.0}
+    return sums
 
 
 def _about_z(angle: float) -> np.ndarray:
