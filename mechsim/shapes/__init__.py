@@ -1,0 +1,26 @@
+"""Which shapes a link is drawn with, from its joints alone: rods, eyes, pins, balls, rails, bearings, gears.
+
+Sizes follow from the size of the mechanism, so that a needle drive of millimetres and a press of
+metres look alike. Nothing here is physics: the shapes carry no mass and meet nothing.
+"""
+
+from mechsim.shapes.body import link_colours, rod_radius, span
+from mechsim.shapes.draw import link_shapes
+from mechsim.shapes.planar import planar_normals
+from mechsim.shapes.shape import HOUSING, PALETTE, STEEL, Kind, Rgba, Shape
+from mechsim.shapes.sides import free_sides
+
+__all__ = [
+    "HOUSING",
+    "PALETTE",
+    "STEEL",
+    "Kind",
+    "Rgba",
+    "Shape",
+    "free_sides",
+    "link_colours",
+    "link_shapes",
+    "planar_normals",
+    "rod_radius",
+    "span",
+]

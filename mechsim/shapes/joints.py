@@ -1,0 +1,74 @@
+"""Joints that turn: eyes and pins, shafts in bearings, balls, crosses."""
+
+import numpy as np
+
+from mechsim.mechanism import GROUND, End, Joint
+from mechsim.shapes.body import stations
+from mechsim.shapes.canvas import Canvas, upright_end
+from mechsim.shapes.shape import HOUSING, STEEL, Array
+
+
+def flat_revolute(canvas: Canvas, joint: Joint) -> None:
+    """Draw two eyes in their layers and the pin through both; on the ground a boss on the plate."""
+    assert canvas.normals
+    heights = [canvas.height(end.link) for end in (joint.a, joint.b) if end.link != GROUND]
+    thick, top = 0.62 * canvas.r, max(heights) + 1.0 * canvas.r
+    for end in (joint.a, joint.b):
+        if end.link != GROUND:
+            upright = upright_end(end, canvas.normals[end.link])
+            at = canvas.height(end.link)
+            canvas.disc(end.link, upright, at - thick, at + thick, 1.9 * canvas.r, canvas.colours[end.link])
+    grounded = [end for end in (joint.a, joint.b) if end.link == GROUND]
+    if grounded:
+        post = upright_end(grounded[0], canvas.normals[GROUND])
+        canvas.disc(GROUND, post, canvas.back, min(heights) - 1.2 * thick, 2.4 * canvas.r, HOUSING)
+        canvas.disc(GROUND, post, canvas.back, top, 0.9 * canvas.r, STEEL)
+    else:
+        pin = upright_end(joint.a, canvas.normals[joint.a.link])
+        canvas.disc(joint.a.link, pin, min(heights) - 1.0 * canvas.r, top, 0.9 * canvas.r, STEEL)
+
+
+def spatial_revolute(canvas: Canvas, joint: Joint) -> None:
+    """Draw a hub and a shaft into a bearing on the ground; between moving links a fork and an eye."""
+    r = canvas.r
+    for ground, link in ((joint.a, joint.b), (joint.b, joint.a)):
+        if ground.link == GROUND:
+            canvas.disc(link.link, link, -1.6 * r, 1.6 * r, 2.0 * r, canvas.colours[link.link])
+            away = canvas.outward.get(joint.name, -1.0)
+            low, high = sorted((-2.2 * r * away, 9.0 * r * away))
+            canvas.disc(GROUND, ground, low, high, 1.1 * r, STEEL)
+            low, high = sorted((4.2 * r * away, 7.8 * r * away))
+            canvas.bearing(ground, low, high)
+            return
+    a, b = joint.a, joint.b
+    canvas.disc(b.link, b, -1.1 * r, 1.1 * r, 1.9 * r, canvas.colours[b.link])
+    for low, high in ((-2.0 * r, -1.2 * r), (1.2 * r, 2.0 * r)):
+        canvas.disc(a.link, a, low, high, 1.9 * r, canvas.colours[a.link])
+    canvas.disc(a.link, a, -2.5 * r, 2.5 * r, 0.9 * r, STEEL)
+
+
+def ball(canvas: Canvas, joint: Joint) -> None:
+    """Draw a steel ball on the first link, a collar of the second around it."""
+    place = joint.a.point
+    canvas.add(joint.a.link, "sphere", place, place, 2.0 * canvas.r, STEEL)
+    rod = _rod_direction(canvas, joint.b)
+    if rod is not None:
+        at = np.asarray(joint.b.point)
+        ends = at + 1.0 * canvas.r * rod, at + 2.6 * canvas.r * rod
+        canvas.add(joint.b.link, "cylinder", *ends, 1.8 * canvas.r, canvas.colours[joint.b.link])
+
+
+def cross(canvas: Canvas, joint: Joint) -> None:
+    """Draw the two crossing pins of a universal joint, each on its own link."""
+    r = canvas.r
+    canvas.disc(joint.a.link, joint.a, -2.8 * r, 2.8 * r, 1.0 * r, STEEL)
+    canvas.disc(joint.b.link, joint.b, -2.4 * r, 2.4 * r, 1.3 * r, canvas.colours[joint.b.link])
+    canvas.add(joint.a.link, "sphere", joint.a.point, joint.a.point, 1.6 * r, STEEL)
+
+
+def _rod_direction(canvas: Canvas, end: End) -> Array | None:
+    """The direction from a joint to the rest of its link, None where the link is only that place."""
+    rest = np.array(stations(canvas.mechanism, end.link)) - np.asarray(end.point)
+    way = rest.sum(0)
+    length = float(np.linalg.norm(way))
+    return way / length if length > 0.1 * canvas.r else None

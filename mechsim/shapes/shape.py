@@ -1,0 +1,107 @@
+"""A shape: one solid in a link's own frame, and the colours it may have."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechsim.mechanism import Vector
+
+Array = NDArray[np.float64]
+Rgba = tuple[float, float, float, float]
+Kind = Literal["capsule", "cylinder", "sphere", "box"]
+Role = Literal["body", "bearing"]
+
+# Okabe and Ito's colours, which stay apart for colour-blind eyes; the brightest last, as it fades on white
+PALETTE: tuple[Rgba, ...] = (
+    (0.835, 0.369, 0.000, 1.0),
+    (0.000, 0.447, 0.698, 1.0),
+    (0.000, 0.620, 0.451, 1.0),
+    (0.902, 0.624, 0.000, 1.0),
+    (0.800, 0.475, 0.655, 1.0),
+    (0.337, 0.706, 0.914, 1.0),
+    (0.941, 0.894, 0.259, 1.0),
+)
+STEEL: Rgba = (0.33, 0.35, 0.38, 1.0)
+HOUSING: Rgba = (0.62, 0.64, 0.67, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """One solid in a link's own frame ("ground": in the world's).
+
+    Attributes:
+        kind: capsule, cylinder and box reach from `frm` to `to`; a sphere sits at `frm`.
+        frm: start point in [m].
+        to: end point in [m]; equal to `frm` for a sphere.
+        size: (radius,), or for a box (half width, half thickness) in [m].
+        rgba: colour, each part 0 to 1.
+        thickness: of a box, the direction of its thickness.
+        role: "bearing" for what a stand can carry, else "body".
+    """
+
+    kind: Kind
+    frm: Vector
+    to: Vector
+    size: tuple[float, ...]
+    rgba: Rgba
+    thickness: Vector = (0.0, 0.0, 1.0)
+    role: Role = "body"
+
+    @property
+    def centre(self) -> Array:
+        """The middle, (3,) in [m]."""
+        return (np.asarray(self.frm) + np.asarray(self.to)) / 2.0
+
+    @property
+    def half_sizes(self) -> tuple[float, ...]:
+        """The sizes as MuJoCo orders them, in [m]."""
+        if self.kind == "sphere":
+            return self.size
+        return (*self.size, float(np.linalg.norm(np.subtract(self.to, self.frm))) / 2.0)
+
+    @property
+    def frame(self) -> Array:
+        """Axes in the link's frame as columns: width, thickness, from `frm` to `to`; (3, 3)."""
+        along = np.subtract(self.to, self.frm)
+        length = np.linalg.norm(along)
+        if not length > 0.0:
+            return np.eye(3)
+        along = along / length
+        thick = across_of(np.asarray(self.thickness), along)
+        return np.column_stack([np.cross(thick, along), thick, along])
+
+    @property
+    def bounds(self) -> tuple[Array, float]:
+        """Points whose balls of the returned radius hold the shape, (k, 3) and [m]."""
+        if self.kind != "box":
+            return np.array([self.frm, self.to]), self.size[0]
+        corners = np.array(np.meshgrid(*((-h, h) for h in self.half_sizes))).reshape(3, -1)
+        return self.centre + (self.frame @ corners).T, 0.0
+
+    def moved(self, by: ArrayLike) -> "Shape":
+        """Return the shape shifted by a vector."""
+        return replace(self, frm=vector(self.frm, by), to=vector(self.to, by))
+
+
+def across_of(direction: Array, axis: Array) -> Array:
+    """Return the unit part of a direction across an axis, or any such unit vector."""
+    for candidate in (direction, *np.eye(3)):
+        across = candidate - axis * (candidate @ axis)
+        length = float(np.linalg.norm(across))
+        if length > 1e-6:
+            return across / length
+    raise AssertionError("three coordinate axes cannot all lie along one axis")
+
+
+def pale(colour: Rgba) -> Rgba:
+    """Return a colour mixed with white."""
+    r, g, b, a = colour
+    return (0.62 + 0.38 * r, 0.62 + 0.38 * g, 0.62 + 0.38 * b, a)
+
+
+def vector(point: ArrayLike, by: ArrayLike = 0.0) -> Vector:
+    """Return a point, moved by a vector, as three plain numbers."""
+    x, y, z = (np.asarray(point, dtype=np.float64) + np.asarray(by)).tolist()
+    return (x, y, z)
