@@ -5,6 +5,7 @@ from dataclasses import Field, fields
 from typing import Any
 
 from mechsim.catalog.base import Drive
+from mechsim.catalog.bennett import Bennett
 from mechsim.catalog.four_bar import FourBar
 from mechsim.catalog.looper import Looper
 from mechsim.catalog.rrsrr import Rrsrr
@@ -14,7 +15,7 @@ from mechsim.catalog.warp_knitter import WarpKnitter
 from mechsim.errors import InputError
 
 DRIVES: dict[str, type[Drive]] = {
-    drive.name: drive for drive in (FourBar, SliderCrank, Rssr, Rrsrr, WarpKnitter, Looper)
+    drive.name: drive for drive in (FourBar, SliderCrank, Rssr, Rrsrr, WarpKnitter, Looper, Bennett)
 }
 
 

@@ -85,8 +85,9 @@ class Mobility:
                 + ("the planar loop" if loops == 1 else f"each of {loops} planar loops")
             )
         if self.redundant_in_plane:
-            where = " within the plane: special dimensions make it move" if self.planar else ""
-            lines.append(f"{_several(self.redundant_in_plane, 'redundant constraint')}{where}")
+            where = " within the plane" if self.planar else ""
+            count = _several(self.redundant_in_plane, "redundant constraint")
+            lines.append(f"{count}{where}: special dimensions make it move")
         lines += [str(motion) for motion in self.free]
         if self.actual == 0:
             lines.append("locked: no link can move")
