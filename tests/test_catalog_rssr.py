@@ -237,6 +237,7 @@ def test_with_parallel_shafts_it_is_the_planar_four_bar():
         pivot=(0.0, planar.ground, 0.0),
         gamma1=np.pi / 2,
         gamma2=0.0,
+        branch=1,
     )
     angles = np.linspace(0.0, 6.0, 40)
     flat, solid = planar.solve(angles, 3.0, 2.0).points["B"], spatial.solve(angles, 3.0, 2.0).points["P3"]
