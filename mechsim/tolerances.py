@@ -23,9 +23,9 @@ class Tolerance:
 
 
 # what errors of a stepped run look like beside the error of place, as multiples of place x speed^k:
-# the loop swings with a time constant of 20 steps; measured 13 and 160 at 1,000 steps a turn
-# (validation/tradeoff/constraint_settings.py)
-RATE_GAIN, PULL_GAIN = 30.0, 1000.0
+# measured 2 and 5 for the catalogue at 100 steps a turn or more (validation/tradeoff/
+# constraint_settings.py), and 35 for the acceleration of a four-bar a hundredth from its dead centre
+RATE_GAIN, PULL_GAIN = 30.0, 300.0
 # rounding of a solved pose, measured below 4 eps of the stroke; each rate adds a linear solve
 POSE_EPS = 2000.0
 

@@ -1,6 +1,7 @@
 """States of a model to a Motion: places, rates and accelerations of one and the same instant."""
 
 import copy
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import mujoco
@@ -124,21 +125,8 @@ def _evaluated(
     sensors = {
         model.sensor(i).name: fields["sensordata"][:, adr : adr + 3] for i, adr in enumerate(model.sensor_adr)
     }
-    gravity = np.asarray(model.opt.gravity)
-    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
-        gravity = np.zeros(3)
-    links = {
-        name: LinkMotion(
-            fields["xpos"][:, model.body(name).id],
-            fields["xmat"][:, model.body(name).id].reshape(-1, 3, 3),
-            sensors[f"{name}:linvel"],
-            sensors[f"{name}:angvel"],
-            # MuJoCo's accelerometers feel gravity as an upward acceleration of the world
-            sensors[f"{name}:linacc"] + gravity,
-            sensors[f"{name}:angacc"],
-        )
-        for name in track.links
-    }
+    gravity = _gravity(model)
+    links = link_motions(model, track, fields)
     points = {
         name: PointMotion(
             fields["site_xpos"][:, model.site(name).id],
@@ -168,6 +156,32 @@ def _evaluated(
     )
 
 
+def link_motions(model: mujoco.MjModel, track: Track, fields: Mapping[str, Array]) -> dict[str, LinkMotion]:
+    """Return the motion of each link from fields xpos, xmat and sensordata of a batch at n states."""
+    sensors = {
+        model.sensor(i).name: fields["sensordata"][:, adr : adr + 3] for i, adr in enumerate(model.sensor_adr)
+    }
+    gravity = _gravity(model)
+    return {
+        name: LinkMotion(
+            fields["xpos"][:, model.body(name).id],
+            fields["xmat"][:, model.body(name).id].reshape(-1, 3, 3),
+            sensors[f"{name}:linvel"],
+            sensors[f"{name}:angvel"],
+            # MuJoCo's accelerometers feel gravity as an upward acceleration of the world
+            sensors[f"{name}:linacc"] + gravity,
+            sensors[f"{name}:angacc"],
+        )
+        for name in track.links
+    }
+
+
+def _gravity(model: mujoco.MjModel) -> Array:
+    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
+        return np.zeros(3)
+    return np.asarray(model.opt.gravity)
+
+
 def _with_sensors(model: mujoco.MjModel, *, constrained: bool) -> mujoco.MjModel:
     seeing = copy.copy(model)
     seeing.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
@@ -180,8 +194,19 @@ def _correction(
     loops: Loops, jacobian: Array, states: States, qacc: Array, links: dict[str, LinkMotion], wanted: Array
 ) -> Array:
     """Return the change of MuJoCo's accelerations after which the loops stay closed exactly, (n, nv)."""
+    opened = opening(loops, states, qacc, links)
+    change = np.zeros_like(qacc)
+    change[:, loops.crank] = wanted - qacc[:, loops.crank]
+    if opened.shape[1]:
+        right = opened + jacobian[:, :, loops.crank] * change[:, [loops.crank]]
+        change[:, loops.free] = loops.solve(jacobian, -right[..., None])[..., 0]
+    return change
+
+
+def opening(loops: Loops, states: States, qacc: Array, links: Mapping[str, LinkMotion]) -> Array:
+    """Return the second rate at which the loops open under given accelerations, (n, m), rows as in `loops`."""
     model = loops.model
-    opening = []
+    rates: list[Array] = [np.zeros((len(qacc), 0))]
     for pair in loops.pairs:
         ends = []
         for body, local in zip(pair.bodies, pair.local, strict=True):
@@ -193,7 +218,7 @@ def _correction(
             spin = link.angular_velocity
             swing = np.cross(link.angular_acceleration, arm) + np.cross(spin, np.cross(spin, arm))
             ends.append(link.acceleration + swing)
-        opening.append(ends[0] - ends[1])
+        rates.append(ends[0] - ends[1])
     for coupling in loops.couplings:
         (y, x), place = coupling.dofs, coupling.places[1]
         gap = qacc[:, y].copy()
@@ -201,13 +226,8 @@ def _correction(
             curve = np.polynomial.Polynomial(coupling.polynomial)
             turned = states.qpos[:, place] - coupling.zeros[1]
             gap -= curve.deriv()(turned) * qacc[:, x] + curve.deriv(2)(turned) * states.qvel[:, x] ** 2
-        opening.append(gap[:, None])
-    change = np.zeros_like(qacc)
-    change[:, loops.crank] = wanted - qacc[:, loops.crank]
-    if opening:
-        right = np.concatenate(opening, 1) + jacobian[:, :, loops.crank] * change[:, [loops.crank]]
-        change[:, loops.free] = loops.solve(jacobian, -right[..., None])[..., 0]
-    return change
+        rates.append(gap[:, None])
+    return np.concatenate(rates, 1)
 
 
 def _moved_link(

@@ -83,8 +83,9 @@ class Settings:
         option.integrator = int(getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}"))
         option.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)
         option.tolerance = 0.0
-        if _only_equalities(model):
-            # the cost is then quadratic: one step of Newton's method is exact
+        if _only_equalities(model) and self.integrator != "discrete":
+            # the cost is then quadratic: one step of Newton's method is exact; `discrete` takes the same
+            # number for a solve of its own
             option.iterations = 1
         disable, enable = mujoco.mjtDisableBit, mujoco.mjtEnableBit
         _set(option, "disableflags", int(disable.mjDSBL_ISLAND | disable.mjDSBL_SENSOR), True)

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 # steps in one call into C: long enough that the call costs nothing, short enough for memory
 BLOCK = 4096
 TIME = int(mujoco.mjtState.mjSTATE_TIME)
+CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +44,13 @@ class Steps:
 
 
 def step(
-    loops: Loops, settings: Settings, profile: Profile, start: tuple[Array, Array], total: int, stride: int
+    loops: Loops,
+    settings: Settings,
+    profile: Profile,
+    start: tuple[Array, Array],
+    total: int,
+    stride: int,
+    controls: Array | None = None,
 ) -> Steps:
     """Step a model along a crank profile.
 
@@ -58,6 +65,7 @@ def step(
         start: closed state and rates at time zero, (nq,) and (nv,).
         total: steps to take over the whole profile.
         stride: steps from one record to the next; the last step is recorded too.
+        controls: of the model's actuators at the beginning of each step, (total, nu); None is none.
     """
     timestep = profile.duration / total
     settings.apply(loops, timestep)
@@ -70,14 +78,17 @@ def step(
     while done < total and not diverged:
         count = min(BLOCK, total - done)
         control = None
-        if torque is not None:
-            control = np.zeros((1, count, model.nv))
-            control[0, :, loops.crank] = torque[done : done + count]
+        if torque is not None or controls is not None:
+            control = np.zeros((1, count, model.nu + model.nv))
+            if controls is not None:
+                control[0, :, : model.nu] = controls[done : done + count]
+            if torque is not None:
+                control[0, :, model.nu + loops.crank] = torque[done : done + count]
         begin = clock.perf_counter()
         out = sims.rollout(
             count,
             control=control,
-            control_spec=int(mujoco.mjtState.mjSTATE_QFRC_APPLIED),
+            control_spec=CONTROL,
             record=("qpos", "qvel", TIME),
         )
         spent += clock.perf_counter() - begin

@@ -1,0 +1,255 @@
+"""Drive torque and joint reactions of states whose accelerations are known, from MuJoCo's own dynamics."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.mechanism import GROUND, Joint
+from mechsim.mjcf.loops import RANK_TOLERANCE
+from mechsim.simulation.bench import SITE, Applied, Bench
+from mechsim.simulation.record import States, link_motions, opening
+from mechsim.simulation.wrenches import Fields, dry_friction, loop_forces, native, together
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Transmitted:
+    """What the geometry of a joint transmits to its link b from its link a, in ground axes.
+
+    Friction, springs and the drive in the joint act along its freedom and are not in it.
+
+    Attributes:
+        force: (n, 3) in [N].
+        moment: about the joint's point on link b, (n, 3) in [N m].
+        point: that point, (n, 3) in [m].
+    """
+
+    force: Array
+    moment: Array
+    point: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Efforts:
+    """Forces and energies at n instants, in SI.
+
+    Attributes:
+        acceleration: of the crank, (n,) in [rad/s2].
+        torque: of the drive on the crank, (n,) in [N m]; the drive's own inertia is not in it.
+        reactions: joint -> what it transmits.
+        gears: "driver-driven" -> torque on the driven joint's link b about its axis, (n,) in [N m].
+        kinetic: energy of motion, the mechanism's flywheel included, (n,) in [J].
+        potential: of gravity (zero at the ground's origin) and springs, (n,) in [J].
+        power_in: of drive and motor, (n,) in [W].
+        power_loads: of loads on points and crank, (n,) in [W].
+        power_lost: in friction and dampers, (n,) in [W].
+        imbalance: by how much the accelerations that MuJoCo gets from all these forces differ from
+            those they were calculated for, relative to the largest, (n,).
+    """
+
+    acceleration: Array
+    torque: Array
+    reactions: Mapping[str, Transmitted]
+    gears: Mapping[str, Array]
+    kinetic: Array
+    potential: Array
+    power_in: Array
+    power_loads: Array
+    power_lost: Array
+    imbalance: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """States and all that acts in them but loops and drive; `plain` is what MuJoCo then makes of them."""
+
+    states: States
+    jacobian: Array
+    outer: Applied
+    plain: Fields
+
+
+def situation(bench: Bench, states: States) -> Situation:
+    """Return states under loads, springs, friction and motor, with their loops open and no drive."""
+    angle = states.qpos[:, bench.loops.crank_place]
+    model = bench.looking()
+    loaded = bench.nothing(len(angle))
+    loaded.controls[:] = bench.controls(angle, states.time)
+    rates = bench.look(model, states, loaded)
+    outer = together(loaded, dry_friction(bench, rates, states.qvel))
+    return Situation(states, bench.loops.linearise(states.qpos)[1], outer, bench.look(model, states, outer))
+
+
+def tangent(bench: Bench, qpos: Array, inertia: Array) -> Array:
+    """Return the rates per radian of the crank that keep the loops closed with the least energy, (n, nv).
+
+    A link whose spin nothing determines then has no momentum about its own line.
+    """
+    _, jacobian = bench.loops.linearise(qpos)
+    held = _held(bench, jacobian)
+    right = np.zeros(held.shape[:2])
+    right[:, -1] = 1.0
+    return _least(held, inertia, right)[0]
+
+
+def needed(bench: Bench, at: Situation, crank_acceleration: Array) -> tuple[Array, Array, Array]:
+    """Return accelerations (n, nv), loop multipliers (n, m) and drive torque (n,) of a prescribed crank.
+
+    M q'' + h = Q + J' multipliers + torque on the crank, J q'' + J' q' = 0, the crank's q'' given.
+    """
+    links = link_motions(bench.model, bench.track, at.plain)
+    opened = opening(bench.loops, at.states, at.plain["qacc"], links)
+    lacking = crank_acceleration - at.plain["qacc"][:, bench.loops.crank]
+    right = np.concatenate([-opened, lacking[:, None]], 1)
+    change, multipliers = _least(_held(bench, at.jacobian), at.plain["inertia"], right)
+    return at.plain["qacc"] + change, multipliers[:, :-1], multipliers[:, -1]
+
+
+def constrained(bench: Bench, at: Situation, fields: Fields) -> tuple[Array, Array]:
+    """Return the multipliers of MuJoCo's own constraint forces, and the drive torque that fits its accelerations.
+
+    Args:
+        bench: the mechanism.
+        at: the situation.
+        fields: what the stepped model makes of it.
+    """
+    forces, scale = fields["qfrc_constraint"], _row_scale(bench, at.jacobian.shape[1])
+    turned = np.swapaxes(at.jacobian * scale[:, None], 1, 2)
+    multipliers = np.zeros(turned.shape[::2])
+    if turned.shape[2]:
+        multipliers = scale * (np.linalg.pinv(turned, rcond=RANK_TOLERANCE) @ forces[..., None])[..., 0]
+    crank = bench.loops.crank
+    spent = (at.plain["inertia"][:, crank] * fields["qacc"]).sum(1)
+    return multipliers, spent - at.plain["qfrc_smooth"][:, crank] - forces[:, crank]
+
+
+def efforts(bench: Bench, at: Situation, qacc: Array, multipliers: Array, torque: Array) -> Efforts:
+    """Return everything transmitted: all forces act as wrenches, and MuJoCo carries them through the tree."""
+    n, crank = len(qacc), bench.loops.crank
+    drive = bench.nothing(n)
+    drive.generalised[:, crank] = torque
+    placed = native(bench.model, at.plain)
+    loops = loop_forces(bench, at.plain, multipliers)
+    fields = bench.look(bench.looking(native=False), at.states, together(at.outer, placed, loops, drive))
+    largest = np.maximum(np.abs(qacc).max(1), np.finfo(np.float64).tiny)
+    lost, outer, motor = _powers(bench, at, fields)
+    rates = at.states.qvel
+    return Efforts(
+        acceleration=qacc[:, crank],
+        torque=torque,
+        reactions={
+            joint.name: _transmitted(bench, joint, fields, multipliers) for joint in bench.mechanism.joints
+        },
+        gears=_gears(bench, multipliers),
+        kinetic=0.5 * (rates * (at.plain["inertia"] @ rates[..., None])[..., 0]).sum(1),
+        potential=at.plain["energy"][:, 0] + _wound(bench, at.plain),
+        power_in=torque * rates[:, crank] + motor,
+        power_loads=outer,
+        power_lost=lost,
+        imbalance=np.abs(fields["qacc"] - qacc).max(1) / largest,
+    )
+
+
+def _held(bench: Bench, jacobian: Array) -> Array:
+    """Return the loops' Jacobian with a last row for the crank, (n, m + 1, nv)."""
+    row = np.zeros((len(jacobian), 1, bench.model.nv))
+    row[..., bench.loops.crank] = 1.0
+    return np.concatenate([jacobian, row], 1)
+
+
+def _row_scale(bench: Bench, rows: int) -> Array:
+    """Return factors that make rows of lengths free of units."""
+    scale = np.ones(rows)
+    scale[: 3 * len(bench.loops.pairs)] /= bench.loops.size
+    return scale
+
+
+def _least(rows: Array, inertia: Array, right: Array) -> tuple[Array, Array]:
+    """Return x with rows x = right and least x'Mx, (n, nv), and multipliers with M x = rows' multipliers, (n, m).
+
+    Where rows repeat others, the multipliers are the least that do it, for rows scaled to equal size.
+    """
+    lower = np.linalg.cholesky(inertia)
+    weighted = np.swapaxes(np.linalg.solve(lower, np.swapaxes(rows, 1, 2)), 1, 2)
+    scale = 1.0 / np.sqrt((weighted**2).sum(2)).clip(np.finfo(np.float64).tiny)
+    weighted = weighted * scale[..., None]
+    left, values, turned = np.linalg.svd(weighted, full_matrices=False)
+    kept = values > RANK_TOLERANCE * values[:, :1]
+    inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
+    part = inverse * (np.swapaxes(left, 1, 2) @ (scale * right)[..., None])[..., 0]
+    x = np.linalg.solve(np.swapaxes(lower, 1, 2), np.swapaxes(turned, 1, 2) @ part[..., None])[..., 0]
+    return x, scale * (left @ (inverse * part)[..., None])[..., 0]
+
+
+def _transmitted(bench: Bench, joint: Joint, fields: Fields, multipliers: Array) -> Transmitted:
+    """Return what a joint transmits, along its freedoms nothing."""
+    frames = {link: fields["xmat"][:, bench.body(link)].reshape(-1, 3, 3) for link in (joint.a.link, joint.b.link)}
+    point = fields["xpos"][:, bench.body(joint.b.link)] + frames[joint.b.link] @ np.asarray(joint.b.point)
+    numbers = bench.cut_pairs(joint)
+    if numbers:
+        force, moment = np.zeros((2, len(point), 3))
+        for number in numbers:
+            # the first point of a pair is on link a
+            pulled, (body, local) = -multipliers[:, 3 * number : 3 * number + 3], bench.loops.pairs[number].ends[1]
+            place = fields["xpos"][:, body] + fields["xmat"][:, body].reshape(-1, 3, 3) @ local
+            force += pulled
+            moment += np.cross(place - point, pulled)
+    else:
+        child, sign = (joint.b.link, 1.0) if bench.parent(joint.b.link) == joint.a.link else (joint.a.link, -1.0)
+        body = bench.body(child)
+        wrench = sign * fields["cfrc_int"][:, body]  # moment, force
+        root = fields["subtree_com"][:, bench.model.body_rootid[body]]
+        force = wrench[:, 3:]
+        moment = wrench[:, :3] + np.cross(root - point, force)
+    a = frames[joint.a.link] @ np.asarray(joint.a.axis)
+    b = frames[joint.b.link] @ np.asarray(joint.b.axis)
+    return Transmitted(*_constraint_part(joint, force, moment, a, b), point)
+
+
+def _constraint_part(joint: Joint, force: Array, moment: Array, a: Array, b: Array) -> tuple[Array, Array]:
+    """Return force and moment without what acts along the joint's freedoms, for its axes on a and b."""
+    if joint.kind == "spherical":
+        return force, np.zeros_like(moment)
+    if joint.kind == "universal":
+        across = np.cross(a, b)
+        across = across / np.sqrt((across**2).sum(1))[:, None]
+        return force, across * (across * moment).sum(1)[:, None]
+    along = b * (b * moment).sum(1)[:, None]
+    turns, slides = joint.kind in ("revolute", "cylindrical"), joint.kind in ("prismatic", "cylindrical")
+    if slides:
+        force = force - b * (b * force).sum(1)[:, None]
+    return force, moment - along if turns else moment
+
+
+def _gears(bench: Bench, multipliers: Array) -> dict[str, Array]:
+    first = 3 * len(bench.loops.pairs)
+    return {
+        f"{gear.driver}-{gear.driven}": multipliers[:, first + i]
+        for i, gear in enumerate(bench.mechanism.gears)
+    }
+
+
+def _wound(bench: Bench, fields: Fields) -> Array:
+    """Return the energy of springs in revolute joints, which MuJoCo does not count, (n,) in [J]."""
+    model = bench.model
+    stiffness = np.where(model.actuator_trntype == SITE, -model.actuator_biasprm[:, 1], 0.0)
+    return 0.5 * (stiffness * fields["actuator_length"] ** 2).sum(1)
+
+
+def _powers(bench: Bench, at: Situation, fields: Fields) -> tuple[Array, Array, Array]:
+    """Return the power lost, of the loads, and of the motor, (n,) each in [W]."""
+    model, rates = bench.model, at.states.qvel
+    power = at.plain["actuator_force"] * at.plain["actuator_velocity"]
+    shares = {"load": np.zeros(len(rates)), "friction": np.zeros(len(rates)), "motor": np.zeros(len(rates))}
+    for i in range(model.nu):
+        name = model.actuator(i).name
+        kind = "load" if name.startswith(("load ", "crank torque")) else name.split(" ")[0]
+        if kind in shares:
+            shares[kind] += power[:, i]
+    lost = -(at.plain["qfrc_damper"] * rates).sum(1) - shares["friction"]
+    lost += (model.dof_frictionloss * np.abs(rates)).sum(1)
+    lost += (model.tendon_frictionloss * np.abs(at.plain["ten_velocity"])).sum(1)
+    return lost, shares["load"], shares["motor"]
