@@ -70,9 +70,8 @@ def main() -> None:
             times[name].append(time.process_time() - begin)
     for name, spent in times.items():
         ratio = median(a / b for a, b in zip(spent, times["bare rollout in C"], strict=True))
-        print(
-            f"{name:<24} {1e6 * median(spent) / STEPS:6.2f} us a step, {100.0 * (ratio - 1.0):+6.1f} % of bare"
-        )
+        each, more = 1e6 * median(spent) / STEPS, 100.0 * (ratio - 1.0)
+        print(f"{name:<24} {each:6.2f} us a step, {more:+6.1f} % beside bare")
 
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     tracemalloc.start()
@@ -80,9 +79,7 @@ def main() -> None:
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-    print(
-        f"{run.steps:,} steps: peak {peak / 1e6:.2f} MB of Python's, {grown / 1024:.1f} MB more of the process"
-    )
+    print(f"{run.steps:,} steps: peak {peak / 1e6:.2f} MB of Python's, process {grown / 1024:+.1f} MB")
 
 
 if __name__ == "__main__":
