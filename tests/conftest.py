@@ -10,7 +10,7 @@ settings.register_profile(
     "mechsim",
     derandomize=True,
     deadline=None,
-    max_examples=60,
+    max_examples=30,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
 )
 settings.load_profile("mechsim")

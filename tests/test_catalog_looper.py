@@ -95,20 +95,19 @@ def test_links_keep_their_lengths_and_the_follower_keeps_its_axis(drive):
     a, b, c, d, e = (points[name] for name in "ABCDE")
     bound = CLOSED * longest(drive)
     pivot = drive.pivot[:, 0]
-    for vectors, length in (
-        (a, drive.crank),
-        (b - a, drive.coupler),
-        (b - pivot, drive.rocker),
-        (c - a, drive.arm),
-        (c - d, drive.follower),
-        (e - d, drive.follower_ratio * drive.follower),
+    # the direction of a short coupler is known less well, and a long arm shows it where C meets the cylinder
+    condition = max(1.0, drive.arm / drive.coupler)
+    for vectors, length, factor in (
+        (a, drive.crank, 1.0),
+        (b - a, drive.coupler, 1.0),
+        (b - pivot, drive.rocker, 1.0),
+        (c - a, drive.arm, 1.0),
+        (c - d, drive.follower, condition),
+        (e - d, drive.follower_ratio * drive.follower, condition * max(1.0, drive.follower_ratio)),
     ):
-        assert np.abs(np.linalg.norm(vectors, axis=1) - length).max() <= bound * max(
-            1.0, length / longest(drive)
-        )
+        assert np.abs(np.linalg.norm(vectors, axis=1) - length).max() <= factor * bound
     along = ((b - a) * (c - a)).sum(1) / drive.coupler - drive.arm * np.cos(drive.arm_angle)
-    # the direction of a short coupler is known less well, and a long arm shows it
-    assert np.abs(along).max() <= bound * max(1.0, drive.arm / drive.coupler)
+    assert np.abs(along).max() <= condition * bound
     assert np.abs(d[:, 1:] - [drive.axis_y, drive.axis_z]).max() == 0.0
     assert np.abs(d[:, 0] - c[:, 0]).max() == 0.0
     assert np.abs(e - d + drive.follower_ratio * (c - d)).max() <= bound * drive.follower_ratio
