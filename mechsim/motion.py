@@ -2,12 +2,13 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Record = TypeVar("Record")
 Source = Literal["closed form", "loop equations", "pose", "step", "user"]
 
 
@@ -117,8 +118,8 @@ class Motion:
                     yield f"{name}.{prefix}{axis}", column
 
 
-def join(parts: list[Motion]) -> Motion:
-    """Return the parts of one motion, put end to end."""
+def join(parts: list[Record]) -> Record:
+    """Return the parts of one motion, or of another record of instants, put end to end."""
     return parts[0] if len(parts) == 1 else _joined(parts)
 
 

@@ -83,7 +83,7 @@ class Bench:
         spec = mjcf.assembled(self.mechanism, Scene(level="dynamics", forces=forces, cut=cut))
         points = [name for name, (link, _) in mechanism.points.items() if link != GROUND]
         self.track = add_sensors(spec, tuple(points))
-        self.model = spec.compile()
+        self.model = mjcf.compiled(spec)
         self.loops = Loops(copy.copy(self.model))
         self.begun = self.loops.close(self.model.qpos0[None])[0]
         self._dense = _dense_index(self.model)
@@ -131,7 +131,7 @@ class Bench:
         return GROUND if above == 0 else str(self.model.body(above).name)
 
     def cut_pairs(self, joint: Joint) -> list[int]:
-        """Return the numbers of the pairs of points that close a loop at a joint; none for a joint of the tree."""
+        """Return the numbers of the pairs of points that close a loop at a joint; none in the tree."""
         names = [self.model.equality(i).name for i in range(self.model.neq)]
         return [i for i, name in enumerate(names) if name in (joint.name, f"{joint.name}+")]
 

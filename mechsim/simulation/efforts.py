@@ -6,30 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.mechanism import GROUND, Joint
 from mechsim.mjcf.loops import RANK_TOLERANCE
 from mechsim.simulation.bench import SITE, Applied, Bench
+from mechsim.simulation.reactions import Transmitted, transmitted
 from mechsim.simulation.record import States, link_motions, opening
 from mechsim.simulation.wrenches import Fields, dry_friction, loop_forces, native, together
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Transmitted:
-    """What the geometry of a joint transmits to its link b from its link a, in ground axes.
-
-    Friction, springs and the drive in the joint act along its freedom and are not in it.
-
-    Attributes:
-        force: (n, 3) in [N].
-        moment: about the joint's point on link b, (n, 3) in [N m].
-        point: that point, (n, 3) in [m].
-    """
-
-    force: Array
-    moment: Array
-    point: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +92,7 @@ def needed(bench: Bench, at: Situation, crank_acceleration: Array) -> tuple[Arra
 
 
 def constrained(bench: Bench, at: Situation, fields: Fields) -> tuple[Array, Array]:
-    """Return the multipliers of MuJoCo's own constraint forces, and the drive torque that fits its accelerations.
+    """Return the multipliers of MuJoCo's own constraint forces, and the drive torque that goes with them.
 
     Args:
         bench: the mechanism.
@@ -141,7 +124,7 @@ def efforts(bench: Bench, at: Situation, qacc: Array, multipliers: Array, torque
         acceleration=qacc[:, crank],
         torque=torque,
         reactions={
-            joint.name: _transmitted(bench, joint, fields, multipliers) for joint in bench.mechanism.joints
+            joint.name: transmitted(bench, joint, fields, multipliers) for joint in bench.mechanism.joints
         },
         gears=_gears(bench, multipliers),
         kinetic=0.5 * (rates * (at.plain["inertia"] @ rates[..., None])[..., 0]).sum(1),
@@ -168,7 +151,7 @@ def _row_scale(bench: Bench, rows: int) -> Array:
 
 
 def _least(rows: Array, inertia: Array, right: Array) -> tuple[Array, Array]:
-    """Return x with rows x = right and least x'Mx, (n, nv), and multipliers with M x = rows' multipliers, (n, m).
+    """Solve rows x = right, M x = rows' multipliers: x with least x'Mx, (n, nv), and multipliers, (n, m).
 
     Where rows repeat others, the multipliers are the least that do it, for rows scaled to equal size.
     """
@@ -182,46 +165,6 @@ def _least(rows: Array, inertia: Array, right: Array) -> tuple[Array, Array]:
     part = inverse * (np.swapaxes(left, 1, 2) @ (scale * right)[..., None])[..., 0]
     x = np.linalg.solve(np.swapaxes(lower, 1, 2), np.swapaxes(turned, 1, 2) @ part[..., None])[..., 0]
     return x, scale * (left @ (inverse * part)[..., None])[..., 0]
-
-
-def _transmitted(bench: Bench, joint: Joint, fields: Fields, multipliers: Array) -> Transmitted:
-    """Return what a joint transmits, along its freedoms nothing."""
-    frames = {link: fields["xmat"][:, bench.body(link)].reshape(-1, 3, 3) for link in (joint.a.link, joint.b.link)}
-    point = fields["xpos"][:, bench.body(joint.b.link)] + frames[joint.b.link] @ np.asarray(joint.b.point)
-    numbers = bench.cut_pairs(joint)
-    if numbers:
-        force, moment = np.zeros((2, len(point), 3))
-        for number in numbers:
-            # the first point of a pair is on link a
-            pulled, (body, local) = -multipliers[:, 3 * number : 3 * number + 3], bench.loops.pairs[number].ends[1]
-            place = fields["xpos"][:, body] + fields["xmat"][:, body].reshape(-1, 3, 3) @ local
-            force += pulled
-            moment += np.cross(place - point, pulled)
-    else:
-        child, sign = (joint.b.link, 1.0) if bench.parent(joint.b.link) == joint.a.link else (joint.a.link, -1.0)
-        body = bench.body(child)
-        wrench = sign * fields["cfrc_int"][:, body]  # moment, force
-        root = fields["subtree_com"][:, bench.model.body_rootid[body]]
-        force = wrench[:, 3:]
-        moment = wrench[:, :3] + np.cross(root - point, force)
-    a = frames[joint.a.link] @ np.asarray(joint.a.axis)
-    b = frames[joint.b.link] @ np.asarray(joint.b.axis)
-    return Transmitted(*_constraint_part(joint, force, moment, a, b), point)
-
-
-def _constraint_part(joint: Joint, force: Array, moment: Array, a: Array, b: Array) -> tuple[Array, Array]:
-    """Return force and moment without what acts along the joint's freedoms, for its axes on a and b."""
-    if joint.kind == "spherical":
-        return force, np.zeros_like(moment)
-    if joint.kind == "universal":
-        across = np.cross(a, b)
-        across = across / np.sqrt((across**2).sum(1))[:, None]
-        return force, across * (across * moment).sum(1)[:, None]
-    along = b * (b * moment).sum(1)[:, None]
-    turns, slides = joint.kind in ("revolute", "cylindrical"), joint.kind in ("prismatic", "cylindrical")
-    if slides:
-        force = force - b * (b * force).sum(1)[:, None]
-    return force, moment - along if turns else moment
 
 
 def _gears(bench: Bench, multipliers: Array) -> dict[str, Array]:

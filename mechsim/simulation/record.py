@@ -204,7 +204,7 @@ def _correction(
 
 
 def opening(loops: Loops, states: States, qacc: Array, links: Mapping[str, LinkMotion]) -> Array:
-    """Return the second rate at which the loops open under given accelerations, (n, m), rows as in `loops`."""
+    """Return the second rate at which the loops open under given accelerations, (n, m)."""
     model = loops.model
     rates: list[Array] = [np.zeros((len(qacc), 0))]
     for pair in loops.pairs:

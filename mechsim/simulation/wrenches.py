@@ -49,7 +49,8 @@ def _add_tendon(model: mujoco.MjModel, fields: Fields, i: int, wrenches: Array) 
     if model.wrap_type[first] != int(mujoco.mjtWrap.mjWRAP_SITE):
         return
     stretch = fields["ten_length"][:, i] - model.tendon_lengthspring[i, 0]
-    stiffness, damping = float(np.ravel(model.tendon_stiffness[i])[0]), float(np.ravel(model.tendon_damping[i])[0])
+    springs, dampers = model.tendon_stiffness, model.tendon_damping
+    stiffness, damping = (float(np.ravel(part[i])[0]) for part in (springs, dampers))
     tension = stiffness * stretch + damping * fields["ten_velocity"][:, i]
     sites = model.wrap_objid[first : first + 2]
     a, b = (fields["site_xpos"][:, site] for site in sites)
@@ -75,7 +76,7 @@ def dry_friction(bench: Bench, fields: Fields, qvel: Array) -> Applied:
 
 
 def loop_forces(bench: Bench, fields: Fields, multipliers: Array) -> Applied:
-    """Return the forces that close the loops: a multiplier pulls the first point of its pair along the axes."""
+    """Return the forces that close the loops: a multiplier pulls the first point of its pair."""
     loops, forces = bench.loops, bench.nothing(len(multipliers))
     for number, pair in enumerate(loops.pairs):
         force = multipliers[:, 3 * number : 3 * number + 3]
