@@ -62,7 +62,7 @@ def for_steps(place: float, stroke: float, speed: float) -> dict[str, Tolerance]
             1e-7, "rad", "does not enter the errors, which are taken at the angle reached"
         ),
         "drive speed": Tolerance(
-            1e-8 * speed, "rad/s", "flywheel of 1e9 kg m2: no reaction changes its speed"
+            1e-8 * speed, "rad/s", "flywheel of 1e12 times the links: no reaction changes its speed"
         ),
     }
 

@@ -3,13 +3,14 @@
 import mujoco
 
 from mechsim.mechanism import Mechanism, Pose
+from mechsim.mjcf.compiled import compiled
 from mechsim.mjcf.generate import generate
 from mechsim.mjcf.loops import Loops
 from mechsim.mjcf.quiet import quiet
 from mechsim.mjcf.text import to_xml
 from mechsim.scene import Scene
 
-__all__ = ["Loops", "assembled", "generate", "quiet", "to_xml"]
+__all__ = ["Loops", "assembled", "compiled", "generate", "quiet", "to_xml"]
 
 
 @quiet()
@@ -23,7 +24,7 @@ def assembled(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
         AssemblyError: if the loops do not close there.
     """
     rough = generate(mechanism, scene, mechanism.guess)
-    model = rough.compile()
+    model = compiled(rough)
     loops = Loops(model)
     start = model.qpos0.copy()
     start[loops.crank_place] = mechanism.start

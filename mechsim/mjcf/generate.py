@@ -7,13 +7,13 @@ import numpy as np
 
 from mechsim.mechanism import GROUND, IDENTITY, Mechanism, Pose
 from mechsim.mjcf.forces import add_forces
-from mechsim.mjcf.inertia import quaternion, set_inertia, set_placeholder
+from mechsim.mjcf.inertia import PLACEHOLDER, quaternion, set_inertia, set_placeholder
 from mechsim.mjcf.tree import Branch, Tree, cut_loops, is_planar, seated_pose, zero_pose
 from mechsim.rods import with_inertia
 from mechsim.scene import Scene
 
-# the crank's speed changes by (torque / armature) in unit time: with 1e9 kg m2 by less than rounding
-FLYWHEEL = 1e9
+# inertia of the crank beside that of the links: reactions then change its speed by 1e-12 of itself a turn
+FLYWHEEL = 1e12
 
 
 def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | None = None) -> mujoco.MjSpec:
@@ -120,7 +120,7 @@ def _add_joints(
         made = body.add_joint(name=name, type=kind, pos=end.point, axis=axis, ref=value)
         # at level dynamics the crank is free, or driven by its motor
         if name == "crank" and scene.holds("motion") and scene.level != "dynamics":
-            made.armature = FLYWHEEL
+            made.armature = FLYWHEEL * PLACEHOLDER * mechanism.size
 
 
 def _close(

@@ -6,6 +6,9 @@ import numpy as np
 from mechsim.inertia import Inertia
 from mechsim.mechanism import Mechanism
 
+# mass of a link x size of its mechanism where only motion counts, in [kg m]
+PLACEHOLDER = 0.1
+
 
 def quaternion(rotation: np.ndarray) -> np.ndarray:
     """Return the unit quaternion (w, x, y, z) of a rotation matrix."""
@@ -33,15 +36,16 @@ def set_inertia(body: mujoco.MjsBody, inertia: Inertia) -> None:
 
 
 def set_placeholder(body: mujoco.MjsBody, mechanism: Mechanism, link: str) -> None:
-    """Give a link a placeholder mass: 1 kg, a ball about the middle of its joints.
+    """Give a link a placeholder inertia: a ball about the middle of its joints, 1 kg in a linkage of 0.1 m.
 
     Under a prescribed crank no motion depends on it; a ball of the link's own size keeps the mass
-    matrix well conditioned whatever the scale.
+    matrix well conditioned whatever the scale. MuJoCo takes a moment of inertia below 1e-15 (mjMINVAL)
+    for zero: with a mass inverse to the size it stays far from that for linkages down to 1e-8 m.
     """
     points = np.array([end.point for end in mechanism.ends(link)])
     centre = (points.min(0) + points.max(0)) / 2.0
     radius = max(float(np.linalg.norm(points - centre, axis=1).max()), 0.1 * mechanism.size)
     body.explicitinertial = True
     body.ipos = centre
-    body.mass = 1.0
-    body.inertia = np.full(3, 0.4 * radius**2)
+    body.mass = PLACEHOLDER / mechanism.size
+    body.inertia = np.full(3, 0.4 * body.mass * radius**2)

@@ -162,7 +162,7 @@ def _prepared(source: Source, scene: Scene | None) -> tuple[mujoco.MjModel, Trac
     if not points:
         raise InputError("the model has no point to track; put a named site at each point of interest")
     track = add_sensors(spec, points)
-    model = spec.compile()
+    model = mjcf.compiled(spec)
     return model, track, float(model.qpos0[Loops(model).crank_place])
 
 

@@ -35,7 +35,8 @@ class Settings:
         hardness: factor on the inverse weights that scale a constraint's softness; 1 is MuJoCo's own.
         refsafe: whether MuJoCo keeps the time constant at two steps or more.
         diagexact: whether MuJoCo computes the diagonal of the constraint inertia exactly.
-        flywheel: inertia on the crank that holds its speed, in [kg m2].
+        flywheel: inertia on the crank that holds its speed, in [kg m2]; None for 1e12 times that of
+            the links, which no reaction of theirs and no redundant constraint turns.
     """
 
     integrator: str = "RK4"
@@ -46,7 +47,7 @@ class Settings:
     hardness: float = 1e-8
     refsafe: bool = False
     diagexact: bool = False
-    flywheel: float = FLYWHEEL
+    flywheel: float | None = None
 
     def __post_init__(self) -> None:
         if self.integrator not in INTEGRATORS:
@@ -82,24 +83,35 @@ class Settings:
         option.timestep = timestep
         option.integrator = int(getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}"))
         option.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)
-        option.tolerance = 0.0
-        if _only_equalities(model) and self.integrator != "discrete":
-            # the cost is then quadratic: one step of Newton's method is exact; `discrete` takes the same
-            # number for a solve of its own
-            option.iterations = 1
+        if _only_equalities(model) and not (self.integrator == "discrete" and _springy(model)):
+            # the cost is then quadratic: one step of Newton's method is exact
+            option.iterations, option.tolerance = 1, 0.0
         disable, enable = mujoco.mjtDisableBit, mujoco.mjtEnableBit
         _set(option, "disableflags", int(disable.mjDSBL_ISLAND | disable.mjDSBL_SENSOR), True)
         _set(option, "disableflags", int(disable.mjDSBL_REFSAFE), not self.refsafe)
         _set(option, "enableflags", int(enable.mjENBL_DIAGEXACT), self.diagexact)
-        model.eq_solref[:] = self.solref or (self.constant * timestep, 1.0)
+        model.eq_solref[:] = self.solref or self._solref(timestep)
         model.eq_solimp[:] = self.solimp
         model.body_invweight0[:] *= self.hardness
         model.dof_invweight0[:] *= self.hardness
-        model.dof_armature[loops.crank] = self.flywheel
+        model.dof_armature[loops.crank] = self.flywheel or FLYWHEEL * _inertia(loops)
+
+    def _solref(self, timestep: float) -> tuple[float, float]:
+        """Return the time constant, or stiffness and damping where MuJoCo takes its square for zero."""
+        constant = self.constant * timestep
+        if constant**2 > 1e-12 or self.refsafe:
+            return constant, 1.0
+        return -1.0 / constant**2, -2.0 / constant
 
     def as_dict(self) -> dict[str, Any]:
         """Return the settings as plain data."""
         return asdict(self)
+
+
+def _inertia(loops: Loops) -> float:
+    """Return the inertia of all links about a point as far off as the longest of them, in [kg m2]."""
+    model = loops.model
+    return float(model.body_mass.sum() * loops.size**2 + model.body_inertia.max(1).sum())
 
 
 def _set(option: Any, field: str, bits: int, on: bool) -> None:
@@ -112,3 +124,8 @@ def _only_equalities(model: mujoco.MjModel) -> bool:
     limits = bool(model.jnt_limited.any() or model.tendon_limited.any())
     friction = bool((model.dof_frictionloss > 0.0).any() or (model.tendon_frictionloss > 0.0).any())
     return not (contacts or limits or friction)
+
+
+def _springy(model: mujoco.MjModel) -> bool:
+    """Say whether forces depend on the state, so that `discrete` has equations of its own to iterate on."""
+    return bool(model.nu or model.ntendon or model.dof_damping.any() or model.jnt_stiffness.any())

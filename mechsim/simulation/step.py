@@ -73,7 +73,9 @@ def step(
     sims = batch.Batch(model, 1, 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = start
     records = [(np.zeros(1, dtype=np.int64), start[0][None], start[1][None])]
-    torque = None if profile.steady else _torque(profile, settings.flywheel, timestep, total)
+    torque = (
+        None if profile.steady else _torque(profile, float(model.dof_armature[loops.crank]), timestep, total)
+    )
     done, spent, diverged = 0, 0.0, False
     while done < total and not diverged:
         count = min(BLOCK, total - done)
