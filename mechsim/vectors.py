@@ -177,14 +177,18 @@ def circle_sphere(
     height = dot(d, axis)
     flat = d - height * axis
     reach = norm(flat)
-    cosine = (reach * reach + radius * radius + (height - sphere_radius) * (height + sphere_radius)) / (
+    # 1 - cosine of the angle between p and flat: a short sphere radius is then not lost among squares
+    off = ((sphere_radius - height) * (sphere_radius + height) - (reach - radius) ** 2) / (
         2.0 * radius * reach
     )
     ahead = flat / reach
-    return cosine * ahead + sign * sine_of(cosine) * cross(ahead, axis)
+    return (1.0 - off) * ahead + sign * _root(off * (2.0 - off)) * cross(ahead, axis)
 
 
 def sine_of(cosine: Array) -> Array:
     """Return the positive sine that goes with a cosine; NaN where it is beyond +-1 by more than rounding."""
-    square = (1.0 - cosine) * (1.0 + cosine)
+    return _root((1.0 - cosine) * (1.0 + cosine))
+
+
+def _root(square: Array) -> Array:
     return np.sqrt(np.where(square >= -ROUNDING, np.maximum(square, 0.0), np.nan))
