@@ -30,7 +30,7 @@ class Efforts:
         power_loads: of loads on points and crank, (n,) in [W].
         power_lost: in friction and dampers, (n,) in [W].
         imbalance: by how much the accelerations that MuJoCo gets from all these forces differ from
-            those they were calculated for, relative to the largest, (n,).
+            those they were calculated for, relative to the largest of all, (n,).
     """
 
     acceleration: Array
@@ -75,7 +75,7 @@ def tangent(bench: Bench, qpos: Array, inertia: Array) -> Array:
     held = _held(bench, jacobian)
     right = np.zeros(held.shape[:2])
     right[:, -1] = 1.0
-    return _least(held, inertia, right)[0]
+    return _least(held, _row_scale(bench, held.shape[1]), inertia, right)[0]
 
 
 def needed(bench: Bench, at: Situation, crank_acceleration: Array) -> tuple[Array, Array, Array]:
@@ -87,7 +87,8 @@ def needed(bench: Bench, at: Situation, crank_acceleration: Array) -> tuple[Arra
     opened = opening(bench.loops, at.states, at.plain["qacc"], links)
     lacking = crank_acceleration - at.plain["qacc"][:, bench.loops.crank]
     right = np.concatenate([-opened, lacking[:, None]], 1)
-    change, multipliers = _least(_held(bench, at.jacobian), at.plain["inertia"], right)
+    held = _held(bench, at.jacobian)
+    change, multipliers = _least(held, _row_scale(bench, held.shape[1]), at.plain["inertia"], right)
     return at.plain["qacc"] + change, multipliers[:, :-1], multipliers[:, -1]
 
 
@@ -117,7 +118,7 @@ def efforts(bench: Bench, at: Situation, qacc: Array, multipliers: Array, torque
     placed = native(bench.model, at.plain)
     loops = loop_forces(bench, at.plain, multipliers)
     fields = bench.look(bench.looking(native=False), at.states, together(at.outer, placed, loops, drive))
-    largest = np.maximum(np.abs(qacc).max(1), np.finfo(np.float64).tiny)
+    largest = max(float(np.abs(qacc).max()), np.finfo(np.float64).tiny)
     lost, outer, motor = _powers(bench, at, fields)
     rates = at.states.qvel
     return Efforts(
@@ -150,15 +151,14 @@ def _row_scale(bench: Bench, rows: int) -> Array:
     return scale
 
 
-def _least(rows: Array, inertia: Array, right: Array) -> tuple[Array, Array]:
+def _least(rows: Array, scale: Array, inertia: Array, right: Array) -> tuple[Array, Array]:
     """Solve rows x = right, M x = rows' multipliers: x with least x'Mx, (n, nv), and multipliers, (n, m).
 
-    Where rows repeat others, the multipliers are the least that do it, for rows scaled to equal size.
+    Where rows repeat others, the multipliers are the least that do it, for rows times `scale` (m,).
     """
     lower = np.linalg.cholesky(inertia)
     weighted = np.swapaxes(np.linalg.solve(lower, np.swapaxes(rows, 1, 2)), 1, 2)
-    scale = 1.0 / np.sqrt((weighted**2).sum(2)).clip(np.finfo(np.float64).tiny)
-    weighted = weighted * scale[..., None]
+    weighted = weighted * scale[:, None]
     left, values, turned = np.linalg.svd(weighted, full_matrices=False)
     kept = values > RANK_TOLERANCE * values[:, :1]
     inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
