@@ -164,8 +164,8 @@ class Loops:
         if n not in self._batches:
             if len(self._batches) > 8:
                 self._batches.clear()
-            threads = [1] if n <= ONE_THREAD else []
-            self._batches[n] = batch.Batch(self._looking, n, *threads)
+            threads = 1 if n <= ONE_THREAD else 0
+            self._batches[n] = batch.Batch(self._looking, n, nthread=threads)
         return self._batches[n]
 
     def sites(self, qpos: Array) -> Array:

@@ -51,14 +51,15 @@ def follow(loops: Loops, start: Array, angles: ArrayLike) -> Array:
     angles = np.asarray(angles, dtype=np.float64)
     here = float(start[loops.crank_place])
     low, high = min(here, float(angles.min())), max(here, float(angles.max()))
-    gain = None
+    way = None
     if high - low > 1.5 * TURN:
         knots = _knots(loops, start, here, here + TURN)
         gain = _gain(loops, knots)
-    if gain is None:
-        knots = _knots(loops, start, low, high)
-    way = Way(loops, knots, gain)
-    way = way if len(angles) <= 2 * DENSER * len(knots) else way.denser()
+        way = None if gain is None else Way(loops, knots, gain)
+    if way is None:
+        way = Way(loops, _knots(loops, start, low, high), None)
+    if len(angles) > 2 * DENSER * len(way.knots):
+        way = way.denser()
     parts = [way.at(angles[i : i + CHUNK]) for i in range(0, len(angles), CHUNK)]
     return np.concatenate(parts)
 
