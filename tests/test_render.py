@@ -13,11 +13,11 @@ from mechsim import catalog, render
 from mechsim.errors import InputError, MissingToolError, OutputError
 from mechsim.mechanism import GROUND, End, Joint, Link, Mechanism
 from mechsim.motion import LinkMotion, Motion
-from mechsim.render import backend, camera, lines, video
+from mechsim.render import backend, lines, video
 from mechsim.render.look import Look
 from mechsim.render.stage import Stage
 from mechsim.render.track import track
-from mechsim.shapes import PALETTE, link_colours
+from mechsim.shapes import PALETTE, camera, link_colours
 
 NAMES = list(catalog.DRIVES)
 TURN = np.linspace(0.0, 2.0 * np.pi, 37)

@@ -5,9 +5,10 @@ from typing import Literal, get_args
 
 from mechsim.errors import InputError
 from mechsim.mechanism import Mechanism
-from mechsim.render.camera import PRESETS
+from mechsim.shapes.camera import PRESETS
 
 Paths = Literal["grow", "tail", "whole"]
+Arrow = Literal["velocity", "acceleration", "force"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,6 +26,10 @@ class Look:
         sense: whether an arrow shows which way the crank turns.
         projections: tracked points whose paths are also thrown on the planes XY, XZ and YZ.
         overlay: positions drawn at once over the whole motion; 1 draws one a frame.
+        arrows: what arrows at the tracked points show: "velocity", "acceleration", "force".
+        magnify: factor on the error between a run and the ghost of the closed form; None takes the
+            power of ten that makes it plain to see.
+        caption: a line to write at the foot of the picture.
     """
 
     size: tuple[int, int] = (640, 480)
@@ -36,6 +41,9 @@ class Look:
     sense: bool = False
     projections: tuple[str, ...] = ()
     overlay: int = 1
+    arrows: tuple[Arrow, ...] = ()
+    magnify: float | None = None
+    caption: str = ""
 
     def __post_init__(self) -> None:
         if self.camera not in PRESETS:
@@ -46,6 +54,11 @@ class Look:
             raise InputError(f"paths is {self.paths!r}; it can be on, off, {', '.join(get_args(Paths))}")
         if not 1 <= self.overlay <= 360:
             raise InputError(f"{self.overlay} overlaid positions; give 1 to 360")
+        for kind in self.arrows:
+            if kind not in get_args(Arrow):
+                raise InputError(f"there is no arrow {kind!r}; known are {', '.join(get_args(Arrow))}")
+        if self.magnify is not None and not 0.0 < self.magnify < float("inf"):
+            raise InputError(f"magnify is {self.magnify}; give a finite factor above 0")
 
     @property
     def trace(self) -> Paths | None:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError
-from mechsim.mechanism import GROUND, Joint, Mechanism, Pose, joint_coordinate
+from mechsim.mechanism import GROUND, Mechanism, Pose
 from mechsim.motion import Motion
 
 Array = NDArray[np.float64]
@@ -26,6 +26,8 @@ class Track:
         points: tracked point -> place in each frame, (n, 3) in [m].
         paths: tracked point -> its path over the whole motion, (m, 3) in [m].
         passed: how many points of its path each tracked point has passed, (n,).
+        vectors: "velocity", "acceleration" and, if given, "force" -> point -> vector in each frame,
+            (n, 3) in SI.
     """
 
     angle: Array
@@ -33,6 +35,7 @@ class Track:
     points: Mapping[str, Array]
     paths: Mapping[str, Array]
     passed: NDArray[np.intp]
+    vectors: Mapping[str, Mapping[str, Array]]
 
     def __len__(self) -> int:
         return len(self.angle)
@@ -46,14 +49,20 @@ class Track:
             for path in self.paths.values()
         )
 
-    def travel(self, joint: Joint) -> tuple[float, float]:
-        """Return the least and greatest way of a sliding joint, in [m]."""
-        way = joint_coordinate(joint, self.poses[joint.a.link], self.poses[joint.b.link])[..., 0]
-        return float(way.min()), float(way.max())
 
-
-def track(mechanism: Mechanism, motion: Motion, angles: ArrayLike | None = None) -> Track:
+def track(
+    mechanism: Mechanism,
+    motion: Motion,
+    angles: ArrayLike | None = None,
+    forces: Mapping[str, ArrayLike] | None = None,
+) -> Track:
     """Return the frames of a motion, or of the poses it passes at given crank angles.
+
+    Args:
+        mechanism: what moves.
+        motion: how it moves.
+        angles: crank angles of the frames in [rad]; None takes every sample.
+        forces: tracked point -> force at each sample, (len(motion), 3) in [N], for arrows.
 
     Raises:
         InputError: where the motion lacks a link, holds a NaN, or does not reach an angle.
@@ -74,16 +83,41 @@ def track(mechanism: Mechanism, motion: Motion, angles: ArrayLike | None = None)
     paths = {name: _picked(poses[link], fine).point(local) for name, (link, local) in _moving(mechanism)}
     passed = np.searchsorted(fine, np.arange(len(motion)), side="right")
     wanted = motion.angle if angles is None else np.atleast_1d(np.asarray(angles, dtype=np.float64))
+    vectors = _vectors(mechanism, motion, forces or {})
     # the samples themselves need no search, which a crank that swings to and fro would not allow
     if not np.array_equal(wanted, motion.angle):
-        place = _places(motion.angle, wanted)
+        place = places(motion.angle, wanted)
         poses = {name: _between(pose, place) for name, pose in poses.items()}
         passed = np.searchsorted(fine, place + 1e-9, side="right")
+        vectors = {
+            kind: {name: mixed(values, place) for name, values in one.items()}
+            for kind, one in vectors.items()
+        }
     points = {
         name: np.broadcast_to(poses[link].point(local), (len(wanted), 3))
         for name, (link, local) in mechanism.points.items()
     }
-    return Track(wanted, poses, points, paths, passed)
+    return Track(wanted, poses, points, paths, passed, vectors)
+
+
+def _vectors(
+    mechanism: Mechanism, motion: Motion, forces: Mapping[str, ArrayLike]
+) -> dict[str, dict[str, Array]]:
+    """What arrows can show of the points that move, sample by sample."""
+    moving = [name for name, _ in _moving(mechanism) if name in motion.points]
+    found = {
+        kind: {name: getattr(motion.points[name], kind) for name in moving}
+        for kind in ("velocity", "acceleration")
+    }
+    if forces:
+        found["force"] = {name: np.asarray(force, dtype=np.float64) for name, force in forces.items()}
+        for name, force in found["force"].items():
+            if name not in mechanism.points or force.shape != (len(motion), 3):
+                raise InputError(
+                    f"force at {name!r} of shape {force.shape}: give ({len(motion)}, 3) numbers at one of "
+                    f"{', '.join(mechanism.points)}"
+                )
+    return found
 
 
 def _picked(pose: Pose, samples: NDArray[np.intp]) -> Pose:
@@ -94,7 +128,7 @@ def _moving(mechanism: Mechanism) -> list[tuple[str, tuple[str, tuple[float, flo
     return [(name, place) for name, place in mechanism.points.items() if place[0] != GROUND]
 
 
-def _places(known: Array, wanted: Array) -> Array:
+def places(known: Array, wanted: Array) -> Array:
     """Return where crank angles lie among the samples, as fractional indices."""
     rising = known if known[-1] >= known[0] else -known
     wanted = wanted if known[-1] >= known[0] else -wanted
@@ -113,11 +147,13 @@ def _between(pose: Pose, place: Array) -> Pose:
     """Return poses at fractional indices; good for the eye, not for numbers."""
     if pose.position.ndim == 1:
         return pose
-    low = np.minimum(place.astype(np.intp), max(len(pose.position) - 2, 0))
-    high = np.minimum(low + 1, len(pose.position) - 1)
-    share = (place - low)[:, None]
-    position = (1.0 - share) * pose.position[low] + share * pose.position[high]
-    share = share[..., None]
-    mixed = (1.0 - share) * pose.rotation[low] + share * pose.rotation[high]
-    u, _, v = np.linalg.svd(mixed)  # the rotation nearest to the mixture
-    return Pose(position, u @ v)
+    u, _, v = np.linalg.svd(mixed(pose.rotation, place))  # the rotation nearest to the mixture
+    return Pose(mixed(pose.position, place), u @ v)
+
+
+def mixed(values: Array, place: Array) -> Array:
+    """Return values at fractional indices of the leading axis, on straight lines between samples."""
+    low = np.minimum(place.astype(np.intp), max(len(values) - 2, 0))
+    high = np.minimum(low + 1, len(values) - 1)
+    share = (place - low).reshape(-1, *[1] * (values.ndim - 1))
+    return (1.0 - share) * values[low] + share * values[high]

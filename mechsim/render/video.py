@@ -3,7 +3,7 @@
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,7 @@ def write_video(
     *,
     fps: float = 30.0,
     angles: ArrayLike | None = None,
+    done: Callable[[], None] = lambda: None,
     **options: Any,
 ) -> int:
     """Write a motion as mp4, webm or gif, or, for a path without extension, as a directory of PNG files.
@@ -65,7 +66,8 @@ def write_video(
         motion: how; a frame per sample unless `angles` says otherwise.
         fps: frames per second.
         angles: crank angles of the frames in [rad]; `turn_angles` makes evenly spaced ones.
-        options: see `Look`.
+        done: called after each frame.
+        options: see `frames` and `Look`.
 
     Returns:
         How many frames were written.
@@ -79,11 +81,11 @@ def write_video(
     if not 0.0 < fps <= 1000.0:
         raise InputError(f"{fps} frames per second; give a rate above 0 and up to 1000")
     if path.suffix == "":
-        return _write_sequence(path, frames(mechanism, motion, angles=angles, **options))
+        return _write_sequence(path, frames(mechanism, motion, angles=angles, **options), done)
     _known(path, VIDEOS)
     ffmpeg = find_ffmpeg()
     with written_beside(path) as beside:
-        return _encode(beside, frames(mechanism, motion, angles=angles, **options), fps, ffmpeg)
+        return _encode(beside, frames(mechanism, motion, angles=angles, **options), fps, ffmpeg, done)
 
 
 def turn_angles(motion: Motion, per_turn: int = 36) -> np.ndarray:
@@ -121,7 +123,9 @@ def find_ffmpeg() -> str:
         ) from error
 
 
-def _encode(path: Path, pictures: Iterator[Picture], fps: float, ffmpeg: str) -> int:
+def _encode(
+    path: Path, pictures: Iterator[Picture], fps: float, ffmpeg: str, done: Callable[[], None]
+) -> int:
     import mediapy
 
     mediapy.set_ffmpeg(ffmpeg)
@@ -134,6 +138,7 @@ def _encode(path: Path, pictures: Iterator[Picture], fps: float, ffmpeg: str) ->
             for picture in _chained(first, pictures):
                 writer.add_image(np.ascontiguousarray(picture[: shape[0], : shape[1]]))
                 count += 1
+                done()
     except (RuntimeError, OSError, subprocess.SubprocessError) as error:
         reason = str(error).strip().splitlines()[-1:] or ["no reason given"]
         raise OutputError(f"cannot write {path.suffix[1:]} video: ffmpeg failed: {reason[0]}") from error
@@ -145,7 +150,7 @@ def _chained(first: Picture, rest: Iterator[Picture]) -> Iterator[Picture]:
     yield from rest
 
 
-def _write_sequence(path: Path, pictures: Iterator[Picture]) -> int:
+def _write_sequence(path: Path, pictures: Iterator[Picture], done: Callable[[], None]) -> int:
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise OutputError(f"cannot write pictures to {path}: it is not an empty directory; name a new one")
     if not path.parent.is_dir():
@@ -158,6 +163,7 @@ def _write_sequence(path: Path, pictures: Iterator[Picture]) -> int:
             for picture in pictures:
                 _write_png(beside / f"{count:05d}.png", picture)
                 count += 1
+                done()
             beside.replace(path)
     except OSError as error:
         raise OutputError(f"cannot write pictures to {path}: {error.strerror or error}") from error

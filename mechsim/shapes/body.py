@@ -53,7 +53,7 @@ def stations(mechanism: Mechanism, link: str) -> list[Array]:
 
 
 def edges(places: list[Array]) -> Iterable[tuple[Array, Array]]:
-    """Yield the pairs of places that a rod joins: all of two or three, a ring of more, none through a third."""
+    """Yield pairs of places that a rod joins: all of two or three, a ring of more, none through a third."""
     if len(places) <= 3:
         pairs = list(combinations(range(len(places)), 2))
     else:

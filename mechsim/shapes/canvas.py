@@ -62,7 +62,7 @@ class Canvas:
         return lowest - (5.0 if self.mechanism.gears else 2.6) * self.r
 
     def lift(self, end: End) -> Array:
-        """Return the layer of a planar link as a vector in its frame; the ground takes that of what it guides."""
+        """Return the layer of a planar link as a vector in its frame; the ground takes that of its guest."""
         if not self.normals:
             return np.zeros(3)
         guided = end.link

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.mechanism import GROUND, Mechanism
-from mechsim.shapes import planar_normals
+from mechsim.mechanism import Mechanism
+from mechsim.shapes.planar import planar_normals
 
 Array = NDArray[np.float64]
 PRESETS = ("iso", "shaft", "top", "side")
@@ -97,19 +97,6 @@ def framed(
     nearest = float((deep + radii).max())
     centre = (left + width / 2.0) * right + (bottom + height / 2.0) * up
     return Camera(centre + (nearest + held) * back, right, up, back, held, size)
-
-
-def backdrop_axis(mechanism: Mechanism, back: Array) -> Array:
-    """Return the direction off the plane that stands behind the mechanism: a floor, or a wall."""
-    normals = planar_normals(mechanism)
-    if normals and abs(float(normals[GROUND] @ back)) > 0.5:
-        return normals[GROUND] * np.sign(normals[GROUND] @ back)
-    axes = np.eye(3)
-    along = axes @ back
-    if abs(along[1]) > 0.3:
-        return axes[1] * np.sign(along[1])
-    nearest = int(np.argmax(np.abs(along)))
-    return axes[nearest] * np.sign(along[nearest])
 
 
 def nice(length: float) -> float:

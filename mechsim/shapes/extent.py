@@ -1,0 +1,35 @@
+"""How much room shapes take up over a motion."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from mechsim.mechanism import Mechanism, Pose, joint_coordinate
+from mechsim.shapes.shape import Array, Shape
+
+
+def extent(drawn: Iterable[tuple[Pose, Sequence[Shape]]]) -> tuple[Array, Array]:
+    """Return balls that hold links in all their poses: centres (k, 3) and radii (k,) in [m].
+
+    Args:
+        drawn: pose or poses of a link, and its shapes.
+    """
+    centres, radii = [np.empty((0, 3))], [np.empty(0)]
+    for poses, shapes in drawn:
+        for shape in shapes:
+            points, radius = shape.bounds
+            for point in points:
+                placed = np.atleast_2d(poses.point(tuple(point)))
+                centres.append(placed)
+                radii.append(np.full(len(placed), radius))
+    return np.vstack(centres), np.concatenate(radii)
+
+
+def travels(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, tuple[float, float]]:
+    """Return the least and greatest way of every sliding joint over a motion, in [m]."""
+    found: dict[str, tuple[float, float]] = {}
+    for joint in mechanism.joints:
+        if joint.kind in ("prismatic", "cylindrical"):
+            way = joint_coordinate(joint, poses[joint.a.link], poses[joint.b.link])[..., 0]
+            found[joint.name] = float(way.min()), float(way.max())
+    return found
