@@ -226,12 +226,17 @@ class Mechanism:
     @property
     def size(self) -> float:
         """The longest distance between two points of one link, in [m]: the yardstick of this mechanism."""
-        longest = 0.0
-        for link in [GROUND, *(link.name for link in self.links)]:
-            local = np.array([end.point for end in self.ends(link)])
-            gaps = local[:, None] - local[None]
-            longest = max(longest, float(np.sqrt((gaps**2).sum(-1)).max(initial=0.0)))
-        return longest
+        names = [GROUND, *(link.name for link in self.links)]
+        held = {name: [end.point for end in self.ends(name)] for name in names}
+        joints = max(_extent(points) for points in held.values())
+        if joints > 0.0:
+            return joints
+        # all joints of each link in one place, as in a pendulum: what else is known of the links counts
+        for link in self.links:
+            held[link.name] += link.outline
+        for link, point in self.points.values():
+            held[link].append(point)
+        return max(_extent(points) for points in held.values())
 
     def with_guess(self, guess: Mapping[str, Pose], start: float) -> "Mechanism":
         """Return the same mechanism with another place to start assembly from."""
@@ -280,6 +285,13 @@ def _finite(end: End, what: str, value: Vector) -> Array:
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise InputError(f"{what} {value} of a joint on link {end.link!r} is not three finite numbers")
     return vector
+
+
+def _extent(points: list[Vector]) -> float:
+    """Return the longest distance between two points."""
+    places = np.array(points).reshape(-1, 3)
+    gaps = places[:, None] - places[None]
+    return float(np.sqrt((gaps**2).sum(-1)).max(initial=0.0))
 
 
 def _unique(mechanism: str, what: str, names: list[str]) -> None:

@@ -73,7 +73,8 @@ def with_inertia(
     """
     _positive("density of the rods", density, "kg/m3")
     thick = THICKNESS * mechanism.size if diameter is None else diameter
-    _positive("diameter of the rods", thick, "m")
+    if replace_all or any(link.inertia is None for link in mechanism.links):
+        _positive("diameter of the rods", thick, "m")
     links = tuple(
         link
         if link.inertia is not None and not replace_all
