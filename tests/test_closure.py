@@ -192,3 +192,14 @@ def test_singular_values_vanish_at_a_dead_centre():
         return closure.singular_values(drive.mechanism, poses)[0, 17]
 
     assert nearest(high - 1e-8) < 1e-3 < nearest((low + high) / 2)
+
+
+def test_a_joint_put_together_with_its_axes_opposed_is_refused():
+    drive = catalog.make("four_bar")
+    mechanism = drive.mechanism
+    guess = dict(mechanism.guess)
+    # the rocker turned over about its own length: every row is met, but its axes point the other way
+    rocker = guess["rocker"]
+    guess["rocker"] = type(rocker)(rocker.position, rocker.rotation @ np.diag([1.0, -1.0, -1.0]))
+    with pytest.raises(AssemblyError, match="axes opposed"):
+        closure.assemble(mechanism, [mechanism.start], guess)
