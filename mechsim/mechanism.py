@@ -6,6 +6,7 @@ closed forms and `closure` on one side and by MuJoCo on the other.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -109,10 +110,16 @@ class End:
 
     @property
     def frame(self) -> Array:
-        """The joint's frame in the link's: columns mark, axis x mark, axis; (3, 3)."""
+        """The joint's frame in the link's: columns mark, axis x mark, axis; (3, 3), not to be written to."""
         assert self.mark is not None
-        axis, mark = np.asarray(self.axis), np.asarray(self.mark)
-        return np.column_stack([mark, np.cross(axis, mark), axis])
+        return _frame(self.axis, self.mark)
+
+
+@cache
+def _frame(axis: Vector, mark: Vector) -> Array:
+    frame = np.column_stack([mark, np.cross(axis, mark), axis])
+    frame.flags.writeable = False
+    return frame
 
 
 @dataclass(frozen=True, slots=True)

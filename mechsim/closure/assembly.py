@@ -30,6 +30,10 @@ def turned_by(rotation: Array, vector: Array) -> Array:
     return turned @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(turned, -1, -2) @ turned)
 
 
+# how far a pose on the way may stand open: near enough for the next step, which begins from it
+ROUGH = 1e-6
+
+
 def assemble(
     mechanism: Mechanism,
     angles: ArrayLike,
@@ -45,7 +49,8 @@ def assemble(
         angles: crank angles, (n,) in [rad].
         guess: moving link -> one pose or n poses; None takes the mechanism's own guess for all angles.
         most_steps: Newton steps before giving up.
-        tolerance: largest residual left, in units of the mechanism's size and in [rad].
+        tolerance: largest residual left, in units of the mechanism's size and in [rad]; below `ROUGH`
+            the poses are polished to rounding all the same.
 
     Returns:
         Moving link -> n poses.
@@ -70,7 +75,7 @@ def assemble(
         rows = equations(mechanism, poses, angles)
         gap = _gap(mechanism, rows.residual)
         worst = gap.max()
-        if worst <= FLOOR or (worst <= tolerance and worst >= 0.25 * before):
+        if worst <= FLOOR or (worst <= tolerance and (tolerance >= ROUGH or worst >= 0.25 * before)):
             break
         before = worst
         step = -least_norm(mechanism, rows.jacobian, rows.residual)
@@ -175,14 +180,25 @@ def follow(mechanism: Mechanism, angles: ArrayLike, *, step: float = np.pi / 36)
     current = assemble(mechanism, [mechanism.start])
     found: list[dict[str, Pose]] = []
     for here, there in pairwise([mechanism.start, *angles]):
-        way = np.linspace(here, there, 1 + max(1, int(np.ceil(abs(there - here) / step))))[1:]
-        for angle in way:
-            current = assemble(mechanism, [angle], current)
+        way = np.linspace(here, there, 1 + max(1, int(np.ceil(abs(there - here) / step))))
+        for before, after in pairwise(way):
+            ahead = _carried(mechanism, current, before, after - before)
+            current = assemble(mechanism, [after], ahead, tolerance=ROUGH)
         found.append(current)
-    return {
+    rough = {
         link.name: Pose(
             np.concatenate([poses[link.name].position for poses in found]),
             np.concatenate([poses[link.name].rotation for poses in found]),
         )
         for link in mechanism.links
     }
+    # all together to rounding
+    return assemble(mechanism, angles, rough)
+
+
+def _carried(mechanism: Mechanism, poses: Poses, angle: float, way: float) -> dict[str, Pose]:
+    """Return poses carried along the tangent of the loops over a small way of the crank."""
+    rows = equations(mechanism, poses, angle)
+    asked = np.zeros_like(rows.residual)
+    asked[:, -1] = way
+    return _moved(mechanism, poses, least_norm(mechanism, rows.jacobian, asked))
