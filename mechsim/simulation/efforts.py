@@ -119,7 +119,7 @@ def efforts(bench: Bench, at: Situation, qacc: Array, multipliers: Array, torque
     loops = loop_forces(bench, at.plain, multipliers)
     fields = bench.look(bench.looking(native=False), at.states, together(at.outer, placed, loops, drive))
     largest = max(float(np.abs(qacc).max()), np.finfo(np.float64).tiny)
-    lost, outer, motor = _powers(bench, at, fields)
+    lost, outer, motor = powers(bench, at)
     rates = at.states.qvel
     return Efforts(
         acceleration=qacc[:, crank],
@@ -182,7 +182,7 @@ def _wound(bench: Bench, fields: Fields) -> Array:
     return 0.5 * (stiffness * fields["actuator_length"] ** 2).sum(1)
 
 
-def _powers(bench: Bench, at: Situation, fields: Fields) -> tuple[Array, Array, Array]:
+def powers(bench: Bench, at: Situation) -> tuple[Array, Array, Array]:
     """Return the power lost, of the loads, and of the motor, (n,) each in [W]."""
     model, rates = bench.model, at.states.qvel
     power = at.plain["actuator_force"] * at.plain["actuator_velocity"]

@@ -1,0 +1,203 @@
+"""Free running in MuJoCo: the crank moves as motor, loads, weight, springs and friction make it."""
+
+import copy
+import time as clock
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from mechsim.errors import InputError
+from mechsim.forces import Forces
+from mechsim.mechanism import Mechanism
+from mechsim.mjcf import Loops, quiet
+from mechsim.motion import Motion
+from mechsim.simulation.bench import Bench
+from mechsim.simulation.dynamics import efforts_of, started, stiffen_friction
+from mechsim.simulation.efforts import Efforts, powers, situation
+from mechsim.simulation.march import March, march
+from mechsim.simulation.pace import pace
+from mechsim.simulation.record import CHUNK, States, evaluate
+from mechsim.simulation.settings import Settings
+
+Array = NDArray[np.float64]
+Outcome = Literal["done", "time over", "cannot start", "turned back", "stopped", "diverged"]
+TURN = 2.0 * np.pi
+
+# turns of the crank at its expected speed after which a run for turns is given up
+PATIENCE = 20.0
+# records over which the work is summed up, at least
+FINEST = 10_000
+# steps of Newton's method at each instant: with one the energy drifts by 1e-5 a turn, with two by 1e-9
+ITERATIONS = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeRun:
+    """A free run at n instants, in SI, and how it ended.
+
+    Attributes:
+        motion: at the recorded instants; its `time`, `angle`, `speed`, `acceleration` are the crank's.
+        efforts: at the same instants; no drive acts, so that the torque in it is what MuJoCo's
+            equation of motion leaves over.
+        work: done by motor and loads since the start, (n,) in [J].
+        lost: in friction and dampers since the start, (n,) in [J].
+        outcome: "done" (the turns or time asked for), "time over" (fewer turns in the time), "cannot
+            start" (never left its place, or swung back without a turn), "turned back" (ran, but did
+            not make the turns), "stopped" (friction holds it), "diverged".
+        reason: one sentence where the outcome is not "done".
+        steps: time steps taken.
+        seconds: time spent stepping.
+        timestep: in [s].
+        settings: how it was stepped.
+    """
+
+    motion: Motion
+    efforts: Efforts
+    work: Array
+    lost: Array
+    outcome: Outcome
+    reason: str
+    steps: int
+    seconds: float
+    timestep: float
+    settings: Settings
+
+    @property
+    def imbalance(self) -> Array:
+        """Energy there is less energy there should be, (n,) in [J]; zero by the law of energy."""
+        total = self.efforts.kinetic + self.efforts.potential
+        return total - total[0] - self.work + self.lost
+
+    @property
+    def energy_error(self) -> float:
+        """Largest imbalance relative to the energy turned over."""
+        kinetic, potential = self.efforts.kinetic, self.efforts.potential
+        size = max(float(np.abs(kinetic).max()), float(np.ptp(potential)))
+        size = max(size, float(np.abs(self.work).max()), float(self.lost.max()))
+        return float(np.abs(self.imbalance).max()) / size if size > 0.0 else 0.0
+
+
+@quiet()
+def free_run(
+    mechanism: Mechanism,
+    forces: Forces | None = None,
+    *,
+    angle: float | None = None,
+    speed: float = 0.0,
+    turns: float | None = None,
+    duration: float | None = None,
+    samples: int = 720,
+    timestep: float | None = None,
+    settings: Settings | None = None,
+    cut: tuple[str, ...] | None = None,
+) -> FreeRun:
+    """Let a machine run by itself from a crank angle and speed, stepped in MuJoCo.
+
+    Args:
+        mechanism: links without an inertia are rods, as in `rods.with_inertia`.
+        forces: what acts, the motor too.
+        angle: crank angle at the start in [rad]; None takes where assembly starts.
+        speed: crank speed at the start in [rad/s].
+        turns: turns of the crank after which to end; negative backwards.
+        duration: time after which to end in [s]; give it or `turns`.
+        samples: instants recorded after the first, about as many where only turns are given.
+        timestep: in [s]; None takes the settings' part of a turn at the speed to be expected.
+        settings: how to step; the flywheel in them is left out.
+        cut: joints at which the loops are cut; None lets the generator choose.
+
+    Raises:
+        InputError: where it is not said when to end, or values cannot be used.
+        AssemblyError: if the loops do not close at the start.
+    """
+    _check(speed=speed, turns=turns, duration=duration, timestep=timestep, samples=float(samples))
+    if turns is None and duration is None:
+        raise InputError("a free run needs turns of the crank, or a duration above 0, after which to end")
+    settings = settings or Settings()
+    bench = Bench(mechanism, forces or Forces(), cut)
+    first = mechanism.start if angle is None else angle
+    start = started(bench, first, speed)
+    expected = pace(bench, first, speed, turns, duration)
+    fastest = expected.speed
+    step = expected.timestep(settings.timestep(fastest)) if timestep is None else timestep
+    if duration is None:
+        assert turns is not None
+        duration = PATIENCE * TURN * (1.0 + abs(turns)) / fastest
+    total = int(np.ceil(duration / step - 1e-9))
+    likely = total if turns is None else min(total, int(TURN * abs(turns) / fastest / step) + 1)
+    stride = max(1, likely // max(samples, FINEST))
+    if timestep is None and turns is None:
+        total = stride * -(-total // stride)
+        step = duration / total
+    loops = _prepared(bench, settings, step)
+    begin = clock.perf_counter()
+    run = march(bench, loops, start, total, stride, turns, fastest)
+    seconds = clock.perf_counter() - begin
+    return _recorded(bench, loops, settings, run, max(1, likely // stride // samples), seconds)
+
+
+def _prepared(bench: Bench, settings: Settings, step: float) -> Loops:
+    """Return the model as it is stepped: hard loops, and on the crank no inertia but the machine's."""
+    loops = Loops(copy.copy(bench.model))
+    flywheel = float(loops.model.dof_armature[loops.crank])
+    settings.apply(loops, step)
+    stiffen_friction(loops.model, step)
+    loops.model.dof_armature[loops.crank] = flywheel
+    # a driven crank forgives what one step of Newton's method leaves; here it would move the crank
+    loops.model.opt.iterations = max(loops.model.opt.iterations, ITERATIONS)
+    return loops
+
+
+def _recorded(
+    bench: Bench, loops: Loops, settings: Settings, run: March, every: int, seconds: float
+) -> FreeRun:
+    """Return the run at every so many of its records, the last one too; work is summed over all."""
+    kept = np.unique(np.append(np.arange(0, len(run.time), every), len(run.time) - 1))
+    states = States(run.time[kept], run.qpos[kept], run.qvel[kept])
+    work, lost = _work(bench, States(run.time, run.qpos, run.qvel))
+    found = efforts_of(bench, loops.model, settings.hardness, states)
+    motion = evaluate(bench.loops, bench.track, states, "step", crank_acceleration=found.acceleration)
+    return FreeRun(
+        motion=motion,
+        efforts=found,
+        work=work[kept],
+        lost=lost[kept],
+        outcome=run.outcome,
+        reason=run.reason,
+        steps=run.steps,
+        seconds=seconds,
+        timestep=float(loops.model.opt.timestep),
+        settings=settings,
+    )
+
+
+def _work(bench: Bench, states: States) -> tuple[Array, Array]:
+    """Return work done by motor and loads, and lost, since the first state, (n,) each in [J]."""
+    forces, n = bench.forces, len(states.time)
+    outer = forces.motor or forces.loads or forces.crank_torque
+    if not (outer or forces.friction or any(spring.damping for spring in forces.springs)):
+        return np.zeros(n), np.zeros(n)
+    parts = [powers(bench, situation(bench, states.at(i))) for i in range(0, n, CHUNK)]
+    lost, loads, motor = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return _integral(states.time, loads + motor), _integral(states.time, lost)
+
+
+def _integral(time: Array, power: Array) -> Array:
+    """Return the integral of a power from the first instant on, by a quintic spline, (n,) in [J]."""
+    degree = min(5, len(time) - 1)
+    if not power.any() or degree < 1:
+        return np.zeros_like(power)
+    work = make_interp_spline(time, power, k=degree - (1 - degree % 2)).antiderivative()
+    return work(time) - work(time[0])
+
+
+def _check(**values: float | None) -> None:
+    for name, value in values.items():
+        if value is not None and not abs(value) < np.inf:
+            raise InputError(f"{name} of a free run is {value}; give a finite number")
+        if value is not None and name in ("duration", "timestep", "samples") and not value > 0.0:
+            raise InputError(f"{name} of a free run is {value}; give one above 0")
+        if value == 0.0 and name == "turns":
+            raise InputError("a free run of 0 turns ends where it starts; give turns other than 0")
