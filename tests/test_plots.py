@@ -6,6 +6,7 @@ import pytest
 
 from mechsim import catalog, plots
 from mechsim.errors import InputError, OutputError
+from mechsim.plots.sheet import readable
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 37)
 
@@ -30,6 +31,7 @@ class SmallPlan:
 def drawings(drive, motion, form):
     yield plots.motion_plot(motion, form=form)
     yield plots.coupler_curve(drive.mechanism, motion, form=form, other=drive.solve(TURN[::6], 60.0))
+    yield plots.space_curve(drive.mechanism, motion, form=form)
     yield plots.transmission_plot(TURN, drive.transmission_angle(TURN), form=form)
     yield plots.error_plot(
         TURN, {"P2": 1e-9 * np.sin(TURN), "P3": 0.0 * TURN}, unit="m", bound=1e-8, form=form
@@ -53,10 +55,10 @@ def test_plots_need_nothing_from_elsewhere_and_are_the_same_every_time(drive, mo
 
 
 def test_units_suit_the_numbers():
-    assert plots._unit([0.013], "m") == (1e-3, "mm")
-    assert plots._unit([-3.0, np.nan], "m/s") == (1.0, "m/s")
-    assert plots._unit([3e-6], "m") == (1e-6, "µm")
-    assert plots._unit([0.0], "m") == (1.0, "m")
+    assert readable([0.013], "m") == (1e-3, "mm")
+    assert readable([-3.0, np.nan], "m/s") == (1.0, "m/s")
+    assert readable([3e-6], "m") == (1e-6, "µm")
+    assert readable([0.0], "m") == (1.0, "m")
 
 
 def test_a_plane_curve_is_seen_once_and_a_space_curve_from_three_sides(drive, motion):

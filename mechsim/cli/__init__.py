@@ -5,8 +5,9 @@ import sys
 import typer
 
 from mechsim.cli.catalogue import export, list_mechanisms, show, solve
+from mechsim.cli.drawings import plot
 from mechsim.cli.machine import doctor
-from mechsim.cli.pictures import plot, render
+from mechsim.cli.pictures import render
 from mechsim.cli.runs import simulate, validate
 from mechsim.cli.synthesis import synthesize
 from mechsim.errors import MechsimError

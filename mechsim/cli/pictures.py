@@ -1,17 +1,20 @@
-"""Commands that draw: render, plot."""
+"""The command that draws: render."""
 
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from mechsim.cli.options import Name, Sets, Speed, drive_of, speed_of, writable
+from mechsim.cli.output import progress
+from mechsim.cli.roads import Road, motion_of, profile_of
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from mechsim.catalog.base import Drive
     from mechsim.motion import Motion
 
 File = Annotated[str, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
-Road = Annotated[str, typer.Option("--from", help="closed: the closed form; simulated: MuJoCo.")]
 
 
 def render(
@@ -22,7 +25,12 @@ def render(
     turns: Annotated[float, typer.Option(help="Turns of the crank; backwards if negative.")] = 1.0,
     angle: Annotated[str | None, typer.Option(help="Crank angle of a still picture.")] = None,
     fps: Annotated[float, typer.Option(help="Frames a second.")] = 30.0,
-    frames_per_turn: Annotated[int, typer.Option(help="Frames in a turn; 36 stand 10 degrees apart.")] = 72,
+    frames_per_turn: Annotated[
+        int | None, typer.Option(help="Frames in a turn, 72 if left out; 36 stand 10 degrees apart.")
+    ] = None,
+    slow: Annotated[
+        float | None, typer.Option(help="Show the motion this many times slower than it is, at --speed.")
+    ] = None,
     size: Annotated[str, typer.Option(help="Pixels, width x height.")] = "960x720",
     camera: Annotated[str, typer.Option(help="iso, shaft, top or side.")] = "iso",
     backend: Annotated[
@@ -34,24 +42,31 @@ def render(
         str | None, typer.Option(metavar="POINTS", help="Throw these points' paths on the coordinate planes.")
     ] = None,
     positions: Annotated[int, typer.Option(help="Positions drawn over one another in a still picture.")] = 1,
+    arrows: Annotated[
+        str | None, typer.Option(metavar="KINDS", help="Arrows at points: velocity,acceleration.")
+    ] = None,
+    magnify: Annotated[
+        float | None, typer.Option(help="Factor on the error with --from both; a power of ten if left out.")
+    ] = None,
     sense: Annotated[bool, typer.Option(help="Show which way the crank turns.")] = False,
     sets: Sets = None,
 ) -> None:
-    """Draw a mechanism without a screen: .png, .mp4, .webm, .gif, or a new folder of .png files."""
-    from pathlib import Path
+    """Draw a mechanism without a screen: .png, .mp4, .webm, .gif, or a new folder of .png files.
 
+    Whole turns of a crank that turns fully play in a loop without a seam: no frame is shown twice.
+    """
     from mechsim import units
     from mechsim.errors import InputError
-    from mechsim.render import write_picture, write_video
+    from mechsim.render import write_picture
 
-    picture = Path(output).suffix == ".png"
+    picture = output.endswith(".png")
     place = writable(output, ".png", ".mp4", ".webm", ".gif", "")
     if positions > 1 and not picture:
         raise InputError(
             f"{positions} positions over one another make a still picture; write it to a .png file"
         )
     at = None if angle is None else units.parse_angle(angle, "the crank angle")
-    look = {
+    look: dict[str, Any] = {
         "size": _size(size),
         "camera": camera,
         "backend": backend,
@@ -59,52 +74,50 @@ def render(
         "sense": sense,
         "overlay": positions,
         "projections": tuple(project.split(",")) if project else (),
+        "arrows": tuple(arrows.split(",")) if arrows else (),
+        "magnify": magnify,
     }
     drive = drive_of(name, sets)
+    profile = profile_of(drive, speed_of(speed), turns)
     # for a still the samples only shape the paths; with positions each sample is a position
-    count = positions if positions > 1 else frames_per_turn
-    motion = motion_of(drive, road, speed_of(speed), turns, count)
+    samples = abs(turns) * (
+        positions if positions > 1 else 72 if frames_per_turn is None else frames_per_turn
+    )
+    if slow is not None:
+        samples = _slowed(profile.duration, slow, fps, frames_per_turn)
+        look["caption"] = f"1/{slow:g} of true speed" if slow != 1.0 else "true speed"
+    motion = motion_of(drive, "simulated" if road == "both" else road, profile, samples)
+    if road == "both":
+        look["exact"] = drive.solve(motion.angle, motion.speed, motion.acceleration)
     if picture:
         write_picture(place, drive.mechanism, motion, angle=at, paths="whole" if paths else False, **look)
         typer.echo(f"wrote {output}")
         return
     whole = abs(turns - round(turns)) < 1e-9 and drive.crank_range().full
-    shown = motion.angle[:-1] if whole else motion.angle
-    count = write_video(
-        place,
-        drive.mechanism,
-        motion,
-        fps=fps,
-        angles=shown,
-        paths="tail" if paths and whole else paths,
-        **look,
+    count = _film(
+        place, drive, motion, whole, {"fps": fps, "paths": "tail" if paths and whole else paths, **look}
     )
     typer.echo(f"wrote {count} frames to {output}")
 
 
-def motion_of(drive: "Drive", road: str, speed: float, turns: float, count: int) -> "Motion":
-    """Return a motion to be drawn, `count` samples a turn, by the closed form or by MuJoCo.
+def _film(place: "Path", drive: "Drive", motion: "Motion", whole: bool, look: dict[str, Any]) -> int:
+    """Write a video, with progress on stderr; of whole turns the last frame, the first again, is left out."""
+    from mechsim.render import write_video
 
-    A crank that cannot turn fully swings once to and fro.
-    """
-    import numpy as np
+    shown = motion.angle[:-1] if whole else motion.angle
+    with progress("draw", len(shown)) as tick:
+        return write_video(place, drive.mechanism, motion, angles=shown, done=tick, **look)
 
+
+def _slowed(duration: float, slow: float, fps: float, frames_per_turn: int | None) -> float:
+    """Return how many frames a motion of some seconds has, shown so many times slower."""
     from mechsim.errors import InputError
-    from mechsim.simulation import simulate
-    from mechsim.validate import crank_profile
 
-    if road not in ("closed", "simulated"):
-        raise InputError(f"there is no road {road!r}; known are closed, simulated")
-    if not (turns != 0.0 and abs(turns) < 1e4) or count < 1:
-        raise InputError(
-            f"{turns} turns with {count} frames each; give turns other than 0 and frames above 0"
-        )
-    profile = crank_profile(drive, speed if turns > 0 else -speed, abs(turns))
-    samples = max(1, round(abs(turns) * count))
-    if road == "simulated":
-        return simulate(drive.mechanism, profile=profile, samples=samples).motion
-    angles = profile.state(np.linspace(0.0, profile.duration, samples + 1))
-    return drive.solve(*angles)
+    if frames_per_turn is not None:
+        raise InputError("--slow says how many frames there are; leave out --frames-per-turn")
+    if not 0.0 < slow < 1e6 or not 0.0 < fps <= 1000.0:
+        raise InputError(f"{slow:g} times slower at {fps:g} frames a second; give numbers above 0")
+    return duration * slow * fps
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -114,63 +127,3 @@ def _size(text: str) -> tuple[int, int]:
     if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
         raise InputError(f"--size is {text!r}; write width x height in pixels, as in 960x720")
     return int(parts[0]), int(parts[1])
-
-
-def plot(
-    name: Name,
-    output: File,
-    kind: Annotated[str, typer.Option(help="motion, curve, transmission, error or plan.")] = "motion",
-    points: Annotated[str | None, typer.Option(help="Tracked points, with commas; all if left out.")] = None,
-    road: Road = "closed",
-    speed: Speed = "600rpm",
-    angle: Annotated[str, typer.Option(help="Crank angle of a velocity plan.")] = "0deg",
-    stopped: Annotated[
-        str, typer.Option(help="Crank stopped in a velocity plan: crank1 or crank2.")
-    ] = "crank2",
-    sets: Sets = None,
-) -> None:
-    """Plot motions, coupler curves, transmission angle, errors or velocity plans: .svg, .pdf or .png."""
-    from mechsim import plots, units
-    from mechsim.errors import InputError
-
-    form = plots.form_of(output)
-    place = writable(output)
-    drive, asked = drive_of(name, sets), speed_of(speed)
-    chosen = points.split(",") if points else None
-    if kind == "motion":
-        drawing = plots.motion_plot(motion_of(drive, road, asked, 1.0, 360), chosen, form=form)
-    elif kind == "curve":
-        motion = motion_of(drive, road, asked, 1.0, 360)
-        drawing = plots.coupler_curve(drive.mechanism, motion, chosen, form=form)
-    elif kind == "transmission":
-        angles = motion_of(drive, "closed", asked, 1.0, 360).angle
-        drawing = plots.transmission_plot(angles, drive.transmission_angle(angles), form=form)
-    elif kind == "error":
-        motion = motion_of(drive, "simulated", asked, 1.0, 180)
-        exact = drive.solve(motion.angle, motion.speed, motion.acceleration)
-        drawing = plots.error_plot(motion.angle, motion.place_errors(exact), unit="m", form=form)
-    elif kind == "plan":
-        drawing = _plan(drive, units.parse_angle(angle, "the crank angle"), asked, stopped, form)
-    else:
-        raise InputError(f"there is no plot {kind!r}; known are motion, curve, transmission, error, plan")
-    plots.write(place, drawing)
-    typer.echo(f"wrote {output}")
-
-
-def _plan(drive: "Drive", angle: float, speed: float, stopped: str, form: Any) -> bytes:
-    import math
-
-    from mechsim import plots
-    from mechsim.catalog.warp_knitter import WarpKnitter
-    from mechsim.errors import InputError
-    from mechsim.velocity_plan import velocity_plan
-
-    if not isinstance(drive, WarpKnitter):
-        raise InputError(f"{drive.name} has no velocity plan with a crank stopped; warp_knitter has")
-    both = velocity_plan(drive, angle, speed)
-    plans = {"crank2": both.crank2_stopped, "crank1": both.crank1_stopped}
-    if stopped not in plans:
-        raise InputError(f"there is no crank {stopped!r} to stop; known are crank1, crank2")
-    plan = plans[stopped]
-    title = f"{stopped} stopped, crank angle {math.degrees(angle):g} deg, {plan.scale:.4g} m/s per unit"
-    return plots.velocity_plan_plot(plan, title, form=form)

@@ -1,0 +1,48 @@
+"""Motions to draw, by the closed form or by MuJoCo."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from mechsim.catalog.base import Drive
+    from mechsim.motion import Motion
+    from mechsim.simulation import Profile
+
+Road = Annotated[
+    str,
+    typer.Option(
+        "--from",
+        help="closed: the closed form; simulated: MuJoCo; both: MuJoCo, the closed form as a dark ghost.",
+    ),
+]
+# what one picture or video may hold
+MOST_SAMPLES = 100_000
+
+
+def profile_of(drive: "Drive", speed: float, turns: float) -> "Profile":
+    """Return the crank's motion: whole turns, or for a crank that cannot turn fully one swing to and fro."""
+    from mechsim.errors import InputError
+    from mechsim.validate import crank_profile
+
+    if not (turns != 0.0 and abs(turns) < 1e4):
+        raise InputError(f"{turns} turns; give turns other than 0")
+    return crank_profile(drive, speed if turns > 0 else -speed, abs(turns))
+
+
+def motion_of(drive: "Drive", road: str, profile: "Profile", samples: float) -> "Motion":
+    """Return a motion to be drawn, with so many evenly spread samples after the first."""
+    import numpy as np
+
+    from mechsim.errors import InputError
+    from mechsim.simulation import simulate
+
+    if road not in ("closed", "simulated"):
+        raise InputError(f"there is no road {road!r} here; known are closed, simulated")
+    count = round(samples)
+    if not 1 <= count <= MOST_SAMPLES:
+        raise InputError(f"{samples:g} frames or samples asked for; give 1 to {MOST_SAMPLES}")
+    if road == "simulated":
+        return simulate(drive.mechanism, profile=profile, samples=count).motion
+    angles = profile.state(np.linspace(0.0, profile.duration, count + 1))
+    return drive.solve(*angles)
