@@ -9,11 +9,12 @@ from mpmath import mp
 
 from mechsim import closure
 from mechsim.catalog.looper import Looper
-from mechsim.chebyshev import best_circle
 from mechsim.errors import InputError
-from mechsim.straight import broken, straighter
-from mechsim.straight_trials import Conditions
-from mechsim.synthesis import dyad, follow_curve, line, synthesize_looper
+from mechsim.synthesis import follow_curve, line, synthesize_looper
+from mechsim.synthesis.chebyshev import best_circle
+from mechsim.synthesis.curve import dyad
+from mechsim.synthesis.search import broken, straighter
+from mechsim.synthesis.trials import Conditions
 
 STUDY = Path(__file__).parents[1] / "validation" / "papers" / "looper_synthesis.py"
 # the line of papers.md section 4, from which the paper's linkage follows

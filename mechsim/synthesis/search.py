@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from mechsim.catalog.looper import Looper
 from mechsim.errors import InputError
-from mechsim.straight_trials import BROKEN, Conditions, cost, trials_of
-from mechsim.synthesis import Synthesis, synthesize_looper
+from mechsim.synthesis.curve import Synthesis, synthesize_looper
+from mechsim.synthesis.trials import BROKEN, Conditions, cost, trials_of
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.catalog.looper import Looper
-from mechsim.chebyshev import best_circle
 from mechsim.errors import AssemblyError, InputError
+from mechsim.synthesis.chebyshev import best_circle
 
 Array = NDArray[np.float64]
 Sign = Literal[1, -1]
