@@ -33,6 +33,9 @@ SAMPLES = 72
 TRIAL_STEPS, MOST_STEPS = 100, 100_000
 # crank angles at which a profile is probed beforehand
 PROBES = 64
+# a pose this much nearer than the right one, and in units of the stroke this far from it, is another
+# assembly; it is looked for at so many pairs of records
+NEARER, APART, MOST_PAIRS = 0.5, 0.02, 100
 # the settings err as a power of the step (measured in validation/tradeoff/constraint_settings.py)
 ORDER = 4
 
@@ -266,20 +269,30 @@ class _Stage:
         except AssemblyError:
             # the crank came to rest on a dead centre, or beyond: no pose is right there
             return float("inf"), False
-        error = self._distance(loops, stepped, true)
-        if not error > 1e-4 * loops.size:
-            return error, False
-        # far from the right pose: in another one, or in none?
-        try:
-            nearest = loops.close(states.qpos)
-        except AssemblyError:
-            return error, False
-        return error, self._distance(loops, stepped, nearest) < 0.1 * error
+        error = self._distances(loops, stepped, true)
+        worst = int(np.argmax(error))
+        stroke = 0.5 * float(np.ptp(loops.sites(true)[:, self._sites], axis=0).max())
+        return float(error[worst]), self._elsewhere(loops, states.qpos, stepped, error, APART * stroke)
 
-    def _distance(self, loops: Loops, stepped: Array, states: Array) -> float:
-        """Return the largest distance of points (n, k, 3) from where states put them."""
-        gaps = np.sqrt(((stepped - loops.sites(states)[:, self._sites]) ** 2).sum(-1))
-        return float(gaps.max(initial=0.0)) if np.isfinite(gaps).all() else float("inf")
+    def _elsewhere(self, loops: Loops, qpos: Array, stepped: Array, error: Array, apart: float) -> bool:
+        """Say whether two records in a row, both far off, lie in another assembly, not in none."""
+        far = error > apart
+        pairs = np.flatnonzero(far[1:] & far[:-1])
+        tried = pairs[np.unique(np.linspace(0, len(pairs) - 1, MOST_PAIRS).astype(int))] if len(pairs) else []
+        for i in tried:
+            both = slice(i, i + 2)
+            try:
+                nearest = loops.close(qpos[both])
+            except AssemblyError:
+                continue
+            if (self._distances(loops, stepped[both], nearest) < NEARER * error[both]).all():
+                return True
+        return False
+
+    def _distances(self, loops: Loops, stepped: Array, states: Array) -> Array:
+        """Return the distance of the farthest of points (n, k, 3) from where states put them, (n,)."""
+        gaps = np.sqrt(((stepped - loops.sites(states)[:, self._sites]) ** 2).sum(-1)).max(1)
+        return np.where(np.isfinite(gaps), gaps, np.inf)
 
     @property
     def _sites(self) -> list[int]:
