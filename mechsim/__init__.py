@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from mechsim.errors import AssemblyError, InputError, MechsimError
     from mechsim.mechanism import End, Gear, Joint, Link, Mechanism, Pose
     from mechsim.motion import Motion
+    from mechsim.notebook import show
     from mechsim.scene import Scene
     from mechsim.simulation import Run, Settings, simulate
     from mechsim.tolerances import Tolerance
@@ -36,6 +37,7 @@ _HOME = {
     "Tolerance": "tolerances",
     "Verdict": "crosscheck",
     "crosscheck": "crosscheck",
+    "show": "notebook",
     "simulate": "simulation",
 }
 _MODULES = ("catalog", "closure", "simulation", "units")
@@ -61,6 +63,7 @@ __all__ = [
     "catalog",
     "closure",
     "crosscheck",
+    "show",
     "simulate",
     "simulation",
     "units",

@@ -91,6 +91,11 @@ class Verdict:
         head = self.outcome if not self.reason else f"{self.outcome}: {self.reason}"
         return "\n".join([head, *(f"  {check}" for check in self.checks)])
 
+    def _repr_html_(self) -> str:
+        from mechsim.notebook import verdict_html
+
+        return verdict_html(self)
+
 
 def crosscheck(
     simulated: Motion,

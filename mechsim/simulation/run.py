@@ -79,6 +79,11 @@ class Run:
             "settings": self.settings.as_dict() | {"timestep": self.timestep} if self.settings else {},
         }
 
+    def _repr_html_(self) -> str:
+        from mechsim.notebook import run_html
+
+        return run_html(self)
+
 
 @quiet()
 def simulate(
