@@ -63,7 +63,9 @@ def pace(bench: Bench, angle: float, speed: float, turns: float | None, duration
     driven = min(float(np.sqrt(2.0 * torque * way / least)), limit)
     if duration is not None:
         driven = min(driven, torque * duration / least)
-    fastest = max(abs(speed), float(np.hypot(np.sqrt(2.0 * stored / least), driven)), TURN / SLOWEST)
+    # the crank is fastest where the inertia is least
+    kept = np.sqrt((2.0 * stored + float(inertia[0]) * speed**2) / least)
+    fastest = max(abs(speed), float(np.hypot(kept, driven)), TURN / SLOWEST)
     slowing = damping + fall
     return Pace(fastest, float((inertia / slowing).min()) if (slowing > 0.0).all() else np.inf)
 
