@@ -44,7 +44,7 @@ class Point:
         family: it belongs to.
         settings: with the number of steps.
         errors: quantity -> worst error; see `Subject.errors`.
-        times: of stepping one turn, in [s], a value for each time it was measured.
+        times: processor time of stepping one turn, in [s], a value for each time it was measured.
     """
 
     family: Family
@@ -54,7 +54,7 @@ class Point:
 
     @property
     def cost(self) -> float:
-        """The median time of stepping one turn, in [s]."""
+        """The median processor time of stepping one turn, in [s]."""
         return float(np.median(self.times))
 
     def as_dict(self) -> dict[str, Any]:
@@ -244,7 +244,7 @@ def _time_again(
             rig = rigs[point.family.cut]
             if rig is None or 2.0 * point.cost * rig.profile.turns > left():
                 continue
-            point.times.append(rig.stepped(point.settings)[1].seconds / rig.profile.turns)
+            point.times.append(rig.stepped(point.settings)[1].processor / rig.profile.turns)
             tell(f"timing, round {number + 1}")
 
 

@@ -83,11 +83,11 @@ class Rig:
         return loops, step(loops, settings, self.profile, self.start, total, stride)
 
     def motion(self, settings: Settings) -> tuple[Motion | None, float]:
-        """Return the motion under settings, None if it diverged, and the time of stepping in [s]."""
+        """Return the motion under settings, None if it diverged, and the processor time of stepping in [s]."""
         loops, steps = self.stepped(settings)
         if steps.diverged:
-            return None, steps.seconds
-        return evaluate(loops, self.track, steps.states, "step", force=steps.force), steps.seconds
+            return None, steps.processor
+        return evaluate(loops, self.track, steps.states, "step", force=steps.force), steps.processor
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from mechsim.accuracy import Order
 from mechsim.ladder import DEFAULTS
-from mechsim.plots.figure import COLOURS, Format, decades, figure
+from mechsim.plots.sheet import COLOURS, Format, canvas, decades
 from mechsim.tradeoff import BOUNDS, Point, Tradeoff
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def work_precision(found: Tradeoff, quantity: str = "position", *, form: Format 
         quantity: whose error to draw; one of `AXES`.
         form: of the returned bytes.
     """
-    with figure(form, 1, 1, (7.6, 4.4)) as (_, axes, out):
+    with canvas(form, 1, 1, (7.6, 4.4)) as (_, axes, out):
         ax: Axes = axes[0, 0]
         ax.set_xscale("log")
         ax.set_yscale("log")
@@ -56,10 +56,11 @@ def work_precision(found: Tradeoff, quantity: str = "position", *, form: Format 
 
 
 def _dress(ax: "Axes", quantity: str) -> None:
-    decades(ax)
+    decades(ax.yaxis)
+    ax.minorticks_off()
     ax.xaxis.set_major_formatter("{x:g}")
     ax.set_yticks([bound for bound in (1.0, *BOUNDS, 1e-11, 1e-13) if _within(bound, ax.get_ylim())])
-    ax.set_xlabel("time of stepping one turn [ms]")
+    ax.set_xlabel("processor time of one turn [ms]")
     ax.set_ylabel(AXES[quantity])
 
 

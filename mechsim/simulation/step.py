@@ -33,6 +33,7 @@ class Steps:
         seconds: time spent stepping.
         timestep: in [s].
         diverged: whether MuJoCo warned of a bad state or a number was not finite.
+        processor: processor time spent stepping, in [s]; other programs' share is not in it.
     """
 
     states: States
@@ -41,6 +42,7 @@ class Steps:
     seconds: float
     timestep: float
     diverged: bool
+    processor: float = 0.0
 
 
 def step(
@@ -76,7 +78,7 @@ def step(
     torque = (
         None if profile.steady else _torque(profile, float(model.dof_armature[loops.crank]), timestep, total)
     )
-    done, spent, diverged = 0, 0.0, False
+    done, spent, processor, diverged = 0, 0.0, 0.0, False
     while done < total and not diverged:
         count = min(BLOCK, total - done)
         control = None
@@ -86,7 +88,7 @@ def step(
                 control[0, :, : model.nu] = controls[done : done + count]
             if torque is not None:
                 control[0, :, model.nu + loops.crank] = torque[done : done + count]
-        begin = clock.perf_counter()
+        begin, busy = clock.perf_counter(), clock.process_time()
         out = sims.rollout(
             count,
             control=control,
@@ -94,6 +96,7 @@ def step(
             record=("qpos", "qvel", TIME),
         )
         spent += clock.perf_counter() - begin
+        processor += clock.process_time() - busy
         number = np.arange(done + 1, done + count + 1)
         kept = np.flatnonzero((number % stride == 0) | (number == total))
         number, (qpos, qvel, time) = number[kept], (values[0, kept] for values in out.values())
@@ -104,7 +107,7 @@ def step(
         done += count
     at, qpos, qvel = (np.concatenate(parts) for parts in zip(*records, strict=True))
     force = None if torque is None else torque[np.minimum(at, total - 1)]
-    return Steps(States(timestep * at, qpos, qvel), force, done, spent, timestep, diverged)
+    return Steps(States(timestep * at, qpos, qvel), force, done, spent, timestep, diverged, processor)
 
 
 def _torque(profile: Profile, flywheel: float, timestep: float, steps: int) -> Array:

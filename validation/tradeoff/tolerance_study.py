@@ -2,7 +2,7 @@
 
 Random sound dimensions of all catalogue mechanisms, speeds 1 to 20,000 rpm, T = 1e-3 to 1e-8 of the
 crank length, ten turns. The true error is the worst distance of any tracked point from the closed form
-at the crank angle reached. The price is the time of all stepping, trials included, over that of the
+at the crank angle reached. The price is the processor time of all stepping, trials included, over that of the
 cheapest setting of a ladder that keeps T, which a user could know only by the closed form.
 
 Run: python validation/tradeoff/tolerance_study.py [--count N] [--seed N] [--out DIR]
@@ -41,13 +41,13 @@ TIMED = 3
 
 @contextmanager
 def counted() -> Iterator[list[float]]:
-    """Give a list that takes the time of every stepping inside, trials too, in [s]."""
+    """Give a list that takes the processor time of every stepping inside, trials too, in [s]."""
     times: list[float] = []
     step = runs.step
 
     def counting(*given: Any, **options: Any) -> Any:
         steps = step(*given, **options)
-        times.append(steps.seconds)
+        times.append(steps.processor)
         return steps
 
     with mock.patch.object(runs, "step", counting):
@@ -66,7 +66,7 @@ def cheapest(subject: Subject, part: float) -> float:
             if seconds > 2.0 * best:
                 break
             if subject.errors(motion)["position"] <= part:
-                again = [subject.rig.stepped(settings)[1].seconds for _ in range(TIMED)]
+                again = [subject.rig.stepped(settings)[1].processor for _ in range(TIMED)]
                 best = min(best, float(np.median(again)))
                 break
     return best
