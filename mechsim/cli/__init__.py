@@ -10,6 +10,7 @@ from mechsim.cli.machine import doctor
 from mechsim.cli.pictures import render
 from mechsim.cli.runs import simulate, validate
 from mechsim.cli.synthesis import synthesize
+from mechsim.cli.tradeoff import tradeoff
 from mechsim.errors import MechsimError
 
 app = typer.Typer(
@@ -20,7 +21,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command("list")(list_mechanisms)
-for command in (show, solve, export, simulate, validate, render, plot, synthesize, doctor):
+for command in (show, solve, export, simulate, validate, tradeoff, render, plot, synthesize, doctor):
     app.command()(command)
 
 

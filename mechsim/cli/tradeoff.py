@@ -1,0 +1,126 @@
+"""The command tradeoff: speed against accuracy, measured."""
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mechsim.cli.options import Json, Output, Sets, Speed, drive_of, speed_of, writable
+from mechsim.cli.output import Tick, print_json, print_table, progress
+
+if TYPE_CHECKING:
+    from mechsim.tradeoff import Point, Tradeoff
+    from mechsim.trials import Subject
+
+
+def tradeoff(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="A mechanism of the catalogue, or an MJCF file of your own.")
+    ],
+    speed: Speed = "600rpm",
+    budget: Annotated[str, typer.Option(help="Time to spend; a bare number is seconds.")] = "60s",
+    seed: Annotated[int, typer.Option(help="Of the order of trials.", min=0)] = 0,
+    by: Annotated[
+        str, typer.Option(help="Error that counts: position, velocity, acceleration, angle or loop.")
+    ] = "position",
+    plot: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Work-precision plot: .svg, .png or .pdf.")
+    ] = None,
+    sets: Sets = None,
+    output: Output = None,
+    as_json: Json = False,
+) -> None:
+    """Measure how fast and how accurate MuJoCo's settings are on one mechanism; recommend some."""
+    from mechsim import units
+    from mechsim.errors import InputError
+    from mechsim.tradeoff import measure, write_csv
+    from mechsim.trials import QUANTITIES
+
+    place = None if output is None else writable(output, ".csv")
+    drawing = None if plot is None else writable(plot, ".svg", ".png", ".pdf")
+    if by not in QUANTITIES:
+        raise InputError(f"there is no error by {by!r}; known are {', '.join(QUANTITIES)}")
+    seconds = units.parse_time(budget, "the budget")
+    if not 0.0 < seconds < float("inf"):
+        raise InputError(f"the budget is {budget}; give a time above 0, as in 60s")
+    subject = _subject(name, sets, speed_of(speed))
+    with progress("tradeoff", 100) as tick:
+        found = measure(subject, budget=seconds, seed=seed, tell=_Percent(tick))
+    if place is not None:
+        write_csv(place, found, by)
+    if drawing is not None:
+        from mechsim.plots import form_of, write
+        from mechsim.plots.tradeoff import work_precision
+
+        write(drawing, work_precision(found, by, form=form_of(drawing)))
+    if as_json:
+        print_json(found.as_dict(by) | {"seed": seed, "budget": seconds, "output": output, "plot": plot})
+        return
+    _print(found, by)
+    for what, path in (("every point", output), ("plot", plot)):
+        if path is not None:
+            typer.echo(f"wrote {what} to {path}")
+
+
+def _subject(name: str, sets: list[str] | None, speed: float) -> "Subject":
+    from pathlib import Path
+
+    from mechsim.errors import InputError
+    from mechsim.trials import subject_of, subject_of_model
+
+    path = Path(name)
+    if path.suffix.lower() != ".xml" and not path.is_file():
+        return subject_of(drive_of(name, sets), speed)
+    if sets:
+        raise InputError(f"--set changes a mechanism of the catalogue; {name!r} is a file")
+    return subject_of_model(path, path.stem, speed)
+
+
+class _Percent:
+    """Turns parts of the budget into ticks of a bar of 100."""
+
+    def __init__(self, tick: Tick):
+        self.tick, self.shown = tick, 0
+
+    def __call__(self, part: float, done: str) -> None:
+        while self.shown < min(100, int(100.0 * part)):
+            self.shown += 1
+            self.tick(done)
+
+
+def _print(found: "Tradeoff", by: str) -> None:
+    from mechsim.ladder import DEFAULTS
+    from mechsim.tradeoff import BOUNDS
+
+    subject = found.subject
+    rows = [(f"{bound:.0e}", *_cells(found.choice(bound, by))) for bound in BOUNDS]
+    rows += [("(defaults)", *_cells(point)) for point in found.points if _worth(point, DEFAULTS)]
+    head = ("error within", "use", "steps a turn", "ms a turn", *found.points[0].errors)
+    print_table(f"{subject.name} against {subject.reference.what}: by {by}", head, rows)
+    typer.echo(
+        "position and loop in strokes, velocity and acceleration in strokes and crank speed, angle in rad; "
+        f"stroke {subject.stroke:.4g} m"
+    )
+    if subject.reference.bar:
+        bars = ", ".join(f"{kind} {bar:.1e}" for kind, bar in subject.reference.bar.items())
+        typer.echo(f"error of the reference itself: {bars}")
+    for name, curve in found.best_curves(by).items():
+        order = found.order(curve, by)
+        if order is not None:
+            typer.echo(f"{name}: order {order.order:.2f} ({order.low:.2f} to {order.high:.2f})")
+    left = (
+        f", {found.left_out} left out for want of time or because they do not assemble"
+        if found.left_out
+        else ""
+    )
+    typer.echo(f"{len(found.points)} settings measured{left}")
+
+
+def _worth(point: Any, defaults: str) -> bool:
+    return point.family.name == defaults and point.settings.steps_per_turn in (72, 720, 7200)
+
+
+def _cells(point: "Point | None") -> tuple[str, ...]:
+    if point is None:
+        return ("nothing measured reaches it", "", "")
+    errors = (f"{error:.1e}" for error in point.errors.values())
+    return (point.family.name, str(point.settings.steps_per_turn), f"{1e3 * point.cost:.3g}", *errors)
