@@ -15,8 +15,8 @@ from mechsim.report import Section, write_report
 from mechsim.validate import Case
 
 SIZE = (640, 480)
-FRAMES_PER_TURN = 48
-FRAMES_PER_SECOND = 24.0
+FRAMES_PER_TURN = 36
+FRAMES_PER_SECOND = 18.0
 
 
 def write_validation_report(
