@@ -44,7 +44,7 @@ def frames(
         InputError: for an unknown camera, point or back end, or a motion without links.
         MissingToolError: where this machine has no OpenGL.
     """
-    stage = _Source(mechanism, motion, exact, forces).stage(Look(**options), angles)
+    stage = Source(mechanism, motion, exact, forces).stage(Look(**options), angles)
     return draw(stage, backends.choose(stage.look.backend))
 
 
@@ -62,7 +62,7 @@ def still(
     Paths are drawn whole unless asked for otherwise; other arguments as for `frames`.
     """
     options.setdefault("paths", "whole")
-    source = _Source(mechanism, motion, exact, forces)
+    source = Source(mechanism, motion, exact, forces)
     stage = source.stage(Look(**options))
     if angle is not None:
         shown = source.track([angle])
@@ -72,15 +72,16 @@ def still(
 
 
 @dataclass(frozen=True, slots=True)
-class _Source:
-    """What frames are taken from."""
+class Source:
+    """What frames are taken from; see `frames`."""
 
     mechanism: Mechanism
     motion: Motion
-    exact: Motion | None
-    forces: Mapping[str, ArrayLike] | None
+    exact: Motion | None = None
+    forces: Mapping[str, ArrayLike] | None = None
 
     def stage(self, look: Look, angles: ArrayLike | None = None) -> Stage:
+        """Return the stage of all samples, or of given crank angles."""
         look.check(self.mechanism)
         if self.exact is not None and look.overlay > 1:
             raise InputError("a ghost over overlaid positions cannot be read; ask for one position")
@@ -91,9 +92,11 @@ class _Source:
         return Stage(self.mechanism, shown, look, self.ghost(angles, look.magnify))
 
     def track(self, angles: ArrayLike | None) -> Track:
+        """Return the poses at all samples, or at given crank angles."""
         return track(self.mechanism, self.motion, angles, self.forces)
 
     def ghost(self, angles: ArrayLike | None, by: float | None) -> Ghost | None:
+        """Return the ghost, its error magnified by a factor, or as much as shows it well."""
         if self.exact is None:
             return None
         if not np.allclose(self.exact.angle, self.motion.angle, rtol=0.0, atol=1e-9):

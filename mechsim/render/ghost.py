@@ -82,7 +82,7 @@ def magnified(
     for link in mechanism.links:
         (way, turn), here = found[link.name], run[link.name]
         hold: Vector = mechanism.ends(link.name)[0].point
-        rotation = _turned(by * turn) @ here.rotation
+        rotation = turned(by * turn) @ here.rotation
         poses[link.name] = Pose(here.point(hold) + by * way - rotation @ np.asarray(hold), rotation)
     return poses
 
@@ -102,8 +102,8 @@ def _turn(rotation: Array) -> Array:
     return 0.5 * twice * np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 1.0)[:, None]
 
 
-def _turned(vector: Array) -> Array:
-    """The rotations of vectors, (n, 3) -> (n, 3, 3)."""
+def turned(vector: Array) -> Array:
+    """Return the rotations of vectors, (n, 3) -> (n, 3, 3)."""
     angle = np.sqrt((vector**2).sum(1))
     x, y, z = (vector / np.where(angle > 0.0, angle, 1.0)[:, None]).T
     zero = np.zeros_like(x)

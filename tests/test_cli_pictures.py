@@ -1,0 +1,81 @@
+import shutil
+import sys
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from mechsim.cli import main
+from mechsim.errors import MissingToolError
+from mechsim.render import backend
+
+try:
+    backend.choose()
+except MissingToolError as missing:
+    WHY = str(missing)
+else:
+    WHY = ""
+draws = pytest.mark.skipif(bool(WHY), reason=WHY or "OpenGL works")
+SMALL = ("--size", "96x72")
+
+
+@pytest.fixture
+def mechsim(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["mechsim", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return ended.value.code or 0, said.out, said.err
+
+    return run
+
+
+@draws
+@pytest.mark.parametrize("road", ["closed", "simulated", "both"])
+def test_pictures_come_from_either_road_or_both(mechsim, tmp_path, road):
+    code, out, err = mechsim("render", "rssr", "--from", road, "--angle", "40deg", "-o", "a.png", *SMALL)
+    assert (code, out) == (0, "wrote a.png\n"), err
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+@draws
+def test_slow_motion_has_as_many_frames_as_it_takes(mechsim):
+    # 600 rpm: a turn in 0.1 s, ten times slower in 1 s
+    words = ("--slow", "10", "--fps", "6", "--set", "rocker=30mm", *SMALL)
+    assert mechsim("render", "rssr", "-o", "a.gif", *words)[:2] == (0, "wrote 6 frames to a.gif\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--from", "nowhere"), "there is no road 'nowhere'"),
+        (("--slow", "10", "--frames-per-turn", "12"), "leave out --frames-per-turn"),
+        (("--slow", "-1"), "give numbers above 0"),
+        (("--frames-per-turn", "0"), "0 frames or samples"),
+        (("--turns", "nan"), "nan turns"),
+        (("--arrows", "speed"), "no arrow 'speed'"),
+        (("--from", "both", "--magnify", "0"), "give a finite factor above 0"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_in_one_line(mechsim, tmp_path, words, says):
+    code, _, err = mechsim("render", "rssr", "-o", "a.gif", *words, *SMALL)
+    assert code == 2
+    assert says in err
+    assert len(err.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("kind", ["curve", "space", "transmission"])
+def test_plots_are_drawings(mechsim, tmp_path, kind):
+    assert mechsim("plot", "rssr", "--kind", kind, "-o", "a.svg")[0] == 0
+    assert ET.parse(tmp_path / "a.svg").getroot().tag.endswith("svg")
+
+
+def test_a_missing_ffmpeg_is_said_before_anything_is_drawn(mechsim, monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    code, _, err = mechsim("render", "rssr", "-o", "a.mp4", *SMALL)
+    assert code == 2
+    assert "imageio-ffmpeg" in err
