@@ -3,6 +3,8 @@
 import mujoco
 import numpy as np
 
+from mechsim.errors import InputError
+
 NONE, BODY, INERTIA = (
     int(frame)
     for frame in (
@@ -18,9 +20,15 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
     The compiler takes a site or geom less than a micrometre from its body's origin, and a centre of mass
     as near, for being there: in a linkage of 5 um a joint is then off by a fifth of a link, without a
-    word (validation/extremes/). Where the two are not the same to the last bit, they are kept apart.
+    word (docs/extremes.md). Where the two are not the same to the last bit, they are kept apart.
+
+    Raises:
+        InputError: for a model that MuJoCo refuses, such as one with a massless body.
     """
-    model = spec.compile()
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise InputError(f"MuJoCo refuses the model: {' '.join(str(error).split())}") from error
     for kind in ("site", "geom"):
         same, place = getattr(model, f"{kind}_sameframe"), getattr(model, f"{kind}_pos")
         centre = model.body_ipos[getattr(model, f"{kind}_bodyid")]

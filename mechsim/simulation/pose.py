@@ -16,7 +16,7 @@ TURN = 2.0 * np.pi
 # the crank's stride in the first walk over the range; the poses between come by interpolation
 STRIDE = TURN / 16
 # a walk that needs strides below this stands at a dead centre; what lies nearer needs no walk
-SHORTEST = 1e-7
+SHORTEST = 1e-14
 # opening of the loops, in units of the stride squared, from which one Newton step leaves an opening
 # far below what the next stride is judged by
 LOOSE, ROUNDING, MOST_STEPS = 0.05, 1e-13, 8
@@ -29,6 +29,8 @@ DENSER = 6
 # a correction of an interpolated pose that cannot lead into another assembly, and one that may though
 # the sign of the Jacobian be the same: measured 2e-7 and 1e-2 at most
 SURE, DOUBT = 1e-6, 5e-2
+# knots nearer than this to each other in crank angle are too many for a spline, in [rad]
+CROWDED = 1e-2
 # poses closed in one go: their arrays stay in the cache, and a long run needs little memory
 CHUNK = 2048
 
@@ -108,7 +110,9 @@ class Way:
 
     @cached_property
     def _side(self) -> float:
-        return float(self.loops.side(self.loops.linearise(self.knots[:1])[1])[0])
+        # most of the knots: at a dead centre, where a way may begin or end, rounding settles the sign
+        sides = self.loops.side(self.loops.linearise(self.knots)[1])
+        return float(np.sign(sides.sum()))
 
     def denser(self) -> "Way":
         """Return the same way through more knots."""
@@ -132,10 +136,20 @@ class Way:
 
         if len(self.knots) == 1:
             return lambda at: np.repeat(self.knots, len(at), 0)
-        degree = min(7, len(self.knots) - 1)
+        knots = _spread(self.knots, self.loops.crank_place)
+        degree = min(7, len(knots) - 1)
         degree -= 1 - degree % 2
-        at = self.knots[:, self.loops.crank_place]
-        return make_interp_spline(at, _same_sign_quaternions(self.loops, self.knots), k=degree)
+        at = knots[:, self.loops.crank_place]
+        return make_interp_spline(at, _same_sign_quaternions(self.loops, knots), k=degree)
+
+
+def _spread(knots: Array, place: int) -> Array:
+    """Return the knots without those that crowd at a dead centre, where a spline through all is noise."""
+    kept = [0]
+    for i in range(1, len(knots)):
+        if knots[i, place] - knots[kept[-1], place] > CROWDED:
+            kept.append(i)
+    return knots[kept] if len(kept) > 1 else knots[[0, -1]]
 
 
 def _gain(loops: Loops, lap: Array) -> Array | None:
