@@ -5,6 +5,7 @@ import json
 import math
 import os
 import platform
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -223,6 +224,7 @@ def film(path: Path) -> str:
 def _shown(section: Section, results: Mapping[str, Any]) -> dict[str, Any]:
     result = results["mechanisms"].get(section.name, {})
     checks = list(section.checks if section.checks is not None else result.get("checks", ()))
+    checks = [{**check, "used": _used(check)} for check in checks]
     costs = {"steps": result.get("steps"), "seconds": result.get("seconds")}
     return {
         "section": section,
@@ -231,9 +233,23 @@ def _shown(section: Section, results: Mapping[str, Any]) -> dict[str, Any]:
         "passed": bool(result.get("passed", False)),
         "outcome": result.get("outcome", "missed"),
         "reason": result.get("reason", ""),
-        "checks": [{**check, "used": _used(check)} for check in checks],
+        "checks": checks,
+        "tightest": _tightest(checks),
         "settings": {**section.settings, **{k: v for k, v in costs.items() if v is not None}},
     }
+
+
+def _tightest(checks: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Of each kind of quantity the check that comes nearest to its bound, and all that failed."""
+    found: dict[str, Mapping[str, Any]] = {}
+    for check in checks:
+        kind = re.sub(r" of .*|(?<=joint) .*", "", check["quantity"])
+        best = found.get(kind)
+        if not check["passed"]:
+            found[check["quantity"]] = check
+        elif best is None or (best["passed"] and (check["used"] or 0.0) > (best["used"] or 0.0)):
+            found[kind] = check
+    return list(found.values())
 
 
 def _used(check: Mapping[str, Any]) -> float | None:

@@ -137,6 +137,20 @@ def test_a_good_page_says_so_and_shows_bound_and_reason(section, tmp_path):
     assert "missed or refused" not in text
 
 
+def test_the_tightest_check_of_each_kind_comes_first_and_all_of_them_after(section, tmp_path):
+    points = {"P2": 1e-10, "P3": 7e-10, "P4": 2e-10}
+    checks = [check(worst=worst, quantity=f"step: position of {name}") for name, worst in points.items()]
+    lost = check(False, 5e-9, "step: position of P5")
+    for some, first in ((checks, ["P3"]), ([*checks, lost], ["P3", "P5"])):
+        result = {**good(), "checks": some, "passed": len(first) == 1}
+        page = report.write_report(tmp_path, results(rssr=result), [section]).read_text(encoding="utf-8")
+        short, long = page.split("<summary>")
+        short = short[short.index("<section") :]
+        assert [name for name in ("P2", "P3", "P4", "P5") if f"position of {name}" in short] == first
+        assert all(f"position of {name}" in long for name in points)
+        assert f"All {len(some)} quantities" in long
+
+
 def test_a_mechanism_without_pictures_is_reported_all_the_same(tmp_path):
     page = report.write_report(tmp_path, results(rssr=good()), [report.Section(name="rssr")])
     assert "step: place of P3" in Reader(page.read_text(encoding="utf-8")).text
