@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 from mechsim._version import __version__
 
 if TYPE_CHECKING:
-    from mechsim import catalog, closure, simulation, units
+    from mechsim import catalog, closure, course, dynamics, motors, rods, simulation, units
     from mechsim.crosscheck import Check, Verdict, crosscheck
     from mechsim.errors import AssemblyError, InputError, MechsimError
+    from mechsim.forces import Forces, Friction, JointSpring, Load, Spring
+    from mechsim.inertia import Inertia
     from mechsim.mechanism import End, Gear, Joint, Link, Mechanism, Pose
     from mechsim.motion import Motion
     from mechsim.notebook import show
@@ -23,10 +25,15 @@ _HOME = {
     "AssemblyError": "errors",
     "Check": "crosscheck",
     "End": "mechanism",
+    "Forces": "forces",
+    "Friction": "forces",
     "Gear": "mechanism",
+    "Inertia": "inertia",
     "InputError": "errors",
     "Joint": "mechanism",
+    "JointSpring": "forces",
     "Link": "mechanism",
+    "Load": "forces",
     "Mechanism": "mechanism",
     "MechsimError": "errors",
     "Motion": "motion",
@@ -34,22 +41,28 @@ _HOME = {
     "Run": "simulation",
     "Scene": "scene",
     "Settings": "simulation",
+    "Spring": "forces",
     "Tolerance": "tolerances",
     "Verdict": "crosscheck",
     "crosscheck": "crosscheck",
     "show": "notebook",
     "simulate": "simulation",
 }
-_MODULES = ("catalog", "closure", "simulation", "units")
+_MODULES = ("catalog", "closure", "course", "dynamics", "motors", "rods", "simulation", "units")
 
 __all__ = [
     "AssemblyError",
     "Check",
     "End",
+    "Forces",
+    "Friction",
     "Gear",
+    "Inertia",
     "InputError",
     "Joint",
+    "JointSpring",
     "Link",
+    "Load",
     "Mechanism",
     "MechsimError",
     "Motion",
@@ -57,12 +70,17 @@ __all__ = [
     "Run",
     "Scene",
     "Settings",
+    "Spring",
     "Tolerance",
     "Verdict",
     "__version__",
     "catalog",
     "closure",
+    "course",
     "crosscheck",
+    "dynamics",
+    "motors",
+    "rods",
     "show",
     "simulate",
     "simulation",

@@ -6,6 +6,8 @@ import typer
 
 from mechsim.cli.catalogue import export, list_mechanisms, show, solve
 from mechsim.cli.drawings import plot
+from mechsim.cli.dynamics import dynamics
+from mechsim.cli.extremes import extremes
 from mechsim.cli.machine import doctor
 from mechsim.cli.pictures import render
 from mechsim.cli.runs import simulate, validate
@@ -21,7 +23,20 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command("list")(list_mechanisms)
-for command in (show, solve, export, simulate, validate, tradeoff, render, plot, synthesize, doctor):
+for command in (
+    show,
+    solve,
+    export,
+    simulate,
+    validate,
+    tradeoff,
+    dynamics,
+    render,
+    plot,
+    synthesize,
+    doctor,
+    extremes,
+):
     app.command()(command)
 
 

@@ -166,6 +166,8 @@ class _Runner:
         self.start, self.turns, self.tolerance = angle, turns, tolerance
         self.time, self.state = 0.0, np.array([angle, speed, 0.0, 0.0])
         self.from_rest = speed == 0.0
+        self.barred: float | None = None
+        self.bar = ""
         self.pieces: list[tuple[float, float, float, Callable[[Array], Array]]] = []
 
     def parts(self, time: float, angle: float, speed: float) -> tuple[float, ...]:
@@ -188,7 +190,14 @@ class _Runner:
 
         def rate(time: float, state: Array) -> Array:
             angle, speed = float(state[0]), float(state[1])
-            inertia, slope, static, damping, dry, drive = self.parts(time, angle, speed)
+            if self.barred is not None and (angle - self.barred) * sign >= 0.0:
+                return np.full(4, np.nan)
+            try:
+                inertia, slope, static, damping, dry, drive = self.parts(time, angle, speed)
+            except AssemblyError as error:
+                # the integrator then shortens its step until it stands before the dead centre
+                self.barred, self.bar = angle, str(error)
+                return np.full(4, np.nan)
             force = static - damping * speed - sign * dry + drive
             pull = (force - 0.5 * slope * speed**2) / inertia
             return np.array([speed, pull, drive * speed, (damping * speed + sign * dry) * speed])
@@ -234,10 +243,10 @@ class _Runner:
                 dense_output=True,
                 events=events,
             )
-        if done.status < 0 or not np.isfinite(done.y[:, -1]).all():
-            return "dead centre", f"the equation of motion cannot be followed beyond {done.t[-1]:.6g} s"
         self.pieces.append((self.time, float(done.t[-1]), sign, done.sol))
         self.time, self.state = float(done.t[-1]), done.y[:, -1].copy()
+        if done.status < 0:
+            return "dead centre", self.bar or f"the crank cannot be followed beyond {self.time:.6g} s"
         if self.turns is not None and len(done.t_events[1]):
             return "done", ""
         if len(done.t_events[0]):
@@ -294,9 +303,9 @@ class _Runner:
 
     def _turning_back(self, sign: float) -> tuple[Outcome, str] | None:
         """Judge a change of direction: without forces over time the way on is barred for good."""
-        if self.turns is None or not self.steady:
+        if self.turns is None or not self.steady or sign * self.turns < 0.0:
             return None
-        if sign * self.turns < 0.0:
+        if not self._way(self.time):
             return None
         way = float(self.state[0]) - self.start
         why = (

@@ -10,7 +10,7 @@ from mechsim.dynamics.machine import Machine
 from mechsim.dynamics.reactions import COMPONENTS, Balance, balance
 from mechsim.dynamics.reduced import Reduced, coefficients, kinetic_energy, load_torque
 from mechsim.dynamics.unit import UnitMotion, cross
-from mechsim.dynamics.wrenches import add_couple, applied, course_at, loads
+from mechsim.dynamics.wrenches import add_couple, applied, course_at, loads, turning_round
 from mechsim.errors import InputError
 
 Array = NDArray[np.float64]
@@ -35,6 +35,8 @@ class Study:
         shaking_moment: likewise, about the ground's origin, (n, 3) in [N m].
         kinetic: energy of motion, link by link, flywheel included, (n,) in [J].
         potential: energy of gravity and springs, (n,) in [J].
+        reversing: where a joint with dry friction turns round, so that reactions jump from one value to
+            another, (n,); those given are without this joint's dry friction, halfway between.
     """
 
     machine: Machine
@@ -50,6 +52,7 @@ class Study:
     shaking_moment: Array
     kinetic: Array
     potential: Array
+    reversing: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.angle)
@@ -141,6 +144,7 @@ def prescribed(
     driver = unit.mechanism.joint(unit.mechanism.driver)
     add_couple(unit, shared, driver, crank[:, None] * unit.axis(driver))
     load = load_torque(machine, unit, at)
+    dry = [unit.mechanism.joint(one.joint) for one in machine.forces.friction if one.coulomb]
     force, moment = _shaking(machine, unit, inertial, acting.gravity + outside, e)
     return Study(
         machine,
@@ -156,6 +160,7 @@ def prescribed(
         moment,
         kinetic_energy(unit, w, machine.forces.flywheel),
         part.energy,
+        _any([turning_round(unit, joint) for joint in dry], len(angle)),
     )
 
 
@@ -169,6 +174,14 @@ def _shaking(
     driver = unit.mechanism.joint(unit.mechanism.driver)
     turned = machine.forces.flywheel * acceleration[:, None] * unit.axis(driver)
     return force, moment - turned
+
+
+def _any(each: list[NDArray[np.bool_]], n: int) -> NDArray[np.bool_]:
+    """Return where any of some conditions holds, (n,)."""
+    out = np.zeros(n, dtype=np.bool_)
+    for one in each:
+        out |= one
+    return out
 
 
 def _rate(what: str, value: ArrayLike, angle: Array) -> Array:

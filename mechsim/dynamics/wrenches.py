@@ -18,6 +18,10 @@ from mechsim.mechanism import IDENTITY, Array, Joint, joint_coordinate
 
 Stack = NDArray[np.float64]
 
+# a joint that moves less than this a radian of the crank, in [rad] or sizes of the mechanism, is where it
+# turns round: the sign of its rate is rounding there, and dry friction has no direction
+STILL = 1e-7
+
 
 @dataclass(frozen=True, slots=True)
 class Applied:
@@ -107,6 +111,12 @@ def joint_rate(unit: UnitMotion, joint: Joint) -> Array:
     return dot(axis, rate_b - rate_a - cross(spin_a, place_b - place_a))
 
 
+def turning_round(unit: UnitMotion, joint: Joint) -> NDArray[np.bool_]:
+    """Return where a revolute or prismatic joint changes direction, (n,)."""
+    least = STILL * (unit.mechanism.size if joint.kind == "prismatic" else 1.0)
+    return np.abs(joint_rate(unit, joint)) <= least
+
+
 def add_force(unit: UnitMotion, stack: Stack, link: str, place: Array, force: Array) -> None:
     """Add a force on a link at a place in the ground frame to a stack of wrenches."""
     slot = unit.slot(link)
@@ -182,7 +192,8 @@ def _add_friction(unit: UnitMotion, damping: Stack, coulomb: Stack, friction: Fr
     if joint.kind in ("revolute", "prismatic"):
         rate = joint_rate(unit, joint)
         add_joint_effort(unit, damping, joint, -friction.viscous * rate)
-        add_joint_effort(unit, coulomb, joint, -friction.coulomb * np.sign(rate))
+        sign = np.where(turning_round(unit, joint), 0.0, np.sign(rate))
+        add_joint_effort(unit, coulomb, joint, -friction.coulomb * sign)
         return
     spin = unit.spin(joint.b.link) - unit.spin(joint.a.link)
     if joint.kind == "universal":

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.plots.canvas import COLOURS, STYLES, Format, angle_axis, canvas, readable
+from mechsim.plots.sheet import COLOURS, STYLES, Format, angle_axis, canvas, readable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -161,8 +161,8 @@ def _powers(ax: "Axes", study: "Study") -> None:
     powers: dict[str, Any] = {
         "drive": study.power_in,
         "loads": study.power_loads,
-        "lost": -study.power_lost,
-        "stored": -study.power_stored,
+        "less lost": -study.power_lost,
+        "less stored": -study.power_stored,
     }
     factor, unit = readable(np.concatenate(list(powers.values())), "W")
     for i, (name, values) in enumerate(powers.items()):
@@ -175,8 +175,7 @@ def _powers(ax: "Axes", study: "Study") -> None:
 
 def _speeds(ax: "Axes", turn: "Fluctuation", even: "Fluctuation | None") -> None:
     for i, one in enumerate([turn] if even is None else [turn, even]):
-        inertia, unit = readable([one.flywheel], "kg m²")
-        label = f"flywheel {one.flywheel / inertia:.3g} {unit}, δ = {one.coefficient:.3g}"
+        label = f"flywheel {one.flywheel:.3g} kg m², δ = {one.coefficient:.3g}"
         ax.plot(np.rad2deg(one.angle), one.speed, color=COLOURS[i], ls=STYLES[i], label=label)
     ax.axhline(turn.mean, color=RINGS, lw=0.8)
     ax.set_ylabel("crank speed [rad/s]")

@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+
+from mechsim import course
+from mechsim.errors import InputError
+
+TURN = 2.0 * np.pi
+
+
+def test_a_table_over_the_turn_repeats_and_passes_through_its_rows():
+    at, values = np.linspace(0.5, 0.5 + TURN, 9), [0.0, 1.0, 4.0, 2.0, -1.0, -3.0, -2.0, 0.5, 0.0]
+    for smooth in (False, True):
+        load = course.table(at, values, smooth=smooth)
+        for turns in (-3, 0, 7):
+            assert np.allclose(load.at(at + turns * TURN), values, atol=1e-13)
+    straight = course.table(at, values)
+    assert straight.at((at[2] + at[3]) / 2.0)[0] == pytest.approx(3.0)
+
+
+def test_a_smooth_table_follows_a_smooth_load_with_fourth_order():
+    def error(rows):
+        at = np.linspace(0.0, TURN, rows + 1)
+        values = np.sin(at) + 0.3 * np.cos(3.0 * at)
+        values[-1] = values[0]
+        x = np.linspace(0.0, TURN, 997)
+        return np.abs(course.table(at, values, smooth=True).at(x) - np.sin(x) - 0.3 * np.cos(3.0 * x)).max()
+
+    assert 3.8 < np.log2(error(48) / error(96)) < 4.2
+
+
+def test_harmonics_are_their_own_sum():
+    x = np.linspace(-1.0, 8.0, 50)
+    load = course.harmonics([0.5, 0.0, 2.0], [1.5])
+    assert np.allclose(load.at(x), 0.5 + 2.0 * np.cos(2.0 * x) + 1.5 * np.sin(x), atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("at", "values", "said"),
+    [
+        ([0.0, 1.0, 0.5, TURN], [0.0] * 4, r"does not rise: angle 0.5 in row 3 follows 1"),
+        ([0.0, 1.0, 1.0, TURN], [0.0] * 4, "does not rise"),
+        ([0.0, 1.0, 6.0], [0.0] * 3, r"does not cover the turn: it goes from 0 to 6 rad"),
+        ([0.0, 1.0, 7.0], [0.0] * 3, "does not cover the turn"),
+        ([0.0, 1.0, TURN], [0.0, 1.0, 0.1], "does not close: its last row differs from its first by 0.1"),
+        ([0.0, np.nan, TURN], [0.0] * 3, "no finite number"),
+        ([0.0, TURN], [[0.0, 0.0]] * 2, "one value or three each"),
+        ([0.0], [0.0], "two rows or more"),
+    ],
+)
+def test_a_table_that_is_no_load_over_the_turn_is_refused(at, values, said):
+    with pytest.raises(InputError, match=said):
+        course.table(at, values)
+
+
+def test_a_table_over_part_of_the_turn_or_over_time_is_never_read_outside_it():
+    for over in ("angle", "time"):
+        load = course.table([0.0, 1.0], [2.0, 3.0], over=over, periodic=False)
+        assert load.at([0.5], [0.5])[0] == 2.5
+        with pytest.raises(InputError, match=r"covers .* 0 to 1, but 1.5 is asked for; make it longer"):
+            load.at([1.5], [1.5])
+
+
+def test_a_load_over_time_needs_times_and_a_function_must_give_finite_numbers():
+    with pytest.raises(InputError, match="give the motion its time"):
+        course.function(np.sin, over="time").at([0.0])
+    broken = course.function(lambda x: np.full(len(x), np.nan))
+    with pytest.raises(InputError, match="numbers that are not finite"):
+        broken.at([0.0])
+    with pytest.raises(InputError, match="of shape"):
+        course.function(lambda x: np.zeros(3)).at([0.0, 1.0])
+    assert course.constant((1.0, 2.0, 3.0)).at([0.0, 1.0]).shape == (2, 3)
