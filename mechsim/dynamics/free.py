@@ -190,7 +190,8 @@ class _Runner:
 
         def rate(time: float, state: Array) -> Array:
             angle, speed = float(state[0]), float(state[1])
-            if self.barred is not None and (angle - self.barred) * sign >= 0.0:
+            beyond = self.barred is not None and (angle - self.barred) * sign >= 0.0
+            if beyond or not np.isfinite(state).all():
                 return np.full(4, np.nan)
             try:
                 inertia, slope, static, damping, dry, drive = self.parts(time, angle, speed)
