@@ -140,6 +140,9 @@ def simulate(
     while tolerance is not None and run.outcome == "missed" and settings.steps_per_turn < MOST_STEPS:
         more = 1.3 * (run.estimate / tolerance) ** (1.0 / ORDER)
         fewer = min(MOST_STEPS, int(np.ceil(settings.steps_per_turn * max(more, 1.5))))
+        if settings.steps_per_turn < TRIAL_STEPS:
+            # too coarse to have begun to converge, it foretells nothing; the trial had this many
+            fewer = min(fewer, TRIAL_STEPS)
         settings = replace(settings, steps_per_turn=fewer)
         better = stage.stepped(settings, tolerance)
         if better.outcome != "met" and better.estimate >= 0.5 * run.estimate:
