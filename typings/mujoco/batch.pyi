@@ -1,0 +1,9 @@
+"""Many simulations at once."""
+
+from typing import Any
+
+class Batch:
+    def __init__(self, *args: Any, **options: Any) -> None: ...
+    def __getattr__(self, name: str) -> Any: ...
+
+def __getattr__(name: str) -> Any: ...

@@ -1,0 +1,5 @@
+"""The OpenGL context class MuJoCo draws with."""
+
+from typing import Any
+
+GLContext: Any
