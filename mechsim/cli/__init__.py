@@ -7,6 +7,7 @@ import typer
 from mechsim.cli.catalogue import export, list_mechanisms, show, solve
 from mechsim.cli.drawings import plot
 from mechsim.cli.dynamics import dynamics
+from mechsim.cli.extremes import extremes
 from mechsim.cli.machine import doctor
 from mechsim.cli.pictures import render
 from mechsim.cli.runs import simulate, validate
@@ -34,6 +35,7 @@ for command in (
     plot,
     synthesize,
     doctor,
+    extremes,
 ):
     app.command()(command)
 

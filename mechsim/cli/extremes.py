@@ -1,0 +1,87 @@
+"""Command that pushes every axis until something breaks: extremes."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mechsim.cli.options import Json, drive_of, writable
+from mechsim.cli.output import print_json, print_table, progress
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from mechsim.extremes import Study
+
+
+def extremes(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME]...", help="Mechanisms; none means all.")
+    ] = None,
+    report: Annotated[
+        str | None, typer.Option(metavar="DIR", help="Write the map and all numbers here.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer values, shorter runs.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Push steps, speed, size, masses, poses, turns and gears until something breaks; say where it does."""
+    from pathlib import Path
+
+    for name in names or ():
+        drive_of(name, None)
+    folder = None
+    if report is not None:
+        writable(str(Path(report).parent / "folder"))
+        folder = Path(report)
+        folder.mkdir(exist_ok=True)
+        writable(str(folder / "extremes.svg"))
+
+    from mechsim.extremes.study import axes_of, study
+
+    with progress("extremes", axes_of(names, quick)) as tick:
+        found = study(names, quick=quick, done=tick)
+    if folder is not None:
+        _write(folder, found)
+    if as_json:
+        print_json(found.as_dict())
+    else:
+        _print(found)
+        if folder is not None:
+            typer.echo(f"map: {folder / 'extremes.svg'}")
+    raise typer.Exit(0 if found.passed else 1)
+
+
+def _write(folder: "Path", found: "Study") -> None:
+    import json
+
+    from mechsim import plots
+    from mechsim.cli.output import plain
+    from mechsim.plots.extremes import extremes_map
+    from mechsim.tables import written_beside
+
+    plots.write(folder / "extremes.svg", extremes_map(found))
+    with written_beside(folder / "extremes.json") as path:
+        path.write_text(json.dumps(plain(found.as_dict()), indent=1, allow_nan=False))
+
+
+def _print(found: "Study") -> None:
+    rows = [
+        (b.axis, b.mechanism, f"{b.inside:.2g}", b.before, f"{b.outside:.2g}", b.after) for b in found.borders
+    ]
+    print_table("Borders", ("axis", "mechanism", "up to", "", "from", ""), rows)
+    rows = [
+        (d.mechanism, f"{d.turns:g}", f"{d.first:.3e}", f"{d.last:.3e}", "no drift" if d.passed else "DRIFTS")
+        for d in found.drifts
+    ]
+    print_table(
+        "Many turns: place error / size in the first and last hundredth",
+        ("mechanism", "turns", "first", "last", ""),
+        rows,
+    )
+    for trial in found.wrong:
+        foretold = f", foretold {trial.foretold}" if trial.foretold else ""
+        typer.echo(
+            f"WRONG: {trial.mechanism}, {trial.axis} {trial.value:.3g}: said {trial.outcome}, "
+            f"right {trial.right}{foretold}"
+        )
+    good = len(found.trials) - len(found.wrong)
+    typer.echo(f"{good} of {len(found.trials)} runs ended as the closed form says, and knew it")
