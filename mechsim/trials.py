@@ -83,7 +83,7 @@ class Rig:
         return loops, step(loops, settings, self.profile, self.start, total, stride)
 
     def motion(self, settings: Settings) -> tuple[Motion | None, float]:
-        """Return the motion under settings, None if it diverged, and the processor time of stepping in [s]."""
+        """Return the motion, None if it diverged, and the processor time of stepping in [s]."""
         loops, steps = self.stepped(settings)
         if steps.diverged:
             return None, steps.processor
