@@ -118,7 +118,7 @@ class Drive(ABC):
     def _motion(self, angles: Array, speed: Array, acceleration: Array, detail: Detail) -> Motion:
         """Return the motion at one chunk of crank angles, NaN where the loop does not close."""
 
-    def variants(self) -> dict[str, Self]:
+    def variants(self) -> Mapping[str, Self]:
         """Return what is validated besides this mechanism itself: name -> the same with something changed."""
         return {}
 

@@ -207,7 +207,7 @@ class Loops:
         if rows.shape[1] < rows.shape[0]:
             held, right = rows.T @ held, rows.T @ right
         if held.shape[1] == held.shape[2]:
-            return np.linalg.solve(held, right)
+            return np.asarray(np.linalg.solve(held, right), dtype=np.float64)
         turned = np.swapaxes(held, -1, -2)
         return turned @ np.linalg.solve(held @ turned, right)
 

@@ -1,13 +1,13 @@
 """MuJoCo's own log kept off the console and out of the user's folder while mechsim runs it."""
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 import mujoco
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
+def quiet() -> Generator[None]:
     """Silence MuJoCo's log: what it warns of is read from its counters and reported as an outcome.
 
     Left alone it writes MUJOCO_LOG.TXT into the current folder.

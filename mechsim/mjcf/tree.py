@@ -55,7 +55,7 @@ def cut_loops(
         InputError: for cuts that leave a loop or part the chain, or a loop that no spherical or
             revolute joint closes.
     """
-    graph: nx.MultiGraph = nx.MultiGraph()
+    graph: nx.MultiGraph[str] = nx.MultiGraph()
     graph.add_nodes_from([GROUND, *(link.name for link in mechanism.links)])
     asked = set(cut or ())
     for unknown in asked - {joint.name for joint in mechanism.joints}:

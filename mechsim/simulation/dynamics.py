@@ -169,7 +169,7 @@ def _stepped(bench: Bench, profile: Profile, samples: int | None, settings: Sett
     first, speed, _ = (float(one[0]) for one in profile.state(np.zeros(1)))
     model = copy.copy(bench.model)
     stiffen_friction(model, profile.duration / total)
-    time = profile.duration / total * np.arange(total)
+    time = profile.duration / total * np.arange(float(total))
     controls = bench.controls(profile.state(time)[0], time) if model.nu else None
     loops = Loops(model)
     steps = step(loops, settings, profile, started(bench, first, speed), total, stride, controls)

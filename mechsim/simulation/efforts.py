@@ -164,7 +164,7 @@ def _least(rows: Array, scale: Array, inertia: Array, right: Array) -> tuple[Arr
     inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
     part = inverse * (np.swapaxes(left, 1, 2) @ (scale * right)[..., None])[..., 0]
     x = np.linalg.solve(np.swapaxes(lower, 1, 2), np.swapaxes(turned, 1, 2) @ part[..., None])[..., 0]
-    return x, scale * (left @ (inverse * part)[..., None])[..., 0]
+    return np.asarray(x, dtype=np.float64), scale * (left @ (inverse * part)[..., None])[..., 0]
 
 
 def _gears(bench: Bench, multipliers: Array) -> dict[str, Array]:

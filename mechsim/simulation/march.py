@@ -1,6 +1,6 @@
 """Stepping a free machine until it has made its turns, its time is over, or it is plain that it will not."""
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -64,7 +64,7 @@ def march(
     while done < total:
         count = min(stride * max(1, BLOCK // stride), total - done)
         time, qpos, qvel, bad = advance(count, stride)
-        number = np.arange(1, len(time) + 1) * stride + done
+        number = np.arange(1.0, len(time) + 1.0) * stride + done
         good = np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1) & (time > timestep * (number - 0.5))
         last = len(time) if good.all() else int(np.argmin(good))
         done += count
@@ -165,7 +165,7 @@ def _with_callback(bench: Bench, loops: Loops, start: tuple[Array, Array]) -> An
 
 
 @contextmanager
-def _controlled(control: Any) -> Iterator[None]:
+def _controlled(control: Any) -> Generator[None]:
     """Let a function set the controls, and whatever did before again afterwards."""
     before = mujoco.get_mjcb_control()
     mujoco.set_mjcb_control(control)

@@ -111,7 +111,7 @@ def step(
 
 
 def _torque(profile: Profile, flywheel: float, timestep: float, steps: int) -> Array:
-    speed = profile.state(timestep * np.arange(steps + 1))[1]
+    speed = profile.state(timestep * np.arange(steps + 1.0))[1]
     return flywheel * np.diff(speed) / timestep
 
 
