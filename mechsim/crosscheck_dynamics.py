@@ -27,12 +27,12 @@ def tolerances_driven(method: str) -> dict[str, Tolerance]:
     every catalogue mechanism by more than 1e-5.
     """
     if method == "pose":
-        why = "rounding: no integration; measured 3e-13 at the worst"
+        why = "rounding: no integration; 3e-14 without springs, 3e-11 with stiff ones that balance"
         return {
-            "torque": Tolerance(1e-11, "1", why),
-            "reaction": Tolerance(1e-11, "1", why),
+            "torque": Tolerance(1e-10, "1", why),
+            "reaction": Tolerance(1e-10, "1", why),
             "energy": Tolerance(1e-12, "1", "rounding: measured 1e-14"),
-            "power": Tolerance(1e-11, "1", why),
+            "power": Tolerance(1e-10, "1", why),
             "balance": Tolerance(
                 1e-8, "1", "rounding times the condition of the mass matrix; measured 1e-10"
             ),
@@ -41,7 +41,7 @@ def tolerances_driven(method: str) -> dict[str, Tolerance]:
     return {
         "torque": Tolerance(1e-6, "1", why),
         "reaction": Tolerance(1e-5, "1", "as the torque, and forces that add up to none in it: 1.5e-7"),
-        "energy": Tolerance(1e-7, "1", "rates of loops closed to 1e-8: measured 1e-9"),
+        "energy": Tolerance(1e-8, "1", "rates of closed loops: measured 1e-9"),
         "power": Tolerance(1e-6, "1", "rates of loops closed to 1e-8: measured 4e-9"),
         "balance": Tolerance(1e-3, "1", "redundant constraints share what their softness says: 1e-4"),
     }
@@ -136,9 +136,9 @@ def _driven_checks(run: Driven, study: Study, allowed: Mapping[str, Tolerance]) 
     for name, exact_torque in study.balance.gears.items():
         gap = np.where(moving, found.gears[name] - exact_torque, 0.0)
         yield _check(f"torque of gear {name}", allowed["reaction"], gap, angle, largest * size)
-    stored = max(kinetic, float(np.ptp(study.potential)))
-    yield _check("kinetic energy", allowed["energy"], found.kinetic - study.kinetic, angle, stored)
-    yield _check("potential energy", allowed["energy"], found.potential - study.potential, angle, stored)
+    height = float(np.abs(study.potential).max())
+    yield _check("kinetic energy", allowed["energy"], found.kinetic - study.kinetic, angle, kinetic)
+    yield _check("potential energy", allowed["energy"], found.potential - study.potential, angle, height)
     power = torque * float(np.abs(study.speed).max())
     for name in ("power_loads", "power_lost"):
         gap = getattr(found, name) - getattr(study, name)

@@ -123,16 +123,18 @@ def free_run(
     settings = settings or (REDUNDANT if _is_redundant(bench) else Settings())
     first = mechanism.start if angle is None else angle
     start = started(bench, first, speed)
-    expected = pace(bench, first, speed, turns, duration)
-    fastest = expected.speed
-    step = expected.timestep(settings.timestep(fastest)) if timestep is None else timestep
+    fastest, step = 0.0, timestep or 0.0
+    if timestep is None or duration is None:
+        expected = pace(bench, first, speed, turns, duration)
+        fastest = expected.speed
+        step = expected.timestep(settings.timestep(fastest)) if timestep is None else timestep
     if duration is None:
         assert turns is not None
         duration = PATIENCE * TURN * (1.0 + abs(turns)) / fastest
     total = int(np.ceil(duration / step - 1e-9))
-    likely = total if turns is None else min(total, int(TURN * abs(turns) / fastest / step) + 1)
+    likely = total if turns is None or not fastest else min(total, int(TURN * abs(turns) / fastest / step) + 1)
     stride = max(1, likely // max(samples, FINEST))
-    if timestep is None and turns is None:
+    if turns is None:
         total = stride * -(-total // stride)
         step = duration / total
     loops = _prepared(bench, settings, step)
