@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from mechsim.crosscheck import Check, Verdict
 from mechsim.dynamics import Machine, Study, free_run, prescribed
-from mechsim.dynamics.wrenches import joint_rate
 from mechsim.errors import InputError
 from mechsim.simulation.dynamics import Driven
 from mechsim.simulation.free import FreeRun
@@ -15,9 +14,6 @@ from mechsim.tolerances import Tolerance
 
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
-
-# of a joint's fastest rate: below this, the sign of its dry friction is rounding
-STANDSTILL = 1e-6
 
 
 def tolerances_driven(method: str) -> dict[str, Tolerance]:
@@ -107,11 +103,13 @@ def crosscheck_free(
     fastest = float(np.abs(exact.speed).max())
     energy = max(float(np.abs(exact.kinetic).max()), float(np.ptp(exact.potential)), float(exact.lost.max()))
     checks = [
-        _check("crank angle", allowed["angle"], motion.angle - exact.angle, motion.angle),
-        _check("crank speed", allowed["speed"], motion.speed - exact.speed, motion.angle, fastest),
-        _check("energy balance", allowed["balance"], run.imbalance, motion.angle, energy),
-        _check("work of motor and loads", allowed["balance"], run.work - exact.work, motion.angle, energy),
-        _check("energy lost", allowed["balance"], run.lost - exact.lost, motion.angle, energy),
+        _check("crank angle", "rad", allowed["angle"], motion.angle - exact.angle, motion.angle),
+        _check("crank speed", "rad/s", allowed["speed"], motion.speed - exact.speed, motion.angle, fastest),
+        _check("energy balance", "J", allowed["balance"], run.imbalance, motion.angle, energy),
+        _check(
+            "work of motor and loads", "J", allowed["balance"], run.work - exact.work, motion.angle, energy
+        ),
+        _check("energy lost", "J", allowed["balance"], run.lost - exact.lost, motion.angle, energy),
     ]
     return _judged(checks)
 
@@ -120,57 +118,45 @@ def _driven_checks(run: Driven, study: Study, allowed: Mapping[str, Tolerance]) 
     found, angle = run.efforts, study.angle
     kinetic = float(np.abs(study.kinetic).max())
     torque = max(_rms(study.torque), 1e-3 * kinetic)
-    yield _check("drive torque", allowed["torque"], found.torque - study.torque, angle, torque)
-    moving = _moving(study)
+    yield _check("drive torque", "N m", allowed["torque"], found.torque - study.torque, angle, torque)
     size = study.machine.mechanism.size
     reactions = study.balance.reactions
     largest = max(_rms(np.sqrt((one.force**2).sum(1))) for one in reactions.values()) or torque / size
     for name, exact in reactions.items():
         mine = found.reactions[name]
-        for kind, part, scale in (("force", slice(0, 3), largest), ("moment", slice(3, 6), largest * size)):
+        for kind, unit, part, scale in (
+            ("force", "N", slice(0, 3), largest),
+            ("moment", "N m", slice(3, 6), largest * size),
+        ):
             known = exact.determined[part]
             if known.any():
                 gap = (getattr(mine, kind) - getattr(exact, kind))[:, known]
-                error = np.where(moving, np.sqrt((gap**2).sum(1)), 0.0)
-                yield _check(f"{kind} in {name}", allowed["reaction"], error, angle, scale)
+                error = np.where(study.reversing, 0.0, np.sqrt((gap**2).sum(1)))
+                yield _check(f"{kind} in {name}", unit, allowed["reaction"], error, angle, scale)
     for name, exact_torque in study.balance.gears.items():
-        gap = np.where(moving, found.gears[name] - exact_torque, 0.0)
-        yield _check(f"torque of gear {name}", allowed["reaction"], gap, angle, largest * size)
+        gap = np.where(study.reversing, 0.0, found.gears[name] - exact_torque)
+        yield _check(f"torque of gear {name}", "N m", allowed["reaction"], gap, angle, largest * size)
     height = float(np.abs(study.potential).max())
-    yield _check("kinetic energy", allowed["energy"], found.kinetic - study.kinetic, angle, kinetic)
-    yield _check("potential energy", allowed["energy"], found.potential - study.potential, angle, height)
+    yield _check("kinetic energy", "J", allowed["energy"], found.kinetic - study.kinetic, angle, kinetic)
+    yield _check("potential energy", "J", allowed["energy"], found.potential - study.potential, angle, height)
     power = torque * float(np.abs(study.speed).max())
     for name in ("power_loads", "power_lost"):
         gap = getattr(found, name) - getattr(study, name)
-        yield _check(name.replace("_", " "), allowed["power"], gap, angle, power)
-    yield _check("accelerations under these forces", allowed["balance"], found.imbalance, angle)
+        yield _check(name.replace("_", " "), "W", allowed["power"], gap, angle, power)
+    yield _check("accelerations under these forces", "1", allowed["balance"], found.imbalance, angle)
 
 
-def _moving(study: Study) -> NDArray[np.bool_]:
-    """Say of each instant whether every joint with dry friction moves, so that its direction is known."""
-    machine = study.machine
-    moving = np.ones(len(study), dtype=np.bool_)
-    unit = machine.unit_motion(study.angle)
-    for friction in machine.forces.friction:
-        if friction.coulomb:
-            rate = np.abs(joint_rate(unit, machine.mechanism.joint(friction.joint)))
-            moving &= rate > STANDSTILL * rate.max()
-    return moving
-
-
-def _check(quantity: str, tolerance: Tolerance, error: Array, angle: Array, scale: float = 1.0) -> Check:
-    relative = np.abs(error) / scale if scale > 0.0 else np.abs(error)
+def _check(
+    quantity: str, unit: str, tolerance: Tolerance, error: Array, angle: Array, scale: float = 1.0
+) -> Check:
+    """Return a check in SI; a tolerance that is a part of something is that part of `scale`."""
+    size = np.abs(error)
     # NaN counts as the worst there is
-    at = int(np.argmax(np.where(np.isnan(relative), np.inf, relative)))
-    return Check(
-        quantity,
-        tolerance.unit,
-        float(relative[at]),
-        float(angle[at]),
-        _rms(relative),
-        tolerance.bound,
-        tolerance.why,
-    )
+    at = int(np.argmax(np.where(np.isnan(size), np.inf, size)))
+    relative = tolerance.unit == "1" and unit != "1"
+    bound = tolerance.bound * (scale if relative else 1.0)
+    why = f"{tolerance.bound:.0e} of {scale:.3g} {unit}; {tolerance.why}" if relative else tolerance.why
+    return Check(quantity, unit, float(size[at]), float(angle[at]), _rms(size), bound, why)
 
 
 def _rms(values: Array) -> float:

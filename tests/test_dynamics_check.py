@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, course, dynamics, motors
-from mechsim.dynamics_check import check_driven, check_free
+from mechsim.crosscheck_dynamics import crosscheck_driven, crosscheck_free
 from mechsim.forces import Forces, Friction, Load
 from mechsim.inertia import Inertia
 from mechsim.rods import with_inertia
@@ -29,7 +29,7 @@ SPEED = 60.0
 def judged(method, mechanism=RIGHT, forces=FORCES):
     """The verdict on MuJoCo's run of a machine, against the right machine's reduced equation."""
     found = driven(mechanism, forces, speed=SPEED, method=method, samples=24)
-    return check_driven(found, dynamics.machine(DRIVE, FORCES, mechanism=RIGHT))
+    return crosscheck_driven(found, dynamics.machine(DRIVE, FORCES, mechanism=RIGHT))
 
 
 def with_link(name, change):
@@ -79,12 +79,12 @@ def test_a_torque_of_the_wrong_sign_or_that_is_no_number_is_seen():
     found = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
     machine = dynamics.machine(DRIVE, FORCES, mechanism=RIGHT)
     turned = replace(found, efforts=replace(found.efforts, torque=-found.efforts.torque))
-    assert check_driven(turned, machine).outcome == "missed"
+    assert crosscheck_driven(turned, machine).outcome == "missed"
     torque = found.efforts.torque.copy()
     torque[5] = np.nan
     broken = replace(found, efforts=replace(found.efforts, torque=torque))
-    assert check_driven(broken, machine).outcome == "diverged"
-    assert check_driven(replace(found, outcome="diverged"), machine).outcome == "diverged"
+    assert crosscheck_driven(broken, machine).outcome == "diverged"
+    assert crosscheck_driven(replace(found, outcome="diverged"), machine).outcome == "diverged"
 
 
 def test_a_reaction_on_the_other_link_is_seen():
@@ -92,7 +92,7 @@ def test_a_reaction_on_the_other_link_is_seen():
     machine = dynamics.machine(DRIVE, FORCES, mechanism=RIGHT)
     one = found.efforts.reactions["S"]
     other = found.efforts.reactions | {"S": replace(one, force=-one.force)}
-    verdict = check_driven(replace(found, efforts=replace(found.efforts, reactions=other)), machine)
+    verdict = crosscheck_driven(replace(found, efforts=replace(found.efforts, reactions=other)), machine)
     assert [check.quantity for check in verdict.checks if not check.passed] == ["force in S"]
 
 
@@ -102,7 +102,7 @@ def test_every_mechanism_of_the_catalogue_meets_its_reduced_equation_pose_by_pos
         if drive.crank_range().full:
             machine = dynamics.machine(drive, Forces(gravity=(0.3, -9.81, 2.1)))
             found = driven(machine.mechanism, machine.forces, speed=SPEED, method="pose", samples=12)
-            verdict = check_driven(found, machine)
+            verdict = crosscheck_driven(found, machine)
             assert verdict.passed, verdict
 
 
@@ -111,8 +111,8 @@ def test_a_free_run_is_met_and_one_with_another_motor_missed():
     motor = motors.DCMotor(6.0, 2.0, 0.05)
     machine = dynamics.machine(drive, Forces(gravity=(0.0, -9.81, 0.0), motor=motor))
     found = free_run(machine.mechanism, machine.forces, angle=0.3, speed=20.0, duration=0.1, samples=20)
-    verdict = check_free(found, machine)
+    verdict = crosscheck_free(found, machine)
     assert verdict.passed, verdict
     weaker = machine.with_forces(replace(machine.forces, motor=motors.DCMotor(5.99, 2.0, 0.05)))
-    assert check_free(found, weaker).outcome == "missed"
-    assert check_free(replace(found, outcome="diverged"), machine).outcome == "diverged"
+    assert crosscheck_free(found, weaker).outcome == "missed"
+    assert crosscheck_free(replace(found, outcome="diverged"), machine).outcome == "diverged"

@@ -137,7 +137,7 @@ def _free(
     verdict = None
     if method != "none" and run.outcome == "done":
         from mechsim import simulation
-        from mechsim.dynamics_check import check_free
+        from mechsim.crosscheck_dynamics import crosscheck_free
         from mechsim.simulation.free import free_run as stepped
 
         found = stepped(
@@ -147,7 +147,7 @@ def _free(
             samples=samples - 1,
             settings=simulation.Settings(),
         )
-        verdict = check_free(found, machine)
+        verdict = crosscheck_free(found, machine)
     _write(csv, run)
     if plot is not None:
         from mechsim import plots
@@ -173,7 +173,7 @@ def _simulated(
 ) -> "tuple[Driven | None, Verdict | None]":
     if method == "none":
         return None, None
-    from mechsim.dynamics_check import check_driven
+    from mechsim.crosscheck_dynamics import crosscheck_driven
     from mechsim.simulation.dynamics import driven
 
     found = driven(
@@ -183,7 +183,7 @@ def _simulated(
         method=method,  # pyright: ignore[reportArgumentType]
         samples=count,
     )
-    return found, check_driven(found, machine)
+    return found, crosscheck_driven(found, machine)
 
 
 def _write(csv: str | None, columns: "Study | FreeRun") -> None:
