@@ -132,7 +132,9 @@ def free_run(
         assert turns is not None
         duration = PATIENCE * TURN * (1.0 + abs(turns)) / fastest
     total = int(np.ceil(duration / step - 1e-9))
-    likely = total if turns is None or not fastest else min(total, int(TURN * abs(turns) / fastest / step) + 1)
+    likely = total
+    if turns is not None and fastest > 0.0:
+        likely = min(total, int(TURN * abs(turns) / fastest / step) + 1)
     stride = max(1, likely // max(samples, FINEST))
     if turns is None:
         total = stride * -(-total // stride)
