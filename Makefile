@@ -1,6 +1,6 @@
 PYTHON ?= .venv/bin/python
 
-.PHONY: check test validate
+.PHONY: check test test-all validate
 
 check:
 	$(PYTHON) -m ruff check .
@@ -9,6 +9,9 @@ check:
 
 test:
 	$(PYTHON) -m pytest -q -n 2
+
+test-all:
+	$(PYTHON) -m pytest -q -n 2 -m 'slow or not slow'
 
 validate:
 	$(PYTHON) -m mechsim.cli validate --report out/

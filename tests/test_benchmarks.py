@@ -45,6 +45,7 @@ def test_the_squeezer_has_eight_digits_in_mujoco() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_the_squeezer_has_nine_digits_by_the_reduced_equation() -> None:
     assert_all_met(case("a03_squeezer").reduced_rows(256))
 

@@ -106,6 +106,7 @@ def test_bisection_finds_a_border_that_is_known():
     assert borders[0].outside / borders[0].inside < 1.0001
 
 
+@pytest.mark.slow
 def test_the_command_writes_map_and_numbers_and_answers_in_json(monkeypatch, capsys, tmp_path):
     import json
     import sys
