@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mechsim import closure
 from mechsim.catalog.base import Drive
 from mechsim.crosscheck import Check, Outcome, Verdict, crosscheck
+from mechsim.errors import AssemblyError
 from mechsim.mechanism import Pose
 from mechsim.motion import Motion
 from mechsim.simulation import Profile, Run, Settings, constant, simulate
@@ -145,12 +146,18 @@ def crank_profile(drive: Drive, speed: float, turns: float = 1.0) -> Profile:
         return constant(speed, turns)
     start = drive.mechanism.start
     # the arc that holds the start, counted so that the start lies on it as a number
-    low, high = next(
+    around = [
         (low + turn, high + turn)
         for low, high in arcs.arcs
         for turn in (0.0, -2.0 * np.pi)
         if low + turn <= start <= high + turn
-    )
+    ]
+    if not around:
+        raise AssemblyError(
+            f"{drive.name}: the loops do not close at crank angle {start:.6g} rad, where assembly begins; "
+            "change the dimensions"
+        )
+    low, high = around[0]
     middle, reach = (low + high) / 2.0, PART_OF_RANGE * (high - low) / 2.0
     return swing(middle, reach, speed)
 

@@ -23,6 +23,9 @@ from mechsim.motion import Motion
 # turns of crank 1 tried before a gear that never brings both cranks round is called free to turn
 TURNS_TRIED = 100
 
+# an assembly is followed turn by turn of crank 2: beyond this a turn of crank 1 takes minutes
+MOST_RATIO = 1000.0
+
 
 @dataclass(frozen=True, kw_only=True)
 class WarpKnitter(Drive):
@@ -55,6 +58,11 @@ class WarpKnitter(Drive):
         super().__post_init__()
         if self.gear_ratio == 0.0:
             raise InputError(f"{self.name}: gear_ratio is 0; give the turns of crank 2 per turn of crank 1")
+        if not 1.0 / MOST_RATIO <= abs(self.gear_ratio) <= MOST_RATIO:
+            raise InputError(
+                f"{self.name}: gear_ratio is {self.gear_ratio}; "
+                f"give one from 1/{MOST_RATIO:g} to {MOST_RATIO:g}, of either sign"
+            )
         if self.assembly != int(self.assembly):
             raise InputError(f"{self.name}: assembly is {self.assembly}; give a whole number")
         object.__setattr__(self, "assembly", int(self.assembly))

@@ -1,6 +1,10 @@
 """The command line. Everything heavy is imported inside the commands: `mechsim --help` must be quick."""
 
+import signal
 import sys
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager
 
 import typer
 
@@ -14,6 +18,9 @@ from mechsim.cli.runs import simulate, validate
 from mechsim.cli.synthesis import synthesize
 from mechsim.cli.tradeoff import tradeoff
 from mechsim.errors import MechsimError
+
+# what the command-line library returns for Ctrl-C, without a word
+INTERRUPTED = 130
 
 app = typer.Typer(
     help="Check an analytic model of a linkage against a multibody simulator.",
@@ -52,18 +59,57 @@ def _top(version: bool = typer.Option(False, "--version", help="Print the versio
 
 def main() -> None:
     """Run the command line: 0 all met, 1 something missed, 2 bad input, said in one line."""
+    with _listening() as pressed:
+        sys.exit(_ended(pressed))
+
+
+def _ended(pressed: list[int]) -> int:
+    """Return the exit code of the command typed."""
     try:
         code = app(standalone_mode=False)
     except MechsimError as error:
-        sys.exit(_refused(str(error)))
+        return _refused(str(error))
     except typer.exceptions.TyperException as error:
         message = error.format_message() if hasattr(error, "format_message") else str(error)
-        sys.exit(_refused(message))
+        return _refused(message)
     except (KeyboardInterrupt, typer.Abort):
-        sys.exit(_refused("stopped"))
+        return _refused("stopped")
     except BrokenPipeError:
-        sys.exit(0)
-    sys.exit(code if isinstance(code, int) else 0)
+        return 0
+    except Exception:
+        # an interrupted import of compiled code says anything but that
+        if not pressed:
+            raise
+        return _refused("stopped")
+    if code == INTERRUPTED:
+        return _refused("stopped")
+    return code if isinstance(code, int) else 0
+
+
+@contextmanager
+def _listening() -> Generator[list[int]]:
+    """Give a list that holds a number for every Ctrl-C pressed; one lost in a destructor prints nothing."""
+    pressed: list[int] = []
+
+    def press(number: int, _: object) -> None:
+        pressed.append(number)
+        raise KeyboardInterrupt
+
+    def lost(what: "sys.UnraisableHookArgs") -> None:
+        if not isinstance(what.exc_value, KeyboardInterrupt):
+            sys.__unraisablehook__(what)
+
+    here = threading.current_thread() is threading.main_thread()
+    before, hook = signal.getsignal(signal.SIGINT), sys.unraisablehook
+    if here:
+        signal.signal(signal.SIGINT, press)
+    sys.unraisablehook = lost
+    try:
+        yield pressed
+    finally:
+        sys.unraisablehook = hook
+        if here:
+            signal.signal(signal.SIGINT, before)
 
 
 def _refused(message: str) -> int:
