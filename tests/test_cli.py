@@ -253,7 +253,8 @@ def test_help_loads_nothing_heavy() -> None:
         "from mechsim.cli import main\n"
         "try: main()\n"
         "except SystemExit: pass\n"
-        "heavy = {'numpy', 'scipy', 'mujoco', 'matplotlib', 'mediapy', 'pint', 'networkx'} & set(sys.modules)\n"
+        "heavy = {'numpy', 'scipy', 'mujoco', 'matplotlib', 'mediapy', 'pint', 'networkx'}\n"
+        "heavy &= set(sys.modules)\n"
         "sys.exit(f'loaded {heavy}' if heavy else 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
