@@ -46,6 +46,7 @@ def dead_centre(drive: Drive, value: float, method: str, beyond: bool) -> Trial:
         method=method,
         settings=Settings(steps_per_turn=2000),
         note="" if beyond else f"by {method}",
+        reachable=not beyond,
         foretold="cannot assemble" if beyond else "met" if method == "pose" else None,
     )
 
@@ -63,6 +64,7 @@ def tangent(drive: Drive, value: float, method: str) -> Trial:
         speed=SPEED,
         method=method,
         note=f"by {method}",
+        reachable=True,
         foretold="met" if method == "pose" and value >= 1e-10 else None,
     )
 
@@ -116,7 +118,7 @@ def _assembled(made: Trial, drive: Drive, mechanism: Mechanism) -> Trial:
     from mechsim.simulation import simulate
 
     try:
-        run = simulate(mechanism, speed=SPEED, turns=0.02, method="pose", samples=3)
+        run = simulate(mechanism, speed=SPEED, method="pose", samples=12)
     except AssemblyError:
         return made
     judged = crosscheck(run.motion, drive)

@@ -83,6 +83,7 @@ def attempt(
     source: Any,
     *,
     foretold: Outcome | None = None,
+    reachable: bool = False,
     note: str = "",
     **how: Any,
 ) -> Trial:
@@ -92,6 +93,7 @@ def attempt(
         axis, value, foretold: as of the trial.
         drive: gives the truth.
         source: what `simulate` takes.
+        reachable: whether the closed form knows that the crank can go there, so that a refusal is wrong.
         note: what was changed.
         how: other arguments of `simulate`.
     """
@@ -106,8 +108,7 @@ def attempt(
     try:
         run = simulate(source, **how)
     except MechsimError:
-        # right if the closed form knew it beforehand; where it says the crank can go there, wrong
-        return replace(made, right=foretold or "cannot assemble")
+        return replace(made, right=foretold or ("met" if reachable else "cannot assemble"))
     right, error = _truth(drive, run)
     return replace(made, outcome=_said(run, drive), right=right, error=error)
 

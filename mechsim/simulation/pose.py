@@ -188,6 +188,9 @@ def _walk(loops: Loops, start: Array, end: float) -> list[Array]:
         guess[0, loops.crank_place] = target
         there = _landed(loops, here, guess, side)
         if there is None:
+            # what is left open of the last pose weighs the more the shorter the stride
+            here = loops.close(here)
+            slope, bend = loops.tangent(loops.linearise(here)[1]), np.zeros_like(slope)
             stride = step / 2.0
             if stride < SHORTEST:
                 raise AssemblyError(
@@ -217,7 +220,9 @@ def _landed(loops: Loops, here: Array, guess: Array, side: Array) -> tuple[Array
         if np.abs(there - guess).max() > SAFE * np.abs(here - guess).max():
             return None
         if loops.gap(residual)[0] < max(LOOSE * step_of_crank**2, ROUNDING):
-            return None if loops.side(jacobian) * side < 0.0 else (there, slope)
+            # the last step may have crossed over, too
+            landed = loops.side(loops.linearise(there)[1])
+            return None if min(loops.side(jacobian) * side, landed * side) < 0.0 else (there, slope)
     return None
 
 
