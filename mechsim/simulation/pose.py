@@ -1,6 +1,6 @@
 """Motion by solving poses: no time, no integration, every crank angle to rounding."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import AssemblyError
 from mechsim.mjcf import Loops
+from mechsim.simulation.sprint import sprint
 
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
@@ -24,8 +25,9 @@ LOOSE, ROUNDING, MOST_STEPS = 0.05, 1e-13, 8
 SAFE = 0.25
 # how far from its start a state may be after a turn to count as the same: rounding of a walk, squared up
 SAME = 1e-9
-# where many poses are asked for, the way through the walk's is first made this much denser
-DENSER = 6
+# where so many poses are asked for each knot, the way is first made this much denser: the poses between
+# are then closed as they come
+MANY, DENSER = 16, 6
 # a correction of an interpolated pose that cannot lead into another assembly, and one that may though
 # the sign of the Jacobian be the same: measured 2e-7 and 1e-2 at most
 SURE, DOUBT = 1e-6, 5e-2
@@ -38,9 +40,9 @@ CHUNK = 2048
 def follow(loops: Loops, start: Array, angles: ArrayLike) -> Array:
     """Return the states at crank angles in the assembly of a closed start state, (n, nq).
 
-    A walk over the range keeps the assembly; splines through its poses give the rest to within a
-    Newton step or two, all solved together. Where a turn of the crank leads back to the start, one
-    turn is walked however many are asked for.
+    A sprint over the range, or a walk where that strays, keeps the assembly; splines through its
+    poses give the rest to within a Newton step or two, all solved together. Where a turn of the
+    crank leads back to the start, one turn is made however many are asked for.
 
     Args:
         loops: of the model.
@@ -60,7 +62,7 @@ def follow(loops: Loops, start: Array, angles: ArrayLike) -> Array:
         way = None if gain is None else Way(loops, knots, gain)
     if way is None:
         way = Way(loops, _knots(loops, start, low, high), None)
-    if len(angles) > 2 * DENSER * len(way.knots):
+    if len(angles) > MANY * len(way.knots):
         way = way.denser()
     parts = [way.at(angles[i : i + CHUNK]) for i in range(0, len(angles), CHUNK)]
     return np.concatenate(parts)
@@ -165,13 +167,22 @@ def _gain(loops: Loops, lap: Array) -> Array | None:
 def _knots(loops: Loops, start: Array, low: float, high: float) -> Array:
     """Return closed states from a lowest to a highest crank angle, rising, (k, nq)."""
     here = float(start[loops.crank_place])
-    before = _walk(loops, start, low) if here - low > SHORTEST else []
-    after = _walk(loops, start, high) if high - here > SHORTEST else []
+    before = _way_to(loops, start, low) if here - low > SHORTEST else []
+    after = _way_to(loops, start, high) if high - here > SHORTEST else []
     return loops.close(np.stack([*before[::-1], start, *after]))
 
 
-def _walk(loops: Loops, start: Array, end: float) -> list[Array]:
+def _way_to(loops: Loops, start: Array, end: float) -> Sequence[Array]:
     """Return nearly closed states on the way from a closed state to a crank angle, the last one there."""
+    if abs(end - start[loops.crank_place]) > STRIDE:
+        states = sprint(loops, start, end)
+        if states is not None:
+            return list(states)
+    return _walk(loops, start, end)
+
+
+def _walk(loops: Loops, start: Array, end: float) -> list[Array]:
+    """Return the way by strides, each shown to stay in the assembly."""
     here, stride = start[None], STRIDE
     angle = float(start[loops.crank_place])
     sense = 1.0 if end > angle else -1.0

@@ -9,7 +9,7 @@ from mujoco import batch
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.mjcf import Loops
+from mechsim.mjcf import Loops, quiet
 from mechsim.simulation.profile import Profile
 from mechsim.simulation.record import States
 from mechsim.simulation.settings import Settings
@@ -45,6 +45,7 @@ class Steps:
     processor: float = 0.0
 
 
+@quiet()
 def step(
     loops: Loops,
     settings: Settings,
