@@ -23,6 +23,12 @@ def sprinted(loops: Loops, turns: float) -> np.ndarray | None:
     return sprint(loops, start, float(start[loops.crank_place]) + TURN * turns)
 
 
+def numbers(loops: Loops) -> list[np.ndarray]:
+    model = loops.model
+    kept = (model.qpos0, model.body_invweight0, model.dof_armature, model.eq_solref)
+    return [values.copy() for values in kept]
+
+
 @pytest.mark.parametrize("turns", [0.3, 1.0, -1.0])
 @pytest.mark.parametrize("name", SURE)
 def test_a_sprint_ends_where_the_closed_form_is(name: str, turns: float) -> None:
@@ -42,11 +48,6 @@ def test_a_sprint_leaves_the_model_as_it_was() -> None:
     before = numbers(loops)
     sprinted(loops, 1.0)
     assert all(np.array_equal(a, b) for a, b in zip(before, numbers(loops), strict=True))
-
-
-def numbers(loops: Loops) -> list[np.ndarray]:
-    model = loops.model
-    return [model.qpos0.copy(), model.body_invweight0.copy(), model.dof_armature.copy(), model.eq_solref.copy()]
 
 
 @pytest.mark.parametrize("slack", [1e-4, 1e-8, 1e-12])
