@@ -1,0 +1,214 @@
+"""Exudyn: the same linkage with redundant coordinates and implicit integration.
+
+Crank and rocker are bodies with one angle (`ObjectRotationalMass1D`), the coupler is a rigid body between
+two joints, or in "rod as a length" no body but a `DistanceConstraint`. As the manual advises: index 3 with
+the generalised-alpha method and a spectral radius below 1; index 2 with the implicit trapezoidal rule. The
+explicit integrators take no loop constraints, so they are left out.
+
+Inside the time: `SolveSteps`, recording of two angles at the samples included. Outside: model, assembly,
+`InitializeSolver` (initial accelerations).
+"""
+
+import os
+import time
+from dataclasses import dataclass
+from typing import Any, Literal
+
+# the module without range checks, which Exudyn's manual advises once a model is known to be right
+os.environ.setdefault("EXUDYN_MODULE", "fast")
+
+import exudyn
+import exudyn.itemInterface as items  # noqa: N813
+import numpy as np
+from exudyn import utilities
+from problem import SAMPLES, Places, Problem
+from protocol import Setting
+
+# no Python function in the time loop: a wheel that no reaction of links of grams slows
+FLYWHEEL = 1e12
+STEPS = (20, 40, 100, 200, 500, 1000)
+
+
+@dataclass(frozen=True)
+class Implicit(Setting):
+    """How a turn is integrated.
+
+    Attributes:
+        drive: the crank's speed is held by a "flywheel", by a "speed" constraint (a `CoordinateConstraint`
+            at velocity level), or its angle by a "function" of time (one with `offsetUserFunction`).
+        index: of the constraints as they are integrated.
+        rod: whether the coupler is a body or a length.
+        modified: whether Newton's method keeps its matrix as long as that converges, Exudyn's default.
+    """
+
+    drive: Literal["flywheel", "speed", "function"] = "speed"
+    index: Literal[2, 3] = 3
+    rod: Literal["body", "length"] = "body"
+    modified: bool = False
+
+
+FAMILIES: dict[str, dict[str, Any]] = {
+    "Exudyn index 3, as it comes": {"modified": True, "drive": "function"},
+    "Exudyn index 3, full Newton": {},
+    "Exudyn index 3, full Newton, flywheel": {"drive": "flywheel"},
+    "Exudyn index 3, full Newton, rod as a length": {"rod": "length"},
+    "Exudyn index 2": {"index": 2, "modified": True},
+}
+
+
+def settings(problem: Problem) -> list[Implicit]:
+    return [Implicit(family, n, **options) for family, options in FAMILIES.items() for n in STEPS]
+
+
+def build(problem: Problem, setting: Implicit) -> "Solver":
+    return Solver(problem, setting)
+
+
+class Solver:
+    """An assembled Exudyn system that solves its turn again and again."""
+
+    def __init__(self, problem: Problem, setting: Implicit):
+        self.problem, self.setting = problem, setting
+        self._container = exudyn.SystemContainer()
+        self.system = self._container.AddSystem()
+        crank, at_crank = self._rotor("crank", 0)
+        rocker, at_rocker = self._rotor("rocker", 1)
+        if setting.rod == "length":
+            markers = [at_crank, at_rocker]
+            self.system.AddObject(items.DistanceConstraint(markerNumbers=markers, distance=self._length))
+        else:
+            self._coupler(at_crank, at_rocker)
+        self._drive(crank)
+        recorded = {"storeInternal": True, "outputVariableType": exudyn.OutputVariableType.Coordinates}
+        self.sensors = [
+            self.system.AddSensor(items.SensorNode(nodeNumber=node, **recorded)) for node in (crank, rocker)
+        ]
+        self.system.Assemble()
+        self.options = self._options()
+        self.solver = exudyn.MainSolverImplicitSecondOrder()
+        self.system.sys["dynamicSolver"] = self.solver
+
+    def run(self) -> tuple[float, Places]:
+        system, options, data = self.system, self.options, self.system.systemData
+        kinds = exudyn.ConfigurationType
+        data.SetSystemState(data.GetSystemState(configuration=kinds.Initial), configuration=kinds.Current)
+        data.SetTime(0.0)
+        if not self.solver.InitializeSolver(system, options):
+            raise RuntimeError("Exudyn could not start")
+        begin = time.process_time()
+        solved = self.solver.SolveSteps(system, options)
+        seconds = time.process_time() - begin
+        self.solver.FinalizeSolver(system, options)
+        turned = [system.GetSensorStoredData(sensor)[-SAMPLES - 1 :, 1] for sensor in self.sensors]
+        if not solved or len(turned[0]) != SAMPLES + 1:
+            return seconds, {}
+        crank, rocker = turned
+        return seconds, self.problem.places(
+            self.problem.hinge("crank").angle + crank, self.problem.hinge("rocker").angle + rocker
+        )
+
+    def _rotor(self, link: str, tip: int) -> tuple[int, int]:
+        """Add crank or rocker; return its node and a marker where the coupler meets it."""
+        problem, hinge = self.problem, self.problem.hinge(link)
+        axis = hinge.link_frame[:, 2]
+        inertia = float(axis @ problem.inertia(link).about(tuple(hinge.link_place)) @ axis)
+        node = self.system.AddNode(
+            items.Node1D(referenceCoordinates=[hinge.angle], initialVelocities=[hinge.rate])
+        )
+        heavy = link == "crank" and self.setting.drive == "flywheel"
+        body = self.system.AddObject(
+            items.Rotor1D(
+                nodeNumber=node,
+                inertia=inertia * (FLYWHEEL if heavy else 1.0),
+                referencePosition=hinge.place,
+                referenceRotation=hinge.frame,
+            )
+        )
+        local = hinge.in_frame(problem.tips[tip][tip])
+        return node, self.system.AddMarker(items.MarkerBodyRigid(bodyNumber=body, localPosition=local))
+
+    def _coupler(self, at_crank: int, at_rocker: int) -> None:
+        """Add the coupler as a body between two joints."""
+        planar = self.problem.planar
+        body = self._planar_body() if planar else self._spatial_body()
+        (_, near), (far, _) = self.problem.tips
+        joint = items.RevoluteJoint2D if planar else items.SphericalJoint
+        for marker, local in ((at_crank, near), (at_rocker, far)):
+            own = self.system.AddMarker(items.MarkerBodyRigid(bodyNumber=body, localPosition=local))
+            self.system.AddObject(joint(markerNumbers=[marker, own]))
+
+    def _planar_body(self) -> int:
+        start, inertia = self.problem.link("coupler"), self.problem.inertia("coupler")
+        turn = float(np.arctan2(start.rotation[0, 1, 0], start.rotation[0, 0, 0]))
+        node = self.system.AddNode(
+            items.NodeRigidBody2D(
+                referenceCoordinates=[*start.position[0, :2], turn],
+                initialVelocities=[*start.velocity[0, :2], start.angular_velocity[0, 2]],
+            )
+        )
+        return self.system.AddObject(
+            items.ObjectRigidBody2D(
+                nodeNumber=node,
+                mass=inertia.mass,
+                inertia=float(inertia.about((0.0, 0.0, 0.0))[2, 2]),
+                centerOfMass=list(inertia.centre[:2]),
+            )
+        )
+
+    def _spatial_body(self) -> int:
+        start, inertia = self.problem.link("coupler"), self.problem.inertia("coupler")
+        made = utilities.RigidBodyInertia(
+            mass=inertia.mass, inertiaTensor=inertia.about((0.0, 0.0, 0.0)), com=np.array(inertia.centre)
+        )
+        number = self.system.CreateRigidBody(
+            inertia=made,
+            nodeType=exudyn.NodeType.RotationEulerParameters,
+            referencePosition=start.position[0],
+            referenceRotationMatrix=start.rotation[0],
+            initialVelocity=start.velocity[0],
+            initialAngularVelocity=start.angular_velocity[0],
+        )
+        return int(number)
+
+    @property
+    def _length(self) -> float:
+        (_, near), (far, _) = self.problem.tips
+        return float(np.linalg.norm(far - near))
+
+    def _drive(self, crank: int) -> None:
+        """Hold the crank's speed or angle."""
+        speed, drive = self.problem.speed, self.setting.drive
+        if drive == "flywheel":
+            return
+        ground = self.system.AddNode(items.NodePointGround())
+        markers = [
+            self.system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=0))
+            for node in (ground, crank)
+        ]
+        options: dict[str, Any] = {"offset": speed, "velocityLevel": True}
+        if drive == "function":
+            options = {
+                "offsetUserFunction": lambda _system, time, _item, _offset: speed * time,
+                "offsetUserFunction_t": lambda _system, _time, _item, _offset: speed,
+            }
+        self.system.AddObject(items.CoordinateConstraint(markerNumbers=markers, **options))
+
+    def _options(self) -> Any:
+        setting, options = self.setting, exudyn.SimulationSettings()
+        solution, integration = options.solution, options.timeIntegration
+        solution.file.write = False
+        solution.sensors.writePeriod = self.problem.duration / SAMPLES
+        options.parallel.numberOfThreads = 1
+        options.linearSolver.solverType = exudyn.LinearSolverType.EXUdense
+        integration.endTime = self.problem.duration
+        integration.numberOfSteps = setting.steps
+        integration.adaptiveStep = False
+        integration.verboseMode = 0
+        integration.newton.useModifiedNewton = setting.modified
+        # below 1, as constraints of index 3 need; 0.9 is Exudyn's own choice
+        integration.generalizedAlpha.spectralRadius = 0.9
+        if setting.index == 2:
+            # what the manual's "TrapezoidalIndex2" sets
+            integration.generalizedAlpha.useNewmark = True
+            integration.generalizedAlpha.useIndex2Constraints = True
+        return options

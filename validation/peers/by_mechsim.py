@@ -1,0 +1,85 @@
+"""mechsim itself: stepping with its own defaults and with MuJoCo's, and poses without time.
+
+Inside the time: for stepping the rollout in C, every step recorded; for poses `pose.follow` whole, from the
+start pose to the last. Outside: model, assembly, the batch of simulations, points out of states.
+"""
+
+import copy
+import time
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from problem import SAMPLES, Array, Places, Problem
+from protocol import Setting
+
+from mechsim import mjcf
+from mechsim.mjcf import Loops
+from mechsim.scene import Scene
+from mechsim.simulation import Settings, constant, pose
+from mechsim.simulation.step import step
+
+STEPS = (20, 40, 60, 100, 200, 500, 1000, 3000)
+POSES = (20, 100, 1000)
+MUJOCO = Settings(
+    integrator="Euler", solref=(0.02, 1.0), solimp=(0.9, 0.95, 0.001, 0.5, 2.0), hardness=1.0, refsafe=True
+)
+
+
+@dataclass(frozen=True)
+class Stepped(Setting):
+    """A turn stepped with mechsim's settings."""
+
+    settings: Settings = field(default_factory=Settings)
+
+
+def settings(problem: Problem) -> list[Setting]:
+    hard, plain = (
+        [Stepped(family, n, settings=replace(how, steps_per_turn=n)) for n in STEPS]
+        for family, how in (("mechsim, stepped (RK4)", Settings()), ("MuJoCo's defaults (Euler)", MUJOCO))
+    )
+    return [*[Setting("mechsim, poses", n, poses=True) for n in POSES], *hard, *plain]
+
+
+def build(problem: Problem, setting: Setting) -> "Poses | Steps":
+    return Steps(problem, setting) if isinstance(setting, Stepped) else Poses(problem, setting)
+
+
+class Poses:
+    """The poses of a turn, solved in MuJoCo."""
+
+    def __init__(self, problem: Problem, setting: Setting):
+        self.loops = Loops(mjcf.assembled(problem.mechanism, Scene(level="pose")).compile())
+        self.begun = self.loops.close(self.loops.model.qpos0[None])[0]
+        self.angles = problem.angles(setting.samples)
+        self.names = list(problem.mechanism.points)
+
+    def run(self) -> tuple[float, Places]:
+        begin = time.process_time()
+        states = pose.follow(self.loops, self.begun, self.angles)
+        return time.process_time() - begin, points(self.loops, states, self.names)
+
+
+class Steps:
+    """A turn stepped in MuJoCo."""
+
+    def __init__(self, problem: Problem, setting: Stepped):
+        self.model = mjcf.assembled(problem.mechanism, Scene(level="motion")).compile()
+        self.settings, self.stride = setting.settings, setting.steps // SAMPLES
+        self.profile = constant(problem.speed, 1.0, problem.start)
+        loops = Loops(self.model)
+        begun = loops.close(self.model.qpos0[None])
+        rates = loops.tangent(loops.linearise(begun)[1]) * problem.speed
+        self.start: tuple[Array, Array] = begun[0], rates[0]
+        self.names = list(problem.mechanism.points)
+
+    def run(self) -> tuple[float, Places]:
+        # the settings soften the model's constraints anew at each run
+        loops = Loops(copy.copy(self.model))
+        done = step(loops, self.settings, self.profile, self.start, self.settings.steps_per_turn, self.stride)
+        return done.processor, points(loops, done.states.qpos, self.names)
+
+
+def points(loops: Loops, states: Array, names: list[str]) -> Places:
+    """Return the tracked points at states, (n, 3) each."""
+    sites = loops.sites(np.ascontiguousarray(states))
+    return {name: sites[:, loops.model.site(name).id].copy() for name in names}

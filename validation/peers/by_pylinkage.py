@@ -1,0 +1,59 @@
+"""pylinkage: planar linkages only, each dyad by a circle section in compiled code (numba), no loop to solve.
+
+Inside the time: `Linkage.step_fast`, all poses of the turn. Outside: the linkage and its compilation.
+"""
+
+import math
+import time
+
+import numpy as np
+from problem import TURN, Places, Problem
+from protocol import Setting
+from pylinkage.actuators import Crank
+from pylinkage.components import Ground
+from pylinkage.dyads import FixedDyad, RRRDyad
+from pylinkage.simulation import Linkage
+
+POSES = (20, 100, 1000)
+
+
+def settings(problem: Problem) -> list[Setting]:
+    return [Setting("pylinkage", n, poses=True) for n in POSES] if problem.planar else []
+
+
+class Solver:
+    """A compiled linkage that starts again from the same pose."""
+
+    def __init__(self, problem: Problem, setting: Setting):
+        self.steps, self.start = setting.steps, problem.begun.points
+        o, o4 = (problem.hinge(link).place for link in ("crank", "rocker"))
+        (at_crank, near), (far, at_rocker) = problem.tips
+        crank = Crank(
+            anchor=Ground(o[0], o[1]),
+            radius=float(np.linalg.norm(at_crank)),
+            angular_velocity=TURN / setting.steps,
+            initial_angle=problem.start,
+        )
+        a, b, c = (self.start[name].position[0] for name in "ABC")
+        rod, arm = float(np.linalg.norm(far - near)), float(np.linalg.norm(at_rocker))
+        rocker = RRRDyad(crank.output, Ground(o4[0], o4[1]), rod, arm)
+        to_b, to_c = (math.atan2(*(end - a)[1::-1]) for end in (b, c))
+        point = FixedDyad(crank.output, rocker, float(np.linalg.norm(c - a)), to_c - to_b)
+        self.linkage = Linkage([crank.anchor, rocker.anchor2, crank, rocker, point])
+        self.begun = [(o[0], o[1]), (o4[0], o4[1]), tuple(a[:2]), tuple(b[:2]), tuple(c[:2])]
+        self.linkage.set_coords(self.begun)
+        self.linkage.compile()
+
+    def run(self) -> tuple[float, Places]:
+        self.linkage.set_coords(self.begun)
+        begin = time.process_time()
+        way = self.linkage.step_fast(self.steps)
+        seconds = time.process_time() - begin
+        places = {}
+        for i, name in enumerate("ABC", 2):
+            flat = np.concatenate([self.start[name].position[:, :2], way[:, i]])
+            places[name] = np.column_stack([flat, np.zeros(len(flat))])
+        return seconds, places
+
+
+build = Solver
