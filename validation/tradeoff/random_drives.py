@@ -17,9 +17,9 @@ KEPT = (*SELECTORS, "gear_ratio")
 SOUND = np.deg2rad(20.0)
 
 
-def drives(random: np.random.Generator, count: int) -> Iterator[Drive]:
-    """Yield mechanisms that turn fully and stay clear of dead centres, one of each kind in turn."""
-    names = list(catalog.DRIVES)
+def drives(random: np.random.Generator, count: int, only: str | None = None) -> Iterator[Drive]:
+    """Yield mechanisms that turn fully and stay clear of dead centres, of one kind or each in turn."""
+    names = [only] if only else list(catalog.DRIVES)
     for i in range(count):
         yield sound(names[i % len(names)], random)
 

@@ -1,0 +1,173 @@
+"""A model put through one crank motion, stepped or solved, and judged by its solved poses."""
+
+import copy
+import time as clock
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.errors import AssemblyError
+from mechsim.mjcf import Loops
+from mechsim.motion import Motion
+from mechsim.simulation import pose
+from mechsim.simulation.outcome import Outcome, Run
+from mechsim.simulation.profile import Profile, constant
+from mechsim.simulation.record import States, Track, evaluate
+from mechsim.simulation.settings import Settings
+from mechsim.simulation.step import Steps, step
+
+Array = NDArray[np.float64]
+
+# instants recorded a turn where nothing else is asked
+SAMPLES = 72
+# crank angles at which a profile is probed beforehand
+PROBES = 64
+# a pose this much nearer than the right one, and in units of the stroke this far from it, is another
+# assembly; it is looked for at so many pairs of records
+NEARER, APART, MOST_PAIRS = 0.5, 0.02, 100
+
+
+class Stage:
+    """A model, what to record of it, and the crank motion it is put through."""
+
+    def __init__(self, model: mujoco.MjModel, track: Track, profile: Profile, samples: int | None):
+        self.model, self.track, self.profile, self.samples = model, track, profile, samples
+        loops = Loops(model)
+        self.begun = loops.close(model.qpos0[None])[0]
+        angle, speed, _ = profile.state(np.linspace(0.0, profile.duration, PROBES))
+        # all the way, so that a crank that cannot go there is refused before anything is stepped
+        self.qpos = pose.follow(loops, self.begun, angle)[:1]
+        _, jacobian = loops.linearise(self.qpos)
+        self.qvel = loops.tangent(jacobian) * speed[:1, None]
+
+    def solved(self, tolerance: float | None) -> Run:
+        """Return the motion with every pose solved by itself."""
+        samples = self.samples or max(1, int(np.ceil(SAMPLES * self.profile.turns - 1e-9)))
+        time = np.linspace(0.0, self.profile.duration, samples + 1)
+        angle, speed, acceleration = self.profile.state(time)
+        loops = Loops(self.model)
+        begin = clock.perf_counter()
+        qpos = pose.follow(loops, self.begun, angle)
+        seconds = clock.perf_counter() - begin
+        _, jacobian = loops.linearise(qpos)
+        states = States(time, qpos, loops.tangent(jacobian) * speed[:, None])
+        motion = evaluate(loops, self.track, states, "pose", crank_acceleration=acceleration)
+        assert motion.closure is not None
+        estimate = float(motion.closure.max(initial=0.0))
+        return Run(
+            motion=motion,
+            outcome="met" if tolerance is None or estimate <= tolerance else "missed",
+            tolerance=tolerance,
+            estimate=estimate,
+            steps=len(qpos),
+            seconds=seconds,
+            settings=None,
+            method="pose",
+        )
+
+    def stepped(self, settings: Settings, tolerance: float | None) -> Run:
+        """Return the motion stepped in time, and its outcome."""
+        steps, motion = self._stepped(settings)
+        estimate, elsewhere = self._error(steps.states, motion)
+        outcome: Outcome = "met"
+        if steps.diverged:
+            outcome, estimate = "diverged", np.inf
+            motion = replace(motion, broken=f"MuJoCo's state went bad after {steps.states.time[-1]:.6g} s")
+        elif elsewhere:
+            outcome = "changed assembly"
+        elif not estimate <= (np.inf if tolerance is None else tolerance):
+            outcome = "missed"
+        return Run(
+            motion=motion,
+            outcome=outcome,
+            tolerance=tolerance,
+            estimate=estimate,
+            steps=steps.count,
+            seconds=steps.seconds,
+            settings=settings,
+            timestep=steps.timestep,
+            method="step",
+        )
+
+    def tried(self, settings: Settings) -> Array:
+        """Return the worst distance from the solved poses in each turn, (turns,) in [m]; inf if it broke."""
+        steps, motion = self._stepped(settings)
+        turns = max(1, round(self.profile.turns))
+        worst = np.full(turns, np.inf)
+        if steps.diverged:
+            return worst
+        try:
+            error = self._distances(Loops(self.model), _places(motion), self._true(steps.states))
+        except AssemblyError:
+            return worst
+        of = np.minimum(turns * steps.states.time // (self.profile.duration * (1.0 + 1e-9)), turns - 1)
+        return np.array([error[of == turn].max() for turn in range(turns)])
+
+    def _stepped(self, settings: Settings) -> tuple[Steps, Motion]:
+        loops = Loops(copy.copy(self.model))
+        total, stride = self._paced(settings)
+        steps = step(loops, settings, self.profile, (self.qpos[0], self.qvel[0]), total, stride)
+        return steps, evaluate(loops, self.track, steps.states, "step", force=steps.force)
+
+    def _paced(self, settings: Settings) -> tuple[int, int]:
+        """Return how many steps the run takes and how many lie between two records."""
+        total = max(1, int(np.ceil(self.profile.turns * settings.steps_per_turn - 1e-9)))
+        if self.samples is None:
+            return total, max(1, int(total / (SAMPLES * self.profile.turns)))
+        stride = -(-total // self.samples)
+        return stride * self.samples, stride
+
+    def first(self, turns: float) -> "Stage":
+        """Return the stage of the first turns; of the whole way where that is shorter, or not steady."""
+        if not self.profile.steady or self.profile.turns <= turns:
+            return self
+        (start,), (speed,), _ = self.profile.state(np.zeros(1))
+        return Stage(self.model, self.track, constant(float(speed), turns, float(start)), None)
+
+    def _error(self, states: States, motion: Motion) -> tuple[float, bool]:
+        """Return the points' worst distance from the solved poses; whether another assembly explains it."""
+        loops, stepped = Loops(self.model), _places(motion)
+        try:
+            true = self._true(states)
+        except AssemblyError:
+            # the crank came to rest on a dead centre, or beyond: no pose is right there
+            return float("inf"), False
+        error = self._distances(loops, stepped, true)
+        stroke = 0.5 * float(np.ptp(loops.sites(true)[:, self._sites], axis=0).max())
+        return float(error.max()), self._elsewhere(loops, states.qpos, stepped, error, APART * stroke)
+
+    def _true(self, states: States) -> Array:
+        """Return the poses solved at the crank angles of states, (n, nq)."""
+        loops = Loops(self.model)
+        return pose.follow(loops, self.begun, states.qpos[:, loops.crank_place])
+
+    def _elsewhere(self, loops: Loops, qpos: Array, stepped: Array, error: Array, apart: float) -> bool:
+        """Say whether two records in a row, both far off, lie in another assembly, not in none."""
+        far = error > apart
+        pairs = np.flatnonzero(far[1:] & far[:-1])
+        tried = pairs[np.unique(np.linspace(0, len(pairs) - 1, MOST_PAIRS).astype(int))] if len(pairs) else []
+        for i in tried:
+            both = slice(i, i + 2)
+            try:
+                nearest = loops.close(qpos[both])
+            except AssemblyError:
+                continue
+            if (self._distances(loops, stepped[both], nearest) < NEARER * error[both]).all():
+                return True
+        return False
+
+    def _distances(self, loops: Loops, stepped: Array, states: Array) -> Array:
+        """Return the distance of the farthest of points (n, k, 3) from where states put them, (n,)."""
+        gaps = np.sqrt(((stepped - loops.sites(states)[:, self._sites]) ** 2).sum(-1)).max(1)
+        return np.where(np.isfinite(gaps), gaps, np.inf)
+
+    @property
+    def _sites(self) -> list[int]:
+        return [self.model.site(name).id for name in self.track.points]
+
+
+def _places(motion: Motion) -> Array:
+    """Return the places of all points of a motion, (n, k, 3)."""
+    return np.stack([point.position for point in motion.points.values()], 1)
