@@ -6,7 +6,7 @@ import typer
 
 from mechsim.cli.options import Name, Sets, Speed, drive_of, speed_of, writable
 from mechsim.cli.output import progress
-from mechsim.cli.roads import Road, motion_of, profile_of
+from mechsim.cli.roads import Road, joint_loads, motion_of, profile_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -43,7 +43,7 @@ def render(
     ] = None,
     positions: Annotated[int, typer.Option(help="Positions drawn over one another in a still picture.")] = 1,
     arrows: Annotated[
-        str | None, typer.Option(metavar="KINDS", help="Arrows at points: velocity,acceleration.")
+        str | None, typer.Option(metavar="KINDS", help="Arrows: velocity, acceleration, force, moment.")
     ] = None,
     magnify: Annotated[
         float | None, typer.Option(help="Factor on the error with --from both; a power of ten if left out.")
@@ -87,6 +87,10 @@ def render(
         samples = _slowed(profile.duration, slow, fps, frames_per_turn)
         look["caption"] = f"1/{slow:g} of true speed" if slow != 1.0 else "true speed"
     motion = motion_of(drive, "simulated" if road == "both" else road, profile, samples)
+    if {"force", "moment"} & set(look["arrows"]):
+        look |= joint_loads(drive, road, profile, motion)
+        said = "joint loads as they act on the driven link"
+        look["caption"] = f"{look['caption']}; {said}" if "caption" in look else said
     if road == "both":
         look["exact"] = drive.solve(motion.angle, motion.speed, motion.acceleration)
     if picture:

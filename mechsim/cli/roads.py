@@ -1,6 +1,6 @@
 """Motions to draw, by the closed form or by MuJoCo."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -46,3 +46,26 @@ def motion_of(drive: "Drive", road: str, profile: "Profile", samples: float) -> 
         return simulate(drive.mechanism, profile=profile, samples=count).motion
     angles = profile.state(np.linspace(0.0, profile.duration, count + 1))
     return drive.solve(*angles)
+
+
+def joint_loads(drive: "Drive", road: str, profile: "Profile", motion: "Motion") -> dict[str, Any]:
+    """Return forces and moments in the joints at the samples of a motion, from the same road as the motion.
+
+    They act on the link b of each joint; links are rods of steel and weigh, as `mechsim dynamics` has it.
+    """
+    from mechsim import dynamics
+    from mechsim.forces import Forces
+    from mechsim.simulation.dynamics import driven
+
+    machine = dynamics.machine(drive, Forces(gravity=(0.0, -9.81, 0.0)))
+    if road == "simulated":
+        run = driven(machine.mechanism, machine.forces, profile=profile, samples=len(motion) - 1)
+        found = run.efforts.reactions
+    else:
+        found = dynamics.prescribed(
+            machine, motion.angle, motion.speed, motion.acceleration
+        ).balance.reactions
+    return {
+        "forces": {name: one.force for name, one in found.items()},
+        "moments": {name: one.moment for name, one in found.items()},
+    }

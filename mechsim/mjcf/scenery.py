@@ -18,6 +18,8 @@ GEOMS = {
 PAPER = (0.955, 0.96, 0.97)
 GRID_LINE = (0.76, 0.79, 0.83)
 MATTE = "matte"
+# parts of white light: from everywhere, from the camera, from the lamp over its shoulder
+AMBIENT, HEADLIGHT, LAMP = 0.42, 0.28, 0.30
 
 
 def add_shape(body: mujoco.MjsBody, shape: Shape) -> None:
@@ -77,15 +79,25 @@ def add_camera(spec: mujoco.MjSpec, name: str, camera: Camera) -> None:
     view.fovy = camera.height
 
 
-def add_light(spec: mujoco.MjSpec, camera: Camera, middle: Array, normal: Array, shadow: bool) -> None:
-    """Add a directional light over a camera's shoulder that throws shadows on a wall."""
+def light_way(camera: Camera, normal: Array) -> Array:
+    """Return the way of the lamp's light, a unit vector: over a camera's shoulder onto a wall."""
     way = -(1.3 * normal + 0.55 * camera.up - 0.5 * camera.right + 0.35 * camera.back)
-    way /= np.linalg.norm(way)
-    light = spec.worldbody.add_light(pos=middle - 2.0 * camera.height * way)
-    light.dir = way
+    return way / np.linalg.norm(way)
+
+
+def add_light(spec: mujoco.MjSpec, camera: Camera, middle: Array, normal: Array, shadow: bool) -> None:
+    """Add a lamp far away; its shadows, if any, fall on a wall."""
+    light = spec.worldbody.add_light(pos=middle - 2.0 * camera.height * light_way(camera, normal))
+    light.dir = light_way(camera, normal)
     light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-    light.diffuse, light.specular = [0.30] * 3, [0.20] * 3
+    light.diffuse, light.specular = [LAMP] * 3, [0.20] * 3
     light.castshadow = shadow
+
+
+def brightness(camera: Camera, normal: Array, emission: float) -> tuple[float, float]:
+    """Return the share of its colour that a white wall shows, with the lamp and in its shadow."""
+    unlit = emission + AMBIENT + HEADLIGHT * float(normal @ camera.back)
+    return unlit - LAMP * float(normal @ light_way(camera, normal)), unlit
 
 
 def prepare(spec: mujoco.MjSpec, camera: Camera, middle: Array) -> None:
@@ -96,8 +108,10 @@ def prepare(spec: mujoco.MjSpec, camera: Camera, middle: Array) -> None:
     # parts are small in the picture: fewer facets than MuJoCo's 28 look as round and draw faster
     spec.visual.quality.numslices = 20
     spec.visual.quality.numstacks = 12
-    spec.visual.headlight.ambient = [0.42] * 3
-    spec.visual.headlight.diffuse = [0.28] * 3
+    # under light from far away a flat face is shaded alike all over and needs no division
+    spec.visual.quality.numquads = 1
+    spec.visual.headlight.ambient = [AMBIENT] * 3
+    spec.visual.headlight.diffuse = [HEADLIGHT] * 3
     spec.visual.headlight.specular = [0.05] * 3
     # the camera's distances are multiples of the extent
     spec.stat.extent = camera.height

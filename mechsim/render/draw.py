@@ -27,6 +27,7 @@ def frames(
     angles: ArrayLike | None = None,
     exact: Motion | None = None,
     forces: Mapping[str, ArrayLike] | None = None,
+    moments: Mapping[str, ArrayLike] | None = None,
     **options: Any,
 ) -> Iterator[Picture]:
     """Yield the frames of a motion, (height, width, 3) each.
@@ -37,14 +38,16 @@ def frames(
         angles: crank angles of the frames in [rad], inside the motion; None draws every sample.
         exact: the same motion by the closed form, sample by sample; drawn as a ghost over `motion`,
             their difference magnified (see `Look.magnify`) and the factor written on the picture.
-        forces: tracked point -> force at each sample, (len(motion), 3) in [N], for `arrows`.
+        forces: tracked point or joint -> force at each sample, (len(motion), 3) in [N], for `arrows`;
+            `dynamics.prescribed(...).balance.reactions[joint].force` are those in the joints.
+        moments: likewise in [N m].
         options: see `Look`.
 
     Raises:
         InputError: for an unknown camera, point or back end, or a motion without links.
         MissingToolError: where this machine has no OpenGL.
     """
-    stage = Source(mechanism, motion, exact, forces).stage(Look(**options), angles)
+    stage = Source(mechanism, motion, exact, forces, moments).stage(Look(**options), angles)
     return draw(stage, backends.choose(stage.look.backend))
 
 
@@ -55,6 +58,7 @@ def still(
     angle: float | None = None,
     exact: Motion | None = None,
     forces: Mapping[str, ArrayLike] | None = None,
+    moments: Mapping[str, ArrayLike] | None = None,
     **options: Any,
 ) -> Picture:
     """Return one picture, framed over the whole motion: at a crank angle in [rad], else at the first sample.
@@ -62,7 +66,7 @@ def still(
     Paths are drawn whole unless asked for otherwise; other arguments as for `frames`.
     """
     options.setdefault("paths", "whole")
-    source = Source(mechanism, motion, exact, forces)
+    source = Source(mechanism, motion, exact, forces, moments)
     stage = source.stage(Look(**options))
     if angle is not None:
         shown = source.track([angle])
@@ -79,6 +83,7 @@ class Source:
     motion: Motion
     exact: Motion | None = None
     forces: Mapping[str, ArrayLike] | None = None
+    moments: Mapping[str, ArrayLike] | None = None
 
     def stage(self, look: Look, angles: ArrayLike | None = None) -> Stage:
         """Return the stage of all samples, or of given crank angles."""
@@ -93,7 +98,7 @@ class Source:
 
     def track(self, angles: ArrayLike | None) -> Track:
         """Return the poses at all samples, or at given crank angles."""
-        return track(self.mechanism, self.motion, angles, self.forces)
+        return track(self.mechanism, self.motion, angles, self.forces, self.moments)
 
     def ghost(self, angles: ArrayLike | None, by: float | None) -> Ghost | None:
         """Return the ghost, its error magnified by a factor, or as much as shows it well."""

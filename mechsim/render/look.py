@@ -8,7 +8,7 @@ from mechsim.mechanism import Mechanism
 from mechsim.shapes.camera import PRESETS
 
 Paths = Literal["grow", "tail", "whole"]
-Arrow = Literal["velocity", "acceleration", "force"]
+Arrow = Literal["velocity", "acceleration", "force", "moment"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +26,8 @@ class Look:
         sense: whether an arrow shows which way the crank turns.
         projections: tracked points whose paths are also thrown on the planes XY, XZ and YZ.
         overlay: positions drawn at once over the whole motion; 1 draws one a frame.
-        arrows: what arrows at the tracked points show: "velocity", "acceleration", "force".
+        arrows: what arrows show: "velocity" and "acceleration" of tracked points, "force" and "moment"
+            where they were given.
         magnify: factor on the error between a run and the ghost of the closed form; None takes the
             power of ten that makes it plain to see.
         caption: a line to write at the foot of the picture.

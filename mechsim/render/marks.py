@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from mechsim.render.numbers import prefixed
 from mechsim.shapes.camera import Camera, nice
 
 Array = NDArray[np.float64]
@@ -91,10 +92,7 @@ def _notes(image: Image.Image, camera: Camera, notes: Notes, angle: float | None
 def scale_bar(camera: Camera) -> tuple[float, str]:
     """Return a round length of about a sixth of the picture's width in [m], and how it is written."""
     length = nice(camera.size[0] / camera.scale / 5.0)
-    for unit, factor in (("m", 1.0), ("mm", 1e-3), ("µm", 1e-6)):
-        if length >= 0.9999 * factor:
-            return length, f"{length / factor:g} {unit}"
-    return length, f"{length:g} m"
+    return length, prefixed(length, "m")
 
 
 def _text(

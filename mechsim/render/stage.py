@@ -53,7 +53,7 @@ class Stage:
             balls, radii = self._add_stands(balls, radii)
         self.arrows = self._arrows()
         for one in self.arrows:
-            tips = one.tips(track.points)
+            tips = one.tips(track.starts)
             balls, radii = np.vstack([balls, tips]), np.append(radii, np.zeros(len(tips)))
         back, up = cameras.directions(mechanism, look.camera)
         self._clear_walls()
@@ -92,12 +92,10 @@ class Stage:
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
-    def unshadowed(self, scene: mujoco.MjvScene) -> None:
-        """Let the ghost throw no shadow: in a scene just updated its geoms become decoration."""
-        if self.ghost:
-            for geom in scene.geoms[: scene.ngeom]:
-                if geom.rgba[3] < 1.0:
-                    geom.category = mujoco.mjtCatBit.mjCAT_DECOR
+    def missed(self, wall: Wall) -> float:
+        """Return the light of its own that keeps a wall slanting from the camera as white as any."""
+        share = 0.5 if self.look.projections else 0.25
+        return share * (1.0 - float(wall.normal @ self.camera.back))
 
     def thrown(self, path: Array, wall: Wall) -> Array:
         """Return a path thrown square on a wall, a hair's breadth in front of it."""
@@ -163,14 +161,12 @@ class Stage:
     def _spec(self) -> mujoco.MjSpec:
         spec, look, middle = mujoco.MjSpec(), self.look, (self.low + self.high) / 2.0
         scenery.prepare(spec, self.camera, middle)
-        scenery.add_light(spec, self.camera, middle, self.walls[0].normal, self._stands_on_wall())
+        scenery.add_light(spec, self.camera, middle, self.walls[0].normal, shadow=False)
         if look.projections:
             depth = 2.0 * self.camera.height + 2.0 * float(np.linalg.norm(self.high - self.low))
             scenery.add_sheet(spec, self.camera, depth)
         for i, wall in enumerate(self.walls):
-            # what a slanting plane misses of the camera's light, so that paper looks white from everywhere
-            missed = 1.0 - float(wall.normal @ self.camera.back)
-            scenery.add_grid(spec, f"wall{i}", wall, self.cell, (0.5 if look.projections else 0.25) * missed)
+            scenery.add_grid(spec, f"wall{i}", wall, self.cell, self.missed(wall))
         for shape in self.shapes[GROUND]:
             scenery.add_shape(spec.worldbody, shape)
         for link in self.mechanism.links:
@@ -185,7 +181,8 @@ class Stage:
         scenery.add_camera(spec, CAMERA, self.camera)
         return spec
 
-    def _stands_on_wall(self) -> bool:
+    @property
+    def stands_on_wall(self) -> bool:
         """Whether the backdrop carries the mechanism; on a wall far behind it a shadow only confuses."""
         normals = planar_normals(self.mechanism)
         if self.look.projections or self.look.overlay > 1:

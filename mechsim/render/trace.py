@@ -1,10 +1,11 @@
-"""The lines of a picture: paths, their projections, arrows at points, the sense of the crank."""
+"""What a picture shows beside the solids: shadow, paths, projections, arrows, the sense of the crank."""
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.render.lines import Chain, chain
+from mechsim.render.shadow import Shadow
 from mechsim.render.stage import BEFORE, Stage
 from mechsim.shapes import link_colours
 
@@ -18,6 +19,7 @@ class Trace:
         self.stage, look = stage, stage.look
         self.width = 2.4 * look.size[1] / 480.0 / stage.camera.scale
         colours = link_colours(stage.mechanism)
+        self.shadow = Shadow(stage) if stage.stands_on_wall else None
         self.paths: dict[str, Chain] = {}
         self.fixed: list[Chain] = []
         for name, path in stage.track.paths.items():
@@ -33,14 +35,15 @@ class Trace:
             self.fixed.extend(self._sense())
 
     def put(self, scene: mujoco.MjvScene, frame: int) -> None:
-        """Add the lines of a frame to a scene."""
+        """Add shadow, lines and arrows of a frame to a scene."""
         now, trace = self.stage.track, self.stage.look.trace
+        if self.shadow:
+            self.shadow.put(scene)
         for fixed in self.fixed:
             fixed.put(scene)
-        self.stage.unshadowed(scene)
         nearer = BEFORE * self.stage.radius * self.stage.camera.back
         for arrows in self.stage.arrows:
-            starts = {name: path[frame] + nearer for name, path in now.points.items()}
+            starts = {name: path[frame] + nearer for name, path in now.starts.items()}
             arrows.put(scene, starts, frame, 0.45 * self.stage.radius)
         if trace not in ("grow", "tail"):
             return

@@ -26,8 +26,9 @@ class Track:
         points: tracked point -> place in each frame, (n, 3) in [m].
         paths: tracked point -> its path over the whole motion, (m, 3) in [m].
         passed: how many points of its path each tracked point has passed, (n,).
-        vectors: "velocity", "acceleration" and, if given, "force" -> point -> vector in each frame,
-            (n, 3) in SI.
+        vectors: "velocity", "acceleration" and, if given, "force" and "moment" -> point or joint ->
+            vector in each frame, (n, 3) in SI.
+        starts: point or joint -> where its arrows start in each frame, (n, 3) in [m].
     """
 
     angle: Array
@@ -36,6 +37,7 @@ class Track:
     paths: Mapping[str, Array]
     passed: NDArray[np.intp]
     vectors: Mapping[str, Mapping[str, Array]]
+    starts: Mapping[str, Array]
 
     def __len__(self) -> int:
         return len(self.angle)
@@ -55,6 +57,7 @@ def track(
     motion: Motion,
     angles: ArrayLike | None = None,
     forces: Mapping[str, ArrayLike] | None = None,
+    moments: Mapping[str, ArrayLike] | None = None,
 ) -> Track:
     """Return the frames of a motion, or of the poses it passes at given crank angles.
 
@@ -62,7 +65,8 @@ def track(
         mechanism: what moves.
         motion: how it moves.
         angles: crank angles of the frames in [rad]; None takes every sample.
-        forces: tracked point -> force at each sample, (len(motion), 3) in [N], for arrows.
+        forces: tracked point or joint -> force at each sample, (len(motion), 3) in [N], for arrows.
+        moments: likewise in [N m].
 
     Raises:
         InputError: where the motion lacks a link, holds a NaN, or does not reach an angle.
@@ -83,7 +87,7 @@ def track(
     paths = {name: _picked(poses[link], fine).point(local) for name, (link, local) in _moving(mechanism)}
     passed = np.searchsorted(fine, np.arange(len(motion)), side="right")
     wanted = motion.angle if angles is None else np.atleast_1d(np.asarray(angles, dtype=np.float64))
-    vectors = _vectors(mechanism, motion, forces or {})
+    vectors = _vectors(mechanism, motion, {"force": forces or {}, "moment": moments or {}})
     # the samples themselves need no search, which a crank that swings to and fro would not allow
     if not np.array_equal(wanted, motion.angle):
         place = places(motion.angle, wanted)
@@ -93,30 +97,35 @@ def track(
             kind: {name: mixed(values, place) for name, values in one.items()}
             for kind, one in vectors.items()
         }
-    points = {
+    joints = {joint.name: (joint.b.link, joint.b.point) for joint in mechanism.joints}
+    starts = {
         name: np.broadcast_to(poses[link].point(local), (len(wanted), 3))
-        for name, (link, local) in mechanism.points.items()
+        for name, (link, local) in {**joints, **mechanism.points}.items()
     }
-    return Track(wanted, poses, points, paths, passed, vectors)
+    points = {name: starts[name] for name in mechanism.points}
+    return Track(wanted, poses, points, paths, passed, vectors, starts)
 
 
 def _vectors(
-    mechanism: Mechanism, motion: Motion, forces: Mapping[str, ArrayLike]
+    mechanism: Mechanism, motion: Motion, given: Mapping[str, Mapping[str, ArrayLike]]
 ) -> dict[str, dict[str, Array]]:
-    """What arrows can show of the points that move, sample by sample."""
+    """What arrows can show sample by sample: of the points that move, and what was given."""
     moving = [name for name, _ in _moving(mechanism) if name in motion.points]
     found = {
         kind: {name: getattr(motion.points[name], kind) for name in moving}
         for kind in ("velocity", "acceleration")
     }
-    if forces:
-        found["force"] = {name: np.asarray(force, dtype=np.float64) for name, force in forces.items()}
-        for name, force in found["force"].items():
-            if name not in mechanism.points or force.shape != (len(motion), 3):
+    known = list(dict.fromkeys([*mechanism.points, *(joint.name for joint in mechanism.joints)]))
+    for kind, values in given.items():
+        found[kind] = {name: np.asarray(vector, dtype=np.float64) for name, vector in values.items()}
+        for name, vector in found[kind].items():
+            if name not in known or vector.shape != (len(motion), 3):
                 raise InputError(
-                    f"force at {name!r} of shape {force.shape}: give ({len(motion)}, 3) numbers at one of "
-                    f"{', '.join(mechanism.points)}"
+                    f"{kind} at {name!r} of shape {vector.shape}: give ({len(motion)}, 3) numbers at one of "
+                    f"{', '.join(known)}"
                 )
+            if not np.isfinite(vector).all():
+                raise InputError(f"{kind} at {name!r} holds NaN or infinity and cannot be drawn")
     return found
 
 
