@@ -72,6 +72,7 @@ class Loops:
         hinges: for each number of qpos whether it is the angle of a hinge.
         quaternions: where quaternions begin in qpos.
         turning: for each number of qpos whether it is one of a quaternion's.
+        looking: a copy of the model as it was given, reduced to its kinematics; not to be changed.
     """
 
     def __init__(self, model: mujoco.MjModel):
@@ -102,8 +103,8 @@ class Loops:
             self.turning[place : place + 4] = True
         self.hinges = np.zeros(model.nq, dtype=np.bool_)
         self.hinges[model.jnt_qposadr[model.jnt_type == HINGE]] = True
-        self._looking = _only_kinematics(model)
-        self._data = mujoco.MjData(self._looking)
+        self.looking = _only_kinematics(model)
+        self._data = mujoco.MjData(self.looking)
         self._batches: dict[int, batch.Batch] = {}
         self._basis: tuple[Array, Array, Array] | None = None
 
@@ -139,7 +140,7 @@ class Loops:
 
     def _one(self, qpos: Array) -> tuple[Array, Array, Slope]:
         """Return places and rotations of all bodies at one state; a batch of one costs three times this."""
-        model, data = self._looking, self._data
+        model, data = self.looking, self._data
         data.qpos[:] = qpos[0]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
@@ -165,7 +166,7 @@ class Loops:
             if len(self._batches) > 8:
                 self._batches.clear()
             threads = 1 if n <= ONE_THREAD else 0
-            self._batches[n] = batch.Batch(self._looking, n, nthread=threads)
+            self._batches[n] = batch.Batch(self.looking, n, nthread=threads)
         return self._batches[n]
 
     def sites(self, qpos: Array) -> Array:

@@ -1,15 +1,16 @@
 """The way of an assembly over a range of the crank, by a few steps of MuJoCo in C."""
 
 import copy
+from weakref import WeakKeyDictionary
 
+import mujoco
 import numpy as np
+from mujoco import batch
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
-from mechsim.mjcf import Loops
-from mechsim.simulation.profile import constant
+from mechsim.mjcf import Loops, quiet
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.step import step
 
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
@@ -19,8 +20,10 @@ TURN = 2.0 * np.pi
 STEPS = 64
 # a correction longer than this may lead elsewhere; it has to be well above those and below any way there
 ASTRAY = 1e-3
+CLOCK = TURN / STEPS
 
 
+@quiet()
 def sprint(loops: Loops, start: Array, end: float) -> Array | None:
     """Return closed states on the way from a closed state to a crank angle, (n, nq), the last one there.
 
@@ -33,23 +36,17 @@ def sprint(loops: Loops, start: Array, end: float) -> Array | None:
         end: crank angle in [rad].
     """
     angle = float(start[loops.crank_place])
-    turned = end - angle
-    count = int(np.ceil(abs(turned) / TURN * STEPS))
+    count = int(np.ceil(abs(end - angle) / CLOCK))
     jacobian = loops.linearise(start[None])[1]
     side = float(loops.side(jacobian)[0])
     if side == 0.0:
         return None
-    sense = float(np.sign(turned))
-    begin = start, sense * loops.tangent(jacobian)[0]
-    runner = copy.copy(loops)
-    runner.model = copy.copy(loops.model)
-    profile = constant(sense, abs(turned) / TURN, angle)
-    steps = step(runner, Settings(steps_per_turn=STEPS), profile, begin, count, 1)
-    if steps.diverged:
+    rough = _stepped(loops, start, (end - angle) / (count * CLOCK) * loops.tangent(jacobian)[0], count)
+    asked = np.linspace(angle, end, count + 1)[1:]
+    # MuJoCo sets a bad state back to where it began
+    if not np.abs(rough[:, loops.crank_place] - asked).max() < ASTRAY:
         return None
-    rough = steps.states.qpos[1:]
-    rough[:, loops.crank_place] = angle + turned * np.arange(1.0, count + 1.0) / count
-    rough[-1, loops.crank_place] = end
+    rough[:, loops.crank_place] = asked
     try:
         closed = loops.close(rough, most_steps=4)
     except (AssemblyError, FloatingPointError):
@@ -57,3 +54,26 @@ def sprint(loops: Loops, start: Array, end: float) -> Array | None:
     sides = loops.side(loops.linearise(closed)[1])
     certain = np.abs(closed - rough).max() < ASTRAY and (sides == side).all()
     return closed if certain else None
+
+
+def _stepped(loops: Loops, start: Array, rates: Array, count: int) -> Array:
+    """Return the states after each step of `CLOCK` at the crank's rate, (count, nq), wherever they lead."""
+    if loops not in _runners:
+        _runners[loops] = _runner(loops)
+    sims = _runners[loops]
+    sims.reset(stage=int(mujoco.mjtStage.mjSTAGE_NONE))
+    sims.bind("qpos")[:], sims.bind("qvel")[:] = start, rates
+    return sims.rollout(count, record=("qpos",))["qpos"][0]
+
+
+# a model is often asked for several ranges: making a simulation takes as long as stepping it for a turn
+_runners: WeakKeyDictionary[Loops, batch.Batch] = WeakKeyDictionary()
+
+
+def _runner(loops: Loops) -> batch.Batch:
+    """Return a simulation of the model with hard loops and a flywheel."""
+    hard = copy.copy(loops)
+    hard.model = copy.copy(loops.looking)
+    hard.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    Settings(steps_per_turn=STEPS).apply(hard, CLOCK)
+    return batch.Batch(hard.model, 1, 1)
