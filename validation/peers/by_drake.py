@@ -142,6 +142,9 @@ class Steps:
         crank, rocker = np.array(way).T
         return seconds, self.problem.places(crank, rocker)
 
+    def torque(self) -> None:
+        """The drive is an inertia, and a discrete step has no accelerations to report."""
+
 
 class Poses:
     """The poses of a turn, a program each."""
@@ -180,3 +183,6 @@ class Poses:
             way.append(here)
         states = np.array(way)
         return seconds, self.problem.places(states[:, self.crank_place], states[:, self.rocker_place])
+
+    def torque(self) -> None:
+        """Inverse kinematics knows no forces."""

@@ -2,11 +2,12 @@
 
 Crank and rocker are bodies with one angle (`ObjectRotationalMass1D`), the coupler is a rigid body between
 two joints, or in "rod as a length" no body but a `DistanceConstraint`. As the manual advises: index 3 with
-the generalised-alpha method and a spectral radius below 1; index 2 with the implicit trapezoidal rule. The
-explicit integrators take no loop constraints, so they are left out.
+the generalised-alpha method and a spectral radius of 0.5 to 1; index 2 with the implicit trapezoidal rule;
+the crank prescribed by a `CoordinateConstraint`. "As it comes" leaves every option as it is, Newton's method
+with a kept matrix and a radius of 0.9 among them. Exudyn's explicit integrators take no loop constraints.
 
-Inside the time: `SolveSteps`, recording of two angles at the samples included. Outside: model, assembly,
-`InitializeSolver` (initial accelerations).
+Inside the time: `SolveSteps`, recording of two angles and the torque at the samples included. Outside:
+model, assembly, `InitializeSolver` (initial accelerations).
 """
 
 import os
@@ -21,11 +22,9 @@ import exudyn
 import exudyn.itemInterface as items  # noqa: N813
 import numpy as np
 from exudyn import utilities
-from problem import SAMPLES, Places, Problem
+from problem import SAMPLES, Array, Places, Problem
 from protocol import Setting
 
-# no Python function in the time loop: a wheel that no reaction of links of grams slows
-FLYWHEEL = 1e12
 STEPS = (20, 40, 100, 200, 500, 1000)
 
 
@@ -34,30 +33,38 @@ class Implicit(Setting):
     """How a turn is integrated.
 
     Attributes:
-        drive: the crank's speed is held by a "flywheel", by a "speed" constraint (a `CoordinateConstraint`
-            at velocity level), or its angle by a "function" of time (one with `offsetUserFunction`).
+        drive: the crank's "speed" is held by a `CoordinateConstraint` at velocity level, or its "angle" by
+            one with an `offsetUserFunction` in Python.
         index: of the constraints as they are integrated.
-        rod: whether the coupler is a body or a length.
-        modified: whether Newton's method keeps its matrix as long as that converges, Exudyn's default.
+        coupler: a body turned by "Euler parameters" or in its "Lie group", or a "length" without mass.
+        radius: spectral radius of the generalised-alpha method, below 1 as index 3 needs.
+        modified: whether Newton's method keeps its matrix as long as that converges.
     """
 
-    drive: Literal["flywheel", "speed", "function"] = "speed"
+    drive: Literal["speed", "angle"] = "speed"
     index: Literal[2, 3] = 3
-    rod: Literal["body", "length"] = "body"
+    coupler: Literal["Euler parameters", "Lie group", "length"] = "Euler parameters"
+    radius: float = 0.5
     modified: bool = False
 
 
+NODES = {
+    "Euler parameters": exudyn.NodeType.RotationEulerParameters,
+    "Lie group": exudyn.NodeType.RotationRotationVector,
+}
 FAMILIES: dict[str, dict[str, Any]] = {
-    "Exudyn index 3, as it comes": {"modified": True, "drive": "function"},
+    "Exudyn index 3, as it comes": {"modified": True, "drive": "angle", "radius": 0.9},
     "Exudyn index 3, full Newton": {},
-    "Exudyn index 3, full Newton, flywheel": {"drive": "flywheel"},
-    "Exudyn index 3, full Newton, rod as a length": {"rod": "length"},
+    "Exudyn index 3, full Newton, Lie group": {"coupler": "Lie group"},
+    "Exudyn index 3, full Newton, rod as a length": {"coupler": "length"},
     "Exudyn index 2": {"index": 2, "modified": True},
 }
 
 
 def settings(problem: Problem) -> list[Implicit]:
-    return [Implicit(family, n, **options) for family, options in FAMILIES.items() for n in STEPS]
+    # a planar body turns by one angle, whatever the name
+    kinds = {name: how for name, how in FAMILIES.items() if not (problem.planar and "Lie" in name)}
+    return [Implicit(family, n, **options) for family, options in kinds.items() for n in STEPS]
 
 
 def build(problem: Problem, setting: Implicit) -> "Solver":
@@ -73,12 +80,12 @@ class Solver:
         self.system = self._container.AddSystem()
         crank, at_crank = self._rotor("crank", 0)
         rocker, at_rocker = self._rotor("rocker", 1)
-        if setting.rod == "length":
+        if setting.coupler == "length":
             markers = [at_crank, at_rocker]
             self.system.AddObject(items.DistanceConstraint(markerNumbers=markers, distance=self._length))
         else:
             self._coupler(at_crank, at_rocker)
-        self._drive(crank)
+        self.force = self._drive(crank)
         recorded = {"storeInternal": True, "outputVariableType": exudyn.OutputVariableType.Coordinates}
         self.sensors = [
             self.system.AddSensor(items.SensorNode(nodeNumber=node, **recorded)) for node in (crank, rocker)
@@ -89,6 +96,7 @@ class Solver:
         self.system.sys["dynamicSolver"] = self.solver
 
     def run(self) -> tuple[float, Places]:
+        self.finished = False
         system, options, data = self.system, self.options, self.system.systemData
         kinds = exudyn.ConfigurationType
         data.SetSystemState(data.GetSystemState(configuration=kinds.Initial), configuration=kinds.Current)
@@ -103,9 +111,16 @@ class Solver:
         if not solved or len(turned[0]) != SAMPLES + 1:
             return seconds, {}
         crank, rocker = turned
+        self.finished = True
         return seconds, self.problem.places(
             self.problem.hinge("crank").angle + crank, self.problem.hinge("rocker").angle + rocker
         )
+
+    def torque(self) -> Array | None:
+        """Return the multiplier of the constraint that drives, where the coupler weighs what it should."""
+        if self.setting.coupler == "length" or not self.finished:
+            return None
+        return -self.system.GetSensorStoredData(self.force)[-SAMPLES - 1 :, 1]
 
     def _rotor(self, link: str, tip: int) -> tuple[int, int]:
         """Add crank or rocker; return its node and a marker where the coupler meets it."""
@@ -115,11 +130,10 @@ class Solver:
         node = self.system.AddNode(
             items.Node1D(referenceCoordinates=[hinge.angle], initialVelocities=[hinge.rate])
         )
-        heavy = link == "crank" and self.setting.drive == "flywheel"
         body = self.system.AddObject(
             items.Rotor1D(
                 nodeNumber=node,
-                inertia=inertia * (FLYWHEEL if heavy else 1.0),
+                inertia=inertia,
                 referencePosition=hinge.place,
                 referenceRotation=hinge.frame,
             )
@@ -162,7 +176,7 @@ class Solver:
         )
         number = self.system.CreateRigidBody(
             inertia=made,
-            nodeType=exudyn.NodeType.RotationEulerParameters,
+            nodeType=NODES[self.setting.coupler],
             referencePosition=start.position[0],
             referenceRotationMatrix=start.rotation[0],
             initialVelocity=start.velocity[0],
@@ -175,23 +189,25 @@ class Solver:
         (_, near), (far, _) = self.problem.tips
         return float(np.linalg.norm(far - near))
 
-    def _drive(self, crank: int) -> None:
-        """Hold the crank's speed or angle."""
+    def _drive(self, crank: int) -> int:
+        """Hold the crank's speed or angle; return the sensor of the torque that takes."""
         speed, drive = self.problem.speed, self.setting.drive
-        if drive == "flywheel":
-            return
         ground = self.system.AddNode(items.NodePointGround())
         markers = [
             self.system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=0))
             for node in (ground, crank)
         ]
         options: dict[str, Any] = {"offset": speed, "velocityLevel": True}
-        if drive == "function":
+        if drive == "angle":
             options = {
                 "offsetUserFunction": lambda _system, time, _item, _offset: speed * time,
                 "offsetUserFunction_t": lambda _system, _time, _item, _offset: speed,
             }
-        self.system.AddObject(items.CoordinateConstraint(markerNumbers=markers, **options))
+        driver = self.system.AddObject(items.CoordinateConstraint(markerNumbers=markers, **options))
+        kind = exudyn.OutputVariableType.Force
+        return self.system.AddSensor(
+            items.SensorObject(objectNumber=driver, storeInternal=True, outputVariableType=kind)
+        )
 
     def _options(self) -> Any:
         setting, options = self.setting, exudyn.SimulationSettings()
@@ -199,14 +215,13 @@ class Solver:
         solution.file.write = False
         solution.sensors.writePeriod = self.problem.duration / SAMPLES
         options.parallel.numberOfThreads = 1
-        options.linearSolver.solverType = exudyn.LinearSolverType.EXUdense
+        options.linearSolver.solverType = exudyn.LinearSolverType.EigenDense
         integration.endTime = self.problem.duration
         integration.numberOfSteps = setting.steps
         integration.adaptiveStep = False
         integration.verboseMode = 0
         integration.newton.useModifiedNewton = setting.modified
-        # below 1, as constraints of index 3 need; 0.9 is Exudyn's own choice
-        integration.generalizedAlpha.spectralRadius = 0.9
+        integration.generalizedAlpha.spectralRadius = setting.radius
         if setting.index == 2:
             # what the manual's "TrapezoidalIndex2" sets
             integration.generalizedAlpha.useNewmark = True

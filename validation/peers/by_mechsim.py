@@ -1,7 +1,7 @@
 """mechsim itself: stepping with its own defaults and with MuJoCo's, and poses without time.
 
 Inside the time: for stepping the rollout in C, every step recorded; for poses `pose.follow` whole, from the
-start pose to the last. Outside: model, assembly, the batch of simulations, points out of states.
+start pose to the last. Outside: model, assembly, the batch of simulations, points and torque out of states.
 """
 
 import copy
@@ -13,9 +13,11 @@ from problem import SAMPLES, Array, Places, Problem
 from protocol import Setting
 
 from mechsim import mjcf
+from mechsim.forces import Forces
 from mechsim.mjcf import Loops
 from mechsim.scene import Scene
 from mechsim.simulation import Settings, constant, pose
+from mechsim.simulation.dynamics import driven
 from mechsim.simulation.step import step
 
 STEPS = (20, 40, 60, 100, 200, 500, 1000, 3000)
@@ -44,11 +46,16 @@ def build(problem: Problem, setting: Setting) -> "Poses | Steps":
     return Steps(problem, setting) if isinstance(setting, Stepped) else Poses(problem, setting)
 
 
+# nothing acts on the linkage but its drive
+SCENE = Scene(level="dynamics", forces=Forces())
+
+
 class Poses:
     """The poses of a turn, solved in MuJoCo."""
 
     def __init__(self, problem: Problem, setting: Setting):
-        self.loops = Loops(mjcf.assembled(problem.mechanism, Scene(level="pose")).compile())
+        self.problem = problem
+        self.loops = Loops(mjcf.assembled(problem.mechanism, SCENE).compile())
         self.begun = self.loops.close(self.loops.model.qpos0[None])[0]
         self.angles = problem.angles(setting.samples)
         self.names = list(problem.mechanism.points)
@@ -58,12 +65,18 @@ class Poses:
         states = pose.follow(self.loops, self.begun, self.angles)
         return time.process_time() - begin, points(self.loops, states, self.names)
 
+    def torque(self) -> Array:
+        problem = self.problem
+        found = driven(problem.mechanism, speed=problem.speed, samples=len(self.angles) - 1)
+        return found.efforts.torque
+
 
 class Steps:
     """A turn stepped in MuJoCo."""
 
     def __init__(self, problem: Problem, setting: Stepped):
-        self.model = mjcf.assembled(problem.mechanism, Scene(level="motion")).compile()
+        self.problem = problem
+        self.model = mjcf.assembled(problem.mechanism, SCENE).compile()
         self.settings, self.stride = setting.settings, setting.steps // SAMPLES
         self.profile = constant(problem.speed, 1.0, problem.start)
         loops = Loops(self.model)
@@ -77,6 +90,13 @@ class Steps:
         loops = Loops(copy.copy(self.model))
         done = step(loops, self.settings, self.profile, self.start, self.settings.steps_per_turn, self.stride)
         return done.processor, points(loops, done.states.qpos, self.names)
+
+    def torque(self) -> Array:
+        problem, settings = self.problem, self.settings
+        found = driven(
+            problem.mechanism, speed=problem.speed, method="step", samples=SAMPLES, settings=settings
+        )
+        return found.efforts.torque
 
 
 def points(loops: Loops, states: Array, names: list[str]) -> Places:

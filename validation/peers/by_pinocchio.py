@@ -22,6 +22,8 @@ FLYWHEEL = 1e9
 CONSTANTS = 10.0
 STEPS = (20, 40, 100, 200, 500, 1000)
 POSES = (20, 100, 1000)
+# coordinates and rates
+State = tuple[Array, Array]
 # Newton's method stops at this opening of the loop, in units of the crank
 CLOSED, MOST = 1e-13, 10
 
@@ -106,14 +108,20 @@ class Solver:
         begin = time.process_time()
         way = self.solved() if self.setting.poses else self.stepped()
         seconds = time.process_time() - begin
-        angles = np.array(way)
+        self.way, angles = way, np.array([q for q, _ in way])
         return seconds, self.problem.places(angles[:, 0], angles[:, -1])
 
-    def stepped(self) -> list[Array]:
-        """Return the coordinates at the samples, by the classical Runge-Kutta method in the tangent space."""
+    def torque(self) -> Array | None:
+        """Return what the wheel on the crank feels, at the rates reached; none at poses."""
+        if self.setting.poses:
+            return None
+        return np.array([-FLYWHEEL * self.acceleration(q, v)[0] for q, v in self.way])
+
+    def stepped(self) -> list[State]:
+        """Return the states at the samples, by the classical Runge-Kutta method in the tangent space."""
         model, dt = self.model, self.problem.duration / self.setting.steps
         stride = self.setting.steps // SAMPLES
-        q, v, way = self.q, self.v, [self.q]
+        q, v, way = self.q, self.v, [(self.q, self.v)]
         for i in range(1, self.setting.steps + 1):
             a1 = self.acceleration(q, v)
             w1 = v
@@ -131,7 +139,7 @@ class Solver:
             q = pin.integrate(model, q, dt / 6.0 * (w1 + 2.0 * (w2 + w3) + w4))
             v = v + dt / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
             if i % stride == 0:
-                way.append(q)
+                way.append((q, v))
         return way
 
     def acceleration(self, q: Array, v: Array) -> Array:
@@ -151,11 +159,12 @@ class Solver:
         out[1:4] += 0.5 * turned + np.array([y * c - z * b, z * a - x * c, x * b - y * a]) / 12.0
         return out
 
-    def solved(self) -> list[Array]:
-        """Return the coordinates at the poses, each from the one before along the tangent."""
+    def solved(self) -> list[State]:
+        """Return the coordinates and slopes at the poses, each begun along the tangent."""
         model, stride = self.model, TURN / self.setting.steps
-        q, way = self.q, [self.q]
+        q = self.q
         slope = self.tangent(self.linearised(q)[1])
+        way = [(q, slope)]
         start = self.q[0]
         for i in range(1, self.setting.steps + 1):
             q = pin.integrate(model, q, stride * slope)
@@ -166,7 +175,7 @@ class Solver:
                     break
                 q = pin.integrate(model, q, self.least(jacobian, -gap))
             slope = self.tangent(jacobian)
-            way.append(q)
+            way.append((q, slope))
         return way
 
     def linearised(self, q: Array) -> tuple[Array, Array]:

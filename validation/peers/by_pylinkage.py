@@ -55,5 +55,8 @@ class Solver:
             places[name] = np.column_stack([flat, np.zeros(len(flat))])
         return seconds, places
 
+    def torque(self) -> None:
+        """No masses, no torque."""
+
 
 build = Solver

@@ -48,6 +48,9 @@ class Solver:
         seconds = time.process_time() - begin
         return seconds, self.problem.places(self.angles, found.y[0]) if found.success else {}
 
+    def torque(self) -> None:
+        """No masses, no torque."""
+
     def slope(self, angle: float, rocker: np.ndarray) -> tuple[float]:
         """Return d rocker / d crank."""
         c, s = math.cos(angle), math.sin(angle)

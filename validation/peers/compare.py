@@ -18,7 +18,7 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-from problem import NAMES, Errors, Problem, judge, problem
+from problem import NAMES, Errors, Problem, judge, judge_torque, problem
 from protocol import PEERS, Setting, Solver, load
 
 from mechsim.errors import InputError
@@ -39,6 +39,7 @@ class Row:
         ms: time of a turn.
         place: worst place error in units of the crank; inf where the turn was not finished.
         rocker: worst angle error in [rad].
+        torque: worst error of the drive torque in units of the largest; NaN where the solver gives none.
         note: the tolerance where one was set, or why the turn failed.
     """
 
@@ -48,6 +49,7 @@ class Row:
     ms: float
     place: float
     rocker: float
+    torque: float
     note: str = ""
 
 
@@ -59,6 +61,7 @@ class Entry:
     setting: Setting
     solver: Solver
     errors: Errors
+    torque: float
     times: list[float]
 
     def again(self) -> None:
@@ -72,7 +75,8 @@ class Entry:
         tolerance = getattr(setting, "tolerance", None)
         note = "" if tolerance is None else f"tolerance {tolerance:g}"
         ms = 1e3 * median(self.times)
-        return Row(self.problem.name, setting.family, setting.steps, ms, errors.place, errors.rocker, note)
+        named = self.problem.name, setting.family, setting.steps
+        return Row(*named, ms, errors.place, errors.rocker, self.torque, note)
 
 
 def measured(peers: Iterable[str], names: Sequence[str] = NAMES, rounds: int = ROUNDS) -> list[Row]:
@@ -89,8 +93,10 @@ def measured(peers: Iterable[str], names: Sequence[str] = NAMES, rounds: int = R
             for setting in peer.settings(asked):
                 solver = peer.build(asked, setting)
                 _, found = solver.run()
-                errors = judge(asked, asked.angles(setting.samples), found)
-                entries.append(Entry(asked, setting, solver, errors, []))
+                angles = asked.angles(setting.samples)
+                errors = judge(asked, angles, found)
+                torque = judge_torque(asked, angles, solver.torque())
+                entries.append(Entry(asked, setting, solver, errors, torque, []))
     for _ in range(rounds):
         for entry in entries:
             entry.again()
@@ -107,15 +113,17 @@ def write_table(rows: Sequence[Row], path: Path) -> None:
 
 def markdown(rows: Sequence[Row]) -> str:
     """Return rows as a table for a page."""
-    lines = [
-        "| solver | steps or poses | problem | ms a turn | place | rocker |",
-        "|---|---|---|---|---|---|",
-    ]
+    head = ("solver", "steps or poses", "problem", "ms a turn", "place", "rocker", "torque")
+    lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     for row in rows:
         steps = row.note or str(row.steps)
-        error = f"{row.place:.1e} | {row.rocker:.1e}" if np.isfinite(row.place) else "failed | failed"
-        lines.append(f"| {row.family} | {steps} | {row.problem} | {row.ms:.3g} | {error} |")
+        errors = " | ".join(_error(value) for value in (row.place, row.rocker, row.torque))
+        lines.append(f"| {row.family} | {steps} | {row.problem} | {row.ms:.3g} | {errors} |")
     return "\n".join(lines)
+
+
+def _error(value: float) -> str:
+    return "" if np.isnan(value) else f"{value:.1e}" if np.isfinite(value) else "failed"
 
 
 def main() -> None:

@@ -1,7 +1,7 @@
 """The problem that mechsim and its peers all solve, and the judge of what they return.
 
-One turn of the crank at constant speed, from rest of nothing: the linkage starts closed and moving. Every
-link is a steel rod, there is no gravity, and nothing is left to the solver's choice but how to solve.
+One turn of the crank at constant speed; the linkage starts closed and moving. Every link is a steel rod, and
+there is no gravity.
 """
 
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim import catalog, rods
+from mechsim import catalog, dynamics, rods
 from mechsim.catalog.base import Drive
 from mechsim.inertia import Inertia
 from mechsim.mechanism import GROUND, Joint, Mechanism
@@ -134,6 +134,11 @@ class Problem:
             np.array(second.b.point),
         )
 
+    def torque(self, angles: Array) -> Array:
+        """Return the drive torque at crank angles by the reduced equation of motion, (n,) in [N m]."""
+        machine = dynamics.machine(self.drive, mechanism=self.mechanism)
+        return dynamics.prescribed(machine, angles, self.speed).torque
+
     def places(self, crank: Array, rocker: Array) -> dict[str, Array]:
         """Return the tracked points at angles of crank and rocker (n,), as joints of a solver give them.
 
@@ -181,6 +186,16 @@ def judge(asked: Problem, angles: Array, found: Places) -> Errors:
     gap = _swing(asked, found) - _swing(asked, exact)
     gap -= TURN * np.round(gap / TURN)
     return Errors(place / asked.crank, float(np.abs(gap).max()))
+
+
+def judge_torque(asked: Problem, angles: Array, found: Array | None) -> float:
+    """Return the worst error of a drive torque (n,) in units of the largest; NaN where there is none."""
+    if found is None:
+        return np.nan
+    exact = asked.torque(angles)
+    if found.shape != exact.shape or not np.isfinite(found).all():
+        return np.inf
+    return float(np.abs(found - exact).max() / np.abs(exact).max())
 
 
 def _swing(asked: Problem, places: Places) -> Array:

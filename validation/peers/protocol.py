@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from problem import SAMPLES, Places, Problem
+from problem import SAMPLES, Array, Places, Problem
 
 from mechsim.errors import InputError
 
@@ -50,6 +50,10 @@ class Solver(Protocol):
 
     def run(self) -> tuple[float, Places]:
         """Solve one turn; return the processor time of the solver in [s] and the tracked points."""
+        ...
+
+    def torque(self) -> Array | None:
+        """Return the drive torque at the samples of the last run, (n,) in [N m]; None where there is none."""
         ...
 
 
