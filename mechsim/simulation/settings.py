@@ -1,6 +1,6 @@
 """How a model is stepped: integrator, step, constraint softness and the crank's flywheel."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import mujoco
@@ -9,8 +9,10 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.mjcf import Loops
 from mechsim.mjcf.generate import FLYWHEEL
+from mechsim.simulation.matrices import KINDS, quicker
 
 INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4", "discrete")
+JACOBIANS = ("auto", *KINDS)
 TURN = 2.0 * np.pi
 # time constant of the constraints, in steps, below which stepping rings
 LEAST_CONSTANT = 10.0
@@ -35,6 +37,8 @@ class Settings:
         hardness: factor on the inverse weights that scale a constraint's softness; 1 is MuJoCo's own.
         refsafe: whether MuJoCo keeps the time constant at two steps or more.
         diagexact: whether MuJoCo computes the diagonal of the constraint inertia exactly.
+        jacobian: "dense" or "sparse" matrices in the constraint solver; "auto" takes the quicker, and
+            dense wherever the two do not agree.
         flywheel: inertia on the crank that holds its speed, in [kg m2]; None for 1e12 times that of
             the links, which no reaction of theirs and no redundant constraint turns.
     """
@@ -47,6 +51,7 @@ class Settings:
     hardness: float = 1e-8
     refsafe: bool = False
     diagexact: bool = False
+    jacobian: str = "auto"
     flywheel: float | None = None
 
     def __post_init__(self) -> None:
@@ -54,6 +59,8 @@ class Settings:
             raise InputError(
                 f"there is no integrator {self.integrator!r}; known are {', '.join(INTEGRATORS)}"
             )
+        if self.jacobian not in JACOBIANS:
+            raise InputError(f"there is no jacobian {self.jacobian!r}; known are {', '.join(JACOBIANS)}")
         if not self.steps_per_turn >= 4:
             raise InputError(
                 f"{self.steps_per_turn} steps a turn is a step of a quarter turn or more; take at least 4"
@@ -76,14 +83,18 @@ class Settings:
         """The time constant of the constraints in steps."""
         return self.constant_steps or max(LEAST_CONSTANT, self.steps_per_turn / 10.0)
 
-    def apply(self, loops: Loops, timestep: float) -> None:
-        """Set up a compiled model for a run; its own constraint and solver settings are replaced."""
+    def apply(self, loops: Loops, timestep: float) -> "Settings":
+        """Set up a compiled model for a run; its own constraint and solver settings are replaced.
+
+        Returns:
+            The settings, with what was left to choose chosen.
+        """
         model = loops.model
         option = model.opt
         option.timestep = timestep
         option.integrator = int(getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}"))
-        option.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)
-        if _only_equalities(model) and not (self.integrator == "discrete" and _springy(model)):
+        equalities = _only_equalities(model)
+        if equalities and not (self.integrator == "discrete" and _springy(model)):
             # the cost is then quadratic: one step of Newton's method is exact
             option.iterations, option.tolerance = 1, 0.0
         disable, enable = mujoco.mjtDisableBit, mujoco.mjtEnableBit
@@ -95,6 +106,11 @@ class Settings:
         model.body_invweight0[:] *= self.hardness
         model.dof_invweight0[:] *= self.hardness
         model.dof_armature[loops.crank] = self.flywheel or FLYWHEEL * _inertia(loops)
+        used = self
+        if self.jacobian == "auto":
+            used = replace(self, jacobian=quicker(model) if equalities else "dense")
+        option.jacobian = KINDS["sparse" if used.jacobian == "sparse" else "dense"]
+        return used
 
     def _solref(self, timestep: float) -> tuple[float, float]:
         """Return the time constant, or stiffness and damping where MuJoCo takes its square for zero."""

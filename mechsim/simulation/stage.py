@@ -86,7 +86,7 @@ class Stage:
             estimate=estimate,
             steps=steps.count,
             seconds=steps.seconds,
-            settings=settings,
+            settings=steps.settings,
             timestep=steps.timestep,
             method="step",
         )

@@ -33,6 +33,7 @@ class Steps:
         seconds: time spent stepping.
         timestep: in [s].
         diverged: whether MuJoCo warned of a bad state or a number was not finite.
+        settings: as they were used: what was left to choose is named.
         processor: processor time spent stepping, in [s]; other programs' share is not in it.
     """
 
@@ -42,6 +43,7 @@ class Steps:
     seconds: float
     timestep: float
     diverged: bool
+    settings: Settings
     processor: float = 0.0
 
 
@@ -71,7 +73,7 @@ def step(
         controls: of the model's actuators at the beginning of each step, (total, nu); None is none.
     """
     timestep = profile.duration / total
-    settings.apply(loops, timestep)
+    used = settings.apply(loops, timestep)
     model = loops.model
     sims = batch.Batch(model, 1, 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = start
@@ -108,7 +110,7 @@ def step(
         done += count
     at, qpos, qvel = (np.concatenate(parts) for parts in zip(*records, strict=True))
     force = None if torque is None else torque[np.minimum(at, total - 1)]
-    return Steps(States(timestep * at, qpos, qvel), force, done, spent, timestep, diverged, processor)
+    return Steps(States(timestep * at, qpos, qvel), force, done, spent, timestep, diverged, used, processor)
 
 
 def _torque(profile: Profile, flywheel: float, timestep: float, steps: int) -> Array:
