@@ -8,10 +8,19 @@ import pytest
 
 from mechsim import catalog, cli
 from mechsim.cli import main
-from mechsim.ladder import DEFAULTS, STEPS, cuts_of, families
 from mechsim.simulation.settings import INTEGRATORS
-from mechsim.tradeoff import BOUNDS, QUANTITIES, Tradeoff, measure
-from mechsim.trials import subject_of, subject_of_model
+from mechsim.tradeoff import (
+    BOUNDS,
+    DEFAULTS,
+    QUANTITIES,
+    STEPS,
+    Tradeoff,
+    families,
+    measure,
+    subject_of,
+    subject_of_model,
+)
+from mechsim.tradeoff.ladder import cuts_of
 
 SPEED = 20.0 * np.pi
 SHORT = (72, 288)

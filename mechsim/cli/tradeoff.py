@@ -8,8 +8,7 @@ from mechsim.cli.options import Json, Output, Sets, Speed, drive_of, speed_of, w
 from mechsim.cli.output import Tick, print_json, print_table, progress
 
 if TYPE_CHECKING:
-    from mechsim.tradeoff import Point, Tradeoff
-    from mechsim.trials import Subject
+    from mechsim.tradeoff import Point, Subject, Tradeoff
 
 
 def tradeoff(
@@ -32,8 +31,7 @@ def tradeoff(
     """Measure how fast and how accurate MuJoCo's settings are on one mechanism; recommend some."""
     from mechsim import units
     from mechsim.errors import InputError
-    from mechsim.tradeoff import measure, write_csv
-    from mechsim.trials import QUANTITIES
+    from mechsim.tradeoff import QUANTITIES, measure, write_csv
 
     place = None if output is None else writable(output, ".csv")
     drawing = None if plot is None else writable(plot, ".svg", ".png", ".pdf")
@@ -65,7 +63,7 @@ def _subject(name: str, sets: list[str] | None, speed: float) -> "Subject":
     from pathlib import Path
 
     from mechsim.errors import InputError
-    from mechsim.trials import subject_of, subject_of_model
+    from mechsim.tradeoff import subject_of, subject_of_model
 
     path = Path(name)
     if path.suffix.lower() != ".xml" and not path.is_file():
@@ -88,8 +86,7 @@ class _Percent:
 
 
 def _print(found: "Tradeoff", by: str) -> None:
-    from mechsim.ladder import DEFAULTS
-    from mechsim.tradeoff import BOUNDS
+    from mechsim.tradeoff import BOUNDS, DEFAULTS
 
     subject = found.subject
     rows = [(f"{bound:.0e}", *_cells(found.choice(bound, by))) for bound in BOUNDS]

@@ -4,10 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechsim.accuracy import Order
-from mechsim.ladder import DEFAULTS
 from mechsim.plots.sheet import COLOURS, Format, canvas, decades
-from mechsim.tradeoff import BOUNDS, Point, Tradeoff
+from mechsim.tradeoff import BOUNDS, DEFAULTS, Point, Tradeoff
+from mechsim.tradeoff.accuracy import Order
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,8 +16,8 @@ import sheet
 from bare_steps import Bare
 
 from mechsim import catalog, mjcf
-from mechsim.accuracy import observed_order
 from mechsim.catalog.four_bar import FourBar
+from mechsim.tradeoff.accuracy import observed_order
 
 LENGTHS = (1, 2, 5, 10, 20, 50, 100, 200)
 STEPS = 72

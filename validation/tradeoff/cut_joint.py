@@ -6,7 +6,6 @@ in units of the mechanism's size. Time is that of stepping alone, the least of t
 Run: python validation/tradeoff/cut_joint.py [--out DIR]
 """
 
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -14,29 +13,16 @@ import numpy as np
 import sheet
 
 from mechsim import catalog, mjcf
-from mechsim.errors import AssemblyError, InputError
-from mechsim.mechanism import Mechanism
+from mechsim.errors import AssemblyError
 from mechsim.mjcf.tree import cut_loops
 from mechsim.scene import Scene
 from mechsim.simulation import Settings, simulate
+from mechsim.tradeoff.ladder import cuts_of
 
 SPEED = 20.0 * np.pi
 TURNS = 2.0
 STEPS = 300
 REPEATS = 3
-
-
-def cuts_of(mechanism: Mechanism) -> list[tuple[str, ...]]:
-    """Return every set of joints whose cutting leaves a tree that MuJoCo can close."""
-    loops = len(mechanism.joints) - len(mechanism.links)
-    found: list[tuple[str, ...]] = []
-    for names in combinations([joint.name for joint in mechanism.joints], loops):
-        try:
-            cut_loops(mechanism, names)
-        except InputError:
-            continue
-        found.append(names)
-    return found
 
 
 def measured(name: str) -> list[dict[str, Any]]:

@@ -20,12 +20,12 @@ import numpy as np
 import sheet
 from random_drives import drives
 
-from mechsim import ladder, mjcf, simulation, units
+from mechsim import mjcf, simulation, units
 from mechsim.catalog.base import Drive
 from mechsim.simulation import Settings
 from mechsim.simulation import stage as stages
 from mechsim.simulation.profile import constant
-from mechsim.trials import Rig, Subject, subject_of
+from mechsim.tradeoff import Rig, Subject, ladder, subject_of
 
 TURNS = 10.0
 RPM, PART = (1.0, 20_000.0), (1e-3, 1e-8)

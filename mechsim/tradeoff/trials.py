@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import mjcf
-from mechsim.accuracy import half_extent, richardson, worst
 from mechsim.catalog.base import Drive
 from mechsim.errors import InputError
 from mechsim.mechanism import Mechanism
@@ -21,6 +20,7 @@ from mechsim.simulation import Profile, Settings, constant, pose
 from mechsim.simulation.record import add_sensors, evaluate
 from mechsim.simulation.run import Source, load
 from mechsim.simulation.step import Steps, step
+from mechsim.tradeoff.accuracy import half_extent, richardson, worst
 from mechsim.validate import crank_profile
 
 Array = NDArray[np.float64]

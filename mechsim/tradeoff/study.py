@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.accuracy import Order, cheapest, observed_order, pareto
 from mechsim.errors import AssemblyError
-from mechsim.ladder import DEFAULTS, STEPS, Family, families
 from mechsim.mjcf import quiet
 from mechsim.scene import Scene
 from mechsim.simulation import Settings
 from mechsim.tables import written_beside
-from mechsim.trials import QUANTITIES, Rig, Subject
+from mechsim.tradeoff.accuracy import Order, cheapest, observed_order, pareto
+from mechsim.tradeoff.ladder import DEFAULTS, STEPS, Family, families
+from mechsim.tradeoff.trials import QUANTITIES, Rig, Subject
 
 Array = NDArray[np.float64]
 
