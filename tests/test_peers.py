@@ -151,8 +151,11 @@ def test_table_and_plot_hold_every_row_the_failed_ones_too(tmp_path):
     with (tmp_path / "peers.csv").open() as file:
         read = list(csv.DictReader(file))
     assert [float(row["place"]) for row in read] == [row.place for row in rows]
-    lines = compare.markdown(rows).splitlines()
-    assert len(lines) == 2 + len(rows)
-    assert "tolerance 1e-13" in lines[3]
-    assert "failed" in lines[4]
+    head, _, *lines = compare.markdown(rows).splitlines()
+    assert "rssr: ms a turn" in head
+    assert "four_bar: ms a turn" in head
+    assert len(lines) == len(rows)
+    assert lines[0].split(" | ")[2:6] == ["1", "1.0e-14", "1.0e-14", "1.0e-12"]
+    assert "tolerance 1e-13" in lines[1]
+    assert "failed" in lines[2]
     assert picture.work_precision(rows).startswith(b"\x89PNG")

@@ -1,4 +1,4 @@
-"""mechsim itself: stepping with its own defaults and with MuJoCo's, and poses without time.
+"""mechsim itself: its closed form, poses in MuJoCo without time, and steps with its settings and MuJoCo's.
 
 Inside the time: for stepping the rollout in C, every step recorded; for poses `pose.follow` whole, from the
 start pose to the last. Outside: model, assembly, the batch of simulations, points and torque out of states.
@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from problem import SAMPLES, Array, Places, Problem
-from protocol import Setting
+from protocol import Setting, Solver
 
 from mechsim import mjcf
 from mechsim.forces import Forces
@@ -20,8 +20,9 @@ from mechsim.simulation import Settings, constant, pose
 from mechsim.simulation.dynamics import driven
 from mechsim.simulation.step import step
 
+CLOSED = "mechsim, closed form"
 STEPS = (20, 40, 60, 100, 200, 500, 1000, 3000)
-POSES = (20, 100, 1000)
+POSES = (20, 100, 1000, 10_000)
 MUJOCO = Settings(
     integrator="Euler", solref=(0.02, 1.0), solimp=(0.9, 0.95, 0.001, 0.5, 2.0), hardness=1.0, refsafe=True
 )
@@ -39,15 +40,33 @@ def settings(problem: Problem) -> list[Setting]:
         [Stepped(family, n, settings=replace(how, steps_per_turn=n)) for n in STEPS]
         for family, how in (("mechsim, stepped (RK4)", Settings()), ("MuJoCo's defaults (Euler)", MUJOCO))
     )
-    return [*[Setting("mechsim, poses", n, poses=True) for n in POSES], *hard, *plain]
+    solved = [Setting(family, n, poses=True) for family in (CLOSED, "mechsim, poses") for n in POSES]
+    return [*solved, *hard, *plain]
 
 
-def build(problem: Problem, setting: Setting) -> "Poses | Steps":
-    return Steps(problem, setting) if isinstance(setting, Stepped) else Poses(problem, setting)
+def build(problem: Problem, setting: Setting) -> Solver:
+    if isinstance(setting, Stepped):
+        return Steps(problem, setting)
+    return Closed(problem, setting) if setting.family == CLOSED else Poses(problem, setting)
 
 
 # nothing acts on the linkage but its drive
 SCENE = Scene(level="dynamics", forces=Forces())
+
+
+class Closed:
+    """The closed form, the reference itself: its errors are zero by definition, its time is its own."""
+
+    def __init__(self, problem: Problem, setting: Setting):
+        self.problem, self.angles = problem, problem.angles(setting.samples)
+
+    def run(self) -> tuple[float, Places]:
+        begin = time.process_time()
+        places = self.problem.drive.positions(self.angles)
+        return time.process_time() - begin, places
+
+    def torque(self) -> None:
+        """The reduced equation is the reference for torques; its time is not asked for."""
 
 
 class Poses:

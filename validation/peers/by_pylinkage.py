@@ -14,7 +14,7 @@ from pylinkage.components import Ground
 from pylinkage.dyads import FixedDyad, RRRDyad
 from pylinkage.simulation import Linkage
 
-POSES = (20, 100, 1000)
+POSES = (20, 100, 1000, 10_000)
 
 
 def settings(problem: Problem) -> list[Setting]:

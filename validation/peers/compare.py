@@ -26,6 +26,8 @@ from mechsim.plots.sheet import write
 from mechsim.tables import written_beside
 
 ROUNDS = 9
+# steps or poses that the table on the page shows; 0 are the solver's own
+SHOWN = (0, 20, 100, 1000, 10_000)
 # runs shorter than this, in [s], find their code out of the cache after all others have run: once more
 SHORT = 5e-3
 
@@ -112,18 +114,29 @@ def write_table(rows: Sequence[Row], path: Path) -> None:
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """Return rows as a table for a page."""
-    head = ("solver", "steps or poses", "problem", "ms a turn", "place", "rocker", "torque")
+    """Return rows as a table for a page, the problems side by side, with the `SHOWN` steps alone."""
+    names = list(dict.fromkeys(row.problem for row in rows))
+    found = {(row.family, row.note or str(row.steps), row.problem): row for row in rows if row.steps in SHOWN}
+    head = ["solver", "steps or poses"]
+    for name in names:
+        head += [f"{name}: ms a turn", "place", "rocker", "torque"]
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
-    for row in rows:
-        steps = row.note or str(row.steps)
-        errors = " | ".join(_error(value) for value in (row.place, row.rocker, row.torque))
-        lines.append(f"| {row.family} | {steps} | {row.problem} | {row.ms:.3g} | {errors} |")
+    for family, steps in dict.fromkeys(key[:2] for key in found):
+        cells = [cell for name in names for cell in _cells(found.get((family, steps, name)))]
+        lines.append(f"| {' | '.join([family, steps, *cells])} |")
     return "\n".join(lines)
 
 
+def _cells(row: Row | None) -> list[str]:
+    if row is None:
+        return [""] * 4
+    return [f"{row.ms:.3g}", *(_error(value) for value in (row.place, row.rocker, row.torque))]
+
+
 def _error(value: float) -> str:
-    return "" if np.isnan(value) else f"{value:.1e}" if np.isfinite(value) else "failed"
+    if np.isnan(value):
+        return ""
+    return "0" if value == 0.0 else f"{value:.1e}" if np.isfinite(value) else "failed"
 
 
 def main() -> None:

@@ -1,57 +1,83 @@
-"""The work-precision plot of all peers: error over time on logarithmic axes, a panel for each problem."""
+"""The work-precision plot of all peers: errors over time on logarithmic axes, a column for each problem."""
 
+import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mechsim.plots.sheet import COLOURS, canvas, decades
 
 if TYPE_CHECKING:
     from compare import Row
+    from matplotlib.axes import Axes
 
-# below what rounding can tell apart
-FLOOR = 1e-16
 TITLES = {"rssr": "spatial four-bar (rssr)", "four_bar": "planar four-bar (four_bar)"}
+QUANTITIES = {"place": "worst place error [crank]", "torque": "worst torque error [largest torque]"}
+# errors from here on are no solution, and no line
+LOST = 1.0
 # families of one library share its colour, and differ by mark and line
 LIBRARIES = ("mechsim", "Exudyn", "Pinocchio", "Drake", "scipy", "pylinkage", "MuJoCo")
-GREY = "#8a919b"
+GREY, PALETTE = "#8a919b", 48
 MARKS, LINES = "osDv^P", ("-", "--", ":", "-.")
 
 
 def work_precision(rows: Sequence["Row"]) -> bytes:
-    """Draw rows as a PNG: worst place in units of the crank over ms a turn."""
+    """Draw rows as a PNG: errors of place and of torque over ms a turn."""
     names = list(dict.fromkeys(row.problem for row in rows))
-    families = list(dict.fromkeys(row.family for row in rows))
-    looks = _looks(families)
-    with canvas("png", 1, len(names), (4.4 * len(names) + 2.6, 4.6), sharey=True) as (figure, axes, out):
-        handles = {}
-        for ax, name in zip(axes[0], names, strict=True):
-            for family in families:
-                mine = [row for row in rows if (row.problem, row.family) == (name, family)]
-                mine = sorted((row for row in mine if row.place < 1.0), key=lambda row: row.steps or row.ms)
-                if mine:
-                    costs, errors = [row.ms for row in mine], [max(row.place, FLOOR) for row in mine]
-                    (handles[family],) = ax.loglog(costs, errors, label=family, **looks[family])
-            decades(ax.yaxis)
-            ax.minorticks_off()
-            ax.xaxis.set_major_formatter("{x:g}")
-            ax.set_title(TITLES.get(name, name))
-            ax.set_xlabel("processor time of the solver for one turn [ms]")
-        axes[0, 0].set_ylabel("worst place error [crank]")
-        shown = [family for family in families if family in handles]
-        figure.legend([handles[one] for one in shown], shown, loc="outside right center", fontsize=7.5)
-    return out.getvalue()
+    looks = _looks(list(dict.fromkeys(row.family for row in rows)))
+    size = 4.2 * len(names) + 2.6, 7.2
+    with canvas("png", len(QUANTITIES), len(names), size, sharex="col", sharey="row") as (figure, axes, out):
+        handles: dict[str, Any] = {}
+        for quantity, line in zip(QUANTITIES, axes, strict=True):
+            for name, ax in zip(names, line, strict=True):
+                handles |= _curves(ax, [row for row in rows if row.problem == name], quantity, looks)
+            line[0].set_ylabel(QUANTITIES[quantity])
+        for name, top, bottom in zip(names, axes[0], axes[-1], strict=True):
+            top.set_title(TITLES.get(name, name))
+            bottom.set_xlabel("processor time of the solver for one turn [ms]")
+        shown = [family for family in looks if family in handles]
+        figure.legend([handles[one] for one in shown], shown, loc="outside right upper", fontsize=7.5)
+    return _smaller(out.getvalue())
 
 
-def _looks(families: Sequence[str]) -> dict[str, dict[str, object]]:
+def _curves(ax: "Axes", rows: Sequence["Row"], quantity: str, looks: dict[str, Any]) -> dict[str, Any]:
+    """Draw a panel's curves; return the line of each family."""
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    lines: dict[str, Any] = {}
+    for family, look in looks.items():
+        mine = [row for row in rows if row.family == family and 0.0 < getattr(row, quantity) < LOST]
+        if mine:
+            errors = [getattr(row, quantity) for row in mine]
+            (lines[family],) = ax.plot([row.ms for row in mine], errors, label=family, **look)
+    decades(ax.yaxis)
+    ax.minorticks_off()
+    ax.xaxis.set_major_formatter("{x:g}")
+    return lines
+
+
+def _looks(families: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return how each family is drawn."""
-    looks: dict[str, dict[str, object]] = {}
+    looks: dict[str, dict[str, Any]] = {}
     seen: dict[str, int] = {}
     for family in families:
-        library = family.split()[0].split("'")[0].strip(",")
+        library = next(name for name in LIBRARIES if family.startswith(name))
         place = seen[library] = seen.get(library, -1) + 1
         number = LIBRARIES.index(library)
-        colour = COLOURS[number] if number < len(COLOURS) else GREY
-        mark, line = MARKS[place % len(MARKS)], LINES[place % len(LINES)]
-        width = 2.2 if library == "mechsim" else 1.1
-        looks[family] = {"color": colour, "marker": mark, "ls": line, "ms": 4, "lw": width}
+        looks[family] = {
+            "color": COLOURS[number] if number < len(COLOURS) else GREY,
+            "marker": MARKS[place % len(MARKS)],
+            "ls": LINES[place % len(LINES)],
+            "ms": 4,
+            "lw": 2.2 if library == "mechsim" else 1.1,
+        }
     return looks
+
+
+def _smaller(drawing: bytes) -> bytes:
+    """Return a PNG with a palette: a few colours need no more."""
+    from PIL import Image
+
+    out = io.BytesIO()
+    with Image.open(io.BytesIO(drawing)) as image:
+        image.convert("RGB").quantize(PALETTE).save(out, "PNG", optimize=True)
+    return out.getvalue()
