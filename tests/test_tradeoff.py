@@ -8,6 +8,8 @@ import pytest
 
 from mechsim import catalog, cli
 from mechsim.cli import main
+from mechsim.mjcf.alternatives import rod_of
+from mechsim.scene import LEVELS
 from mechsim.simulation.settings import INTEGRATORS
 from mechsim.tradeoff import (
     BOUNDS,
@@ -20,7 +22,7 @@ from mechsim.tradeoff import (
     subject_of,
     subject_of_model,
 )
-from mechsim.tradeoff.ladder import cuts_of
+from mechsim.tradeoff.ladder import HARD, cuts_of
 
 SPEED = 20.0 * np.pi
 SHORT = (72, 288)
@@ -53,6 +55,65 @@ def test_every_family_has_its_own_name_and_every_integrator_several():
     for integrator in INTEGRATORS:
         assert sum(name.startswith(f"{integrator},") for name in names) >= 8
     assert sum("cut" in name for name in names) == len(cuts_of(catalog.make("rssr").mechanism)) - 1
+
+
+def test_the_ladder_covers_drives_levels_and_reductions():
+    subject = subject_of(catalog.make("rssr"), SPEED)
+    builds = [family.build for family in families(subject.mechanism, subject.variants)]
+    assert {build.drive for build in builds} == {"flywheel", "geared", "servo"}
+    assert {build.level for build in builds} == set(LEVELS)
+    assert {build.rod for build in builds} == {None, "coupler"}
+    assert {build.variant for build in builds} == {None, "guided"}
+    assert {build.drive for build in (family.build for family in families())} == {
+        "flywheel",
+        "geared",
+        "servo",
+    }
+
+
+@pytest.fixture(scope="module")
+def built(found):
+    def curve(suffix: str) -> dict[str, float]:
+        (points,) = (points for name, points in found.curves().items() if name.endswith(suffix))
+        return points[-1].errors
+
+    return curve
+
+
+def test_a_geared_crank_is_as_good_as_a_flywheel_on_it(built):
+    usual, geared = built(HARD), built("geared crank")
+    assert geared["drive"] < 1e-12
+    assert geared["position"] == pytest.approx(usual["position"], rel=1e-3)
+
+
+def test_a_servo_lags_and_the_points_are_judged_where_the_crank_is(built):
+    servo = built(f"{HARD}, servo")
+    assert 1e-3 < servo["drive"] < 0.1
+    assert servo["position"] < 1e-7
+    # the torque of the servo belongs to the acceleration too
+    assert servo["acceleration"] < 1e-6
+    assert built("implicitfast, 2 steps, servo")["drive"] < 1e-5
+
+
+def test_levels_move_alike_and_a_guided_coupler_too(built):
+    usual = built(HARD)
+    for suffix in ("level pose", "level dynamics", "level picture", "guided"):
+        assert built(suffix)["position"] == pytest.approx(usual["position"], rel=0.2)
+
+
+def test_a_rod_that_is_only_a_length_is_stretched_and_says_so(built):
+    lazy, quick = (built(f"{start}, coupler as a length") for start in (HARD, "2 steps, 1e-08"))
+    assert lazy["loop"] > 0.1
+    assert quick["loop"] < 0.01
+    for errors in (lazy, quick):
+        assert 0.5 * errors["loop"] < errors["position"] < 2.0 * errors["loop"]
+
+
+@pytest.mark.parametrize(
+    ("name", "rod"), [("slider_crank", "rod"), ("rrsrr", None), ("looper", None), ("bennett", None)]
+)
+def test_only_a_rod_between_two_like_joints_is_a_length(name, rod):
+    assert rod_of(catalog.make(name).mechanism) == rod
 
 
 def test_steps_record_the_same_instants():

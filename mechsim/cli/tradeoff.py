@@ -19,7 +19,7 @@ def tradeoff(
     budget: Annotated[str, typer.Option(help="Time to spend; a bare number is seconds.")] = "60s",
     seed: Annotated[int, typer.Option(help="Of the order of trials.", min=0)] = 0,
     by: Annotated[
-        str, typer.Option(help="Error that counts: position, velocity, acceleration, angle or loop.")
+        str, typer.Option(help="Error that counts: position, velocity, acceleration, angle, loop or drive.")
     ] = "position",
     plot: Annotated[
         str | None, typer.Option(metavar="FILE", help="Work-precision plot: .svg, .png or .pdf.")
@@ -94,8 +94,8 @@ def _print(found: "Tradeoff", by: str) -> None:
     head = ("error within", "use", "steps a turn", "ms a turn", *found.points[0].errors)
     print_table(f"{subject.name} against {subject.reference.what}: by {by}", head, rows)
     typer.echo(
-        "position and loop in strokes, velocity and acceleration in strokes and crank speed, angle in rad; "
-        f"stroke {subject.stroke:.4g} m"
+        "position and loop in strokes, velocity and acceleration in strokes and crank speed, "
+        f"angle and drive in rad; stroke {subject.stroke:.4g} m"
     )
     if subject.reference.bar:
         bars = ", ".join(f"{kind} {bar:.1e}" for kind, bar in subject.reference.bar.items())

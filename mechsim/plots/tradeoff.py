@@ -20,6 +20,7 @@ AXES = {
     "acceleration": "worst acceleration error [stroke · crank speed²]",
     "angle": "worst joint angle error [rad]",
     "loop": "worst loop residual [stroke]",
+    "drive": "worst error of the crank angle over time [rad]",
 }
 
 

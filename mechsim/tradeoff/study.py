@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
 from mechsim.mjcf import quiet
-from mechsim.scene import Scene
 from mechsim.simulation import Settings
 from mechsim.tables import written_beside
 from mechsim.tradeoff.accuracy import Order, cheapest, observed_order, pareto
+from mechsim.tradeoff.builds import Build
 from mechsim.tradeoff.ladder import DEFAULTS, STEPS, Family, families
-from mechsim.tradeoff.trials import QUANTITIES, Rig, Subject
+from mechsim.tradeoff.rig import Rig
+from mechsim.tradeoff.trials import QUANTITIES, Subject
 
 Array = NDArray[np.float64]
 
@@ -64,7 +65,7 @@ class Point:
             "integrator": self.settings.integrator,
             "steps_per_turn": self.settings.steps_per_turn,
             "defaults": self.family.name == DEFAULTS,
-            "cut": "+".join(self.family.cut or ()),
+            **self.family.build.as_dict(),
             "seconds_per_turn": self.cost,
             "timed": len(self.times),
             **{f"{kind}_error": self.errors[kind] for kind in QUANTITIES},
@@ -186,10 +187,10 @@ def measure(
     def spent() -> float:
         return clock.perf_counter() - begin
 
-    ladder = [(family, n) for family in families(subject.mechanism) for n in steps]
+    ladder = [(family, n) for family in families(subject.mechanism, subject.variants) for n in steps]
     order = sorted(range(len(ladder)), key=dict(enumerate(random.permutation(len(ladder)))).__getitem__)
     order.sort(key=lambda i: ladder[i][0].rank)
-    rigs: dict[tuple[str, ...] | None, Rig | None] = {None: subject.rig}
+    rigs: dict[Build, Rig | None] = {subject.rig.build: subject.rig}
     points: dict[int, Point] = {}
     overhead = 0.05
     for i in order:
@@ -211,21 +212,21 @@ def measure(
     return found
 
 
-def _rig(rigs: dict[tuple[str, ...] | None, Rig | None], subject: Subject, family: Family) -> Rig | None:
-    """Return the rig with a family's cut, made once; None where the loops do not close that way."""
-    if family.cut not in rigs:
-        assert subject.mechanism is not None
+def _rig(rigs: dict[Build, Rig | None], subject: Subject, family: Family) -> Rig | None:
+    """Return the rig of a family's build, made once; None where the loops do not close that way."""
+    if family.build not in rigs:
         try:
-            profile = subject.rig.profile
-            rigs[family.cut] = Rig(subject.mechanism, profile, subject.speed, Scene(cut=family.cut))
+            rigs[family.build] = Rig(
+                subject.source, subject.rig.profile, subject.speed, family.build, subject.variants
+            )
         except AssemblyError:
-            rigs[family.cut] = None
-    return rigs[family.cut]
+            rigs[family.build] = None
+    return rigs[family.build]
 
 
 def _time_again(
     found: Tradeoff,
-    rigs: dict[tuple[str, ...] | None, Rig | None],
+    rigs: dict[Build, Rig | None],
     random: np.random.Generator,
     left: Callable[[], float],
     tell: Callable[[str], None],
@@ -241,7 +242,7 @@ def _time_again(
     for number in range(1, ROUNDS):
         for i in random.permutation(len(near)):
             point = near[i]
-            rig = rigs[point.family.cut]
+            rig = rigs[point.family.build]
             if rig is None or 2.0 * point.cost * rig.profile.turns > left():
                 continue
             point.times.append(rig.stepped(point.settings)[1].processor / rig.profile.turns)

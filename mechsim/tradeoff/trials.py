@@ -1,6 +1,5 @@
 """Trial runs: one crank motion under many settings, each against a reference, its time measured apart."""
 
-import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from itertools import pairwise
@@ -9,27 +8,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim import mjcf
 from mechsim.catalog.base import Drive
 from mechsim.errors import InputError
 from mechsim.mechanism import Mechanism
-from mechsim.mjcf import Loops
 from mechsim.motion import Motion
-from mechsim.scene import Scene
-from mechsim.simulation import Profile, Settings, constant, pose
-from mechsim.simulation.record import add_sensors, evaluate
-from mechsim.simulation.run import Source, load
-from mechsim.simulation.step import Steps, step
+from mechsim.simulation import Settings
+from mechsim.simulation.run import Source
 from mechsim.tradeoff.accuracy import half_extent, richardson, worst
+from mechsim.tradeoff.rig import Rig
 from mechsim.validate import crank_profile
 
 Array = NDArray[np.float64]
-QUANTITIES = ("position", "velocity", "acceleration", "angle", "loop")
-SAMPLES = 72
+QUANTITIES = ("position", "velocity", "acceleration", "angle", "loop", "drive")
 # steps a turn of the runs that make the reference of a model without a closed form
 FINE = (3600, 7200, 14400)
 # orders of convergence believed, and changes below which two runs are the same
 ORDERS, TINY = (1.0, 4.0), 1e-300
+# places of a point that differ by less than this part of the mechanism's size are the same
+SAME = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,78 +43,45 @@ class Reference:
     bar: Mapping[str, float] = field(default_factory=dict)
 
 
-class Rig:
-    """A model with the crank motion it is put through.
-
-    Attributes:
-        profile: of the crank.
-        model: compiled; copied for each trial.
-    """
-
-    def __init__(self, source: Source, profile: Profile | None, speed: float, scene: Scene | None = None):
-        """Generate or load the model and close its loops; without a profile it makes one turn at a speed."""
-        spec = load(source, scene)
-        points = (
-            tuple(source.points)
-            if isinstance(source, Mechanism)
-            else tuple(site.name for site in spec.sites if site.name and "@" not in site.name)
-        )
-        if not points:
-            raise InputError("the model has no point to track; put a named site at each point of interest")
-        self.track = add_sensors(spec, points)
-        self.model = mjcf.compiled(spec)
-        loops = Loops(self.model)
-        self.profile = profile or constant(speed, 1.0, float(self.model.qpos0[loops.crank_place]))
-        angles = self.profile.state(np.linspace(0.0, self.profile.duration, SAMPLES + 1))[0]
-        qpos = pose.follow(loops, loops.close(self.model.qpos0[None])[0], angles)[:1]
-        first = self.profile.state(np.zeros(1))[1]
-        self.start = qpos[0], loops.tangent(loops.linearise(qpos)[1])[0] * first[0]
-
-    def stepped(self, settings: Settings) -> tuple[Loops, Steps]:
-        """Step through the crank motion once."""
-        loops = Loops(copy.copy(self.model))
-        samples = min(SAMPLES, settings.steps_per_turn)
-        stride = max(1, settings.steps_per_turn // samples)
-        total = max(1, round(self.profile.turns * samples)) * stride
-        return loops, step(loops, settings, self.profile, self.start, total, stride)
-
-    def motion(self, settings: Settings) -> tuple[Motion | None, float]:
-        """Return the motion, None if it diverged, and the processor time of stepping in [s]."""
-        loops, steps = self.stepped(settings)
-        if steps.diverged:
-            return None, steps.processor
-        return evaluate(loops, self.track, steps.states, "step", force=steps.force), steps.processor
-
-
 @dataclass(frozen=True, slots=True)
 class Subject:
     """What the trade-off is measured on.
 
     Attributes:
         name: of the mechanism or file.
-        mechanism: where the joints are known, so that others can be cut; else None.
+        source: the mechanism, or the model of one's own.
         rig: with the loops cut as the generator chooses.
         reference: what the trials are compared with.
         stroke: half the largest extent of a point's path, in [m].
         speed: largest crank speed, in [rad/s].
+        variants: of the mechanism whose tracked points move the same way, by name.
     """
 
     name: str
-    mechanism: Mechanism | None
+    source: Source
     rig: Rig
     reference: Reference
     stroke: float
     speed: float
+    variants: Mapping[str, Mechanism] = field(default_factory=dict[str, Mechanism])
+
+    @property
+    def mechanism(self) -> Mechanism | None:
+        """The mechanism, where its joints are known."""
+        return self.source if isinstance(self.source, Mechanism) else None
 
     def errors(self, motion: Motion | None) -> dict[str, float]:
         """Return worst errors by quantity.
 
         Position and loop residual are in units of the stroke, velocity and acceleration of stroke and
-        crank speed, angle in [rad]; a motion that diverged has infinite ones.
+        crank speed, angle and drive in [rad]; a motion that diverged has infinite ones. All but the
+        drive's, which is how far the crank is from where it should be, are at the crank angle reached.
         """
         if motion is None:
             return dict.fromkeys(QUANTITIES, np.inf)
-        return differences(motion, self.reference.at(motion), self.stroke, self.speed)
+        found = differences(motion, self.reference.at(motion), self.stroke, self.speed)
+        assert motion.time is not None
+        return found | {"drive": worst(motion.angle - self.rig.profile.state(motion.time)[0])}
 
 
 def differences(motion: Motion, exact: Motion, stroke: float, speed: float) -> dict[str, float]:
@@ -151,7 +114,20 @@ def subject_of(drive: Drive, speed: float) -> Subject:
     reference = Reference(
         "closed form", lambda motion: drive.solve(motion.angle, motion.speed, motion.acceleration)
     )
-    return Subject(drive.name, mechanism, Rig(mechanism, profile, speed), reference, stroke, abs(speed))
+    rig = Rig(mechanism, profile, speed)
+    return Subject(drive.name, mechanism, rig, reference, stroke, abs(speed), _variants(drive, angles))
+
+
+def _variants(drive: Drive, angles: Array) -> dict[str, Mechanism]:
+    """Return the variants of a mechanism whose tracked points are at the same places at crank angles."""
+    places = drive.positions(angles)
+    found: dict[str, Mechanism] = {}
+    for name, variant in drive.variants().items():
+        others = variant.positions(angles)
+        gap = max(worst(others[point] - place) for point, place in places.items())
+        if gap <= SAME * drive.mechanism.size:
+            found[name] = variant.mechanism
+    return found
 
 
 def subject_of_model(source: Source, name: str, speed: float) -> Subject:
@@ -179,7 +155,7 @@ def subject_of_model(source: Source, name: str, speed: float) -> Subject:
     # how far its loops stand open says what no halving of the step can
     bar["position"] = max(bar["position"], differences(fine, fine, stroke, abs(speed))["loop"])
     reference = Reference(f"a run of {FINE[-1]} steps a turn", at, bar)
-    return Subject(name, None, rig, reference, stroke, abs(speed))
+    return Subject(name, source, rig, reference, stroke, abs(speed))
 
 
 def _bar(before: float, last: float) -> float:
