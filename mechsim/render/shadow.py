@@ -59,7 +59,9 @@ class Shadow:
         above = np.maximum(off @ self.normal, 0.0)[:, None]
         flat = self.point + off @ self.press.T
         geoms, ngeom, step = scene.geoms, scene.ngeom, STEP * self.stage.camera.height
-        for layer, wider in enumerate(np.linspace(SPREAD, -SPREAD, LAYERS)):
+        # the uppermost layer first, so that what it hides of the others is not drawn at all
+        for layer in reversed(range(LAYERS)):
+            wider = SPREAD * (1.0 - 2.0 * layer / (LAYERS - 1))
             places = flat + (layer + 1) * step * self.normal
             sizes = np.maximum(self.sizes + wider * above, 0.1 * self.sizes)
             for kind, size, place, matrix in zip(self.types, sizes, places, matrices, strict=True):

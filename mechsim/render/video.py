@@ -4,6 +4,8 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -135,19 +137,20 @@ def _encode(
     count = 0
     try:
         with mediapy.VideoWriter(path, shape, fps=fps, **CODECS[path.suffix]) as writer:
-            for picture in _chained(first, pictures):
-                writer.add_image(np.ascontiguousarray(picture[: shape[0], : shape[1]]))
-                count += 1
-                done()
+            # the encoder takes a frame while the next one is drawn; never more than two wait
+            with ThreadPoolExecutor(max_workers=1) as line:
+                taken = line.submit(lambda: None)
+                for picture in chain([first], pictures):
+                    frame = np.ascontiguousarray(picture[: shape[0], : shape[1]])
+                    taken.result()
+                    taken = line.submit(writer.add_image, frame)
+                    count += 1
+                    done()
+                taken.result()
     except (RuntimeError, OSError, subprocess.SubprocessError) as error:
         reason = str(error).strip().splitlines()[-1:] or ["no reason given"]
         raise OutputError(f"cannot write {path.suffix[1:]} video: ffmpeg failed: {reason[0]}") from error
     return count
-
-
-def _chained(first: Picture, rest: Iterator[Picture]) -> Iterator[Picture]:
-    yield first
-    yield from rest
 
 
 def _write_sequence(path: Path, pictures: Iterator[Picture], done: Callable[[], None]) -> int:
