@@ -4,7 +4,8 @@ Crank and rocker are bodies with one angle (`ObjectRotationalMass1D`), the coupl
 two joints, or in "rod as a length" no body but a `DistanceConstraint`. As the manual advises: index 3 with
 the generalised-alpha method and a spectral radius of 0.5 to 1; index 2 with the implicit trapezoidal rule;
 the crank prescribed by a `CoordinateConstraint`. "As it comes" leaves every option as it is, Newton's method
-with a kept matrix and a radius of 0.9 among them. Exudyn's explicit integrators take no loop constraints.
+with a kept matrix and a radius of 0.9 among them, but for the quicker of its dense linear solvers. Exudyn's
+explicit integrators take no loop constraints.
 
 Inside the time: `SolveSteps`, recording of two angles and the torque at the samples included. Outside:
 model, assembly, `InitializeSolver` (initial accelerations).
