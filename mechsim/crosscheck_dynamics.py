@@ -14,6 +14,8 @@ from mechsim.tolerances import Tolerance
 
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
+# of the fastest: at less speed the crank stands, and dry friction has no direction
+STANDING = 1e-7
 
 
 def tolerances_driven(method: str) -> dict[str, Tolerance]:
@@ -43,14 +45,35 @@ def tolerances_driven(method: str) -> dict[str, Tolerance]:
     }
 
 
-def tolerances_free(turns: float) -> dict[str, Tolerance]:
-    """Return the bounds of a free run over some turns of the crank."""
+def tolerances_asked(tolerance: float) -> dict[str, Tolerance]:
+    """Return the relative bounds of a stepped run that was asked to keep a tolerance, by kind."""
+    asked = Tolerance(tolerance, "1", "asked for")
+    energy = Tolerance(max(tolerance, 1e-8), "1", "as the torque; rates of closed loops: measured 1e-9")
+    return tolerances_driven("step") | {
+        "torque": asked,
+        "reaction": asked,
+        "energy": energy,
+        "power": energy,
+    }
+
+
+def tolerances_free(turns: float, tolerance: float | None = None) -> dict[str, Tolerance]:
+    """Return the bounds of a free run over some turns of the crank, or of one asked to keep a tolerance."""
     longer = max(1.0, abs(turns) / 10.0)
     why = "1e-6 over 10 turns: an energy error that grows evenly shifts the angle by its square"
-    return {
+    usual = {
         "angle": Tolerance(1e-6 * longer**2, "rad", why),
         "speed": Tolerance(1e-6 * longer, "1", "1e-6 over 10 turns, growing evenly"),
         "balance": Tolerance(1e-6, "1", "energy of all the turns; a frictionless run keeps it to 4e-7"),
+    }
+    if tolerance is None:
+        return usual
+    speed = "ten times the angle: speed follows the angle as inertia varies over the turn"
+    work = "a hundred times the angle: work is summed over records as far apart as the steps"
+    return {
+        "angle": Tolerance(tolerance, "rad", "asked for"),
+        "speed": Tolerance(max(usual["speed"].bound, 10.0 * tolerance), "1", speed),
+        "balance": Tolerance(max(usual["balance"].bound, 100.0 * tolerance), "1", work),
     }
 
 
@@ -62,19 +85,23 @@ def crosscheck_driven(
     Args:
         run: from `simulation.dynamics.driven`.
         machine: the analytic side.
-        bounds: bounds that replace those of `tolerances_driven`, by kind.
+        bounds: bounds that replace those of `tolerances_driven` by kind, or of `tolerances_asked` where
+            the run was stepped to a tolerance.
 
     Returns:
         The verdict. Forces are relative to the largest root mean square of any joint's force, moments
         to that times the mechanism's size, torque and energies to their own. Components that rigid
         links do not determine are left out, and so are forces at instants where a joint with dry
-        friction stands still.
+        friction stands still, and the torque where the crank does.
     """
     motion = run.motion
     if run.outcome == "diverged" or motion.broken:
         return Verdict("diverged", (), motion.broken or "MuJoCo's state went bad")
     study = prescribed(machine, motion.angle, motion.speed, motion.acceleration, time=motion.time)
-    return _judged(_driven_checks(run, study, {**tolerances_driven(run.method), **(bounds or {})}))
+    usual = tolerances_driven(run.method)
+    if run.promise is not None and run.method == "step":
+        usual = tolerances_asked(run.promise.tolerance)
+    return _judged(_driven_checks(run, study, {**usual, **(bounds or {})}))
 
 
 def crosscheck_free(
@@ -99,7 +126,8 @@ def crosscheck_free(
             "missed", (), f"the reduced equation ends after {exact.time[-1]:.6g} s: {exact.reason}"
         )
     turns = float(np.ptp(exact.angle)) / TURN
-    allowed = {**tolerances_free(turns), **(bounds or {})}
+    asked = None if run.promise is None else run.promise.tolerance
+    allowed = {**tolerances_free(turns, asked), **(bounds or {})}
     fastest = float(np.abs(exact.speed).max())
     energy = max(float(np.abs(exact.kinetic).max()), float(np.ptp(exact.potential)), float(exact.lost.max()))
     checks = [
@@ -118,7 +146,9 @@ def _driven_checks(run: Driven, study: Study, allowed: Mapping[str, Tolerance]) 
     found, angle = run.efforts, study.angle
     kinetic = float(np.abs(study.kinetic).max())
     torque = max(_rms(study.torque), 1e-3 * kinetic)
-    yield _check("drive torque", "N m", allowed["torque"], found.torque - study.torque, angle, torque)
+    standing = study.reversing & (np.abs(study.speed) <= STANDING * np.abs(study.speed).max())
+    gap = np.where(standing, 0.0, found.torque - study.torque)
+    yield _check("drive torque", "N m", allowed["torque"], gap, angle, torque)
     size = study.machine.mechanism.size
     reactions = study.balance.reactions
     largest = max(_rms(np.sqrt((one.force**2).sum(1))) for one in reactions.values()) or torque / size
@@ -130,8 +160,8 @@ def _driven_checks(run: Driven, study: Study, allowed: Mapping[str, Tolerance]) 
         ):
             known = exact.determined[part]
             if known.any():
-                gap = (getattr(mine, kind) - getattr(exact, kind))[:, known]
-                error = np.where(study.reversing, 0.0, np.sqrt((gap**2).sum(1)))
+                apart = (getattr(mine, kind) - getattr(exact, kind))[:, known]
+                error = np.where(study.reversing, 0.0, np.sqrt((apart**2).sum(1)))
                 yield _check(f"{kind} in {name}", unit, allowed["reaction"], error, angle, scale)
     for name, exact_torque in study.balance.gears.items():
         gap = np.where(study.reversing, 0.0, found.gears[name] - exact_torque)

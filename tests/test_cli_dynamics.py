@@ -85,6 +85,8 @@ def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
         (("--gravity", "1,2"), "--gravity is '1,2', 2 numbers"),
         (("--method", "guess"), "there is no method 'guess'"),
         (("--turns", "0"), "0 turns of 360 instants"),
+        (("--tolerance", "0"), "tolerance of torque is 0.0"),
+        (("--tolerance", "1", "--method", "none"), "--method none leaves them out"),
         (("--density", "-1"), "density of the rods is -1.0"),
         (("--coefficient", "-1"), "coefficient of speed fluctuation is -1.0"),
         (("--flywheel", "-1"), "moment of inertia of the flywheel"),
@@ -118,3 +120,21 @@ def test_a_load_table_that_is_none_is_refused(capsys, monkeypatch, tmp_path, tex
     code, _, err = run(capsys, monkeypatch, "rssr", "--load", str(load))
     assert code == 2
     assert said in err
+
+
+def test_a_tolerance_is_kept_or_missed_with_exit_code_1_and_says_by_what_settings(capsys, monkeypatch):
+    code, out, _ = run(capsys, monkeypatch, "rssr", "--tolerance", "1e-5", "--json")
+    told = json.loads(out)["promise"]
+    assert code == 0
+    assert told["met"]
+    assert told["estimate"] <= 1e-5
+    assert told["margin"] == pytest.approx(1e-5 / told["estimate"])
+    assert told["settings"]["integrator"] == "RK4"
+    code, out, _ = run(capsys, monkeypatch, "warp_knitter", "--tolerance", "1e-9")
+    assert code == 1
+    assert "tolerance 1e-09 of torque and reactions MISSED by" in out
+    code, out, _ = run(capsys, monkeypatch, "rssr", "--free", "--tolerance", "1e-4", "--json")
+    told = json.loads(out)
+    assert code == 0
+    assert (told["outcome"], told["promise"]["met"]) == ("met", True)
+    assert told["free"]["speed"] == pytest.approx(20.0 * np.pi, rel=1e-6)

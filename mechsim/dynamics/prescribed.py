@@ -10,7 +10,7 @@ from mechsim.dynamics.machine import Machine
 from mechsim.dynamics.reactions import COMPONENTS, Balance, balance
 from mechsim.dynamics.reduced import Reduced, coefficients, kinetic_energy, load_torque
 from mechsim.dynamics.unit import UnitMotion, cross
-from mechsim.dynamics.wrenches import add_couple, applied, course_at, loads, turning_round
+from mechsim.dynamics.wrenches import STILL, add_couple, applied, course_at, loads, turning_round
 from mechsim.errors import InputError
 
 Array = NDArray[np.float64]
@@ -35,8 +35,9 @@ class Study:
         shaking_moment: likewise, about the ground's origin, (n, 3) in [N m].
         kinetic: energy of motion, link by link, flywheel included, (n,) in [J].
         potential: energy of gravity and springs, (n,) in [J].
-        reversing: where a joint with dry friction turns round, so that reactions jump from one value to
-            another, (n,); those given are without this joint's dry friction, halfway between.
+        reversing: where a joint with dry friction turns round, or the crank with it, so that reactions
+            jump from one value to another, (n,); those given are without this joint's dry friction,
+            halfway between. Where the crank stands, so does the drive torque.
     """
 
     machine: Machine
@@ -160,7 +161,7 @@ def prescribed(
         moment,
         kinetic_energy(unit, w, machine.forces.flywheel),
         part.energy,
-        _any([turning_round(unit, joint) for joint in dry], len(angle)),
+        _any([turning_round(unit, joint) | _standing(w) for joint in dry], len(angle)),
     )
 
 
@@ -174,6 +175,11 @@ def _shaking(
     driver = unit.mechanism.joint(unit.mechanism.driver)
     turned = machine.forces.flywheel * acceleration[:, None] * unit.axis(driver)
     return force, moment - turned
+
+
+def _standing(speed: Array) -> NDArray[np.bool_]:
+    """Return where a crank that moves elsewhere stands, (n,)."""
+    return np.abs(speed) <= STILL * np.abs(speed).max()
 
 
 def _any(each: list[NDArray[np.bool_]], n: int) -> NDArray[np.bool_]:

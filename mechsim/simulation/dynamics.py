@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,25 +13,26 @@ from mechsim.errors import InputError
 from mechsim.forces import Forces
 from mechsim.mechanism import Mechanism
 from mechsim.mjcf import Loops, quiet
-from mechsim.motion import Motion, join
+from mechsim.motion import Motion
 from mechsim.simulation import pose
 from mechsim.simulation.bench import Bench
-from mechsim.simulation.efforts import Efforts, constrained, efforts, needed, situation, tangent
+from mechsim.simulation.efforts import Efforts
+from mechsim.simulation.inverse import required, started
 from mechsim.simulation.profile import Profile, constant
-from mechsim.simulation.record import CHUNK, States, evaluate
+from mechsim.simulation.record import evaluate
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.step import step
+from mechsim.simulation.stepped import efforts_of, stiffen_friction
+from mechsim.simulation.torque_promise import TRIAL_SAMPLES, Promise, promised
 
 Array = NDArray[np.float64]
-Outcome = Literal["done", "diverged"]
+Method = Literal["pose", "step"]
+Outcome = Literal["done", "diverged", "met", "missed"]
 
 # instants recorded a turn where nothing else is asked
 SAMPLES = 72
 # crank angles at which a profile is probed beforehand
 PROBES = 64
-# factor on the inverse weights below which forces are not evaluated, and Newton steps for them: between
-# an error of 1e-6 x factor and rounding over 1e4 x factor, measured 5e-10 of the drive torque
-HARDEST, ITERATIONS = 1e-5, 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,22 +42,24 @@ class Driven:
     Attributes:
         motion: at the recorded instants.
         efforts: at the same instants.
-        outcome: "done" or "diverged".
+        outcome: "done" or "diverged"; where a tolerance was asked for, "met" or "missed".
         method: "pose" or "step".
         steps: time steps taken, or poses solved.
         seconds: time spent stepping or solving, the evaluation of the records not counted.
         settings: how it was stepped; None for method "pose".
         timestep: in [s]; None for method "pose".
+        promise: what was asked of it and how it came out; None where no tolerance was.
     """
 
     motion: Motion
     efforts: Efforts
     outcome: Outcome
-    method: Literal["pose", "step"]
+    method: Method
     steps: int
     seconds: float
     settings: Settings | None = None
     timestep: float | None = None
+    promise: Promise | None = None
 
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield time, angle, rates, torque, energies and reactions as columns of a table in SI."""
@@ -85,7 +87,8 @@ def driven(
     speed: float | None = None,
     turns: float = 1.0,
     profile: Profile | None = None,
-    method: Literal["pose", "step"] = "pose",
+    method: Method | None = None,
+    tolerance: float | None = None,
     samples: int | None = None,
     settings: Settings | None = None,
     cut: tuple[str, ...] | None = None,
@@ -100,17 +103,23 @@ def driven(
         profile: the crank's angle over time.
         method: "pose" solves each pose, and by inverse dynamics what it needs: no integration, to
             rounding. "step" integrates in time; every number then belongs to the recorded instant,
-            and the drive's own inertia is not in it.
+            and the drive's own inertia is not in it. None takes "pose", with a tolerance "step".
+        tolerance: bound on the error of drive torque and joint reactions at every recorded instant, as
+            a part of their root mean square over the run (`torque_promise`); the number of steps is
+            then chosen by trials and the result checked by two estimates. For method "pose" the
+            accelerations MuJoCo gets from the forces are checked against it.
         samples: instants recorded after the first, evenly spread; None takes about 72 a turn.
-        settings: how to step.
+        settings: how to step; with a tolerance their number of steps is replaced.
         cut: joints at which the loops are cut; None lets the generator choose.
 
     Raises:
         InputError: for values that cannot be used.
         AssemblyError: if the loops close nowhere or only over part of the way.
     """
-    if method not in ("pose", "step"):
+    if method not in (None, "pose", "step"):
         raise InputError(f"there is no method {method!r}; known are pose, step")
+    if tolerance is not None and not 0.0 < tolerance < np.inf:
+        raise InputError(f"tolerance of torque is {tolerance}; give a part above 0, as in 1e-6")
     if samples is not None and not samples >= 1:
         raise InputError(f"{samples} samples asked for; take at least 1")
     bench = Bench(mechanism, (forces or Forces()).without_motor(), cut)
@@ -118,17 +127,50 @@ def driven(
         if speed is None:
             raise InputError("neither a crank speed nor a profile was given; give one of them")
         profile = constant(speed, turns, mechanism.start)
-    if method == "pose":
-        return _solved(bench, profile, samples)
-    return _stepped(bench, profile, samples, settings or Settings())
+    if method == "pose" or (method is None and tolerance is None):
+        return _kept(_solved(bench, profile, samples), tolerance)
+    angle = profile.state(np.linspace(0.0, profile.duration, PROBES))[0]
+    # all the way, so that a crank that cannot go there is refused before anything is stepped
+    pose.follow(bench.loops, bench.begun, angle)
+    settings = settings or Settings()
+    if tolerance is None:
+        return _stepped(bench, profile, settings, *_paced(profile, settings, samples))
+
+    def whole(chosen: Settings) -> Driven:
+        return _stepped(bench, profile, chosen, *_paced(profile, chosen, samples))
+
+    short = _one_turn(profile)
+    count = max(1, int(np.ceil(TRIAL_SAMPLES * short.turns - 1e-9)))
+
+    def trial(chosen: Settings) -> Driven:
+        return _stepped(bench, short, chosen, count, chosen.steps_per_turn // TRIAL_SAMPLES)
+
+    return promised(bench, settings, tolerance, whole, trial)
 
 
-def started(bench: Bench, angle: float, speed: float) -> tuple[Array, Array]:
-    """Return the closed state at a crank angle and its rates at a crank speed, (nq,) and (nv,)."""
-    qpos = pose.follow(bench.loops, bench.begun, [angle])
-    rest = States(np.zeros(1), qpos, np.zeros((1, bench.model.nv)))
-    inertia = bench.look(bench.looking(), rest, bench.nothing(1))["inertia"]
-    return qpos[0], (tangent(bench, qpos, inertia) * speed)[0]
+def _paced(profile: Profile, settings: Settings, samples: int | None) -> tuple[int, int]:
+    """Return how many instants are recorded after the first and how many steps lie between two of them."""
+    total = max(1, int(np.ceil(profile.turns * settings.steps_per_turn - 1e-9)))
+    if samples is not None:
+        return samples, -(-total // samples)
+    stride = max(1, int(total / (SAMPLES * profile.turns)))
+    return -(-total // stride), stride
+
+
+def _one_turn(profile: Profile) -> Profile:
+    """Return one turn of a crank at constant speed; of any other all there is."""
+    if not profile.steady or profile.turns <= 1.0:
+        return profile
+    (start,), (speed,), _ = profile.state(np.zeros(1))
+    return constant(float(speed), 1.0, float(start))
+
+
+def _kept(run: Driven, tolerance: float | None) -> Driven:
+    """Return a run by poses, judged by a tolerance if there is one."""
+    if tolerance is None:
+        return run
+    promise = Promise(tolerance=tolerance, balance=float(run.efforts.imbalance.max()))
+    return replace(run, outcome="met" if promise.met else "missed", promise=promise)
 
 
 def _solved(bench: Bench, profile: Profile, samples: int | None) -> Driven:
@@ -136,21 +178,12 @@ def _solved(bench: Bench, profile: Profile, samples: int | None) -> Driven:
     time = np.linspace(0.0, profile.duration, count + 1)
     angle, speed, acceleration = profile.state(time)
     begin = clock.perf_counter()
-    qpos = pose.follow(bench.loops, bench.begun, angle)
-    parts = []
-    for first in range(0, len(time), CHUNK):
-        part = slice(first, first + CHUNK)
-        rest = States(time[part], qpos[part], np.zeros((len(qpos[part]), bench.model.nv)))
-        inertia = bench.look(bench.looking(), rest, bench.nothing(len(rest.time)))["inertia"]
-        states = replace(rest, qvel=tangent(bench, rest.qpos, inertia) * speed[part, None])
-        at = situation(bench, states)
-        parts.append((states, efforts(bench, at, *needed(bench, at, acceleration[part]))))
+    states, found = required(bench, time, angle, speed, acceleration)
     seconds = clock.perf_counter() - begin
-    states = join([states for states, _ in parts])
     motion = evaluate(bench.loops, bench.track, states, "pose", crank_acceleration=acceleration)
     return Driven(
         motion=motion,
-        efforts=join([found for _, found in parts]),
+        efforts=found,
         outcome="done",
         method="pose",
         steps=len(time),
@@ -158,14 +191,8 @@ def _solved(bench: Bench, profile: Profile, samples: int | None) -> Driven:
     )
 
 
-def _stepped(bench: Bench, profile: Profile, samples: int | None, settings: Settings) -> Driven:
-    angle = profile.state(np.linspace(0.0, profile.duration, PROBES))[0]
-    pose.follow(bench.loops, bench.begun, angle)
-    total = max(1, int(np.ceil(profile.turns * settings.steps_per_turn - 1e-9)))
-    stride = max(1, int(total / (SAMPLES * profile.turns)))
-    if samples is not None:
-        stride = -(-total // samples)
-        total = stride * samples
+def _stepped(bench: Bench, profile: Profile, settings: Settings, samples: int, stride: int) -> Driven:
+    total = samples * stride
     first, speed, _ = (float(one[0]) for one in profile.state(np.zeros(1)))
     model = copy.copy(bench.model)
     stiffen_friction(model, profile.duration / total)
@@ -188,43 +215,3 @@ def _stepped(bench: Bench, profile: Profile, samples: int | None, settings: Sett
         settings=settings,
         timestep=steps.timestep,
     )
-
-
-def efforts_of(
-    bench: Bench, stepped: mujoco.MjModel, hardness: float, states: States, force: Array | None = None
-) -> Efforts:
-    """Return the efforts at recorded states of a stepped model, from its own constraint forces.
-
-    Args:
-        bench: the mechanism.
-        stepped: the model as it was stepped, the drive's inertia in it.
-        hardness: factor on its inverse weights.
-        states: recorded.
-        force: of the drive on the crank at each state besides what holds its speed, (n,) in [N m].
-    """
-    model = copy.copy(stepped)
-    bench.prepare(model)
-    # forces are the softness times a tiny gap: harder than this, rounding of the gap shows in them
-    soften = max(1.0, HARDEST / hardness)
-    model.body_invweight0[:] *= soften
-    model.dof_invweight0[:] *= soften
-    model.opt.iterations = ITERATIONS
-    parts = []
-    for first in range(0, len(states.time), CHUNK):
-        part = states.at(first)
-        at = situation(bench, part)
-        acting = replace(at.outer, generalised=at.outer.generalised.copy())
-        if force is not None:
-            acting.generalised[:, bench.loops.crank] += force[first : first + CHUNK]
-        fields = bench.look(model, part, acting)
-        multipliers, torque = constrained(bench, at, fields)
-        parts.append(efforts(bench, at, fields["qacc"], multipliers, torque))
-    return join(parts)
-
-
-def stiffen_friction(model: mujoco.MjModel, timestep: float) -> None:
-    """Let dry friction hold within two steps: MuJoCo's default of 20 ms is long beside a turn."""
-    for name in ("dof_solref", "tendon_solref_fri"):
-        getattr(model, name)[:] = 2.0 * timestep, 1.0
-    for name in ("dof_solimp", "tendon_solimp_fri"):
-        getattr(model, name)[:] = 0.9999, 0.9999, 0.001, 0.5, 2.0

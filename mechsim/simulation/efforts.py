@@ -10,7 +10,7 @@ from mechsim.mjcf.loops import RANK_TOLERANCE
 from mechsim.simulation.bench import SITE, Applied, Bench
 from mechsim.simulation.reactions import Transmitted, transmitted
 from mechsim.simulation.record import States, link_motions, opening
-from mechsim.simulation.wrenches import Fields, dry_friction, loop_forces, native, together
+from mechsim.simulation.wrenches import Fields, dry_friction, loop_forces, native, sliding, together
 
 Array = NDArray[np.float64]
 
@@ -31,6 +31,7 @@ class Efforts:
         power_lost: in friction and dampers, (n,) in [W].
         imbalance: by how much the accelerations that MuJoCo gets from all these forces differ from
             those they were calculated for, relative to the largest of all, (n,).
+        sliding: which way each joint with dry friction goes, (n, k) of -1, 0, 1.
     """
 
     acceleration: Array
@@ -43,6 +44,7 @@ class Efforts:
     power_loads: Array
     power_lost: Array
     imbalance: Array
+    sliding: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +77,7 @@ def tangent(bench: Bench, qpos: Array, inertia: Array) -> Array:
     held = _held(bench, jacobian)
     right = np.zeros(held.shape[:2])
     right[:, -1] = 1.0
-    return _least(held, _row_scale(bench, held.shape[1]), inertia, right)[0]
+    return _least(held, row_scale(bench, held.shape[1]), inertia, right)[0]
 
 
 def needed(bench: Bench, at: Situation, crank_acceleration: Array) -> tuple[Array, Array, Array]:
@@ -88,7 +90,7 @@ def needed(bench: Bench, at: Situation, crank_acceleration: Array) -> tuple[Arra
     lacking = crank_acceleration - at.plain["qacc"][:, bench.loops.crank]
     right = np.concatenate([-opened, lacking[:, None]], 1)
     held = _held(bench, at.jacobian)
-    change, multipliers = _least(held, _row_scale(bench, held.shape[1]), at.plain["inertia"], right)
+    change, multipliers = _least(held, row_scale(bench, held.shape[1]), at.plain["inertia"], right)
     return at.plain["qacc"] + change, multipliers[:, :-1], multipliers[:, -1]
 
 
@@ -100,7 +102,7 @@ def constrained(bench: Bench, at: Situation, fields: Fields) -> tuple[Array, Arr
         at: the situation.
         fields: what the stepped model makes of it.
     """
-    forces, scale = fields["qfrc_constraint"], _row_scale(bench, at.jacobian.shape[1])
+    forces, scale = fields["qfrc_constraint"], row_scale(bench, at.jacobian.shape[1])
     turned = np.swapaxes(at.jacobian * scale[:, None], 1, 2)
     multipliers = np.zeros(turned.shape[::2])
     if turned.shape[2]:
@@ -134,6 +136,7 @@ def efforts(bench: Bench, at: Situation, qacc: Array, multipliers: Array, torque
         power_loads=outer,
         power_lost=lost,
         imbalance=np.abs(fields["qacc"] - qacc).max(1) / largest,
+        sliding=sliding(bench, at.plain, rates),
     )
 
 
@@ -144,7 +147,7 @@ def _held(bench: Bench, jacobian: Array) -> Array:
     return np.concatenate([jacobian, row], 1)
 
 
-def _row_scale(bench: Bench, rows: int) -> Array:
+def row_scale(bench: Bench, rows: int) -> Array:
     """Return factors that make rows of lengths free of units."""
     scale = np.ones(rows)
     scale[: 3 * len(bench.loops.pairs)] /= bench.loops.size

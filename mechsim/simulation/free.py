@@ -2,7 +2,7 @@
 
 import copy
 import time as clock
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -16,15 +16,17 @@ from mechsim.mjcf import Loops, quiet
 from mechsim.mjcf.loops import RANK_TOLERANCE
 from mechsim.motion import Motion
 from mechsim.simulation.bench import Bench
-from mechsim.simulation.dynamics import efforts_of, started, stiffen_friction
 from mechsim.simulation.efforts import Efforts, powers, situation
-from mechsim.simulation.march import March, march
+from mechsim.simulation.free_promise import Gone, Promise, promised
+from mechsim.simulation.inverse import started
+from mechsim.simulation.march import march
 from mechsim.simulation.pace import pace
 from mechsim.simulation.record import CHUNK, States, evaluate
 from mechsim.simulation.settings import Settings
+from mechsim.simulation.stepped import efforts_of, stiffen_friction
 
 Array = NDArray[np.float64]
-Outcome = Literal["done", "time over", "cannot start", "turned back", "stopped", "diverged"]
+Outcome = Literal["done", "time over", "cannot start", "turned back", "stopped", "diverged", "missed"]
 TURN = 2.0 * np.pi
 
 # turns of the crank at its expected speed after which a run for turns is given up
@@ -36,6 +38,8 @@ REDUNDANT = Settings(hardness=100.0, constant_steps=5.0, steps_per_turn=4000)
 FINEST = 10_000
 # steps of Newton's method at each instant: with one the energy drifts by 1e-5 a turn, with two by 1e-9
 ITERATIONS = 2
+# times the step that damping allows, in the coarsest of the trials
+COARSER = 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,12 +54,14 @@ class FreeRun:
         lost: in friction and dampers since the start, (n,) in [J].
         outcome: "done" (the turns or time asked for), "time over" (fewer turns in the time), "cannot
             start" (never left its place, or swung back without a turn), "turned back" (ran, but did
-            not make the turns), "stopped" (friction holds it), "diverged".
+            not make the turns), "stopped" (friction holds it), "diverged", "missed" (done, but not
+            within the tolerance asked for).
         reason: one sentence where the outcome is not "done".
         steps: time steps taken.
         seconds: time spent stepping.
         timestep: in [s].
         settings: how it was stepped.
+        promise: what was asked of it and how it came out; None where no tolerance was.
     """
 
     motion: Motion
@@ -68,6 +74,7 @@ class FreeRun:
     seconds: float
     timestep: float
     settings: Settings
+    promise: Promise | None = None
 
     @property
     def imbalance(self) -> Array:
@@ -93,6 +100,7 @@ def free_run(
     speed: float = 0.0,
     turns: float | None = None,
     duration: float | None = None,
+    tolerance: float | None = None,
     samples: int = 720,
     timestep: float | None = None,
     settings: Settings | None = None,
@@ -107,6 +115,8 @@ def free_run(
         speed: crank speed at the start in [rad/s].
         turns: turns of the crank after which to end; negative backwards.
         duration: time after which to end in [s]; give it or `turns`.
+        tolerance: bound on the error of the crank angle at every instant in [rad]; the time step is then
+            chosen by trials, and the error taken from a run with steps twice as long (`free_promise`).
         samples: instants recorded after the first, about as many where only turns are given.
         timestep: in [s]; None takes the settings' part of a turn at the speed to be expected.
         settings: how to step; the flywheel in them is left out.
@@ -116,34 +126,92 @@ def free_run(
         InputError: where it is not said when to end, or values cannot be used.
         AssemblyError: if the loops do not close at the start.
     """
-    _check(speed=speed, turns=turns, duration=duration, timestep=timestep, samples=float(samples))
+    _check(
+        speed=speed,
+        turns=turns,
+        duration=duration,
+        tolerance=tolerance,
+        timestep=timestep,
+        samples=float(samples),
+    )
     if turns is None and duration is None:
         raise InputError("a free run needs turns of the crank, or a duration above 0, after which to end")
     bench = Bench(mechanism, forces or Forces(), cut)
     settings = settings or (REDUNDANT if _is_redundant(bench) else Settings())
     first = mechanism.start if angle is None else angle
-    start = started(bench, first, speed)
-    fastest, step = 0.0, timestep or 0.0
-    if timestep is None or duration is None:
+    plan = _Plan(bench, settings, started(bench, first, speed), turns, duration, samples, 0.0, np.inf)
+    if timestep is None or duration is None or tolerance is not None:
         expected = pace(bench, first, speed, turns, duration)
-        fastest = expected.speed
-        step = expected.timestep(settings.timestep(fastest)) if timestep is None else timestep
-    if duration is None:
-        assert turns is not None
-        duration = PATIENCE * TURN * (1.0 + abs(turns)) / fastest
-    total = int(np.ceil(duration / step - 1e-9))
-    likely = total
-    if turns is not None and fastest > 0.0:
-        likely = min(total, int(TURN * abs(turns) / fastest / step) + 1)
-    stride = max(1, likely // max(samples, FINEST))
-    if turns is None:
-        total = stride * -(-total // stride)
-        step = duration / total
-    loops = _prepared(bench, settings, step)
-    begin = clock.perf_counter()
-    run = march(bench, loops, start, total, stride, turns, fastest)
-    seconds = clock.perf_counter() - begin
-    return _recorded(bench, loops, settings, run, max(1, likely // stride // samples), seconds)
+        plan = replace(plan, fastest=expected.speed, longest=expected.timestep(np.inf))
+    if tolerance is not None:
+        if timestep is not None:
+            raise InputError("a free run was given a time step and a tolerance; leave one of them out")
+        # Runge's method is stable for steps of five times that; only the trials take such
+        plan = replace(plan, longest=COARSER * plan.longest)
+        gone, promise = promised(plan.gone, tolerance, TURN / plan.fastest / plan.longest)
+        run = _recorded(plan, gone)
+        if run.outcome == "done" and not promise.met:
+            run = replace(run, outcome="missed", reason=promise.reason)
+        return replace(run, promise=promise)
+    if timestep is None:
+        return _recorded(plan, plan.gone(settings.steps_per_turn))
+    return _recorded(plan, plan.gone(settings.steps_per_turn, timestep=timestep))
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """A free run but for its time step.
+
+    Attributes:
+        bench: the mechanism.
+        settings: how to step.
+        start: closed state and rates.
+        turns: as asked for.
+        duration: as asked for.
+        samples: as asked for.
+        fastest: speed to be expected, in [rad/s]; 0 where it is not needed.
+        longest: time step that damping allows, in [s].
+    """
+
+    bench: Bench
+    settings: Settings
+    start: tuple[Array, Array]
+    turns: float | None
+    duration: float | None
+    samples: int
+    fastest: float
+    longest: float
+
+    def gone(self, steps: int, per_record: int = 1, *, timestep: float | None = None) -> Gone:
+        """Return the run with so many steps in a turn at the speed to be expected.
+
+        Args:
+            steps: in a turn.
+            per_record: into how many parts each step is cut: twice as many steps with twice the
+                parts are recorded at the same instants.
+            timestep: overrides the step before it is cut, in [s].
+        """
+        coarse = replace(self.settings, steps_per_turn=steps // per_record)
+        step = timestep or min(coarse.timestep(self.fastest), self.longest)
+        duration = self.duration
+        if duration is None:
+            assert self.turns is not None
+            duration = PATIENCE * TURN * (1.0 + abs(self.turns)) / self.fastest
+        total = likely = int(np.ceil(duration / step - 1e-9))
+        if self.turns is not None and self.fastest > 0.0:
+            likely = min(total, int(TURN * abs(self.turns) / self.fastest / step) + 1)
+        stride = max(1, likely // max(self.samples, FINEST))
+        if self.turns is None:
+            total = stride * -(-total // stride)
+            step = duration / total
+        every = max(1, likely // stride // self.samples)
+        settings = replace(self.settings, steps_per_turn=steps)
+        step, total, stride = step / per_record, total * per_record, stride * per_record
+        loops = _prepared(self.bench, settings, step)
+        begin = clock.perf_counter()
+        run = march(self.bench, loops, self.start, total, stride, self.turns, self.fastest)
+        seconds = clock.perf_counter() - begin
+        return Gone(run, loops, settings, seconds, every)
 
 
 def _is_redundant(bench: Bench) -> bool:
@@ -166,14 +234,13 @@ def _prepared(bench: Bench, settings: Settings, step: float) -> Loops:
     return loops
 
 
-def _recorded(
-    bench: Bench, loops: Loops, settings: Settings, run: March, every: int, seconds: float
-) -> FreeRun:
+def _recorded(plan: _Plan, gone: Gone) -> FreeRun:
     """Return the run at every so many of its records, the last one too; work is summed over all."""
-    kept = np.unique(np.append(np.arange(0, len(run.time), every), len(run.time) - 1))
+    bench, run, loops = plan.bench, gone.march, gone.loops
+    kept = np.unique(np.append(np.arange(0, len(run.time), gone.every), len(run.time) - 1))
     states = States(run.time[kept], run.qpos[kept], run.qvel[kept])
     work, lost = _work(bench, States(run.time, run.qpos, run.qvel))
-    found = efforts_of(bench, loops.model, settings.hardness, states)
+    found = efforts_of(bench, loops.model, gone.settings.hardness, states)
     motion = evaluate(bench.loops, bench.track, states, "step", crank_acceleration=found.acceleration)
     return FreeRun(
         motion=motion,
@@ -183,9 +250,9 @@ def _recorded(
         outcome=run.outcome,
         reason=run.reason,
         steps=run.steps,
-        seconds=seconds,
+        seconds=gone.seconds,
         timestep=float(loops.model.opt.timestep),
-        settings=settings,
+        settings=gone.settings,
     )
 
 
@@ -213,7 +280,7 @@ def _check(**values: float | None) -> None:
     for name, value in values.items():
         if value is not None and not abs(value) < np.inf:
             raise InputError(f"{name} of a free run is {value}; give a finite number")
-        if value is not None and name in ("duration", "timestep", "samples") and not value > 0.0:
+        if value is not None and name in ("duration", "timestep", "samples", "tolerance") and not value > 0.0:
             raise InputError(f"{name} of a free run is {value}; give one above 0")
         if value == 0.0 and name == "turns":
             raise InputError("a free run of 0 turns ends where it starts; give turns other than 0")

@@ -75,6 +75,13 @@ def dry_friction(bench: Bench, fields: Fields, qvel: Array) -> Applied:
     return forces
 
 
+def sliding(bench: Bench, fields: Fields, qvel: Array) -> Array:
+    """Return which way each joint with dry friction goes, (n, k) of -1, 0, 1."""
+    model = bench.model
+    ways = [qvel[:, model.dof_frictionloss > 0.0], fields["ten_velocity"][:, model.tendon_frictionloss > 0.0]]
+    return np.sign(np.concatenate(ways, 1))
+
+
 def loop_forces(bench: Bench, fields: Fields, multipliers: Array) -> Applied:
     """Return the forces that close the loops: a multiplier pulls the first point of its pair."""
     loops, forces = bench.loops, bench.nothing(len(multipliers))
