@@ -148,12 +148,16 @@ def main() -> None:
     given = parser.parse_args()
     if not given.rounds >= 1:
         parser.error(f"--rounds is {given.rounds}; take at least 1")
+    if given.out is not None:
+        try:
+            given.out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            parser.error(f"--out {given.out}: {error.strerror}; name a folder that can be made")
     rows = measured(PEERS, rounds=given.rounds)
     print(markdown(rows))
     if given.out is not None:
         from picture import work_precision
 
-        given.out.mkdir(parents=True, exist_ok=True)
         write_table(rows, given.out / "peers.csv")
         with written_beside(given.out / "peers.md") as beside:
             beside.write_text(markdown(rows) + "\n")
