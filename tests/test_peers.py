@@ -87,6 +87,16 @@ def test_the_other_assembly_and_a_late_crank_are_condemned(asked):
     assert problems.judge(asked, angles, late).place > 0.9e-3
 
 
+def test_a_torque_a_thousandth_too_large_or_one_instant_late_is_condemned(asked):
+    angles = asked.angles(20)
+    exact = asked.torque(angles)
+    assert problems.judge_torque(asked, angles, exact) == 0.0
+    assert problems.judge_torque(asked, angles, 1.001 * exact) == pytest.approx(1e-3)
+    assert problems.judge_torque(asked, angles, np.roll(exact, 1)) > 0.1
+    assert problems.judge_torque(asked, angles, exact[1:]) == np.inf
+    assert np.isnan(problems.judge_torque(asked, angles, None))
+
+
 @pytest.mark.parametrize("broken", ["short", "missing", "not a number"])
 def test_a_turn_that_is_not_whole_errs_without_bound(asked, broken):
     angles = asked.angles(20)
