@@ -1,8 +1,8 @@
 """The time step for a wanted accuracy of a free run, and the proof that it keeps it.
 
 Nothing but the run itself is asked: with steps twice as long the crank comes elsewhere. Where the error
-falls by the order it should, that way over two to the power of the order less one is what the shorter
-steps still err by; else the whole of it counts.
+falls nearly by the fourth order, a tenth of that way is more than the shorter steps still err by; else the
+whole of it counts.
 """
 
 from dataclasses import dataclass, replace
@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 COARSEST, MOST = 60, 100_000
 # orders by which steps are chosen
 ORDERS = (1.0, 4.0)
-# an error falls as it should, so that what is left may be foretold, if its order was this or more; else
-# all that the last halving changed counts
+# an error that falls by this order or more is taken to fall by this order; else all that the last halving
+# changed counts
 SURE = 3.4
 # part of the tolerance aimed at
 AIM = 0.5
@@ -88,7 +88,7 @@ def promised(go: Go, tolerance: float, least: float) -> tuple[Gone, Promise]:
     spent = first.march.steps + second.march.steps
     before, last = _apart(first, second), _apart(second, run)
     order = float(np.clip(np.log2(before / last), *ORDERS)) if last > 0.0 and before < np.inf else ORDERS[0]
-    left = 1.0 / (2.0**order - 1.0) if order >= SURE else 1.0
+    left = 1.0 / (2.0**SURE - 1.0) if order >= SURE else 1.0
     steps, estimate = 4 * steps, left * last
     best = run, Promise(tolerance=tolerance, estimate=estimate, order=order, trials=spent)
     while not best[1].met and steps < MOST:
