@@ -16,6 +16,7 @@ from typing import Any
 
 from mechsim._version import __version__
 from mechsim.errors import OutputError
+from mechsim.report_studies import StudyPart
 from mechsim.tables import written_beside
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -25,6 +26,10 @@ KINDS = {
     ".webm": "video/webm",
     ".gif": "image/gif",
 }
+# a check that uses less of its bound stands only in the long table
+UNUSED = 1e-3
+# points across; wider plots have several columns
+WIDE = 450.0
 # what a reader should know of each outcome, in a word or two
 OUTCOMES = {
     "met": "every bound met",
@@ -67,6 +72,7 @@ def write_report(
     *,
     command: str | None = None,
     notes: Sequence[str] = (),
+    studies: Sequence[StudyPart] = (),
 ) -> Path:
     """Write `index.html` and `validate.json` into a directory and return the page's path.
 
@@ -76,6 +82,7 @@ def write_report(
         sections: what to show of each mechanism, in this order.
         command: that makes this report again; None takes that of this process.
         notes: what could not be done, one sentence each; they stand at the top.
+        studies: extremes and trades, after the mechanisms.
 
     Raises:
         OutputError: where a file cannot be written.
@@ -91,7 +98,7 @@ def write_report(
         "versions": versions(),
         "machine": machine(),
     }
-    page = render(results, sections, about, notes)
+    page = render(results, sections, about, notes, studies)
     numbers = plain({**results, "notes": list(notes), "about": about})
     with written_beside(directory / "validate.json") as beside:
         beside.write_text(json.dumps(numbers, indent=1, allow_nan=False) + "\n", encoding="utf-8")
@@ -105,6 +112,7 @@ def render(
     sections: Sequence[Section],
     about: Mapping[str, Any],
     notes: Sequence[str] = (),
+    studies: Sequence[StudyPart] = (),
 ) -> str:
     """Return the page as HTML text."""
     import jinja2
@@ -116,7 +124,9 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(number=number, degrees=degrees, picture=picture, film=film, value=value)
+    filters: dict[str, Any] = {"number": number, "degrees": degrees, "value": value}
+    filters |= {"picture": picture, "film": film, "wide": wide}
+    environment.filters.update(filters)
     shown = [_shown(section, results) for section in sections]
     return environment.get_template("report.html").render(
         passed=bool(results["passed"]),
@@ -125,6 +135,7 @@ def render(
         met=sum(one["passed"] for one in shown),
         failures=[one for one in shown if not one["passed"]],
         notes=notes,
+        studies=studies,
         about=about,
         film_is_picture=lambda path: Path(path).suffix == ".gif",
     )
@@ -209,6 +220,12 @@ def picture(data: bytes) -> str:
     return _uri("image/svg+xml", data)
 
 
+def wide(data: bytes) -> bool:
+    """Return whether a plot is too wide to be read on a telephone; its page then lets it be pushed along."""
+    found = re.search(rb'<svg[^>]* width="([0-9.]+)pt"', data[:2000])
+    return found is not None and float(found[1]) > WIDE
+
+
 def film(path: Path) -> str:
     """Return a video file as a data URI.
 
@@ -225,7 +242,9 @@ def _shown(section: Section, results: Mapping[str, Any]) -> dict[str, Any]:
     result = results["mechanisms"].get(section.name, {})
     checks = list(section.checks if section.checks is not None else result.get("checks", ()))
     checks = [{**check, "used": _used(check)} for check in checks]
-    costs = {"steps": result.get("steps"), "seconds": result.get("seconds")}
+    seconds = result.get("seconds")
+    costs = {"steps": result.get("steps"), "whole case": None if seconds is None else f"{seconds:.3g} s"}
+    used = [check for check in checks if check["used"] is not None]
     return {
         "section": section,
         "name": section.name,
@@ -235,21 +254,32 @@ def _shown(section: Section, results: Mapping[str, Any]) -> dict[str, Any]:
         "reason": result.get("reason", ""),
         "checks": checks,
         "tightest": _tightest(checks),
+        "met": sum(bool(check["passed"]) for check in checks),
+        "nearest": max(used, key=_share) if used else None,
+        "seconds": seconds,
         "settings": {**section.settings, **{k: v for k, v in costs.items() if v is not None}},
     }
 
 
 def _tightest(checks: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Of each kind of quantity the check that comes nearest to its bound, and all that failed."""
+    """Of each kind of quantity the check that comes nearest to its bound, and all that failed.
+
+    What uses less than `UNUSED` of its bound is left out, unless nothing else is there.
+    """
     found: dict[str, Mapping[str, Any]] = {}
     for check in checks:
         kind = re.sub(r" of .*|(?<=joint) .*", "", check["quantity"])
         best = found.get(kind)
         if not check["passed"]:
             found[check["quantity"]] = check
-        elif best is None or (best["passed"] and (check["used"] or 0.0) > (best["used"] or 0.0)):
+        elif best is None or (best["passed"] and _share(check) > _share(best)):
             found[kind] = check
-    return list(found.values())
+    kept = list(found.values())
+    return [check for check in kept if not check["passed"] or _share(check) >= UNUSED] or kept
+
+
+def _share(check: Mapping[str, Any]) -> float:
+    return float(check["used"] or 0.0)
 
 
 def _used(check: Mapping[str, Any]) -> float | None:
@@ -266,7 +296,7 @@ def _uri(kind: str, data: bytes) -> str:
 
 def _this_command() -> str:
     name = Path(sys.argv[0]).name
-    return " ".join(["mechsim" if name in ("__main__.py", "mechsim") else name, *sys.argv[1:]])
+    return " ".join(["mechsim" if name in ("__main__.py", "mechsim", "-c") else name, *sys.argv[1:]])
 
 
 def _processor() -> str:

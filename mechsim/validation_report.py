@@ -12,6 +12,7 @@ from mechsim.errors import MissingToolError
 from mechsim.facts import facts
 from mechsim.motion import Motion
 from mechsim.report import Section, write_report
+from mechsim.report_studies import studies_in
 from mechsim.validate import Case
 
 SIZE = (640, 480)
@@ -61,7 +62,7 @@ def write_validation_report(
             )
         )
         done(name)
-    write_report(folder, results, sections, notes=notes)
+    write_report(folder, results, sections, notes=notes, studies=studies_in(folder))
     return notes
 
 
@@ -115,7 +116,7 @@ def _facts(case: Case) -> dict[str, Any]:
         listed["dead centres"] = ", ".join(f"{math.degrees(at):.4f}°" for at in known["dead_centres"])
     if known["transmission_angle"] is not None:
         least = known["transmission_angle"]
-        value, place = math.degrees(least["least"]), math.degrees(least["at_angle"])
+        value, place = math.degrees(least["least"]), math.degrees(least["at_angle"]) % 360.0
         listed["transmission angle"] = f"at least {value:.2f}°, at crank angle {place:.1f}°"
     if known["assur_explained"]:
         listed["Assur groups"] = known["assur_explained"]
@@ -136,5 +137,4 @@ def _settings(case: Case) -> dict[str, Any]:
         "steps": run.steps,
         "stepping time": f"{run.seconds:.4g} s",
         "poses": f"{case.poses.steps} solved in {case.poses.seconds:.4g} s",
-        "whole case": f"{case.seconds:.3g} s",
     }

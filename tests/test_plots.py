@@ -9,6 +9,7 @@ from mechsim.errors import InputError, OutputError
 from mechsim.plots.sheet import readable
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 37)
+ERRORS = {"P2": 1e-9 * np.sin(TURN), "P3": 0.0 * TURN}
 
 
 @pytest.fixture(scope="module")
@@ -33,22 +34,31 @@ def drawings(drive, motion, form):
     yield plots.coupler_curve(drive.mechanism, motion, form=form, other=drive.solve(TURN[::6], 60.0))
     yield plots.space_curve(drive.mechanism, motion, form=form)
     yield plots.transmission_plot(TURN, drive.transmission_angle(TURN), form=form)
-    yield plots.error_plot(
-        TURN, {"P2": 1e-9 * np.sin(TURN), "P3": 0.0 * TURN}, unit="m", bound=1e-8, form=form
-    )
+    yield plots.error_plot(TURN, ERRORS, unit="m", bound=1e-8, form=form)
     yield plots.velocity_plan_plot(SmallPlan(), "crank 2 stopped", form=form)
 
 
+@pytest.fixture(scope="module")
+def vectors(drive, motion):
+    """Every plot as SVG; drawing takes its time."""
+    return list(drawings(drive, motion, "svg"))
+
+
 @pytest.mark.parametrize(("form", "start"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
-def test_every_plot_comes_in_every_format(drive, motion, form, start):
-    for drawing in drawings(drive, motion, form):
+def test_every_plot_comes_in_every_format(drive, motion, vectors, form, start):
+    for drawing in vectors if form == "svg" else drawings(drive, motion, form):
         assert drawing.startswith(start)
         assert len(drawing) > 2000
 
 
-def test_plots_need_nothing_from_elsewhere_and_are_the_same_every_time(drive, motion):
-    for one, other in zip(drawings(drive, motion, "svg"), drawings(drive, motion, "svg"), strict=True):
-        assert one == other
+def test_plots_need_nothing_from_elsewhere_and_are_the_same_every_time(drive, motion, vectors):
+    # one of each module: what could differ, names and dates, is made in one place for all
+    again = (
+        plots.error_plot(TURN, ERRORS, unit="m", bound=1e-8),
+        plots.coupler_curve(drive.mechanism, motion, other=drive.solve(TURN[::6], 60.0)),
+    )
+    assert set(again) <= set(vectors)
+    for one in vectors:
         for element in ET.fromstring(one).iter():
             for name, link in element.attrib.items():
                 assert not name.endswith("href") or link.startswith("#")

@@ -1,0 +1,126 @@
+"""A headless Chromium for tests, spoken to by its own protocol over a pair of pipes: no driver, no port."""
+
+import base64
+import fcntl
+import io
+import json
+import os
+import shutil
+import subprocess
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+PROGRAM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+SWITCHES = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--disable-dev-shm-usage",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--autoplay-policy=no-user-gesture-required",
+    "--remote-debugging-pipe",
+]
+# the protocol wants its pipes as descriptors 3 and 4
+START = """import os, sys
+os.dup2(int(sys.argv[1]), 3)
+os.dup2(int(sys.argv[2]), 4)
+os.execv(sys.argv[3], sys.argv[3:])"""
+TROUBLE = ("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded")
+
+
+class Browser:
+    """One page in a browser; use it in a `with` block.
+
+    Attributes:
+        complaints: what the console and the page's scripts and loads had to complain of.
+    """
+
+    def __init__(self, profile: Path):
+        self.complaints: list[dict[str, Any]] = []
+        self._count = 0
+        assert PROGRAM is not None
+        with ExitStack() as ours:
+            theirs: list[int] = []
+            ends = os.pipe(), os.pipe()
+            for mine, yours in ((ends[0][1], ends[0][0]), (ends[1][0], ends[1][1])):
+                ours.callback(os.close, mine)
+                theirs.append(fcntl.fcntl(yours, fcntl.F_DUPFD, 10))
+                os.close(yours)
+            self._out, self._in = ends[0][1], ends[1][0]
+            command = [sys.executable, "-c", START, *map(str, theirs), PROGRAM, *SWITCHES]
+            self._process = subprocess.Popen(
+                [*command, f"--user-data-dir={profile}", "about:blank"],
+                pass_fds=theirs,
+                stderr=subprocess.DEVNULL,
+            )
+            ours.callback(self._process.wait, 30)
+            ours.callback(self._process.terminate)
+            for end in theirs:
+                os.close(end)
+            self._begin()
+            self._ours = ours.pop_all()
+
+    def _begin(self) -> None:
+        self._rest, self._session = b"", None
+        (page,) = [one for one in self._tell("Target.getTargets")["targetInfos"] if one["type"] == "page"]
+        attached = self._tell("Target.attachToTarget", targetId=page["targetId"], flatten=True)
+        self._session = attached["sessionId"]
+        for domain in ("Page", "Runtime", "Log"):
+            self._tell(f"{domain}.enable")
+
+    def __enter__(self) -> "Browser":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ours.close()
+
+    def open(self, page: Path, width: int, scheme: str) -> None:
+        """Load a page at a width in pixels, for a reader who likes "light" or "dark"."""
+        self._tell(
+            "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False
+        )
+        self._tell("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        self._tell("Page.navigate", url=page.as_uri())
+        self.run("document.readyState === 'complete' || new Promise(done => addEventListener('load', done))")
+
+    def run(self, script: str) -> Any:
+        """Return what a script comes to, awaited, as plain data."""
+        said = self._tell("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
+        assert "exceptionDetails" not in said, said
+        return said["result"].get("value")
+
+    def look(self) -> np.ndarray:
+        """Return a picture of the window, (height, width, 3)."""
+        data = base64.b64decode(self._tell("Page.captureScreenshot")["data"])
+        return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
+
+    def _tell(self, method: str, **params: Any) -> dict[str, Any]:
+        self._count += 1
+        message = {"id": self._count, "method": method, "params": params}
+        if self._session:
+            message["sessionId"] = self._session
+        text = json.dumps(message).encode() + b"\0"
+        while text:
+            text = text[os.write(self._out, text) :]
+        while (answer := self._heard()).get("id") != self._count:
+            if answer.get("method") in TROUBLE:
+                self.complaints.append(answer["params"])
+        assert "error" not in answer, (method, answer)
+        return answer["result"]
+
+    def _heard(self) -> dict[str, Any]:
+        while b"\0" not in self._rest:
+            piece = os.read(self._in, 1 << 16)
+            assert piece, "the browser ended"
+            self._rest += piece
+        message, _, self._rest = self._rest.partition(b"\0")
+        return json.loads(message)
