@@ -10,7 +10,7 @@ import numpy as np
 
 from mechsim.course import Course
 from mechsim.errors import InputError
-from mechsim.mechanism import GROUND, Mechanism, Vector
+from mechsim.mechanism import GROUND, ORIGIN, Mechanism, Vector
 from mechsim.motors import Motor
 
 # a tracked point's name, or a link ("ground" too) and a point in its frame in [m]
@@ -22,24 +22,35 @@ class Friction:
     """Friction in a joint; it opposes the joint's own rate.
 
     In a revolute or prismatic joint the torque or force on link b along the joint's axis is
-    -(viscous q' + coulomb sign q'). In a universal joint the viscous torque acts about both its axes,
-    each with that axis's own rate; in a spherical one it is -viscous times the relative angular
-    velocity.
+    -(viscous q' + coulomb sign q'). In a cylindrical joint that is so for the sliding, and with the two
+    numbers of the turning for the turning, each by itself. In a universal joint it is so about both its
+    axes, each with that axis's own rate. In a spherical joint it is a couple against the relative angular
+    velocity w: -(viscous w + coulomb w / |w|).
 
     Attributes:
         joint: name of the joint.
         viscous: in [N m s] for turning, [N s/m] for sliding; 0 or more.
-        coulomb: size of the dry friction in [N m] or [N], whatever the joint carries; 0 or more;
-            for revolute and prismatic joints.
+        coulomb: size of the dry friction in [N m] or [N], whatever the joint carries; 0 or more.
+        viscous_turn: of the turning in a cylindrical joint, in [N m s].
+        coulomb_turn: of the turning in a cylindrical joint, in [N m].
     """
 
     joint: str
     viscous: float = 0.0
     coulomb: float = 0.0
+    viscous_turn: float = 0.0
+    coulomb_turn: float = 0.0
 
     def __post_init__(self) -> None:
-        _at_least_zero(f"viscous friction in joint {self.joint!r}", self.viscous)
-        _at_least_zero(f"Coulomb friction in joint {self.joint!r}", self.coulomb)
+        for name in ("viscous", "viscous_turn"):
+            _at_least_zero(f"viscous friction in joint {self.joint!r}", getattr(self, name))
+        for name in ("coulomb", "coulomb_turn"):
+            _at_least_zero(f"Coulomb friction in joint {self.joint!r}", getattr(self, name))
+
+    @property
+    def dry(self) -> bool:
+        """Whether there is dry friction."""
+        return bool(self.coulomb or self.coulomb_turn)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +121,23 @@ class Load:
             raise InputError(f"the load on {self.place} has one component; give three, in the ground frame")
 
 
+@dataclass(frozen=True, slots=True)
+class Couple:
+    """A moment on a link.
+
+    Attributes:
+        link: its name.
+        moment: its course, three components in the ground frame in [N m].
+    """
+
+    link: str
+    moment: Course
+
+    def __post_init__(self) -> None:
+        if self.moment.width != 3:
+            raise InputError(f"the couple on {self.link} has one component; give three, in the ground frame")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Forces:
     """All that acts on a mechanism.
@@ -120,6 +148,7 @@ class Forces:
         springs: between points.
         joint_springs: in joints.
         loads: forces on points.
+        couples: moments on links.
         crank_torque: a load on the crank in [N m], positive in the direction of rising crank angle, on
             the driven joint's link b by its link a; None is none. A motor is given as `motor`.
         flywheel: moment of inertia that turns with the crank, besides the links', in [kg m2].
@@ -132,6 +161,7 @@ class Forces:
     springs: tuple[Spring, ...] = ()
     joint_springs: tuple[JointSpring, ...] = ()
     loads: tuple[Load, ...] = ()
+    couples: tuple[Couple, ...] = ()
     crank_torque: Course | None = None
     flywheel: float = 0.0
     motor: Motor | None = None
@@ -149,15 +179,10 @@ class Forces:
         """Raise InputError unless every joint and place named is the mechanism's, and of a kind that fits."""
         for friction in self.friction:
             kind = mechanism.joint(friction.joint).kind
-            if kind == "cylindrical":
+            if kind != "cylindrical" and (friction.viscous_turn or friction.coulomb_turn):
                 raise InputError(
-                    f"friction in cylindrical joint {friction.joint!r} is not known; "
-                    "make it a revolute and a prismatic joint with a link between"
-                )
-            if friction.coulomb and kind not in ("revolute", "prismatic"):
-                raise InputError(
-                    f"Coulomb friction in {kind} joint {friction.joint!r} is not known; "
-                    "give it in revolute and prismatic joints, viscous friction elsewhere"
+                    f"friction of turning beside that of sliding is given in {kind} joint "
+                    f"{friction.joint!r}; only a cylindrical joint has both"
                 )
         for spring in self.joint_springs:
             kind = mechanism.joint(spring.joint).kind
@@ -173,6 +198,16 @@ class Forces:
         for load in self.loads:
             if located(mechanism, load.place)[0] == GROUND:
                 raise InputError(f"the load on {load.place} acts on the frame, which it cannot move")
+
+        for couple in self.couples:
+            if located(mechanism, (couple.link, ORIGIN))[0] == GROUND:
+                raise InputError("a couple acts on the frame, which it cannot turn; name a moving link")
+
+    @property
+    def courses(self) -> list[Course]:
+        """The courses of all loads."""
+        pushes = [load.force for load in self.loads] + [couple.moment for couple in self.couples]
+        return pushes if self.crank_torque is None else [*pushes, self.crank_torque]
 
     def without_motor(self) -> "Forces":
         """Return the same without the motor."""

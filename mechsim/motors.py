@@ -32,6 +32,11 @@ class ConstantTorque:
         """How the torque changes with speed, in [N m s]."""
         return 0.0
 
+    @property
+    def no_load(self) -> float:
+        """The speed at which the torque vanishes, in [rad/s]: none."""
+        return np.inf
+
 
 @dataclass(frozen=True, slots=True)
 class TorqueSpeedLine:
@@ -96,11 +101,50 @@ class DCMotor:
         """How the torque changes with speed, in [N m s]."""
         return -(self.constant**2) / self.resistance
 
+    @property
+    def no_load(self) -> float:
+        """The speed at which the torque vanishes, in [rad/s]."""
+        return self.voltage / self.constant
 
-Motor = ConstantTorque | TorqueSpeedLine | DCMotor
+
+@dataclass(frozen=True, slots=True)
+class Geared:
+    """A motor that turns `ratio` times as fast as the crank and drives it through a gear without losses.
+
+    The rotor's own inertia is left out; as part of a flywheel on the crank it is ratio squared times as
+    large.
+
+    Attributes:
+        motor: what the gear is driven by.
+        ratio: turns of the motor per turn of the crank; negative where they turn opposite ways.
+    """
+
+    motor: ConstantTorque | TorqueSpeedLine | DCMotor
+    ratio: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 < abs(self.ratio) < np.inf:
+            raise InputError(f"gear ratio of the motor is {self.ratio}; give a finite number, not 0")
+
+    def torque(self, speed: ArrayLike) -> Array:
+        """Return the torque on the crank at crank speeds in [rad/s], (n,) in [N m]."""
+        return self.ratio * self.motor.torque(self.ratio * np.asarray(speed, dtype=np.float64))
+
+    @property
+    def slope(self) -> float:
+        """How the torque on the crank changes with the crank's speed, in [N m s]."""
+        return self.ratio**2 * self.motor.slope
+
+    @property
+    def no_load(self) -> float:
+        """The crank speed at which the torque vanishes, in [rad/s]."""
+        return self.motor.no_load / self.ratio
 
 
-def _require_finite(motor: Motor) -> None:
+Motor = ConstantTorque | TorqueSpeedLine | DCMotor | Geared
+
+
+def _require_finite(motor: ConstantTorque | TorqueSpeedLine | DCMotor) -> None:
     for part in fields(motor):
         value = getattr(motor, part.name)
         if not abs(value) < np.inf:

@@ -39,7 +39,7 @@ def test_numbers_that_mean_nothing_are_refused(make, said):
     ("forces", "said"),
     [
         (Forces(friction=(Friction("elbow", 1.0),)), "'elbow', but there are only crank, P2, P3, rocker"),
-        (Forces(friction=(Friction("P2", 0.0, 1.0),)), "Coulomb friction in spherical joint 'P2'"),
+        (Forces(friction=(Friction("P2", 0.0, 1.0, 0.0, 1.0),)), "given in spherical joint 'P2'; only a cyl"),
         (Forces(joint_springs=(JointSpring("P3", 1.0),)), "a spring in spherical joint 'P3'"),
         (Forces(loads=(Load("P9", PUSH),)), "no point 'P9' .*P2, P3"),
         (Forces(loads=(Load(("arm", FAR), PUSH),)), "no link 'arm', only ground, crank"),

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.dynamics.friction import dry
 from mechsim.dynamics.machine import Machine
 from mechsim.dynamics.reduced import coefficients, load_leverage
-from mechsim.dynamics.wrenches import joint_rate
 from mechsim.errors import AssemblyError
 
 Array = NDArray[np.float64]
@@ -127,9 +127,7 @@ def columns(machine: Machine, angles: Array) -> Array:
     """Return all columns at crank angles, (n, columns)."""
     unit = machine.unit_motion(angles)
     part = coefficients(machine, unit)
-    dry = [
-        joint_rate(unit, unit.mechanism.joint(one.joint)) for one in machine.forces.friction if one.coulomb
-    ]
+    rates = [part.rate for one in machine.forces.friction for part in dry(unit, one)]
     leverage = load_leverage(machine, unit).reshape(len(unit), -1)
     fixed = (part.inertia, part.slope, part.static, part.energy, part.damping)
-    return np.column_stack([*fixed, *dry, leverage])
+    return np.column_stack([*fixed, *rates, leverage])

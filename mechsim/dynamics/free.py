@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from mechsim.dynamics.chart import Chart
+from mechsim.dynamics.friction import dry_sizes
 from mechsim.dynamics.machine import Machine
 from mechsim.dynamics.roots import root
 from mechsim.errors import AssemblyError, InputError
 from mechsim.motion import Motion
-from mechsim.motors import TorqueSpeedLine
 
 Array = NDArray[np.float64]
 Outcome = Literal["done", "time over", "cannot start", "turned back", "stopped", "dead centre"]
@@ -160,9 +160,10 @@ class _Runner:
         forces = machine.forces
         self.machine, self.forces = machine, forces
         self.chart = Chart(machine)
-        self.dry = np.array([one.coulomb for one in forces.friction if one.coulomb])
-        courses = [forces.crank_torque, *(load.force for load in forces.loads)]
-        self.steady = not any(course is not None and course.over == "time" for course in courses)
+        joints = {joint.name: joint for joint in machine.mechanism.joints}
+        self.dry = np.array([size for one in forces.friction for size in dry_sizes(joints[one.joint], one)])
+        self.pushes = [*(load.force for load in forces.loads), *(one.moment for one in forces.couples)]
+        self.steady = not any(course.over == "time" for course in forces.courses)
         self.start, self.turns, self.tolerance = angle, turns, tolerance
         self.time, self.state = 0.0, np.array([angle, speed, 0.0, 0.0])
         self.from_rest = speed == 0.0
@@ -181,8 +182,8 @@ class _Runner:
             drive += float(self.forces.motor.torque(speed))
         if self.forces.crank_torque is not None:
             drive += float(self.forces.crank_torque.at(angle, time)[0])
-        for i, load in enumerate(self.forces.loads):
-            drive += float(load.force.at(angle, time)[0] @ row[5 + k + 3 * i : 8 + k + 3 * i])
+        for i, push in enumerate(self.pushes):
+            drive += float(push.at(angle, time)[0] @ row[5 + k + 3 * i : 8 + k + 3 * i])
         return inertia, slope, static, damping, dry, drive
 
     def rates(self, sign: float) -> Callable[[float, Array], Array]:
@@ -327,7 +328,7 @@ class _Runner:
         inertia, _, static, _, _, drive = self.parts(0.0, self.start, float(self.state[1]))
         pace = max(abs(float(self.state[1])), float(np.sqrt((abs(static) + abs(drive)) / inertia)))
         motor = self.forces.motor
-        if isinstance(motor, TorqueSpeedLine):
+        if motor is not None:
             pace = min(pace, abs(motor.no_load))
         return PATIENCE * TURN * (1.0 + abs(self.turns)) / max(pace, 1e-6)
 

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechsim.dynamics.friction import STILL, add_couple, dry
 from mechsim.dynamics.machine import Machine
 from mechsim.dynamics.reactions import COMPONENTS, Balance, balance
 from mechsim.dynamics.reduced import Reduced, coefficients, kinetic_energy, load_torque
 from mechsim.dynamics.unit import UnitMotion, cross
-from mechsim.dynamics.wrenches import STILL, add_couple, applied, course_at, loads, turning_round
+from mechsim.dynamics.wrenches import applied, course_at, loads
 from mechsim.errors import InputError
 
 Array = NDArray[np.float64]
@@ -145,7 +146,7 @@ def prescribed(
     driver = unit.mechanism.joint(unit.mechanism.driver)
     add_couple(unit, shared, driver, crank[:, None] * unit.axis(driver))
     load = load_torque(machine, unit, at)
-    dry = [unit.mechanism.joint(one.joint) for one in machine.forces.friction if one.coulomb]
+    still = [part.still for one in machine.forces.friction for part in dry(unit, one)]
     force, moment = _shaking(machine, unit, inertial, acting.gravity + outside, e)
     return Study(
         machine,
@@ -161,7 +162,7 @@ def prescribed(
         moment,
         kinetic_energy(unit, w, machine.forces.flywheel),
         part.energy,
-        _any([turning_round(unit, joint) | _standing(w) for joint in dry], len(angle)),
+        _any([one | _standing(w) for one in still], len(angle)),
     )
 
 

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechsim.dynamics.friction import dry
 from mechsim.dynamics.machine import Machine
 from mechsim.dynamics.unit import UnitMotion, dot
-from mechsim.dynamics.wrenches import applied, course_at, joint_rate, loads, power
+from mechsim.dynamics.wrenches import applied, course_at, loads, power
 
 Array = NDArray[np.float64]
 
@@ -65,9 +66,8 @@ def coefficients(machine: Machine, unit: UnitMotion) -> Reduced:
     inertia, slope = generalised_inertia(unit)
     friction = np.zeros(len(unit))
     for one in machine.forces.friction:
-        joint = unit.mechanism.joint(one.joint)
-        if one.coulomb:
-            friction = friction + one.coulomb * np.abs(joint_rate(unit, joint))
+        for part in dry(unit, one):
+            friction = friction + part.size * np.abs(part.rate)
     return Reduced(
         unit.angle,
         inertia + machine.forces.flywheel,
@@ -96,14 +96,18 @@ def generalised_inertia(unit: UnitMotion) -> tuple[Array, Array]:
 def load_torque(machine: Machine, unit: UnitMotion, time: Array | None) -> Array:
     """Return the generalised force of loads on points and on the crank, (n,) in [N m]."""
     torque = course_at(machine.forces.crank_torque, unit.angle, time)
-    if machine.forces.loads:
+    if machine.forces.loads or machine.forces.couples:
         torque = torque + power(unit, loads(machine, unit, time))
     return torque
 
 
 def load_leverage(machine: Machine, unit: UnitMotion) -> Array:
-    """Return the derivative of each loaded point by the crank angle, (n, loads, 3) in [m/rad]."""
+    """Return what loads and couples act along per radian of the crank, (n, loads, 3).
+
+    Of a load the derivative of its point in [m/rad], of a couple that of its link's turning.
+    """
     rates = [unit.place(load.place)[2] for load in machine.forces.loads]
+    rates += [unit.spin(couple.link) for couple in machine.forces.couples]
     return np.stack(rates, 1) if rates else np.zeros((len(unit), 0, 3))
 
 

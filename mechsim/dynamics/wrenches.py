@@ -10,17 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.course import Course
+from mechsim.dynamics.friction import add_force, add_friction, add_joint_effort
 from mechsim.dynamics.machine import Machine
 from mechsim.dynamics.unit import UnitMotion, cross, dot
 from mechsim.errors import InputError
-from mechsim.forces import Friction, Spring
+from mechsim.forces import Spring
 from mechsim.mechanism import IDENTITY, Array, Joint, joint_coordinate
 
 Stack = NDArray[np.float64]
-
-# a joint that moves less than this a radian of the crank, in [rad] or sizes of the mechanism, is where it
-# turns round: the sign of its rate is rounding there, and dry friction has no direction
-STILL = 1e-7
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,18 +70,22 @@ def applied(machine: Machine, unit: UnitMotion) -> Applied:
         add_joint_effort(unit, springs, joint, -spring.stiffness * way)
         energy = energy + 0.5 * spring.stiffness * way**2
     for friction in forces.friction:
-        _add_friction(unit, damping, coulomb, friction)
+        add_friction(unit, damping, coulomb, friction)
     for what, part in (("a spring", springs), ("friction or a damper", damping), ("friction", coulomb)):
         require_idle(unit, part, what)
     return Applied(gravity, springs, damping, coulomb, energy)
 
 
 def loads(machine: Machine, unit: UnitMotion, time: Array | None) -> Array:
-    """Return the wrenches of the loads on points, (n, L, 6), at crank angles and times in [s]."""
+    """Return the wrenches of loads on points and couples on links, (n, L, 6), at angles and times in [s]."""
     out = np.zeros_like(unit.twist)
     for load in machine.forces.loads:
         link, place, _ = unit.place(load.place)
         add_force(unit, out, link, place, load.force.at(unit.angle, time))
+    for couple in machine.forces.couples:
+        slot = unit.slot(couple.link)
+        if slot is not None:
+            out[:, slot, 3:] += couple.moment.at(unit.angle, time)
     require_idle(unit, out, "a load")
     return out
 
@@ -99,49 +100,6 @@ def coordinate(unit: UnitMotion, joint: Joint) -> Array:
     poses = unit.poses()
     a, b = (poses.get(end.link, IDENTITY) for end in (joint.a, joint.b))
     return joint_coordinate(joint, a, b)[..., 0]
-
-
-def joint_rate(unit: UnitMotion, joint: Joint) -> Array:
-    """Return the derivative of a revolute or prismatic joint's coordinate by the crank angle, (n,)."""
-    axis, spin_a = unit.axis(joint), unit.spin(joint.a.link)
-    if joint.kind == "revolute":
-        return dot(axis, unit.spin(joint.b.link) - spin_a)
-    place_a, rate_a = unit.point(joint.a.link, joint.a.point)
-    place_b, rate_b = unit.point(joint.b.link, joint.b.point)
-    return dot(axis, rate_b - rate_a - cross(spin_a, place_b - place_a))
-
-
-def turning_round(unit: UnitMotion, joint: Joint) -> NDArray[np.bool_]:
-    """Return where a revolute or prismatic joint changes direction, (n,)."""
-    least = STILL * (unit.mechanism.size if joint.kind == "prismatic" else 1.0)
-    return np.abs(joint_rate(unit, joint)) <= least
-
-
-def add_force(unit: UnitMotion, stack: Stack, link: str, place: Array, force: Array) -> None:
-    """Add a force on a link at a place in the ground frame to a stack of wrenches."""
-    slot = unit.slot(link)
-    if slot is not None:
-        stack[:, slot, :3] += force
-        stack[:, slot, 3:] += cross(place - unit.position[:, slot], force)
-
-
-def add_couple(unit: UnitMotion, stack: Stack, joint: Joint, couple: Array) -> None:
-    """Add a couple on a joint's link b, and its reverse on link a."""
-    for link, sign in ((joint.b.link, 1.0), (joint.a.link, -1.0)):
-        slot = unit.slot(link)
-        if slot is not None:
-            stack[:, slot, 3:] += sign * couple
-
-
-def add_joint_effort(unit: UnitMotion, stack: Stack, joint: Joint, effort: Array) -> None:
-    """Add a torque or force on link b along the axis of a revolute or prismatic joint."""
-    along = effort[:, None] * unit.axis(joint)
-    if joint.kind == "revolute":
-        add_couple(unit, stack, joint, along)
-        return
-    place, _ = unit.point(joint.b.link, joint.b.point)
-    add_force(unit, stack, joint.b.link, place, along)
-    add_force(unit, stack, joint.a.link, place, -along)
 
 
 def power(unit: UnitMotion, wrenches: Array) -> Array:
@@ -185,30 +143,3 @@ def _pull(unit: UnitMotion, stack: Stack, spring: Spring, tension: Array) -> Non
     for place, sign in ((spring.a, 1.0), (spring.b, -1.0)):
         link, where, _ = unit.place(place)
         add_force(unit, stack, link, where, sign * tension[:, None] * line)
-
-
-def _add_friction(unit: UnitMotion, damping: Stack, coulomb: Stack, friction: Friction) -> None:
-    joint = unit.mechanism.joint(friction.joint)
-    if joint.kind in ("revolute", "prismatic"):
-        rate = joint_rate(unit, joint)
-        add_joint_effort(unit, damping, joint, -friction.viscous * rate)
-        sign = np.where(turning_round(unit, joint), 0.0, np.sign(rate))
-        add_joint_effort(unit, coulomb, joint, -friction.coulomb * sign)
-        return
-    spin = unit.spin(joint.b.link) - unit.spin(joint.a.link)
-    if joint.kind == "universal":
-        spin = _per_axis(unit.axis(joint, "a"), unit.axis(joint, "b"), spin)
-    add_couple(unit, damping, joint, -friction.viscous * spin)
-
-
-def _per_axis(first: Array, second: Array, spin: Array) -> Array:
-    """Return the vector in the plane of two axes whose components along them are the angles' rates.
-
-    With spin = p first + q second, it does the same work as torques p about the first axis and q about
-    the second.
-    """
-    c, p, q = dot(first, second), dot(first, spin), dot(second, spin)
-    s2 = 1.0 - c**2
-    rate1, rate2 = (p - c * q) / s2, (q - c * p) / s2
-    x, y = (rate1 - c * rate2) / s2, (rate2 - c * rate1) / s2
-    return x[:, None] * first + y[:, None] * second

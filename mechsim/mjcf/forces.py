@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mechsim.errors import InputError
 from mechsim.forces import Forces, Friction, JointSpring, Place, located
-from mechsim.mechanism import End, Joint, Mechanism
+from mechsim.mechanism import ORIGIN, End, Joint, Mechanism
 from mechsim.mjcf.inertia import quaternion
 from mechsim.mjcf.tree import Tree, is_planar, planar_senses
-from mechsim.motors import ConstantTorque, DCMotor, Motor
+from mechsim.motors import ConstantTorque, DCMotor, Geared, Motor
 
 Bodies = Mapping[str, mujoco.MjsBody]
 AXES = "xyz"
@@ -35,7 +34,8 @@ class Builder:
         """Return the model's joints that make up a joint of the tree; empty for one that is cut."""
         if joint in self.tree.cuts:
             return []
-        names = {"universal": [f"{joint.name}.1", f"{joint.name}.2"]}.get(joint.kind, [joint.name])
+        ends = {"universal": (".1", ".2"), "cylindrical": (".way", ".turn")}.get(joint.kind, ("",))
+        names = [joint.name + end for end in ends]
         return [self.spec.joint("crank" if name == self.mechanism.driver else name) for name in names]
 
     def site(self, name: str, end: End) -> str:
@@ -57,10 +57,9 @@ def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bo
     """Add to a model everything that acts on its mechanism.
 
     Actuators, in this order: "motor" (its control 1 switches it on; of a DC motor it is the voltage),
-    "crank torque" (control in [N m]), "load 1.x", "load 1.y" ... (controls in [N], ground axes).
-
-    Raises:
-        InputError: for dry friction in a joint in space where the loop has to be cut.
+    "crank torque" (control in [N m]), "load 1.x", "load 1.y" ... (controls in [N], ground axes), "couple
+    1.x" ... (controls in [N m], ground axes); then, where MuJoCo has no dry friction of its own, "friction
+    in JOINT dry.z" or ".x", ".y" and ".z", whose controls [N m] are to oppose the actuators' velocities.
     """
     forces.check(mechanism)
     builder = Builder(spec, mechanism, tree, bodies)
@@ -70,12 +69,16 @@ def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bo
         _add_motor(spec, forces.motor)
     if forces.crank_torque is not None:
         _on_crank(spec, "crank torque")
-    if forces.loads:
+    if forces.loads or forces.couples:
         spec.worldbody.add_site(name="ground axes")
     for number, load in enumerate(forces.loads, 1):
         at = builder.point(f"load {number}", load.place)
         for i, axis in enumerate(AXES):
             _between(spec, f"load {number}.{axis}", at, "ground axes", np.eye(6)[i])
+    for number, couple in enumerate(forces.couples, 1):
+        at = builder.point(f"couple {number}", (couple.link, ORIGIN))
+        for i, axis in enumerate(AXES):
+            _between(spec, f"couple {number}.{axis}", at, "ground axes", np.eye(6)[3 + i])
     for number, spring in enumerate(forces.springs, 1):
         tendon = spec.add_tendon(
             name=f"spring {number}",
@@ -92,9 +95,13 @@ def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bo
 
 
 def _add_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
-    """Add the motor: gain times control less its torque's fall with speed."""
+    """Add the motor: gain times control less its torque's fall with speed; MuJoCo's gear is the motor's."""
+    ratio = 1.0
+    if isinstance(motor, Geared):
+        motor, ratio = motor.motor, motor.ratio
     gain = motor.constant / motor.resistance if isinstance(motor, DCMotor) else float(motor.torque(0.0))
     made = _on_crank(spec, "motor")
+    made.gear[0] = ratio
     made.gainprm[0] = gain
     if not isinstance(motor, ConstantTorque):
         made.biastype = mujoco.mjtBias.mjBIAS_AFFINE
@@ -103,7 +110,8 @@ def _add_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
 
 def motor_control(motor: Motor) -> float:
     """Return the control at which the model's motor gives the motor's torque."""
-    return motor.voltage if isinstance(motor, DCMotor) else 1.0
+    one = motor.motor if isinstance(motor, Geared) else motor
+    return one.voltage if isinstance(one, DCMotor) else 1.0
 
 
 def _on_crank(spec: mujoco.MjSpec, name: str) -> mujoco.MjsActuator:
@@ -161,25 +169,35 @@ def _turned(end: End, angle: float) -> tuple[float, float, float]:
 def _add_friction(builder: Builder, friction: Friction) -> None:
     joint = builder.mechanism.joint(friction.joint)
     parts = builder.parts(joint)
-    for part in parts:
-        part.damping = _first(friction.viscous + float(part.damping[0]))
-        part.frictionloss = friction.coulomb + part.frictionloss
-    if parts:
-        return
-    if friction.viscous:
-        axes = (2,) if joint.kind == "revolute" else (0, 1, 2)
+    sizes = [(friction.viscous, friction.coulomb)] * len(parts)
+    if joint.kind == "cylindrical":
+        sizes[1] = friction.viscous_turn, friction.coulomb_turn
+    native = joint.kind != "spherical"
+    for part, (viscous, coulomb) in zip(parts, sizes, strict=True):
+        part.damping = _first(viscous + float(part.damping[0]))
+        part.frictionloss = part.frictionloss + (coulomb if native else 0.0)
+    axes = (2,) if joint.kind == "revolute" else (0, 1, 2)
+    if friction.viscous and not parts:
         _affine(builder, f"friction in {joint.name}", joint, (0.0, 0.0, -friction.viscous), axes)
-    if friction.coulomb:
+    if not friction.coulomb or (parts and native):
+        return
+    if native and is_planar(builder.mechanism, builder.tree):
         _add_dry_cut(builder, joint, friction.coulomb)
+        return
+    # a ball joint's own dry friction in MuJoCo holds about three axes apart, not against the spin
+    name = dry_name(joint.name)
+    a, b = (builder.site(f"{name}.{side}", end) for side, end in (("a", joint.a), ("b", joint.b)))
+    for axis in axes:
+        _between(builder.spec, f"{name}.{AXES[axis]}", b, a, np.eye(6)[3 + axis])
+
+
+def dry_name(joint: str) -> str:
+    """Return the name, but for its axis, of the actuators that are a joint's dry friction."""
+    return f"friction in {joint} dry"
 
 
 def _add_dry_cut(builder: Builder, joint: Joint, size: float) -> None:
     """Add dry friction to a cut joint of a planar mechanism: its angle is a sum of the tree's angles."""
-    if not is_planar(builder.mechanism, builder.tree):
-        raise InputError(
-            f"{builder.mechanism.name}: dry friction in joint {joint.name!r}, where a loop in space is cut, "
-            "has no place in the MuJoCo model; cut a joint without it"
-        )
     tendon = builder.spec.add_tendon(name=f"friction in {joint.name}", frictionloss=size)
     senses = planar_senses(builder.tree)
     a, b = senses[joint.a.link], senses[joint.b.link]

@@ -32,7 +32,7 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
         and NAME.2, a cylindrical one NAME.way and NAME.turn.
     """
     acting = scene.forces if scene.holds("dynamics") else None
-    dry = frozenset(friction.joint for friction in acting.friction if friction.coulomb) if acting else ()
+    dry = frozenset(friction.joint for friction in acting.friction if friction.dry) if acting else ()
     tree = cut_loops(mechanism, scene.cut, keep=dry)
     if acting is not None:
         mechanism = with_inertia(mechanism)

@@ -21,6 +21,7 @@ from mechsim.mjcf.forces import motor_control
 from mechsim.mjcf.loops import ONE_THREAD
 from mechsim.rods import with_inertia
 from mechsim.scene import Scene
+from mechsim.simulation.dry import dry_frictions
 from mechsim.simulation.record import States, add_sensors
 
 Array = NDArray[np.float64]
@@ -75,6 +76,7 @@ class Bench:
         loops: its loops.
         track: what is recorded of it.
         begun: its closed state at the mechanism's start, (nq,).
+        dry: dry frictions that are controls of the model.
     """
 
     def __init__(self, mechanism: Mechanism, forces: Forces, cut: tuple[str, ...] | None = None):
@@ -86,6 +88,7 @@ class Bench:
         self.model = mjcf.compiled(spec)
         self.loops = Loops(copy.copy(self.model))
         self.begun = self.loops.close(self.model.qpos0[None])[0]
+        self.dry = dry_frictions(self.model, forces.friction)
         self._dense = _dense_index(self.model)
 
     def controls(self, angle: Array, time: Array | None) -> Array:
@@ -99,6 +102,9 @@ class Bench:
         for number, load in enumerate(forces.loads, 1):
             first = self.model.actuator(f"load {number}.x").id
             values[:, first : first + 3] = load.force.at(angle, time)
+        for number, couple in enumerate(forces.couples, 1):
+            first = self.model.actuator(f"couple {number}.x").id
+            values[:, first : first + 3] = couple.moment.at(angle, time)
         return values
 
     def nothing(self, n: int) -> Applied:

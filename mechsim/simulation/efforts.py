@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mechsim.mjcf.loops import RANK_TOLERANCE
 from mechsim.simulation.bench import SITE, Applied, Bench
+from mechsim.simulation.dry import oppose
 from mechsim.simulation.reactions import Transmitted, transmitted
 from mechsim.simulation.record import States, link_motions, opening
 from mechsim.simulation.wrenches import Fields, dry_friction, loop_forces, native, sliding, together
@@ -64,6 +65,7 @@ def situation(bench: Bench, states: States) -> Situation:
     loaded = bench.nothing(len(angle))
     loaded.controls[:] = bench.controls(angle, states.time)
     rates = bench.look(model, states, loaded)
+    oppose(bench.dry, rates["actuator_velocity"], loaded.controls)
     outer = together(loaded, dry_friction(bench, rates, states.qvel))
     return Situation(states, bench.loops.linearise(states.qpos)[1], outer, bench.look(model, states, outer))
 
@@ -192,7 +194,7 @@ def powers(bench: Bench, at: Situation) -> tuple[Array, Array, Array]:
     shares = {"load": np.zeros(len(rates)), "friction": np.zeros(len(rates)), "motor": np.zeros(len(rates))}
     for i in range(model.nu):
         name = model.actuator(i).name
-        kind = "load" if name.startswith(("load ", "crank torque")) else name.split(" ")[0]
+        kind = "load" if name.startswith(("load ", "couple ", "crank torque")) else name.split(" ")[0]
         if kind in shares:
             shares[kind] += power[:, i]
     lost = -(at.plain["qfrc_damper"] * rates).sum(1) - shares["friction"]

@@ -259,7 +259,7 @@ def _recorded(plan: _Plan, gone: Gone) -> FreeRun:
 def _work(bench: Bench, states: States) -> tuple[Array, Array]:
     """Return work done by motor and loads, and lost, since the first state, (n,) each in [J]."""
     forces, n = bench.forces, len(states.time)
-    outer = forces.motor or forces.loads or forces.crank_torque
+    outer = forces.motor or forces.courses
     if not (outer or forces.friction or any(spring.damping for spring in forces.springs)):
         return np.zeros(n), np.zeros(n)
     parts = [powers(bench, situation(bench, states.at(i))) for i in range(0, n, CHUNK)]

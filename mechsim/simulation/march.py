@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from mechsim.mjcf import Loops
 from mechsim.simulation.bench import Bench
+from mechsim.simulation.dry import STEPS, oppose, softness
+from mechsim.simulation.efforts import tangent
+from mechsim.simulation.record import States
 
 Array = NDArray[np.float64]
 Outcome = Literal["done", "time over", "cannot start", "turned back", "stopped", "diverged"]
@@ -58,9 +61,11 @@ def march(
     """
     place, dof = loops.crank_place, loops.crank
     timestep = float(loops.model.opt.timestep)
+    soft, creep = _softened(bench, start, timestep)
+    rest = max(REST * fastest, creep)
     records = [(np.zeros(1), start[0][None], start[1][None])]
     outcome, reason, done = ("done" if turns is None else "time over"), "", 0
-    advance = _advance(bench, loops, start)
+    advance = _advance(bench, loops, start, soft)
     while done < total:
         count = min(stride * max(1, BLOCK // stride), total - done)
         time, qpos, qvel, bad = advance(count, stride)
@@ -78,7 +83,7 @@ def march(
         if bad or not good.all():
             outcome, reason = "diverged", f"MuJoCo's state went bad after {timestep * done:.6g} s"
             break
-        end = _given_up(bench, records, turns, fastest, place, dof)
+        end = _given_up(bench, records, turns, rest, place, dof)
         if end is not None:
             outcome, reason = end
             break
@@ -90,7 +95,7 @@ def march(
 
 
 def _given_up(
-    bench: Bench, records: list[Any], turns: float | None, fastest: float, place: int, dof: int
+    bench: Bench, records: list[Any], turns: float | None, rest: float, place: int, dof: int
 ) -> tuple[Outcome, str] | None:
     """Return how a run for turns ends that will not make them; None while it may."""
     if turns is None or _over_time(bench):
@@ -99,12 +104,12 @@ def _given_up(
     speed = np.concatenate([qvel[:, dof] for _, _, qvel in records]) * np.sign(turns)
     way = abs(float(angle[-1] - angle[0]))
     from_rest = speed[0] == 0.0
-    if (np.abs(records[-1][2][:, dof]) < REST * fastest).all():
+    if (np.abs(records[-1][2][:, dof]) < rest).all():
         if from_rest and way < 1e-3:
             return "cannot start", f"the crank stays at {angle[0]:.6g} rad: what drives it is too weak"
         return "stopped", f"the crank came to rest at {angle[-1]:.6g} rad"
-    ahead = np.flatnonzero(speed > REST * fastest)
-    back = np.flatnonzero(speed < -REST * fastest)
+    ahead = np.flatnonzero(speed > rest)
+    back = np.flatnonzero(speed < -rest)
     if back.size and (not ahead.size or back[-1] > ahead[0]):
         at = int(np.argmax(angle * np.sign(turns)))
         made = abs(angle[at] - angle[0]) / TURN
@@ -115,18 +120,34 @@ def _given_up(
 
 
 def _over_time(bench: Bench) -> bool:
-    forces = bench.forces
-    courses = [forces.crank_torque, *(load.force for load in forces.loads)]
-    return any(course is not None and course.over == "time" for course in courses)
+    return any(course.over == "time" for course in bench.forces.courses)
 
 
-def _advance(bench: Bench, loops: Loops, start: tuple[Array, Array]) -> Any:
+def _softened(bench: Bench, start: tuple[Array, Array], timestep: float) -> tuple[list[float], float]:
+    """Return the speeds at which dry frictions that are controls soften, and the crank's creep in them.
+
+    A crank that they hold at rest creeps no faster than the speed they would take from it in two steps.
+    """
+    if not bench.dry:
+        return [], 0.0
+    one, none = np.zeros(1), np.zeros((1, bench.model.nv))
+    rest = States(one, start[0][None], none)
+    inertia = bench.look(bench.looking(), rest, bench.nothing(1))["inertia"]
+    rates = tangent(bench, rest.qpos, inertia)
+    ways = bench.look(bench.looking(), States(one, rest.qpos, rates), bench.nothing(1))["actuator_velocity"][
+        0
+    ]
+    whole = float((rates[0] @ inertia[0] @ rates[0]).item())
+    soft = softness(bench.dry, ways, whole, timestep)
+    held = sum(one.size * float(np.sqrt((ways[one.actuators] ** 2).sum())) for one in bench.dry)
+    return soft, STEPS * timestep * held / whole
+
+
+def _advance(bench: Bench, loops: Loops, start: tuple[Array, Array], soft: list[float]) -> Any:
     """Return what takes steps and returns the records: time, qpos, qvel, and whether MuJoCo warned."""
-    forces = bench.forces
-    courses = [forces.crank_torque, *(load.force for load in forces.loads)]
-    if all(course is None or course.over is None for course in courses):
+    if not bench.dry and all(course.over is None for course in bench.forces.courses):
         return _in_c(bench, loops, start)
-    return _with_callback(bench, loops, start)
+    return _with_callback(bench, loops, start, soft)
 
 
 def _in_c(bench: Bench, loops: Loops, start: tuple[Array, Array]) -> Any:
@@ -144,13 +165,15 @@ def _in_c(bench: Bench, loops: Loops, start: tuple[Array, Array]) -> Any:
     return advance
 
 
-def _with_callback(bench: Bench, loops: Loops, start: tuple[Array, Array]) -> Any:
-    """Take steps under loads that change with crank angle or time, at every stage of every step."""
+def _with_callback(bench: Bench, loops: Loops, start: tuple[Array, Array], soft: list[float]) -> Any:
+    """Take steps under controls that change with angle, time or rates, at every stage of every step."""
     model, data = loops.model, mujoco.MjData(loops.model)
     data.qpos[:], data.qvel[:] = start
 
     def control(_: mujoco.MjModel, at: mujoco.MjData) -> None:
-        at.ctrl[:] = bench.controls(at.qpos[[loops.crank_place]], np.array([at.time]))[0]
+        controls = bench.controls(at.qpos[[loops.crank_place]], np.array([at.time]))
+        oppose(bench.dry, at.actuator_velocity[None], controls, soft)
+        at.ctrl[:] = controls[0]
 
     def advance(count: int, stride: int) -> tuple[Array, Array, Array, bool]:
         rows = []

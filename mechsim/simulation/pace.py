@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
-from mechsim.motors import TorqueSpeedLine
 from mechsim.simulation import pose
 from mechsim.simulation.bench import Bench
 from mechsim.simulation.efforts import tangent
@@ -50,8 +49,6 @@ def pace(bench: Bench, angle: float, speed: float, turns: float | None, duration
     forces, torque, limit, fall = bench.forces, 0.0, np.inf, 0.0
     if forces.motor is not None:
         torque, fall = abs(float(forces.motor.torque(0.0))), -forces.motor.slope
-        limit = torque / fall if fall else np.inf
-    if isinstance(forces.motor, TorqueSpeedLine):
         limit = abs(forces.motor.no_load)
     if forces.crank_torque is not None:
         around = np.linspace(0.0, TURN, 73)

@@ -79,6 +79,8 @@ def sliding(bench: Bench, fields: Fields, qvel: Array) -> Array:
     """Return which way each joint with dry friction goes, (n, k) of -1, 0, 1."""
     model = bench.model
     ways = [qvel[:, model.dof_frictionloss > 0.0], fields["ten_velocity"][:, model.tendon_frictionloss > 0.0]]
+    # the spin of a ball joint has no sign; it passes from one way to another without a jump
+    ways += [fields["actuator_velocity"][:, one.actuators] for one in bench.dry if len(one.actuators) == 1]
     return np.sign(np.concatenate(ways, 1))
 
 
