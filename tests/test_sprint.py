@@ -8,8 +8,8 @@ from mechsim.simulation import pose
 from mechsim.simulation.sprint import sprint
 
 TURN = 2.0 * np.pi
-# of the longest link: what Newton's method leaves of a well-conditioned loop
-CLOSED = 1e-13
+# of the longest link: 48 steps of fourth order leave 2e-5 on the worst of these
+ROUGH = 1e-4
 SURE = ("four_bar", "slider_crank", "rssr", "rrsrr", "warp_knitter", "looper")
 
 
@@ -40,7 +40,7 @@ def test_a_sprint_ends_where_the_closed_form_is(name: str, turns: float) -> None
     places = loops.sites(states)
     for point in drive.mechanism.points:
         gap = places[:, loops.model.site(point).id] - exact.points[point].position
-        assert np.abs(gap).max() < CLOSED * loops.size
+        assert np.abs(gap).max() < ROUGH * loops.size
 
 
 def test_a_sprint_leaves_the_model_as_it_was() -> None:
