@@ -46,7 +46,7 @@ def test_a_long_chain_is_stepped_with_sparse_matrices_and_moves_as_with_dense_on
 
 
 def test_the_catalogue_is_stepped_with_dense_matrices_and_says_so() -> None:
-    run = simulate(catalog.make("rssr").mechanism, speed=10.0, turns=0.1)
+    run = simulate(catalog.make("rssr").mechanism, speed=10.0, turns=0.1, method="step")
     assert run.settings.jacobian == "dense"
 
 

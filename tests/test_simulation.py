@@ -211,7 +211,7 @@ def test_a_soft_loop_is_reported_by_its_true_error() -> None:
 
 @pytest.mark.parametrize("samples", [1, 7, 36])
 def test_exactly_the_samples_asked_for_are_recorded_evenly(samples: int) -> None:
-    run = simulate(catalog.make("rssr").mechanism, speed=10.0, samples=samples)
+    run = simulate(catalog.make("rssr").mechanism, speed=10.0, samples=samples, method="step")
     assert len(run.motion) == samples + 1
     spacing = np.diff(run.motion.angle)
     assert np.abs(spacing - TURN / samples).max() < 1e-8
@@ -219,7 +219,7 @@ def test_exactly_the_samples_asked_for_are_recorded_evenly(samples: int) -> None
 
 def test_a_long_run_needs_memory_for_what_it_records_only() -> None:
     mechanism = catalog.make("four_bar").mechanism
-    simulate(mechanism, speed=10.0)  # what is loaded once
+    simulate(mechanism, speed=10.0, method="step")  # what is loaded once
     tracemalloc.start()
     run = simulate(mechanism, speed=10.0, turns=200.0, samples=10, settings=Settings(steps_per_turn=1000))
     _, peak = tracemalloc.get_traced_memory()
@@ -338,3 +338,32 @@ def test_a_model_without_sites_is_told_to_name_some() -> None:
     text = FOUR_BAR.format(f=0.0, closing="").replace("<site", "<!--").replace('0"/></body>', '0"--></body>')
     with pytest.raises(InputError, match="put a named site at each point"):
         simulate(text, speed=1.0)
+
+
+def test_the_method_is_what_is_asked_for_and_the_run_names_it() -> None:
+    mechanism = catalog.make("rssr").mechanism
+
+    def method(**asked) -> str:
+        run = simulate(mechanism, speed=10.0, turns=0.1, **asked)
+        assert run.summary()["method"] == run.method
+        assert bool(run.summary()["settings"]) == (run.method == "step")
+        return run.method
+
+    assert method() == "pose"
+    assert method(tolerance=1e-5) == "step"
+    assert method(settings=Settings()) == "step"
+    assert method(tolerance=1e-5, method="pose") == "pose"
+    assert method(method="step") == "step"
+
+
+def test_a_point_that_the_crank_leaves_free_is_stepped() -> None:
+    pendulum = """<mujoco><worldbody>
+      <body><joint name="crank" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+      <site name="A" pos="0.1 0 0"/>{hanging}</body></worldbody></mujoco>"""
+    link = """<body pos="0.1 0 0"><joint name="free" axis="{axis}"/>
+      <inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/><site name="B" pos="0.1 0 0"/></body>"""
+    settled = pendulum.format(hanging="")
+    spinning = pendulum.format(hanging=link.format(axis="1 0 0"))
+    swinging = pendulum.format(hanging=link.format(axis="0 0 1"))
+    for text, wanted in ((settled, "pose"), (spinning, "pose"), (swinging, "step")):
+        assert simulate(text, speed=10.0, turns=0.1).method == wanted

@@ -43,7 +43,7 @@ def motion_of(drive: "Drive", road: str, profile: "Profile", samples: float) -> 
     if not 1 <= count <= MOST_SAMPLES:
         raise InputError(f"{samples:g} frames or samples asked for; give 1 to {MOST_SAMPLES}")
     if road == "simulated":
-        return simulate(drive.mechanism, profile=profile, samples=count).motion
+        return simulate(drive.mechanism, profile=profile, samples=count, method="step").motion
     angles = profile.state(np.linspace(0.0, profile.duration, count + 1))
     return drive.solve(*angles)
 

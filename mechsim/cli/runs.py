@@ -33,7 +33,14 @@ def simulate(
     hardness: Annotated[
         float | None, typer.Option(help="Factor on constraint softness; 1 is MuJoCo's own.")
     ] = None,
-    method: Annotated[str, typer.Option(help="step in time, or solve each pose by itself.")] = "step",
+    method: Annotated[
+        str | None,
+        typer.Option(
+            metavar="step|pose",
+            help="step integrates in time, pose solves each crank angle by itself. By default what is asked "
+            "for: step with a tolerance, a time step, an integrator or a constraint setting, else pose.",
+        ),
+    ] = None,
     profile: Annotated[
         str | None, typer.Option(metavar="FILE", help="Crank angle over time: .csv or .npz with time, angle.")
     ] = None,
@@ -120,7 +127,8 @@ def _settings(
     solref: str | None,
     solimp: str | None,
     hardness: float | None,
-) -> "Settings":
+) -> "Settings | None":
+    """Return the settings asked for; None where none was."""
     from mechsim import simulation, units
     from mechsim.errors import InputError
 
@@ -140,7 +148,7 @@ def _settings(
     if solimp is not None:
         given = _numbers("solimp", solimp, 2, 5)
         asked["solimp"] = given + (0.9999, 0.9999, 0.001, 0.5, 2.0)[len(given) :]
-    return simulation.Settings(**asked)
+    return simulation.Settings(**asked) if asked else None
 
 
 def _numbers(name: str, text: str, least: int, most: int) -> tuple[float, ...]:

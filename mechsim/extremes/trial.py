@@ -105,6 +105,7 @@ def attempt(
         right="cannot assemble",
         foretold=foretold,
     )
+    how.setdefault("method", "step")
     try:
         run = simulate(source, **how)
     except MechsimError:

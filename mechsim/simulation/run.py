@@ -30,7 +30,7 @@ def simulate(
     profile: Profile | None = None,
     tolerance: float | None = None,
     settings: Settings | None = None,
-    method: Method = "step",
+    method: Method | None = None,
     samples: int | None = None,
     scene: Scene | None = None,
 ) -> Run:
@@ -45,7 +45,9 @@ def simulate(
         tolerance: bound on the place of any tracked point, in [m]; the number of steps is then chosen
             by trials and the result checked against it.
         settings: how to step; with a tolerance their number of steps is replaced.
-        method: "step" integrates in time; "pose" solves each crank angle by itself, to rounding.
+        method: "step" integrates in time; "pose" solves each crank angle by itself, to rounding. None
+            takes what is asked for: "step" where a tolerance or settings are given, or where the crank
+            leaves the tracked points a freedom; else "pose". The run names it.
         samples: instants to record after the first, evenly spread; None takes about 72 a turn. With
             samples given, the number of steps is raised to a multiple of them.
         scene: what the model holds; None takes `Scene(level="motion")`.
@@ -56,7 +58,7 @@ def simulate(
     """
     if tolerance is not None and not 0.0 < tolerance < np.inf:
         raise InputError(f"tolerance is {tolerance} m; give a finite length above 0")
-    if method not in ("step", "pose"):
+    if method not in (None, "step", "pose"):
         raise InputError(f"there is no method {method!r}; known are step, pose")
     model, track, start = _prepared(source, scene)
     if profile is None:
@@ -66,6 +68,9 @@ def simulate(
     if samples is not None and not samples >= 1:
         raise InputError(f"{samples} samples asked for; take at least 1")
     stage = Stage(model, track, profile, samples)
+    if method is None:
+        stepping = tolerance is not None or settings is not None or stage.free
+        method = "step" if stepping else "pose"
     if method == "pose":
         return stage.solved(tolerance)
     settings = settings or Settings()

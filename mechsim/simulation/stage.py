@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
 from mechsim.mjcf import Loops
+from mechsim.mjcf.loops import RANK_TOLERANCE
 from mechsim.motion import Motion
 from mechsim.simulation import pose
 from mechsim.simulation.outcome import Outcome, Run
@@ -27,6 +28,8 @@ PROBES = 64
 # a pose this much nearer than the right one, and in units of the stroke this far from it, is another
 # assembly; it is looked for at so many pairs of records
 NEARER, APART, MOST_PAIRS = 0.5, 0.02, 100
+# turn, in [rad], by which a freedom that the crank leaves is tried
+NUDGE = 1e-4
 
 
 class Stage:
@@ -41,6 +44,20 @@ class Stage:
         self.qpos = pose.follow(loops, self.begun, angle)[:1]
         _, jacobian = loops.linearise(self.qpos)
         self.qvel = loops.tangent(jacobian) * speed[:1, None]
+
+    @property
+    def free(self) -> bool:
+        """Whether the tracked points can move with the crank held: then poses alone do not settle them."""
+        loops = Loops(self.model)
+        held = loops.linearise(self.qpos)[1][0][:, loops.free]
+        _, values, freedoms = np.linalg.svd(held)
+        rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
+        moves = np.zeros((len(freedoms) - rank, self.model.nv))
+        moves[:, loops.free] = NUDGE * freedoms[rank:]
+        nudged = loops.moved(np.repeat(self.qpos, len(moves), 0), moves)
+        places = loops.sites(np.concatenate([self.qpos, nudged]))[:, self._sites]
+        # the second order, a nudge's square, is what a closed loop lets a point move
+        return bool(np.abs(places[1:] - places[0]).max(initial=0.0) > NUDGE**1.5 * loops.size)
 
     def solved(self, tolerance: float | None) -> Run:
         """Return the motion with every pose solved by itself."""
