@@ -26,6 +26,8 @@ FINE = (3600, 7200, 14400)
 ORDERS, TINY = (1.0, 4.0), 1e-300
 # places of a point that differ by less than this part of the mechanism's size are the same
 SAME = 1e-9
+# a crank this many times faster than it should be has left all sense, though no number is infinite yet
+LOST = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +79,7 @@ class Subject:
         crank speed, angle and drive in [rad]; a motion that diverged has infinite ones. All but the
         drive's, which is how far the crank is from where it should be, are at the crank angle reached.
         """
-        if motion is None:
+        if motion is None or not worst(motion.speed) <= LOST * self.speed:
             return dict.fromkeys(QUANTITIES, np.inf)
         found = differences(motion, self.reference.at(motion), self.stroke, self.speed)
         assert motion.time is not None
