@@ -107,6 +107,9 @@ class DCMotor:
         return self.voltage / self.constant
 
 
+PlainMotor = ConstantTorque | TorqueSpeedLine | DCMotor
+
+
 @dataclass(frozen=True, slots=True)
 class Geared:
     """A motor that turns `ratio` times as fast as the crank and drives it through a gear without losses.
@@ -119,7 +122,7 @@ class Geared:
         ratio: turns of the motor per turn of the crank; negative where they turn opposite ways.
     """
 
-    motor: ConstantTorque | TorqueSpeedLine | DCMotor
+    motor: PlainMotor
     ratio: float
 
     def __post_init__(self) -> None:
@@ -141,10 +144,10 @@ class Geared:
         return self.motor.no_load / self.ratio
 
 
-Motor = ConstantTorque | TorqueSpeedLine | DCMotor | Geared
+Motor = PlainMotor | Geared
 
 
-def _require_finite(motor: ConstantTorque | TorqueSpeedLine | DCMotor) -> None:
+def _require_finite(motor: PlainMotor) -> None:
     for part in fields(motor):
         value = getattr(motor, part.name)
         if not abs(value) < np.inf:

@@ -84,6 +84,13 @@ def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
         (("--friction", "elbow=1"), "there are only crank"),
         (("--gravity", "1,2"), "--gravity is '1,2', 2 numbers"),
         (("--method", "guess"), "there is no method 'guess'"),
+        (("--spring", "P3:P2"), "--spring is 'P3:P2'; write A:B=STIFFNESS,REST"),
+        (("--spring", "P3:ground@1,2=5"), "has a place 'ground@1,2'; write LINK@X,Y,Z"),
+        (("--spring", "P3:P9=5"), "no point 'P9'"),
+        (("--spring", "P3:ground@0,1,0=-5"), "stiffness of the spring"),
+        (("--damper", "rocker=1,2"), "--damper is 'rocker=1,2'; write A:B=DAMPING"),
+        (("--gear", "2"), "--gear is the gear of a motor"),
+        (("--gear", "0", "--motor", "constant:1"), "gear ratio of the motor is 0.0"),
         (("--turns", "0"), "0 turns of 360 instants"),
         (("--tolerance", "0"), "tolerance of torque is 0.0"),
         (("--tolerance", "1", "--method", "none"), "--method none leaves them out"),
@@ -120,6 +127,34 @@ def test_a_load_table_that_is_none_is_refused(capsys, monkeypatch, tmp_path, tex
     code, _, err = run(capsys, monkeypatch, "rssr", "--load", str(load))
     assert code == 2
     assert said in err
+
+
+def test_springs_dampers_couples_and_a_gear_are_options_too(capsys, monkeypatch, tmp_path):
+    load = tmp_path / "load.csv"
+    turn = repr(2.0 * np.pi)
+    load.write_text(f"angle,rocker.mx,rocker.mz\n0,0.01,0\n3,0,0.02\n{turn},0.01,0\n")
+    words = ("rssr", "--json", "--samples", "12")
+    said = [
+        json.loads(run(capsys, monkeypatch, *words, *more)[1])
+        for more in (
+            (),
+            ("--spring", "P3:ground@0,50,0mm=200,0.01"),
+            ("--spring", "rocker=0.2,0.1"),
+            ("--damper", "P3:P2=3"),
+            ("--damper", "P3 : ground@0,0.05,0 = 3"),
+            ("--damper", "rocker=1e-3"),
+            ("--load", str(load)),
+        )
+    ]
+    assert all(one["outcome"] == "met" for one in said)
+    # a damper along a rigid link does nothing, all others change the torque
+    torques = [one["torque"]["rms"] for one in said]
+    assert torques[3] == pytest.approx(torques[0], rel=1e-9)
+    assert len({round(one / torques[0], 6) for one in torques}) == 6
+    geared = ("--motor", "line:0.005,30000rpm", "--gear", "10", "--method", "none", "--turns", "2")
+    plain = ("--motor", "line:0.05,3000rpm", "--method", "none", "--turns", "2")
+    ends = [json.loads(run(capsys, monkeypatch, *words, *more)[1])["free"] for more in (geared, plain)]
+    assert ends[0]["seconds"] == pytest.approx(ends[1]["seconds"], rel=1e-9)
 
 
 def test_a_tolerance_is_kept_or_missed_with_exit_code_1_and_says_by_what_settings(capsys, monkeypatch):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mechsim.cli import dynamics_tables as tell
-from mechsim.cli.forces import forces_of
+from mechsim.cli.forces import Given, forces_of
 from mechsim.cli.options import Json, Name, Sets, Speed, drive_of, speed_of, writable
 from mechsim.cli.output import print_json
 
@@ -46,15 +46,31 @@ def dynamics(
     gravity: Annotated[str, typer.Option(help="Three numbers in m/s2, with commas.")] = "0,-9.81,0",
     load: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="Loads: angle [rad] or time [s], POINT.fx.. [N], crank [N m]."),
+        typer.Option(
+            metavar="FILE", help="Loads: angle [rad] or time [s], POINT.fx.. [N], LINK.mx.., crank [N m]."
+        ),
     ] = None,
     motor: Annotated[
         str | None,
         typer.Option(help="constant:N m, line:N m,no-load speed or dc:V,ohm,N m/A; the machine runs free."),
     ] = None,
+    gear: Annotated[
+        float | None, typer.Option(help="Turns of the motor per turn of the crank, by a gear between.")
+    ] = None,
     free: Annotated[bool, typer.Option("--free", help="Let go of the crank at --speed.")] = False,
     friction: Annotated[
         list[str] | None, typer.Option(metavar="JOINT=VISCOUS,COULOMB", help="Friction in a joint, SI.")
+    ] = None,
+    spring: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="A:B=STIFFNESS,REST",
+            help="A spring between points, or places LINK@X,Y,Z; JOINT=STIFFNESS,REST in a joint. SI.",
+        ),
+    ] = None,
+    damper: Annotated[
+        list[str] | None,
+        typer.Option(metavar="A:B=DAMPING", help="A damper, likewise between points or in a joint. SI."),
     ] = None,
     flywheel: Annotated[float, typer.Option(help="Moment of inertia on the crank, kg m2.")] = 0.0,
     coefficient: Annotated[
@@ -102,7 +118,17 @@ def dynamics(
         if path is not None:
             writable(path, *((".csv", ".npz") if path == csv else (".svg", ".pdf", ".png")))
     drive, fast = drive_of(name, sets), speed_of(speed)
-    acting = forces_of(drive, gravity, load, motor, friction or (), flywheel)
+    given = Given(
+        gravity=gravity,
+        load=load,
+        motor=motor,
+        gear=gear,
+        friction=friction or (),
+        spring=spring or (),
+        damper=damper or (),
+        flywheel=flywheel,
+    )
+    acting = forces_of(drive, given)
     thick = None if diameter is None else units.parse_length(diameter, "the diameter of the rods")
     machine = road.machine(drive, acting, density=density, diameter=thick)
     chosen = method or ("pose" if tolerance is None else "step")

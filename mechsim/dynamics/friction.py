@@ -76,7 +76,7 @@ def slide_rate(unit: UnitMotion, joint: Joint) -> Array:
 
 
 def add_friction(unit: UnitMotion, damping: Array, coulomb: Array, friction: Friction) -> None:
-    """Add a joint's friction to stacks of wrenches: viscous at unit crank speed, dry while turning forwards."""
+    """Add a joint's friction to wrenches: viscous at unit crank speed, dry while the crank turns forwards."""
     joint = unit.mechanism.joint(friction.joint)
     kind, axis = joint.kind, unit.axis(joint)
     ways = [part.size * part.way for part in dry(unit, friction)]
