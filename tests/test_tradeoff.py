@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -156,6 +157,10 @@ def test_a_choice_keeps_its_bound_and_nothing_cheaper_does(found):
 def test_no_bound_is_kept_by_a_motion_that_diverged(found):
     lost = found.subject.errors(None)
     assert all(error == np.inf for error in lost.values())
+    motion, _ = found.subject.rig.motion(found.points[0].settings)
+    assert all(error < np.inf for error in found.subject.errors(motion).values())
+    mad = found.subject.errors(replace(motion, speed=1e9 * motion.speed))
+    assert all(error == np.inf for error in mad.values())
 
 
 def test_a_finer_run_as_reference_agrees_with_the_closed_form_within_its_bar():
