@@ -1,5 +1,6 @@
 """Command `mechsim dynamics`: drive torque, joint reactions, energy, speed fluctuation, free running."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -146,6 +147,7 @@ def _driven(machine: "Machine", speed: float, coefficient: float | None, asked: 
 
     from mechsim.dynamics import fluctuation, flywheel_for, prescribed
     from mechsim.dynamics.facts import study_facts, turn_facts
+    from mechsim.errors import InputError
     from mechsim.validate import crank_profile
 
     drive = machine.drive
@@ -154,7 +156,11 @@ def _driven(machine: "Machine", speed: float, coefficient: float | None, asked: 
     time = np.linspace(0.0, profile.duration, asked.samples + 1)
     study = prescribed(machine, *profile.state(time), time=time)
     full = drive.crank_range().full
-    turn = fluctuation(machine, speed) if full else None
+    turn = None
+    if full:
+        # too slow for its springs or weight, the crank has no steady turn under a constant torque
+        with suppress(InputError):
+            turn = fluctuation(machine, speed)
     even = flywheel_for(machine, speed, coefficient) if full and coefficient is not None else None
     found, verdict = _simulated(machine, profile, asked)
     _write(asked.csv, study)
