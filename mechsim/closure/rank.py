@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 # singular values below this part of the largest count as zero: between the 1e-16 of rounding and
 # the 1e-6 or so of a mechanism that is merely near a dead centre
 RANK_TOLERANCE = 1e-9
+# condition of the normal equations below which two refinements leave rounding
+WELL = 1e10
 
 
 def singular_values(mechanism: Mechanism, poses: Poses, *, crank_free: bool = False) -> Array:
@@ -63,8 +65,32 @@ def freedom(mechanism: Mechanism, poses: Poses) -> Freedom:
 
 
 def least_norm(mechanism: Mechanism, jacobian: Array, right: Array) -> Array:
-    """Least-norm solution of J x = right, (n, 6 links): redundant rows, passive freedoms do no harm."""
-    size = mechanism.size
-    columns = np.tile([size] * 3 + [1.0] * 3, len(mechanism.links))
-    inverse = np.linalg.pinv(jacobian * columns, rcond=RANK_TOLERANCE)
-    return columns * (inverse @ right[..., None])[..., 0]
+    """Least-norm solution of J x = right, (n, 6 links): redundant rows, passive freedoms do no harm.
+
+    Where the columns of J are far from dependent, by refined normal equations, to rounding too and ten
+    times as fast as by singular values.
+    """
+    columns = np.tile([mechanism.size] * 3 + [1.0] * 3, len(mechanism.links))
+    matrix = jacobian * columns
+    solution = _by_normal_equations(matrix, right[..., None])
+    if solution is None:
+        solution = np.linalg.pinv(matrix, rcond=RANK_TOLERANCE) @ right[..., None]
+    return columns * solution[..., 0]
+
+
+def _by_normal_equations(matrix: Array, right: Array) -> Array | None:
+    """Return the least-squares solution, (n, k, 1); None where columns are dependent or nearly so."""
+    turned = np.swapaxes(matrix, 1, 2)
+    gram = turned @ matrix
+    try:
+        inverse = np.linalg.inv(gram)
+    except np.linalg.LinAlgError:
+        return None
+    with np.errstate(all="ignore"):
+        condition = np.abs(gram).sum(1).max(1) * np.abs(inverse).sum(1).max(1)
+    if not (condition < WELL).all():
+        return None
+    solution = inverse @ (turned @ right)
+    for _ in range(2):
+        solution = solution + inverse @ (turned @ (right - matrix @ solution))
+    return solution

@@ -23,6 +23,8 @@ TURN = 2.0 * np.pi
 PLACES = 24
 ARC = TURN / PLACES
 SHORTEST = 1e-5
+# times arcs are halved when a whole turn is charted at once
+HALVINGS = 5
 # the last coefficients may be this part of the largest values: rounding of a closed form, and of poses
 # assembled by Newton's method; near a dead centre rounding grows, and an arc this many times shorter is
 # taken with less
@@ -62,11 +64,13 @@ class Chart:
         machine: whose.
         arcs: those charted so far, by place.
         periodic: whether an arc was found to be the same one turn on; then one turn is enough.
+        ahead: whether the arcs of a turn were tried to be charted all at once.
     """
 
     machine: Machine
     arcs: dict[int, list[Arc]] = field(default_factory=dict)
     periodic: bool = False
+    ahead: bool = False
 
     def at(self, angle: float) -> Array:
         """Return all columns at a crank angle in [rad].
@@ -77,6 +81,10 @@ class Chart:
         if self.periodic:
             angle = angle % TURN
         place = int(np.floor(angle / ARC))
+        if self.machine.drive is None and not self.ahead:
+            self.ahead = True
+            self._look_ahead(place)
+            return self.at(angle)
         for arc in self.arcs.setdefault(place, []):
             if arc.low <= angle <= arc.high:
                 return arc.at(angle)
@@ -103,17 +111,57 @@ class Chart:
                 way = (other - place) * ARC
                 if abs(old.low - new.low - way) + abs(old.high - new.high - way) > 1e-9:
                     continue
-                if (np.abs(old.values - new.values) <= 1e-9 * np.abs(old.values).max(0)).all():
+                if _alike(old, new):
                     self.periodic, self.arcs = True, {}
                     return
 
+    def _look_ahead(self, place: int) -> None:
+        """Chart the turn around a place, all arcs in few calls: loop equations cost by the call.
+
+        Arcs that need be shorter than a few halvings make them are left until the crank comes there, and
+        so is everything where the crank cannot make the turn.
+        """
+        ends = [(k * ARC, (k + 1) * ARC) for k in range(place - PLACES // 2, place + PLACES // 2)]
+        for _ in range(HALVINGS):
+            try:
+                values = columns(self.machine, np.concatenate([_nodes(*end) for end in ends]))
+            except AssemblyError:
+                return
+            shorter = []
+            for end, part in zip(ends, np.split(values, len(ends)), strict=True):
+                arc = self._resolved(*end, part)
+                if arc is not None:
+                    self.arcs.setdefault(int(np.floor(sum(end) / 2.0 / ARC)), []).append(arc)
+                else:
+                    middle = 0.5 * sum(end)
+                    shorter += [(end[0], middle), (middle, end[1])]
+            ends = shorter
+            if not shorter:
+                break
+        self._wrap(place - PLACES // 2)
+
+    def _wrap(self, first: int) -> None:
+        """Keep the arcs of a turn, which begins at a place, for all turns if its first repeats after it."""
+        for old in self.arcs.get(first, ()):
+            new = self._charted(old.low + TURN, old.high + TURN)
+            if new is None or not _alike(old, new):
+                return
+        arcs = [arc for some in self.arcs.values() for arc in some]
+        self.periodic, self.arcs = True, {}
+        for arc in arcs:
+            turns = TURN * np.floor(0.5 * (arc.low + arc.high) / TURN)
+            moved = Arc(arc.low - turns, arc.high - turns, arc.values)
+            self.arcs.setdefault(int(np.floor(0.5 * (moved.low + moved.high) / ARC)), []).append(moved)
+
     def _charted(self, low: float, high: float) -> Arc | None:
         """Return an arc if its points resolve every column; None if it must be shorter."""
-        angles = 0.5 * (low + high) + 0.5 * (high - low) * NODES
         try:
-            values = columns(self.machine, angles)
+            return self._resolved(low, high, columns(self.machine, _nodes(low, high)))
         except AssemblyError:
             return None
+
+    def _resolved(self, low: float, high: float, values: Array) -> Arc | None:
+        """Return an arc with values at its points if they resolve every column."""
         tail = np.abs(_TRANSFORM[-3:] @ values).max(0)
         largest = np.abs(values).max(0)
         # where a derivative passes through zero its rounding is that of its size elsewhere
@@ -121,6 +169,16 @@ class Chart:
         exact = RESOLVED if self.machine.drive is not None else ASSEMBLED
         least = exact if high - low > ARC / SHORTER else NOISY
         return Arc(low, high, values) if (tail <= least * largest).all() else None
+
+
+def _alike(one: Arc, other: Arc) -> bool:
+    """Say whether two arcs a turn apart are the same."""
+    return bool((np.abs(one.values - other.values) <= 1e-9 * np.abs(one.values).max(0)).all())
+
+
+def _nodes(low: float, high: float) -> Array:
+    """Return the points of an arc, (POINTS,)."""
+    return 0.5 * (low + high) + 0.5 * (high - low) * NODES
 
 
 def columns(machine: Machine, angles: Array) -> Array:
