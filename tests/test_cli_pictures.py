@@ -4,8 +4,9 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from mechsim.cli import main
+from mechsim.cli import drawn, main
 from mechsim.errors import MissingToolError
+from mechsim.extremes import scales
 from mechsim.render import backend
 
 try:
@@ -67,10 +68,39 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(mechsim, tmp_path, words, s
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("kind", ["curve", "space", "transmission"])
+@pytest.mark.parametrize("kind", ["curve", "space", "transmission", "reactions", "power"])
 def test_plots_are_drawings(mechsim, tmp_path, kind):
     assert mechsim("plot", "rssr", "--kind", kind, "-o", "a.svg")[0] == 0
     assert ET.parse(tmp_path / "a.svg").getroot().tag.endswith("svg")
+
+
+def test_a_torque_plot_carries_both_roads(mechsim, tmp_path):
+    for road in ("closed", "simulated"):
+        assert mechsim("plot", "four_bar", "--kind", "torque", "--from", road, "-o", f"{road}.svg")[0] == 0
+    closed, both = ((tmp_path / f"{road}.svg").read_text() for road in ("closed", "simulated"))
+    assert "MuJoCo" not in closed
+    assert "MuJoCo" in both
+
+
+def test_studies_are_drawn_as_they_are_measured(mechsim, tmp_path, monkeypatch):
+    monkeypatch.setattr(drawn, "BUDGET", 0.5)
+    # the function `study` hides its module
+    few = [("steps", scales.steps, [100.0, 50.0])]
+    monkeypatch.setattr(sys.modules["mechsim.extremes.study"], "_pushes", lambda drive, quick: few)
+    for kind in ("precision", "stability"):
+        code, _, err = mechsim("plot", "slider_crank", "--kind", kind, "-o", f"{kind}.svg")
+        assert code == 0, err
+        assert ET.parse(tmp_path / f"{kind}.svg").getroot().tag.endswith("svg")
+    code, _, err = mechsim("plot", "slider_crank", "--kind", "stability", "--set", "rod=0.3", "-o", "a.svg")
+    assert code == 2
+    assert "leave out --set" in err
+
+
+@draws
+def test_joint_forces_are_drawn_from_the_command_line(mechsim, tmp_path):
+    code, _, err = mechsim("render", "four_bar", "-o", "a.png", "--arrows", "force,moment", *SMALL)
+    assert code == 0, err
+    assert (tmp_path / "a.png").exists()
 
 
 def test_a_missing_ffmpeg_is_said_before_anything_is_drawn(mechsim, monkeypatch):

@@ -80,9 +80,8 @@ def render(
     drive = drive_of(name, sets)
     profile = profile_of(drive, speed_of(speed), turns)
     # for a still the samples only shape the paths; with positions each sample is a position
-    samples = abs(turns) * (
-        positions if positions > 1 else 72 if frames_per_turn is None else frames_per_turn
-    )
+    usual = positions if positions > 1 else 360 if picture else 72
+    samples = abs(turns) * (usual if frames_per_turn is None or positions > 1 else frames_per_turn)
     if slow is not None:
         samples = _slowed(profile.duration, slow, fps, frames_per_turn)
         look["caption"] = f"1/{slow:g} of true speed" if slow != 1.0 else "true speed"

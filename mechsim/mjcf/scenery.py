@@ -94,10 +94,20 @@ def add_light(spec: mujoco.MjSpec, camera: Camera, middle: Array, normal: Array,
     light.castshadow = shadow
 
 
-def brightness(camera: Camera, normal: Array, emission: float) -> tuple[float, float]:
-    """Return the share of its colour that a white wall shows, with the lamp and in its shadow."""
-    unlit = emission + AMBIENT + HEADLIGHT * float(normal @ camera.back)
-    return unlit - LAMP * float(normal @ light_way(camera, normal)), unlit
+def brightness(
+    camera: Camera, normal: Array, emission: float, lamp_over: Array | None = None
+) -> tuple[float, float]:
+    """Return the share of its colour that a white wall shows, with the lamp and in its shadow.
+
+    Args:
+        camera: whose headlight it is.
+        normal: unit vector off the wall.
+        emission: light of its own.
+        lamp_over: normal of the wall that the lamp was set for, if another.
+    """
+    unlit = emission + AMBIENT + HEADLIGHT * max(0.0, float(normal @ camera.back))
+    way = light_way(camera, normal if lamp_over is None else lamp_over)
+    return unlit + LAMP * max(0.0, -float(normal @ way)), unlit
 
 
 def prepare(spec: mujoco.MjSpec, camera: Camera, middle: Array) -> None:

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 RINGS = "#222831"
+# curves may fill the axes
+BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
 
 
 def torque_plot(
@@ -139,7 +141,7 @@ def _torque(ax: "Axes", study: "Study", simulated: tuple[Array, Array] | None) -
         ax.plot(x, y, "o", ms=3.5, mfc="none", mew=0.7, color=RINGS, label="MuJoCo")
     ax.set_ylabel(f"torque [{unit}]")
     angle_axis(ax)
-    ax.legend(loc="best")
+    ax.legend(**BESIDE)
 
 
 def _polar(ax: "Axes", study: "Study") -> None:
@@ -154,7 +156,7 @@ def _polar(ax: "Axes", study: "Study") -> None:
     ax.set_xlabel(f"force along x [{unit}]")
     ax.set_ylabel(f"force along y [{unit}]")
     ax.set_aspect("equal", adjustable="datalim")
-    ax.legend(loc="best")
+    ax.legend(**BESIDE)
 
 
 def _powers(ax: "Axes", study: "Study") -> None:
@@ -170,7 +172,7 @@ def _powers(ax: "Axes", study: "Study") -> None:
     ax.plot(np.rad2deg(study.angle), sum(powers.values()) / factor, color=RINGS, lw=1.0, label="sum")
     ax.set_ylabel(f"power into the machine [{unit}]")
     angle_axis(ax)
-    ax.legend(loc="best")
+    ax.legend(**BESIDE)
 
 
 def _speeds(ax: "Axes", turn: "Fluctuation", even: "Fluctuation | None") -> None:
@@ -180,4 +182,4 @@ def _speeds(ax: "Axes", turn: "Fluctuation", even: "Fluctuation | None") -> None
     ax.axhline(turn.mean, color=RINGS, lw=0.8)
     ax.set_ylabel("crank speed [rad/s]")
     angle_axis(ax)
-    ax.legend(loc="best")
+    ax.legend(**BESIDE)

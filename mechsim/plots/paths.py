@@ -87,6 +87,9 @@ def space_curve(
             getattr(ax, f"set_{axis}lim")(middle[i] - half, middle[i] + half)
             getattr(ax, f"set_{axis}label")(f"{'xyz'[i]} [{unit}]")
             getattr(ax, f"{axis}axis").set_pane_color("#f5f6f8")
+        # left to itself this label turns with the axis and may stand on its head
+        ax.zaxis.set_rotate_label(False)
+        ax.zaxis.label.set_rotation(90.0)
         ax.set_box_aspect((1.0, 1.0, 1.0), zoom=0.82)
         ax.view_init(elev=22.0, azim=35.0)
         ax.legend(loc="upper left")

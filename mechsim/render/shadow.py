@@ -26,8 +26,8 @@ LAYERS = 3
 SPREAD = 0.018
 # distance between layers in units of the picture's height: far below a pixel, and more than depths can tell
 STEP = 2e-4
-# left over of a solid's thickness, so that no matrix is singular
-FLAT = 1e-3
+# left over of a solid's thickness and height, so that no matrix is singular; less than a layer
+FLAT = 1e-4
 # a colour that shines by itself takes no light: flat solids have no sides to be shaded
 GLOW = 99.0
 

@@ -94,8 +94,10 @@ class Stage:
 
     def missed(self, wall: Wall) -> float:
         """Return the light of its own that keeps a wall slanting from the camera as white as any."""
-        share = 0.5 if self.look.projections else 0.25
-        return share * (1.0 - float(wall.normal @ self.camera.back))
+        if self.look.projections:
+            lit, _ = scenery.brightness(self.camera, wall.normal, 0.0, self._facing.normal)
+            return 0.97 - lit
+        return 0.25 * (1.0 - float(wall.normal @ self.camera.back))
 
     def thrown(self, path: Array, wall: Wall) -> Array:
         """Return a path thrown square on a wall, a hair's breadth in front of it."""
@@ -161,7 +163,7 @@ class Stage:
     def _spec(self) -> mujoco.MjSpec:
         spec, look, middle = mujoco.MjSpec(), self.look, (self.low + self.high) / 2.0
         scenery.prepare(spec, self.camera, middle)
-        scenery.add_light(spec, self.camera, middle, self.walls[0].normal, shadow=False)
+        scenery.add_light(spec, self.camera, middle, self._facing.normal, shadow=False)
         if look.projections:
             depth = 2.0 * self.camera.height + 2.0 * float(np.linalg.norm(self.high - self.low))
             scenery.add_sheet(spec, self.camera, depth)
@@ -180,6 +182,11 @@ class Stage:
                 scenery.add_shape(body, replace(shape, rgba=GHOST))
         scenery.add_camera(spec, CAMERA, self.camera)
         return spec
+
+    @property
+    def _facing(self) -> Wall:
+        """The wall that the camera looks at most squarely; the lamp is set for it."""
+        return max(self.walls, key=lambda wall: float(wall.normal @ self.camera.back))
 
     @property
     def stands_on_wall(self) -> bool:

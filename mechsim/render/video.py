@@ -136,17 +136,19 @@ def _encode(
     shape = first.shape[0] // 2 * 2, first.shape[1] // 2 * 2  # codecs want even edges
     count = 0
     try:
-        with mediapy.VideoWriter(path, shape, fps=fps, **CODECS[path.suffix]) as writer:
-            # the encoder takes a frame while the next one is drawn; never more than two wait
-            with ThreadPoolExecutor(max_workers=1) as line:
-                taken = line.submit(lambda: None)
-                for picture in chain([first], pictures):
-                    frame = np.ascontiguousarray(picture[: shape[0], : shape[1]])
-                    taken.result()
-                    taken = line.submit(writer.add_image, frame)
-                    count += 1
-                    done()
+        # the encoder takes a frame while the next one is drawn; never more than two wait
+        with (
+            mediapy.VideoWriter(path, shape, fps=fps, **CODECS[path.suffix]) as writer,
+            ThreadPoolExecutor(max_workers=1) as line,
+        ):
+            taken = line.submit(lambda: None)
+            for picture in chain([first], pictures):
+                frame = np.ascontiguousarray(picture[: shape[0], : shape[1]])
                 taken.result()
+                taken = line.submit(writer.add_image, frame)
+                count += 1
+                done()
+            taken.result()
     except (RuntimeError, OSError, subprocess.SubprocessError) as error:
         reason = str(error).strip().splitlines()[-1:] or ["no reason given"]
         raise OutputError(f"cannot write {path.suffix[1:]} video: ffmpeg failed: {reason[0]}") from error
