@@ -4,19 +4,22 @@ import csv
 import json
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 
 from mechsim import catalog, cli
 from mechsim.cli import main
 from mechsim.mjcf.alternatives import rod_of
-from mechsim.scene import LEVELS
+from mechsim.scene import LEVELS, Scene
 from mechsim.simulation.settings import INTEGRATORS
 from mechsim.tradeoff import (
     BOUNDS,
     DEFAULTS,
     QUANTITIES,
     STEPS,
+    Build,
+    Rig,
     Tradeoff,
     families,
     measure,
@@ -166,7 +169,6 @@ def test_no_bound_is_kept_by_a_motion_that_diverged(found):
 def test_a_finer_run_as_reference_agrees_with_the_closed_form_within_its_bar():
     drive = catalog.make("four_bar")
     from mechsim.mjcf import assembled
-    from mechsim.scene import Scene
 
     own = subject_of_model(assembled(drive.mechanism, Scene()), "own", SPEED)
     known = subject_of(drive, SPEED)
@@ -177,6 +179,21 @@ def test_a_finer_run_as_reference_agrees_with_the_closed_form_within_its_bar():
     for kind in QUANTITIES[:3]:
         gap = abs(own.errors(motion)[kind] * own.stroke / known.stroke - known.errors(motion)[kind])
         assert gap <= own.reference.bar[kind] + 1e-12 + 1e-3 * known.errors(motion)[kind]
+
+
+def test_drives_are_added_to_a_model_that_has_a_motor_of_its_own():
+    from mechsim.mjcf import assembled
+
+    spec = assembled(catalog.make("four_bar").mechanism, Scene())
+    trntype = mujoco.mjtTrn.mjTRN_JOINT
+    spec.add_actuator(name="motor", target="rocker", trntype=trntype)
+    own = subject_of_model(spec, "own", SPEED)
+    for drive, lag in (("geared", 1e-12), ("servo", 0.1)):
+        rig = Rig(own.source, own.rig.profile, SPEED, Build(drive=drive, gain=0.5))
+        motion, _ = rig.motion(families()[1].at(144, SPEED))
+        errors = own.errors(motion)
+        assert errors["drive"] < lag
+        assert errors["loop"] < 1e-5
 
 
 def test_the_seed_settles_which_trials_a_short_budget_leaves_out():

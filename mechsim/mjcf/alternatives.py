@@ -12,7 +12,7 @@ from mechsim.mjcf.generate import FLYWHEEL
 from mechsim.mjcf.tree import cut_loops, is_planar
 
 Array = NDArray[np.float64]
-MOTOR = "motor"
+MOTOR = "crank@motor"
 # what the names of the sites at the ends of a length end with
 LENGTH = "@length"
 # of a motor's rotor beside the flywheel on it, in [kg m2]
@@ -40,7 +40,7 @@ def gear_to_motor(spec: mujoco.MjSpec) -> None:
 
 
 def add_servo(spec: mujoco.MjSpec) -> None:
-    """Drive the crank by a velocity servo called "motor"; its gain is set on the compiled model."""
+    """Drive the crank by a velocity servo; its gain is set on the compiled model."""
     motor = spec.add_actuator(name=MOTOR, trntype=mujoco.mjtTrn.mjTRN_JOINT, target="crank")
     motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE
 

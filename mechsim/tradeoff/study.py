@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import AssemblyError
+from mechsim.errors import MechsimError
 from mechsim.mjcf import quiet
 from mechsim.simulation import Settings
 from mechsim.tables import written_beside
@@ -213,13 +213,13 @@ def measure(
 
 
 def _rig(rigs: dict[Build, Rig | None], subject: Subject, family: Family) -> Rig | None:
-    """Return the rig of a family's build, made once; None where the loops do not close that way."""
+    """Return the rig of a family's build, made once; None where it cannot be made or does not close."""
     if family.build not in rigs:
         try:
             rigs[family.build] = Rig(
                 subject.source, subject.rig.profile, subject.speed, family.build, subject.variants
             )
-        except AssemblyError:
+        except MechsimError:
             rigs[family.build] = None
     return rigs[family.build]
 
