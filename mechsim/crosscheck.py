@@ -242,6 +242,10 @@ def _differentiated(function: PointFunction, simulated: Motion) -> Motion:
     angle, speed, pull = simulated.angle, simulated.speed[:, None], simulated.acceleration[:, None]
     around = [function(angle + k * SPACING) for k in range(-4, 5)]
     points: dict[str, PointMotion] = {}
+    if not isinstance(around[4], Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise InputError(
+            f"the function gives a {type(around[4]).__name__}; give a dictionary from points to places (n, 3)"
+        )
     for name in around[4]:
         parts = [np.asarray(one[name], dtype=np.float64) for one in around]
         if {part.shape for part in parts} != {(len(angle), 3)}:

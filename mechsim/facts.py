@@ -21,6 +21,7 @@ def facts(drive: Drive, angle: float | None = None, driver: str | None = None) -
     mechanism = drive.mechanism
     arcs = drive.crank_range()
     at = arcs.start() if angle is None else angle
+    ranges = [list(arc) for arc in arcs.arcs]
     freedom = structure.mobility(mechanism)
     groups: list[dict[str, Any]] = []
     explained: list[str] = []
@@ -46,8 +47,8 @@ def facts(drive: Drive, angle: float | None = None, driver: str | None = None) -
         ],
         "mobility": freedom.actual,
         "mobility_explained": freedom.lines(),
-        "crank_range": "full turn" if arcs.full else list(arcs.arcs[0]) if arcs.arcs else [],
-        "crank_ranges": [list(arc) for arc in arcs.arcs],
+        "crank_range": "full turn" if arcs.full else ranges[0] if len(ranges) == 1 else ranges,
+        "crank_ranges": ranges,
         "dead_centres": list(drive.dead_centres()),
         "transmission_angle": _least_transmission(drive),
         "angle": at,

@@ -85,7 +85,9 @@ def read(path: str | Path) -> Table:
     try:
         return _read_csv(Path(path)) if kind == ".csv" else _read_npz(Path(path))
     except FileNotFoundError:
-        raise InputError(f"there is no file {path}; name one that `mechsim solve -o` wrote") from None
+        raise InputError(f"there is no file {path}; name one that can be read") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path} holds no table of numbers with a header: it is no text") from None
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         first_line = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(f"{path} holds no table of numbers with a header: {first_line}") from error
@@ -106,10 +108,31 @@ def _read_csv(path: Path) -> Table:
         names, *lines = file.read().splitlines() or [""]
     if not lines:
         raise ValueError("it has no row of numbers")
-    names, rows = names.split(","), np.loadtxt(lines, delimiter=",", ndmin=2)
+    names = names.split(",")
+    try:
+        rows = np.loadtxt(lines, delimiter=",", ndmin=2)
+    except ValueError:
+        raise ValueError(_first_bad(names, lines)) from None
     if rows.shape[1] != len(names):
         raise ValueError(f"{len(names)} names stand over {rows.shape[1]} columns")
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"column {twice!r} stands there twice")
     return dict(zip(names, np.ascontiguousarray(rows.T), strict=True))
+
+
+def _first_bad(names: list[str], lines: list[str]) -> str:
+    """Return what is wrong with the first row that is not one number under each name."""
+    for number, line in enumerate(lines, 2):
+        cells = line.split(",")
+        if len(cells) != len(names):
+            return f"line {number} has {len(cells)} values under {len(names)} names"
+        for name, cell in zip(names, cells, strict=True):
+            try:
+                float(cell)
+            except ValueError:
+                return f"{cell.strip()!r} in line {number} under {name!r} is no number"
+    return "its rows are not numbers with commas between"
 
 
 def _read_npz(path: Path) -> Table:

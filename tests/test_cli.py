@@ -58,8 +58,14 @@ BAD = {
     "closes over part of the turn": ("solve rssr --set rocker=9mm", ["from 2.3", "to 6.39"]),
     "part of the turn, simulated": ("simulate rssr --set rocker=9mm", ["from 2.3", "to 6.39"]),
     "speed zero": ("solve rssr --speed 0rpm", ["0rpm", "other than 0"]),
+    "speed no shaft has": ("simulate rssr --speed 1e300rpm", ["1e300rpm", "1e+09"]),
+    "speed of a turn in years": ("validate rssr --speed 1e-300rpm", ["1e-300rpm", "0.0001"]),
     "speed is a length": ("solve rssr --speed 3mm", ["3mm", "600 rpm"]),
     "step larger than the turn": ("simulate rssr --timestep 1s", ["1 s", "0.1 s"]),
+    "step that never ends": ("simulate rssr --timestep 1e-300", ["1e-300 s", "at the least"]),
+    "steps that never end": ("simulate rssr --steps-per-turn 1000000000000", ["1e+12", "at the most"]),
+    "turns that never end": ("simulate rssr --turns 1e9", ["1e+09 turns", "at the most"]),
+    "records that fill the disk": ("simulate rssr --every 1e-12deg", ["3.6e+14", "at the most"]),
     "step zero": ("simulate rssr --timestep 0", ["time step"]),
     "two steps a turn": ("simulate rssr --steps-per-turn 2", ["at least 4"]),
     "both kinds of step": ("simulate rssr --steps-per-turn 100 --timestep 1ms", ["one of them"]),
@@ -76,7 +82,11 @@ BAD = {
     "unknown model extension": ("export rssr -o out.urdf", [".urdf", ".xml"]),
     "unknown picture extension": ("render rssr -o out.bmp", [".bmp", ".png"]),
     "folder that is not there": ("solve rssr -o nowhere/out.csv", ["nowhere"]),
-    "output is a folder": ("solve rssr -o .", ["ends in nothing", ".csv"]),
+    "output is a folder": ("solve rssr -o .", ["'.'", "is a folder", "file name"]),
+    "report into a file": (f"validate rssr --report {__file__}", [__file__, "name a folder"]),
+    "extremes into a file": (f"extremes rssr --report {__file__}", [__file__, "name a folder"]),
+    "report in a folder that is not there": ("validate rssr --report no/out", ["'no'", "make it first"]),
+    "models into a file": (f"export --all {__file__}", [__file__, "name a folder"]),
     "profile that is not there": ("simulate rssr --profile no.csv", ["no.csv"]),
     "angle step of zero": ("solve rssr --angles 0:360:0deg", ["0:360:0deg"]),
     "angles that are no numbers": ("solve rssr --angles a:b:c", ["a:b:c"]),
@@ -104,6 +114,47 @@ def test_bad_input_ends_in_one_clear_line_and_leaves_nothing_behind(
     for word in words:
         assert word in answer.err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_table_that_is_none_is_refused_by_line_and_column(mechsim: Call, tmp_path: Path) -> None:
+    for text, words in {
+        "time,angle\n0,0\n1,x\n": ["'x'", "line 3", "'angle'"],
+        "time,angle\n0,0\n1\n": ["line 3", "1 values", "2 names"],
+        "time,angle,angle\n0,0,0\n1,1,1\n": ["'angle'", "twice"],
+    }.items():
+        (tmp_path / "profile.csv").write_text(text)
+        answer = mechsim("simulate", "rssr", "--profile", "profile.csv")
+        assert answer.code == 2
+        assert len(answer.err.strip().splitlines()) == 1
+        assert all(word in answer.err for word in words)
+    (tmp_path / "profile.csv").write_bytes(b"\xff\xfe\x00")
+    assert "it is no text" in mechsim("simulate", "rssr", "--profile", "profile.csv").err
+
+
+def test_settings_that_tear_the_loops_open_are_missed_though_no_tolerance_was_asked_for(
+    mechsim: Call,
+) -> None:
+    mujoco_defaults = ["--solref", "0.02,1", "--solimp", "0.9,0.95,0.001,0.5,2", "--hardness", "1"]
+    answer = mechsim("simulate", "rssr", "--integrator", "Euler", "--timestep", "20ms", *mujoco_defaults)
+    assert answer.code == 1
+    assert answer.out.startswith("missed: places within")
+    answer = mechsim("simulate", "rssr", "--method", "step", "--json")
+    assert answer.code == 0
+    # a thousandth of the longest link, the coupler or the way between the shafts
+    assert 4e-5 < json.loads(answer.out)["tolerance"] < 1e-4
+
+
+def test_a_crank_that_stands_in_two_ranges_has_both_told(mechsim: Call) -> None:
+    typed = ["show", "four_bar", "--set", "crank=90mm"]
+    first, second = json.loads(mechsim(*typed, "--json").out)["crank_range"]
+    assert first[0] < first[1] < second[0] < second[1]
+    assert "no assembly at crank angle 180 deg" in mechsim(*typed, "--angle", "180deg").out
+
+
+def test_no_command_shows_the_help(mechsim: Call) -> None:
+    answer = mechsim()
+    assert answer.code == 0
+    assert "simulate" in answer.out
 
 
 def test_list_names_every_mechanism(mechsim: Call) -> None:

@@ -21,10 +21,11 @@ from mechsim.errors import MechsimError
 
 # what the command-line library returns for Ctrl-C, without a word
 INTERRUPTED = 130
+# as a program that the system ends for that: 128 + SIGPIPE
+CLOSED_PIPE = 141
 
 app = typer.Typer(
     help="Check an analytic model of a linkage against a multibody simulator.",
-    no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -48,13 +49,17 @@ for command in (
 
 
 @app.callback(invoke_without_command=True)
-def _top(version: bool = typer.Option(False, "--version", help="Print the version.")) -> None:
+def _top(
+    context: typer.Context, version: bool = typer.Option(False, "--version", help="Print the version.")
+) -> None:
     """Check an analytic model of a linkage against a multibody simulator."""
     if version:
         from mechsim._version import __version__
 
         typer.echo(__version__)
         raise typer.Exit
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 def main() -> None:
@@ -74,8 +79,9 @@ def _ended(pressed: list[int]) -> int:
         return _refused(message)
     except (KeyboardInterrupt, typer.Abort):
         return _refused("stopped")
-    except BrokenPipeError:
-        return 0
+    except (BrokenPipeError, SystemExit):
+        # the command-line library, too, leaves this way when nobody reads on
+        return CLOSED_PIPE
     except Exception:
         # an interrupted import of compiled code says anything but that
         if not pressed:

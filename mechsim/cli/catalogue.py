@@ -4,7 +4,18 @@ from typing import Annotated, Any
 
 import typer
 
-from mechsim.cli.options import Json, Name, Output, Sets, Speed, drive_of, scene_of, speed_of, writable
+from mechsim.cli.options import (
+    Json,
+    Name,
+    Output,
+    Sets,
+    Speed,
+    drive_of,
+    folder_for,
+    scene_of,
+    speed_of,
+    writable,
+)
 from mechsim.cli.output import print_json, print_table, progress
 
 
@@ -73,7 +84,11 @@ def _print_facts(found: dict[str, Any]) -> None:
         names = ", ".join(f"{k} {v:+d}" for k, v in assembly.items() if isinstance(v, int))
         for point, place in assembly["points"].items():
             rows.append((names, point, *(f"{value:.9g}" for value in place)))
-    title = f"Assemblies at crank angle {math.degrees(found['angle']):.6g} deg"
+    at = f"{math.degrees(found['angle']):.6g} deg"
+    if not rows:
+        typer.echo(f"no assembly at crank angle {at}: the crank cannot stand there")
+        return
+    title = f"Assemblies at crank angle {at}"
     print_table(title, ("assembly", "point", "x [m]", "y [m]", "z [m]"), rows)
 
 
@@ -125,8 +140,6 @@ def export(
     output: Output = None,
 ) -> None:
     """Write the MuJoCo model of a mechanism."""
-    from pathlib import Path
-
     from mechsim import catalog, mjcf, tables
     from mechsim.errors import InputError
 
@@ -136,8 +149,7 @@ def export(
     if every is not None:
         if sets or output or cut:
             raise InputError("--all exports every mechanism as it is; leave out --set, --cut and -o")
-        folder = Path(every)
-        writable(str(folder / "model.xml"))
+        folder = folder_for(every)
         with progress("export", len(catalog.DRIVES)) as tick:
             for one in catalog.DRIVES:
                 text = mjcf.to_xml(mjcf.assembled(catalog.make(one).mechanism, wanted))

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mechsim.cli.options import Json, drive_of, writable
+from mechsim.cli.options import Json, drive_of, folder_for
 from mechsim.cli.output import print_json, print_table, progress
 
 if TYPE_CHECKING:
@@ -24,16 +24,9 @@ def extremes(
     as_json: Json = False,
 ) -> None:
     """Push steps, speed, size, masses, poses, turns and gears until something breaks; say where it does."""
-    from pathlib import Path
-
     for name in names or ():
         drive_of(name, None)
-    folder = None
-    if report is not None:
-        writable(str(Path(report).parent / "folder"))
-        folder = Path(report)
-        folder.mkdir(exist_ok=True)
-        writable(str(folder / "extremes.svg"))
+    folder = None if report is None else folder_for(report)
 
     from mechsim.extremes.study import axes_of, study
 

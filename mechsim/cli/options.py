@@ -10,6 +10,10 @@ if TYPE_CHECKING:
     from mechsim.catalog.base import Drive
     from mechsim.scene import Scene
 
+# crank speeds in [rad/s]: a turn takes most of a day, and faster than any shaft; MuJoCo's own absolute
+# bounds on time and acceleration lie beyond
+SLOWEST, FASTEST = 1e-4, 1e9
+
 Name = Annotated[
     str, typer.Argument(metavar="NAME", help="A mechanism of the catalogue; see `mechsim list`.")
 ]
@@ -72,13 +76,16 @@ def _value(mechanism: str, field: Any, parameter: str, text: str) -> Any:
 
 
 def speed_of(text: str) -> float:
-    """Return a crank speed in [rad/s], which may not be zero."""
+    """Return a crank speed in [rad/s], of a size that a run can have."""
     from mechsim import units
     from mechsim.errors import InputError
 
     speed = units.parse_speed(text, "the crank speed")
-    if speed == 0.0:
-        raise InputError(f"the crank speed is {text}; give a speed other than 0, as in 600rpm")
+    if not SLOWEST <= abs(speed) <= FASTEST:
+        raise InputError(
+            f"the crank speed is {text}; give one other than 0, between {SLOWEST:g} and {FASTEST:g} rad/s "
+            "either way, as in 600rpm"
+        )
     return speed
 
 
@@ -97,13 +104,39 @@ def writable(path: str, *extensions: str) -> "Path":
     from mechsim.errors import InputError, OutputError
 
     place = Path(path)
+    if place.is_dir():
+        raise OutputError(f"cannot write {path!r}: it is a folder; give a file name")
     if extensions and place.suffix.lower() not in extensions:
-        raise InputError(f"{path!r} ends in {place.suffix or 'nothing'}; known are {', '.join(extensions)}")
+        known = ", ".join(filter(None, extensions))
+        raise InputError(f"{path!r} ends in {place.suffix or 'nothing'}; known are {known}")
     folder = place.parent
     if not folder.is_dir() or not os.access(folder, os.W_OK):
         raise OutputError(
             f"cannot write {path!r}: {str(folder)!r} is no folder that can be written; make it first"
         )
-    if place.is_dir():
-        raise OutputError(f"cannot write {path!r}: it is a folder; give a file name")
     return place
+
+
+def folder_for(path: str) -> "Path":
+    """Return an output folder, made if it was not there, checked before any work is done for it."""
+    import os
+    from pathlib import Path
+
+    from mechsim.errors import OutputError
+
+    folder = Path(path)
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"cannot write into {path!r}: it is a file; name a folder")
+    if not folder.parent.is_dir():
+        raise OutputError(
+            f"cannot make the folder {path!r}: there is no folder {str(folder.parent)!r}; make it first"
+        )
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"cannot make the folder {path!r}: {error.strerror}; choose another place"
+        ) from error
+    if not os.access(folder, os.W_OK):
+        raise OutputError(f"cannot write into the folder {path!r}; choose another, or change its rights")
+    return folder

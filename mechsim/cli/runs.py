@@ -4,11 +4,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mechsim.cli.options import Json, Name, Output, Sets, Speed, drive_of, scene_of, speed_of, writable
+from mechsim.cli.options import (
+    Json,
+    Name,
+    Output,
+    Sets,
+    Speed,
+    drive_of,
+    folder_for,
+    scene_of,
+    speed_of,
+    writable,
+)
 from mechsim.cli.output import print_json, print_table, progress
 
 if TYPE_CHECKING:
-    from mechsim.simulation import Profile, Settings
+    from mechsim.simulation import Profile, Run, Settings
     from mechsim.validate import Case
 
 
@@ -17,7 +28,11 @@ def simulate(
     speed: Speed = "600rpm",
     turns: Annotated[float, typer.Option(help="Turns of the crank.")] = 1.0,
     tolerance: Annotated[
-        str | None, typer.Option(help="Bound on the place of any tracked point; a bare number is metres.")
+        str | None,
+        typer.Option(
+            help="Bound on the place of any tracked point; a bare number is metres. Chooses the steps; "
+            "without it the settings stand, and a thousandth of the longest link is the bound."
+        ),
     ] = None,
     timestep: Annotated[str | None, typer.Option(help="Time step; a bare number is seconds.")] = None,
     steps_per_turn: Annotated[int | None, typer.Option(help="Steps in a turn of the crank.")] = None,
@@ -71,27 +86,34 @@ def simulate(
         samples = whole
     if profile is None:
         _within_range(drive, turns)
-    run = simulation.simulate(
-        drive.mechanism,
-        profile=motion,
-        tolerance=wanted,
-        settings=settings,
-        method=method,  # pyright: ignore[reportArgumentType]
-        samples=samples,
-        scene=scene_of(scene),
-    )
+    with progress("simulate", None) as tick:
+        run = simulation.simulate(
+            drive.mechanism,
+            profile=motion,
+            tolerance=wanted,
+            settings=settings,
+            method=method,  # pyright: ignore[reportArgumentType]
+            samples=samples,
+            scene=scene_of(scene),
+            watch=tick,
+        )
     if place is not None:
         tables.write(place, run.motion)
     if as_json:
         print_json(run.summary() | {"mechanism": name, "output": output, "rows": len(run.motion)})
     else:
-        bound = "" if run.tolerance is None else f" (bound {run.tolerance:.3g} m)"
-        typer.echo(f"{run.outcome}: places within {run.estimate:.3g} m of the solved poses{bound}")
+        typer.echo(f"{run.outcome}: {_found(run)}")
         what = "poses" if run.method == "pose" else "steps"
         typer.echo(f"{run.steps} {what} in {run.seconds:.4g} s, by {run.method}")
         if place is not None:
             typer.echo(f"wrote {len(run.motion)} rows to {output}")
     raise typer.Exit(0 if run.outcome == "met" else 1)
+
+
+def _found(run: "Run") -> str:
+    if run.outcome == "diverged":
+        return run.motion.broken
+    return f"places within {run.estimate:.3g} m of the solved poses (bound {run.tolerance:.3g} m)"
 
 
 def _within_range(drive: Any, turns: float) -> None:
@@ -174,8 +196,6 @@ def validate(
     as_json: Json = False,
 ) -> None:
     """Check closed form, loop equations and MuJoCo against each other; the main job."""
-    from pathlib import Path
-
     from mechsim import catalog
     from mechsim.errors import AssemblyError, InputError
     from mechsim.validate import validate_all
@@ -185,12 +205,7 @@ def validate(
         raise InputError("--set changes one mechanism; name it")
     drives = [drive_of(name, sets) for name in names]
     asked = speed_of(speed)
-    folder = None
-    if report is not None:
-        writable(str(Path(report).parent / "folder"))
-        folder = Path(report)
-        folder.mkdir(exist_ok=True)
-        writable(str(folder / "index.html"))
+    folder = None if report is None else folder_for(report)
     try:
         with progress("validate", len(drives)) as tick:
             cases = validate_all(drives, speed=asked, done=lambda case: tick(case.drive.name))

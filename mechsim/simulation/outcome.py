@@ -19,7 +19,8 @@ class Run:
     Attributes:
         motion: at the recorded instants; its rates and accelerations belong to the same instants.
         outcome: "met", "missed", "diverged" or "changed assembly".
-        tolerance: bound asked for on the place of any tracked point, in [m]; None if none was.
+        tolerance: bound on the place of any tracked point, in [m]: what was asked for, or a thousandth
+            of the longest link.
         estimate: the worst place error by the simulator's own account: distance from the pose solved
             at the same crank angle, in [m].
         steps: time steps taken, trials not counted; poses solved for method "pose".
@@ -31,7 +32,7 @@ class Run:
 
     motion: Motion
     outcome: Outcome
-    tolerance: float | None
+    tolerance: float
     estimate: float
     steps: int
     seconds: float

@@ -17,8 +17,12 @@ from mechsim.simulation.profile import Profile, constant
 from mechsim.simulation.record import Track, add_sensors
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stage import Stage
+from mechsim.simulation.step import Watch, unwatched
 
 Source = Mechanism | mujoco.MjSpec | str | os.PathLike[str]
+
+# bound on places where none is asked for, in units of the longest link: what a picture still shows
+SAME = 1e-3
 
 
 @quiet()
@@ -33,6 +37,7 @@ def simulate(
     method: Method | None = None,
     samples: int | None = None,
     scene: Scene | None = None,
+    watch: Watch | None = None,
 ) -> Run:
     """Run a mechanism, or a model of one's own, in MuJoCo under a driven crank.
 
@@ -43,7 +48,8 @@ def simulate(
         turns: of the crank, at constant speed.
         profile: the crank's angle over time.
         tolerance: bound on the place of any tracked point, in [m]; the number of steps is then chosen
-            by trials and the result checked against it.
+            by trials and the result checked against it. None steps as the settings say and calls the
+            run met within a thousandth of the longest link.
         settings: how to step; with a tolerance their number of steps is replaced.
         method: "step" integrates in time; "pose" solves each crank angle by itself, to rounding. None
             takes what is asked for: "step" where a tolerance or settings are given, or where the crank
@@ -51,6 +57,7 @@ def simulate(
         samples: instants to record after the first, evenly spread; None takes about 72 a turn. With
             samples given, the number of steps is raised to a multiple of them.
         scene: what the model holds; None takes `Scene(level="motion")`.
+        watch: told now and then in words how far a stepped run has come.
 
     Raises:
         InputError: for values that cannot be used.
@@ -67,14 +74,15 @@ def simulate(
         profile = constant(speed, turns, start)
     if samples is not None and not samples >= 1:
         raise InputError(f"{samples} samples asked for; take at least 1")
-    stage = Stage(model, track, profile, samples)
+    stage = Stage(model, track, profile, samples, watch or unwatched)
     if method is None:
         stepping = tolerance is not None or settings is not None or stage.free
         method = "step" if stepping else "pose"
+    bound = SAME * Loops(model).size if tolerance is None else tolerance
     if method == "pose":
-        return stage.solved(tolerance)
+        return stage.solved(bound)
     settings = settings or Settings()
-    return stage.stepped(settings, None) if tolerance is None else within(stage, settings, tolerance)
+    return stage.stepped(settings, bound) if tolerance is None else within(stage, settings, bound)
 
 
 def load(source: Source, scene: Scene | None = None) -> mujoco.MjSpec:

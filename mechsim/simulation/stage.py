@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import AssemblyError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.mjcf import Loops
 from mechsim.mjcf.loops import RANK_TOLERANCE
 from mechsim.motion import Motion
@@ -17,12 +17,13 @@ from mechsim.simulation.outcome import Outcome, Run
 from mechsim.simulation.profile import Profile, constant
 from mechsim.simulation.record import States, Track, evaluate
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.step import Steps, step
+from mechsim.simulation.step import MOST_STEPS, Steps, Watch, step, unwatched
 
 Array = NDArray[np.float64]
 
 # instants recorded a turn where nothing else is asked
 SAMPLES = 72
+MOST_RECORDS = 10_000_000
 # crank angles at which a profile is probed beforehand
 PROBES = 64
 # a pose this much nearer than the right one, and in units of the stroke this far from it, is another
@@ -35,8 +36,22 @@ NUDGE = 1e-4
 class Stage:
     """A model, what to record of it, and the crank motion it is put through."""
 
-    def __init__(self, model: mujoco.MjModel, track: Track, profile: Profile, samples: int | None):
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        track: Track,
+        profile: Profile,
+        samples: int | None,
+        watch: Watch = unwatched,
+    ):
         self.model, self.track, self.profile, self.samples = model, track, profile, samples
+        self.watch = watch
+        records = samples or SAMPLES * profile.turns
+        if records > MOST_RECORDS:
+            raise InputError(
+                f"{records:.3g} instants of {profile.turns:g} turns would be recorded; take {MOST_RECORDS:,} "
+                "at the most: fewer turns, or records farther apart"
+            )
         loops = Loops(model)
         self.begun = loops.close(model.qpos0[None])[0]
         angle, speed, _ = profile.state(np.linspace(0.0, profile.duration, PROBES))
@@ -59,7 +74,7 @@ class Stage:
         # the second order, a nudge's square, is what a closed loop lets a point move
         return bool(np.abs(places[1:] - places[0]).max(initial=0.0) > NUDGE**1.5 * loops.size)
 
-    def solved(self, tolerance: float | None) -> Run:
+    def solved(self, tolerance: float) -> Run:
         """Return the motion with every pose solved by itself."""
         samples = self.samples or max(1, int(np.ceil(SAMPLES * self.profile.turns - 1e-9)))
         time = np.linspace(0.0, self.profile.duration, samples + 1)
@@ -75,7 +90,7 @@ class Stage:
         estimate = float(motion.closure.max(initial=0.0))
         return Run(
             motion=motion,
-            outcome="met" if tolerance is None or estimate <= tolerance else "missed",
+            outcome="met" if estimate <= tolerance else "missed",
             tolerance=tolerance,
             estimate=estimate,
             steps=len(qpos),
@@ -84,7 +99,7 @@ class Stage:
             method="pose",
         )
 
-    def stepped(self, settings: Settings, tolerance: float | None) -> Run:
+    def stepped(self, settings: Settings, tolerance: float) -> Run:
         """Return the motion stepped in time, and its outcome."""
         steps, motion = self._stepped(settings)
         estimate, elsewhere = self._error(steps.states, motion)
@@ -94,7 +109,7 @@ class Stage:
             motion = replace(motion, broken=f"MuJoCo's state went bad after {steps.states.time[-1]:.6g} s")
         elif elsewhere:
             outcome = "changed assembly"
-        elif not estimate <= (np.inf if tolerance is None else tolerance):
+        elif not estimate <= tolerance:
             outcome = "missed"
         return Run(
             motion=motion,
@@ -125,11 +140,18 @@ class Stage:
     def _stepped(self, settings: Settings) -> tuple[Steps, Motion]:
         loops = Loops(copy.copy(self.model))
         total, stride = self._paced(settings)
-        steps = step(loops, settings, self.profile, (self.qpos[0], self.qvel[0]), total, stride)
+        start = self.qpos[0], self.qvel[0]
+        steps = step(loops, settings, self.profile, start, total, stride, watch=self.watch)
         return steps, evaluate(loops, self.track, steps.states, "step", force=steps.force)
 
     def _paced(self, settings: Settings) -> tuple[int, int]:
         """Return how many steps the run takes and how many lie between two records."""
+        wanted = self.profile.turns * settings.steps_per_turn
+        if wanted > MOST_STEPS:
+            raise InputError(
+                f"{self.profile.turns:g} turns of {settings.steps_per_turn:,} steps are {wanted:.3g} steps, "
+                f"hours of work; take {MOST_STEPS:,} at the most"
+            )
         total = max(1, int(np.ceil(self.profile.turns * settings.steps_per_turn - 1e-9)))
         if self.samples is None:
             return total, max(1, int(total / (SAMPLES * self.profile.turns)))
@@ -141,7 +163,8 @@ class Stage:
         if not self.profile.steady or self.profile.turns <= turns:
             return self
         (start,), (speed,), _ = self.profile.state(np.zeros(1))
-        return Stage(self.model, self.track, constant(float(speed), turns, float(start)), None)
+        profile = constant(float(speed), turns, float(start))
+        return Stage(self.model, self.track, profile, None, self.watch)
 
     def _error(self, states: States, motion: Motion) -> tuple[float, bool]:
         """Return the points' worst distance from the solved poses; whether another assembly explains it."""

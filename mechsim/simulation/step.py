@@ -1,6 +1,7 @@
 """Motion by stepping MuJoCo in time under a driven crank."""
 
 import time as clock
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -15,9 +16,13 @@ from mechsim.simulation.record import States
 from mechsim.simulation.settings import Settings
 
 Array = NDArray[np.float64]
+# is told in words how far a run has come
+Watch = Callable[[str], None]
 
 # steps in one call into C: long enough that the call costs nothing, short enough for memory
 BLOCK = 4096
+# of a run: at about 10 us a step, more would take hours
+MOST_STEPS = 1_000_000_000
 TIME = int(mujoco.mjtState.mjSTATE_TIME)
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 
@@ -47,6 +52,10 @@ class Steps:
     processor: float = 0.0
 
 
+def unwatched(_: str) -> None:
+    """Take no notice."""
+
+
 @quiet()
 def step(
     loops: Loops,
@@ -56,6 +65,7 @@ def step(
     total: int,
     stride: int,
     controls: Array | None = None,
+    watch: Watch = unwatched,
 ) -> Steps:
     """Step a model along a crank profile.
 
@@ -71,6 +81,7 @@ def step(
         total: steps to take over the whole profile.
         stride: steps from one record to the next; the last step is recorded too.
         controls: of the model's actuators at the beginning of each step, (total, nu); None is none.
+        watch: told after every block how far the run has come.
     """
     timestep = profile.duration / total
     used = settings.apply(loops, timestep)
@@ -108,6 +119,7 @@ def step(
         records.append((number[good], qpos[good], qvel[good]))
         diverged = bool(not good.all() or sims.warning[..., 1].any())
         done += count
+        watch(f"{done:,} of {total:,} steps")
     at, qpos, qvel = (np.concatenate(parts) for parts in zip(*records, strict=True))
     force = None if torque is None else torque[np.minimum(at, total - 1)]
     return Steps(States(timestep * at, qpos, qvel), force, done, spent, timestep, diverged, used, processor)
@@ -119,7 +131,7 @@ def _torque(profile: Profile, flywheel: float, timestep: float, steps: int) -> A
 
 
 def check_step(timestep: float, profile: Profile) -> int:
-    """Return the steps a turn that a time step makes, or say that it is too large."""
+    """Return the steps a turn that a time step makes, or say that it is too large or too small."""
     if not 0.0 < timestep < np.inf:
         raise InputError(f"time step is {timestep} s; give a finite time above 0")
     turn = 2.0 * np.pi / profile.fastest
@@ -127,5 +139,10 @@ def check_step(timestep: float, profile: Profile) -> int:
         raise InputError(
             f"time step is {timestep:g} s, but a turn of the crank takes {turn:.6g} s; "
             f"take {turn / 4.0:.3g} s at the most"
+        )
+    if timestep < turn / MOST_STEPS:
+        raise InputError(
+            f"time step is {timestep:g} s, but a turn of the crank takes {turn:.6g} s; "
+            f"take {turn / MOST_STEPS:.3g} s at the least"
         )
     return int(np.ceil(turn / timestep - 1e-9))
