@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.dynamics.fluctuation import Fluctuation
-from mechsim.dynamics.free import TURN, FreeRun
+from mechsim.dynamics.free import FreeRun
 from mechsim.dynamics.prescribed import Study
+from mechsim.dynamics.runner import TURN
 
 Array = NDArray[np.float64]
 

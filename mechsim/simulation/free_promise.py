@@ -25,6 +25,8 @@ ORDERS = (1.0, 4.0)
 # an error that falls by this order or more is taken to fall by this order; else all that the last halving
 # changed counts
 SURE = 3.4
+# times as many steps as before, at the most
+FURTHEST = 4.0
 # part of the tolerance aimed at
 AIM = 0.5
 
@@ -87,18 +89,18 @@ def promised(go: Go, tolerance: float, least: float) -> tuple[Gone, Promise]:
     first, second, run = (go(steps << i, 1 << i) for i in range(3))
     spent = first.march.steps + second.march.steps
     before, last = _apart(first, second), _apart(second, run)
-    order = float(np.clip(np.log2(before / last), *ORDERS)) if last > 0.0 and before < np.inf else ORDERS[0]
-    left = 1.0 / (2.0**SURE - 1.0) if order >= SURE else 1.0
-    steps, estimate = 4 * steps, left * last
+    order, estimate = _judged(before, last, 2.0)
+    steps *= 4
     best = run, Promise(tolerance=tolerance, estimate=estimate, order=order, trials=spent)
     while not best[1].met and steps < MOST:
-        more = (estimate / (AIM * tolerance)) ** (1.0 / order) if estimate < np.inf else 4.0
-        steps = _even(min(MOST, steps * max(1.5, more)))
-        spent += best[0].march.steps
-        half, run = go(steps // 2), go(steps, 2)
+        more = (estimate / (AIM * tolerance)) ** (1.0 / order) if estimate < np.inf else FURTHEST
+        finer = _even(min(MOST, steps * np.clip(more, 1.5, FURTHEST)))
+        spent += run.march.steps
+        half, run = go(finer // 2), go(finer, 2)
         spent += half.march.steps
-        estimate = left * _apart(half, run)
-        gained = estimate < 0.5 * best[1].estimate
+        before, last = last, _apart(half, run)
+        order, estimate = _judged(before, last, finer / steps)
+        steps, gained = finer, estimate < 0.5 * best[1].estimate
         if estimate < best[1].estimate or best[1].estimate == np.inf:
             best = run, Promise(tolerance=tolerance, estimate=estimate, order=order, trials=spent)
         if not gained and estimate < np.inf:
@@ -109,6 +111,20 @@ def promised(go: Go, tolerance: float, least: float) -> tuple[Gone, Promise]:
     end = f"{MOST} steps a turn, the most that are spent," if steps >= MOST else f"{steps} steps a turn"
     why = f"{end} leave the crank angle off by {promise.estimate:.2g} rad; run fewer turns or allow more"
     return run, replace(promise, reason=why)
+
+
+def _judged(before: float, last: float, ratio: float) -> tuple[float, float]:
+    """Return the order at which halving changed less and less, and the error that is left.
+
+    Args:
+        before: what halving changed.
+        last: the same with `ratio` times as many steps.
+        ratio: above 1.
+    """
+    order = ORDERS[0]
+    if last > 0.0 and before < np.inf:
+        order = float(np.clip(np.log(before / last) / np.log(ratio), *ORDERS))
+    return order, last / (2.0**SURE - 1.0) if order >= SURE else last
 
 
 def _apart(coarse: Gone, fine: Gone) -> float:

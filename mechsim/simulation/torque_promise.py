@@ -126,7 +126,9 @@ def promised(
             best = run, promise
         if promise.met or not gained or steps >= MOST:
             break
-        steps = max(_wanted(steps, promise.estimate, tolerance, order), _even(1.5 * steps))
+        more = max(_wanted(steps, promise.estimate, tolerance, order), _even(1.5 * steps))
+        # an estimate so coarse that it foretells nothing asks for the sky
+        steps = min(more, max(TRIALS[1], _even(2.0 * steps)))
     run, promise = best
     if promise.met:
         return replace(run, outcome="met", promise=replace(promise, trials=spent))
