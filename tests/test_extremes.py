@@ -45,6 +45,12 @@ def test_a_coupler_a_million_times_lighter_or_heavier_moves_the_same(ratio):
     assert trial.error < 1e-7
 
 
+def test_a_hinge_put_together_the_other_way_round_is_told_by_the_links_though_no_point_differs():
+    trial = poses.far_start(catalog.make("rrsrr"), 1.32, seed=2)
+    assert trial.error < 1e-9
+    assert trial.outcome == trial.right == "missed"
+
+
 def test_a_massless_rod_is_refused_in_one_line():
     assert scales.mass_ratio(catalog.make("rssr"), 0.0).outcome == "cannot assemble"
     spec = mjcf.assembled(catalog.make("rssr").mechanism, Scene())

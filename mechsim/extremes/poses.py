@@ -122,11 +122,17 @@ def _assembled(made: Trial, drive: Drive, mechanism: Mechanism) -> Trial:
     except AssemblyError:
         return made
     judged = crosscheck(run.motion, drive)
-    here = {name: point.position[0] for name, point in run.motion.points.items()}
-    own = drive.positions(run.motion.angle[:1])
-    off = max(float(np.linalg.norm(here[name] - place[0])) for name, place in own.items()) / mechanism.size
-    right = "met" if off < 1e-9 else "changed assembly"
-    return replace(made, outcome=judged.outcome, right=right, error=off)
+    begun, own = run.motion, drive.solve(run.motion.angle[:1])
+    off = {name: begun.points[name].position[0] - point.position[0] for name, point in own.points.items()}
+    apart = max(float(np.linalg.norm(gap)) for gap in off.values()) / mechanism.size
+    # a hinge put together the other way round may leave every point in its place and turn only links
+    turned = any(
+        np.abs(begun.links[name].rotation[0] - link.rotation[0]).max() > 1e-6
+        for name, link in own.links.items()
+        if name in begun.links and name not in own.spinning
+    )
+    right = "changed assembly" if apart > 1e-9 else "missed" if turned else "met"
+    return replace(made, outcome=judged.outcome, right=right, error=apart)
 
 
 def _thrown(pose: Pose, value: float, size: float, random: np.random.Generator) -> Pose:

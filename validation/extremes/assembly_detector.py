@@ -7,11 +7,11 @@ where the crank would stop. The run starts half a turn away. They are stepped wi
 hard and soft loops, several integrators: some stay, some jump, some tear their loops open.
 
 Truth: both closed forms at the crank angles simulated. A run is in the other assembly if it comes
-within a tenth of the way between them at two records in a row, where they are a twentieth of their
-farthest apart or more; it is in its own if it stays within a third of the way wherever they are a
-hundredth apart or more. The rest, loops torn open mostly, is in neither, and not counted. Both detectors
-are compared with that: the simulator's own, which knows no closed form, and the judge's. The exit code
-is 1 if either has a false alarm or a miss.
+within a tenth of the way between them at two records in a row, its loops not torn open by half that
+way, where they are a twentieth of their farthest apart or more; it is in its own if it stays within a
+third of the way wherever they are a hundredth apart or more. The rest, loops torn open mostly, is in
+neither, and not counted. Both detectors are compared with that: the simulator's own, which knows no
+closed form, and the judge's. The exit code is 1 if either has a false alarm or a miss.
 """
 
 import argparse
@@ -85,7 +85,9 @@ def truth(drive: TwoBranchDrive, motion: Motion) -> str:
         return np.max([np.linalg.norm(a[name] - b[name], axis=1) for name in own], axis=0)
 
     gap, e_own, e_other = far(own, other), far(points, own), far(points, other)
-    there = (e_other < THERE * gap) & (gap >= APART * gap.max())
+    # with its loops torn open by half that way a run is in no assembly, wherever its points pass
+    assert motion.closure is not None
+    there = (e_other < THERE * gap) & (gap >= APART * gap.max()) & (motion.closure < 0.5 * gap)
     if (there[1:] & there[:-1]).any():
         return "other"
     return "own" if (e_own < HERE * gap)[gap >= BARELY * gap.max()].all() else "neither"
