@@ -95,7 +95,8 @@ def test_a_free_crank_keeps_its_tolerance(name, tolerance):
     assert run.promise.met
     assert verdict.passed, verdict
     true = next(check.worst for check in verdict.checks if check.quantity == "crank angle")
-    assert true <= 1.5 * run.promise.estimate + 1e-12
+    # the reduced equation itself is good to 1e-11 rad a turn
+    assert true <= 1.5 * run.promise.estimate + 2e-11
 
 
 def test_a_free_run_of_given_time_keeps_its_tolerance_and_one_below_what_is_spent_is_missed(monkeypatch):

@@ -25,7 +25,9 @@ def turned_by(rotation: Array, vector: Array) -> Array:
     k = skew(vector)
     a = np.where(small, 1.0, np.sin(safe) / safe)
     b = np.where(small, 0.5, (1.0 - np.cos(safe)) / safe**2)
-    turned = (np.eye(3) + a * k + b * (k @ k)) @ rotation
+    # the square of a turn that is rounding may underflow, to the zero it is
+    with np.errstate(under="ignore"):
+        turned = (np.eye(3) + a * k + b * (k @ k)) @ rotation
     # one Newton step towards the nearest rotation keeps the columns orthonormal to an ulp
     return turned @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(turned, -1, -2) @ turned)
 
