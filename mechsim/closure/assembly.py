@@ -25,11 +25,11 @@ def turned_by(rotation: Array, vector: Array) -> Array:
     k = skew(vector)
     a = np.where(small, 1.0, np.sin(safe) / safe)
     b = np.where(small, 0.5, (1.0 - np.cos(safe)) / safe**2)
-    # the square of a turn that is rounding may underflow, to the zero it is
+    # a turn that is rounding may underflow on the way, to the zero it is
     with np.errstate(under="ignore"):
         turned = (np.eye(3) + a * k + b * (k @ k)) @ rotation
-    # one Newton step towards the nearest rotation keeps the columns orthonormal to an ulp
-    return turned @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(turned, -1, -2) @ turned)
+        # one Newton step towards the nearest rotation keeps the columns orthonormal to an ulp
+        return turned @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(turned, -1, -2) @ turned)
 
 
 # how far a pose on the way may stand open: near enough for the next step, which begins from it

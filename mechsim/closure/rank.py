@@ -72,7 +72,9 @@ def least_norm(mechanism: Mechanism, jacobian: Array, right: Array) -> Array:
     """
     columns = np.tile([mechanism.size] * 3 + [1.0] * 3, len(mechanism.links))
     matrix = jacobian * columns
-    solution = _by_normal_equations(matrix, right[..., None])
+    # what is rounding may underflow on the way, to the zero it is
+    with np.errstate(under="ignore"):
+        solution = _by_normal_equations(matrix, right[..., None])
     if solution is None:
         solution = np.linalg.pinv(matrix, rcond=RANK_TOLERANCE) @ right[..., None]
     return columns * solution[..., 0]

@@ -100,10 +100,10 @@ def promised(go: Go, tolerance: float, least: float) -> tuple[Gone, Promise]:
         spent += half.march.steps
         before, last = last, _apart(half, run)
         order, estimate = _judged(before, last, finer / steps)
-        steps, gained = finer, estimate < 0.5 * best[1].estimate
+        steps, gained = finer, last < 0.5 * before
         if estimate < best[1].estimate or best[1].estimate == np.inf:
             best = run, Promise(tolerance=tolerance, estimate=estimate, order=order, trials=spent)
-        if not gained and estimate < np.inf:
+        if not gained and last < np.inf:
             break
     run, promise = best
     if promise.met:
