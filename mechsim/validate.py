@@ -135,31 +135,35 @@ def _validated(drive: Drive, speed: float) -> Case:
     )
 
 
-def crank_profile(drive: Drive, speed: float, turns: float = 1.0) -> Profile:
+def crank_profile(drive: Drive, speed: float, turns: float = 1.0, through: float | None = None) -> Profile:
     """Return the crank motion a mechanism can make: whole turns, or a swing inside its range.
 
+    Args:
+        drive: the mechanism.
+        speed: of the crank in [rad/s]; of a swing the largest.
+        turns: of a crank that turns fully.
+        through: crank angle in [rad] that a swing passes; None takes where assembly begins.
+
     Raises:
-        AssemblyError: if the loops close nowhere.
+        AssemblyError: if the loops do not close there.
     """
     arcs = drive.crank_range()
     if arcs.full:
         return constant(speed, turns)
-    start = drive.mechanism.start
-    # the arc that holds the start, counted so that the start lies on it as a number
+    angle = drive.mechanism.start if through is None else through
+    # the arc that holds the angle, counted so that the angle lies on it as a number
     around = [
         (low + turn, high + turn)
         for low, high in arcs.arcs
         for turn in (0.0, -2.0 * np.pi)
-        if low + turn <= start <= high + turn
+        if low + turn <= angle <= high + turn
     ]
     if not around:
-        raise AssemblyError(
-            f"{drive.name}: the loops do not close at crank angle {start:.6g} rad, where assembly begins; "
-            "change the dimensions"
-        )
+        why = "where assembly begins; change the dimensions" if through is None else f"it can stand {arcs}"
+        raise AssemblyError(f"{drive.name}: the loops do not close at crank angle {angle:.6g} rad, {why}")
     low, high = around[0]
     middle, reach = (low + high) / 2.0, PART_OF_RANGE * (high - low) / 2.0
-    return swing(middle, reach, speed)
+    return swing(middle, reach if through is None else max(reach, abs(angle - middle)), speed)
 
 
 def _worst(verdicts: Iterable[tuple[str, Verdict]]) -> tuple[Outcome, str]:

@@ -34,6 +34,18 @@ def mechsim(monkeypatch, capsys, tmp_path):
 
 
 @draws
+@pytest.mark.parametrize("angle", ["60deg", "-60deg", "119deg"])
+def test_a_crank_that_only_swings_is_drawn_wherever_it_can_stand(mechsim, tmp_path, angle):
+    words = ("render", "four_bar", "--set", "crank=90mm", "--angle", angle)
+    code, _, err = mechsim(*words, "-o", "a.png", *SMALL)
+    assert code == 0, err
+    code, _, err = mechsim(*words[:-1], "160deg", "-o", "b.png", *SMALL)
+    assert code == 2
+    assert "it can stand from -2.10243" in err
+    assert not (tmp_path / "b.png").exists()
+
+
+@draws
 @pytest.mark.parametrize("road", ["closed", "simulated", "both"])
 def test_pictures_come_from_either_road_or_both(mechsim, tmp_path, road):
     code, out, err = mechsim("render", "rssr", "--from", road, "--angle", "40deg", "-o", "a.png", *SMALL)
@@ -58,6 +70,10 @@ def test_slow_motion_has_as_many_frames_as_it_takes(mechsim):
         (("--turns", "nan"), "nan turns"),
         (("--arrows", "speed"), "no arrow 'speed'"),
         (("--from", "both", "--magnify", "0"), "give a finite factor above 0"),
+        (("--magnify", "30"), "add --from both"),
+        (("--angle", "30deg"), "for a still picture"),
+        (("--from", "foo"), "closed, simulated and, to draw, both"),
+        (("--turns", "1e9"), "fewer than 10000"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused_in_one_line(mechsim, tmp_path, words, says):
@@ -65,6 +81,13 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(mechsim, tmp_path, words, s
     assert code == 2
     assert says in err
     assert len(err.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_video_of_a_size_that_no_codec_takes_is_refused(mechsim, tmp_path):
+    code, _, err = mechsim("render", "rssr", "-o", "a.mp4", "--size", "321x241")
+    assert code == 2
+    assert "'321x241', but videos have even sizes" in err
     assert not list(tmp_path.iterdir())
 
 

@@ -285,7 +285,9 @@ def _check(mechanism: str, name: str, value: Any, default: Any, rule: Mapping[st
         count = f"{shape[0]} finite numbers" if shape else "a finite number"
         raise InputError(f"{mechanism}: {name} is {value} {rule['unit']}; give {count}{_below(most)}")
     if rule.get("positive") and not float(numbers) > 1.0 / HUGE:
-        raise InputError(f"{mechanism}: {name} is {value} {rule['unit']}; give a length above 0")
+        raise InputError(
+            f"{mechanism}: {name} is {value} {rule['unit']}; give a length above 0, {1.0 / HUGE:g} m at least"
+        )
     if shape:
         return tuple(numbers.tolist())
     return value.item() if isinstance(value, np.generic) else value

@@ -65,9 +65,16 @@ def render(
         raise InputError(
             f"{positions} positions over one another make a still picture; write it to a .png file"
         )
+    if angle is not None and not picture:
+        raise InputError(f"--angle {angle} is for a still picture; write it to a .png file, or leave it out")
+    if magnify is not None and road != "both":
+        raise InputError(f"--magnify {magnify:g} magnifies the error between two roads; add --from both")
     at = None if angle is None else units.parse_angle(angle, "the crank angle")
+    pixels = _size(size)
+    if output.endswith((".mp4", ".webm")) and (pixels[0] % 2 or pixels[1] % 2):
+        raise InputError(f"--size is {size!r}, but videos have even sizes; take one pixel more or less")
     look: dict[str, Any] = {
-        "size": _size(size),
+        "size": pixels,
         "camera": camera,
         "backend": backend,
         "labels": labels,
@@ -78,7 +85,7 @@ def render(
         "magnify": magnify,
     }
     drive = drive_of(name, sets)
-    profile = profile_of(drive, speed_of(speed), turns)
+    profile = profile_of(drive, speed_of(speed), turns, at)
     # for a still the samples only shape the paths; with positions each sample is a position
     usual = positions if positions > 1 else 360 if picture else 72
     samples = abs(turns) * (usual if frames_per_turn is None or positions > 1 else frames_per_turn)

@@ -20,14 +20,17 @@ Road = Annotated[
 MOST_SAMPLES = 100_000
 
 
-def profile_of(drive: "Drive", speed: float, turns: float) -> "Profile":
-    """Return the crank's motion: whole turns, or for a crank that cannot turn fully one swing to and fro."""
+def profile_of(drive: "Drive", speed: float, turns: float, through: float | None = None) -> "Profile":
+    """Return the crank's motion: whole turns, or for a crank that cannot turn fully one swing to and fro.
+
+    The swing passes a crank angle, or where assembly begins.
+    """
     from mechsim.errors import InputError
     from mechsim.validate import crank_profile
 
     if not (turns != 0.0 and abs(turns) < 1e4):
-        raise InputError(f"{turns} turns; give turns other than 0")
-    return crank_profile(drive, speed if turns > 0 else -speed, abs(turns))
+        raise InputError(f"{turns:g} turns; give turns other than 0, fewer than 10000 either way")
+    return crank_profile(drive, speed if turns > 0 else -speed, abs(turns), through)
 
 
 def motion_of(drive: "Drive", road: str, profile: "Profile", samples: float) -> "Motion":
@@ -38,7 +41,7 @@ def motion_of(drive: "Drive", road: str, profile: "Profile", samples: float) -> 
     from mechsim.simulation import simulate
 
     if road not in ("closed", "simulated"):
-        raise InputError(f"there is no road {road!r} here; known are closed, simulated")
+        raise InputError(f"there is no road {road!r} here; known are closed, simulated and, to draw, both")
     count = round(samples)
     if not 1 <= count <= MOST_SAMPLES:
         raise InputError(f"{samples:g} frames or samples asked for; give 1 to {MOST_SAMPLES}")

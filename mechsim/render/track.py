@@ -138,18 +138,32 @@ def _moving(mechanism: Mechanism) -> list[tuple[str, tuple[str, tuple[float, flo
 
 
 def places(known: Array, wanted: Array) -> Array:
-    """Return where crank angles lie among the samples, as fractional indices."""
-    rising = known if known[-1] >= known[0] else -known
-    wanted = wanted if known[-1] >= known[0] else -wanted
-    if (np.diff(rising) <= 0.0).any():
-        raise InputError("the crank does not turn one way, so frames cannot be chosen by its angle")
+    """Return where crank angles lie among the samples, as fractional indices.
+
+    Of a crank that swings to and fro the longest stretch one way counts.
+    """
+    first, last = _longest_way(known)
+    sense = 1.0 if known[last] >= known[first] else -1.0
+    rising, wanted = sense * known[first : last + 1], sense * wanted
+    if len(rising) < 2:
+        raise InputError("the crank stands still, so frames cannot be chosen by its angle")
     slack = 1e-6
     if wanted.min() < rising[0] - slack or wanted.max() > rising[-1] + slack:
         raise InputError(
             f"frames from {wanted.min():.6g} to {wanted.max():.6g} rad are asked for, "
             f"but the motion goes only from {rising[0]:.6g} to {rising[-1]:.6g} rad"
         )
-    return np.interp(wanted, rising, np.arange(len(rising), dtype=np.float64))
+    return np.interp(wanted, rising, np.arange(first, last + 1, dtype=np.float64))
+
+
+def _longest_way(known: Array) -> tuple[int, int]:
+    """Return the first and the last sample of the longest stretch in which the crank turns one way."""
+    sense = np.sign(np.diff(known))
+    breaks = np.flatnonzero(sense[1:] != sense[:-1]) + 1
+    ends = np.concatenate([[0], breaks, [len(known) - 1]])
+    moving = np.where(sense[ends[:-1]] == 0.0, 0, np.diff(ends)) if len(sense) else np.zeros(1)
+    at = int(np.argmax(moving))
+    return (int(ends[at]), int(ends[at + 1])) if moving[at] else (0, 0)
 
 
 def _between(pose: Pose, place: Array) -> Pose:

@@ -21,6 +21,8 @@ CLOCK = TURN / STEPS
 # a pose farther than this from where it belongs may be on its way elsewhere; well above those, and below
 # any way there
 ASTRAY = 1e-3
+# steps in one go: what their states need of memory
+MOST = 1_000_000
 
 
 @quiet()
@@ -39,7 +41,7 @@ def sprint(loops: Loops, start: Array, end: float) -> Array | None:
     count = int(np.ceil(abs(end - angle) / CLOCK))
     jacobian = loops.linearise(start[None])[1]
     side = float(loops.side(jacobian)[0])
-    if side == 0.0:
+    if side == 0.0 or count > MOST:
         return None
     states = _stepped(loops, start, (end - angle) / (count * CLOCK) * loops.tangent(jacobian)[0], count)
     asked = np.linspace(angle, end, count + 1)[1:]

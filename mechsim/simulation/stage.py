@@ -29,6 +29,8 @@ PROBES = 64
 # a pose this much nearer than the right one, and in units of the stroke this far from it, is another
 # assembly; it is looked for at so many pairs of records
 NEARER, APART, MOST_PAIRS = 0.5, 0.02, 100
+# a crank this far from where it is driven, in [rad], is driven no more
+LOST = np.pi
 # turn, in [rad], by which a freedom that the crank leaves is tried
 NUDGE = 1e-4
 
@@ -102,11 +104,11 @@ class Stage:
     def stepped(self, settings: Settings, tolerance: float) -> Run:
         """Return the motion stepped in time, and its outcome."""
         steps, motion = self._stepped(settings)
-        estimate, elsewhere = self._error(steps.states, motion)
         outcome: Outcome = "met"
-        if steps.diverged:
-            outcome, estimate = "diverged", np.inf
-            motion = replace(motion, broken=f"MuJoCo's state went bad after {steps.states.time[-1]:.6g} s")
+        broken = self._broken(steps, motion)
+        estimate, elsewhere = (np.inf, False) if broken else self._error(steps.states, motion)
+        if broken:
+            outcome, motion = "diverged", replace(motion, broken=broken)
         elif elsewhere:
             outcome = "changed assembly"
         elif not estimate <= tolerance:
@@ -123,12 +125,26 @@ class Stage:
             method="step",
         )
 
+    def _broken(self, steps: Steps, motion: Motion) -> str:
+        """Return in one sentence why a run is none; nothing where it is one."""
+        if steps.diverged:
+            return f"MuJoCo's state went bad after {steps.states.time[-1]:.6g} s"
+        meant = self.profile.state(steps.states.time)[0]
+        lost = np.abs(motion.angle - meant) > LOST
+        if lost.any():
+            at = int(np.argmax(lost))
+            return (
+                f"after {steps.states.time[at]:.6g} s the crank stands at {motion.angle[at]:.6g} rad "
+                f"instead of {meant[at]:.6g}: the linkage turns its flywheel"
+            )
+        return ""
+
     def tried(self, settings: Settings) -> Array:
         """Return the worst distance from the solved poses in each turn, (turns,) in [m]; inf if it broke."""
         steps, motion = self._stepped(settings)
         turns = max(1, round(self.profile.turns))
         worst = np.full(turns, np.inf)
-        if steps.diverged:
+        if self._broken(steps, motion):
             return worst
         try:
             error = self._distances(Loops(self.model), _places(motion), self._true(steps.states))
