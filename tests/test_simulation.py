@@ -367,3 +367,10 @@ def test_a_point_that_the_crank_leaves_free_is_stepped() -> None:
     swinging = pendulum.format(hanging=link.format(axis="0 0 1"))
     for text, wanted in ((settled, "pose"), (spinning, "pose"), (swinging, "step")):
         assert simulate(text, speed=10.0, turns=0.1).method == wanted
+
+
+def test_a_crank_that_its_drive_loses_is_a_diverged_run_and_says_where() -> None:
+    mechanism = catalog.make("rssr").mechanism
+    run = simulate(mechanism, speed=10.0, turns=20.0, settings=Settings(flywheel=1e-6))
+    assert run.outcome == "diverged"
+    assert "the crank stands at" in run.motion.broken
