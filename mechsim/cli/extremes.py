@@ -61,15 +61,8 @@ def _print(found: "Study") -> None:
         (b.axis, b.mechanism, f"{b.inside:.2g}", b.before, f"{b.outside:.2g}", b.after) for b in found.borders
     ]
     print_table("Borders", ("axis", "mechanism", "up to", "", "from", ""), rows)
-    rows = [
-        (d.mechanism, f"{d.turns:g}", f"{d.first:.3e}", f"{d.last:.3e}", "no drift" if d.passed else "DRIFTS")
-        for d in found.drifts
-    ]
-    print_table(
-        "Many turns: place error / size in the first and last hundredth",
-        ("mechanism", "turns", "first", "last", ""),
-        rows,
-    )
+    if found.drifts:
+        _print_drifts(found)
     for trial in found.wrong:
         foretold = f", foretold {trial.foretold}" if trial.foretold else ""
         typer.echo(
@@ -78,3 +71,12 @@ def _print(found: "Study") -> None:
         )
     good = len(found.trials) - len(found.wrong)
     typer.echo(f"{good} of {len(found.trials)} runs ended as the closed form says, and knew it")
+
+
+def _print_drifts(found: "Study") -> None:
+    rows = [
+        (d.mechanism, f"{d.turns:g}", f"{d.first:.3e}", f"{d.last:.3e}", "no drift" if d.passed else "DRIFTS")
+        for d in found.drifts
+    ]
+    title = "Many turns: place error / size in the first and last hundredth"
+    print_table(title, ("mechanism", "turns", "first", "last", ""), rows)
