@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 # a gap this small is rounding; polishing on would chase it down to the denormal numbers
 FLOOR = 4.0 * np.finfo(np.float64).eps
+# an element of a rotation this small is nought; its square would underflow some steps later
+NOUGHT = 1e-40
 
 
 def turned_by(rotation: Array, vector: Array) -> Array:
@@ -29,7 +31,8 @@ def turned_by(rotation: Array, vector: Array) -> Array:
     with np.errstate(under="ignore"):
         turned = (np.eye(3) + a * k + b * (k @ k)) @ rotation
         # one Newton step towards the nearest rotation keeps the columns orthonormal to an ulp
-        return turned @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(turned, -1, -2) @ turned)
+        turned = turned @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(turned, -1, -2) @ turned)
+    return np.where(np.abs(turned) < NOUGHT, 0.0, turned)
 
 
 # how far a pose on the way may stand open: near enough for the next step, which begins from it

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 RANK_TOLERANCE = 1e-9
 # condition of the normal equations below which two refinements leave rounding
 WELL = 1e10
+# what is smaller than this part of the largest is nought
+TRACE = 1e-40
 
 
 def singular_values(mechanism: Mechanism, poses: Poses, *, crank_free: bool = False) -> Array:
@@ -95,4 +97,5 @@ def _by_normal_equations(matrix: Array, right: Array) -> Array | None:
     solution = inverse @ (turned @ right)
     for _ in range(2):
         solution = solution + inverse @ (turned @ (right - matrix @ solution))
-    return solution
+    # products of rounding, which underflow when squared
+    return np.where(np.abs(solution) < TRACE * np.abs(solution).max(1, keepdims=True), 0.0, solution)
