@@ -13,6 +13,8 @@ from mechsim.errors import InputError
 Array = NDArray[np.float64]
 Over = Literal["angle", "time"]
 TURN = 2.0 * np.pi
+# how far a table may miss the turn, in [rad], and be drawn to it: angles written with six digits
+WRITTEN = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,10 +156,10 @@ def _check_table(x: Array, y: Array, over: str) -> None:
 
 def _check_period(x: Array, y: Array, over: str) -> None:
     span = float(x[-1] - x[0])
-    if over == "angle" and abs(span - TURN) > 1e-6:
+    if over == "angle" and abs(span - TURN) > WRITTEN:
         raise InputError(
-            f"load table does not cover the turn: it goes from {x[0]:.6g} to {x[-1]:.6g} rad, "
-            f"{span:.6g} of {TURN:.6g}; give rows over exactly one turn, both ends included"
+            f"load table does not cover the turn: it goes from {x[0]:.8g} to {x[-1]:.8g} rad, "
+            f"{span:.8g} of {TURN:.8g}; give rows over exactly one turn, both ends included"
         )
     jump = float(np.abs(y[-1] - y[0]).max())
     if jump > 1e-9 * float(np.abs(y).max()):

@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.errors import InputError
 
 Array = NDArray[np.float64]
+# beyond this a number is a slip of the unit or the exponent, and its square too large for a double
+HUGE = 1e30
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,5 +152,8 @@ Motor = PlainMotor | Geared
 def _require_finite(motor: PlainMotor) -> None:
     for part in fields(motor):
         value = getattr(motor, part.name)
-        if not abs(value) < np.inf:
-            raise InputError(f"motor {part.name.replace('_', ' ')} is {value}; give a finite number")
+        if not abs(value) < HUGE:
+            raise InputError(
+                f"motor {part.name.replace('_', ' ')} is {value}; "
+                f"give a finite number, below {HUGE:g} either way"
+            )

@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 
 # of steel in [kg/m3]
 STEEL = 7850.0
+# beyond this a number is a slip of the unit or the exponent
+HUGE = 1e30
 # diameter of the rods where none is given, in units of the mechanism's size
 THICKNESS = 0.05
 # a link whose points all coincide, such as a slider, is a pin this many diameters long
@@ -138,8 +140,8 @@ def _length(start: Vector, end: Vector) -> float:
 
 
 def _positive(what: str, value: float, unit: str) -> None:
-    if not 0.0 < value < np.inf:
-        raise InputError(f"{what} is {value} {unit}; give a finite number above 0")
+    if not 0.0 < value < HUGE:
+        raise InputError(f"{what} is {value} {unit}; give a number above 0 and below {HUGE:g}")
 
 
 def _tuple(vector: Array) -> Vector:

@@ -52,6 +52,14 @@ def test_a_table_that_is_no_load_over_the_turn_is_refused(at, values, said):
         course.table(at, values)
 
 
+def test_a_table_whose_turn_is_written_with_six_digits_is_drawn_to_the_turn():
+    x = np.linspace(0.0, TURN, 9)
+    exact, written = (course.table(at, np.cos(x).round(12)) for at in (x, x.round(5)))
+    places = np.linspace(0.0, TURN, 40)
+    # half a unit of the sixth digit, at a slope of one
+    assert np.abs(exact.at(places, places) - written.at(places, places)).max() < 1e-5
+
+
 def test_a_table_over_part_of_the_turn_or_over_time_is_never_read_outside_it():
     for over in ("angle", "time"):
         load = course.table([0.0, 1.0], [2.0, 3.0], over=over, periodic=False)

@@ -136,6 +136,7 @@ def test_a_spring_against_dry_friction_loses_twice_its_band_with_each_swing():
         ),
         (Forces(gravity=DOWN, motor=motors.DCMotor(0.1, 10.0, 0.01)), "turns back"),
         (Forces(), "the drive and loads give 0 N m"),
+        (Forces(motor=motors.ConstantTorque(-1.0)), "3 turns the other way round"),
     ],
 )
 def test_a_motor_that_cannot_start_its_machine_is_told_so(forces, said):

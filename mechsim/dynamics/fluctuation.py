@@ -13,6 +13,8 @@ from mechsim.errors import InputError
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
 
+# the smallest coefficient of fluctuation that can be told from rounding
+LEAST = 1e-9
 # crank angles over the turn; smooth coefficients are resolved to rounding by far fewer
 ANGLES = 1024
 
@@ -63,10 +65,12 @@ def flywheel_for(machine: Machine, mean: float, coefficient: float) -> Fluctuati
     The flywheel found replaces that of the machine's forces; it is zero where none is needed.
 
     Raises:
-        InputError: for a coefficient that is not above zero.
+        InputError: for a coefficient so small that rounding of the speed is larger.
     """
-    if not 0.0 < coefficient < np.inf:
-        raise InputError(f"coefficient of speed fluctuation is {coefficient}; give one above 0, as 0.02")
+    if not LEAST <= coefficient < np.inf:
+        raise InputError(
+            f"coefficient of speed fluctuation is {coefficient}; give {LEAST:g} or more, as 0.02"
+        )
     bare = machine.with_forces(replace(machine.forces, flywheel=0.0))
     angle, inertia, gained, torque = _turn(bare, mean)
 

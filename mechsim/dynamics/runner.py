@@ -106,6 +106,7 @@ class Runner:
         events: list[Any] = [_event(1, 0.0, -sign)]
         if self.turns is not None:
             events.append(_event(0, self.start + TURN * self.turns, float(np.sign(self.turns))))
+            events.append(_event(0, self.start - TURN * self.turns, -float(np.sign(self.turns))))
         inertia, *_ = self.parts(self.time, float(self.state[0]), float(self.state[1]))
         speed = max(abs(float(self.state[1])), 1.0)
         floor = self.tolerance * np.array([1.0, speed, inertia * speed**2, inertia * speed**2])
@@ -127,6 +128,10 @@ class Runner:
             return "dead centre", self.bar or f"the crank cannot be followed beyond {self.time:.6g} s"
         if self.turns is not None and len(done.t_events[1]):
             return "done", ""
+        if self.turns is not None and len(done.t_events[2]):
+            way = f"the crank made {self.turns:g} turns the other way round"
+            why = f"{way}; give a drive of the other sign, or {-self.turns:g} turns"
+            return ("cannot start" if self.from_rest else "turned back"), why
         if len(done.t_events[0]):
             self.state[1] = 0.0
             return self._turning_back(sign)
