@@ -53,7 +53,10 @@ def dynamics(
     ] = None,
     motor: Annotated[
         str | None,
-        typer.Option(help="constant:N m, line:N m,no-load speed or dc:V,ohm,N m/A; the machine runs free."),
+        typer.Option(
+            help="constant:N m, line:N m,no-load speed or dc:V,ohm,N m/A; the machine runs free from rest, "
+            "with --free from --speed."
+        ),
     ] = None,
     gear: Annotated[
         float | None, typer.Option(help="Turns of the motor per turn of the crank, by a gear between.")

@@ -26,10 +26,11 @@ def print_free(run: "FreeRun") -> None:
     from mechsim.dynamics.facts import run_facts
 
     name, told = run.machine.mechanism.name, run_facts(run)
+    begun = f"{run.speed[0]:.6g}" if run.speed[0] else "rest"
     typer.echo(f"{name}: {run.outcome}" + (f": {run.reason}" if run.reason else ""))
     typer.echo(
-        f"{told['turns']:.6g} turns in {told['seconds']:.6g} s, at {told['speed']:.6g} rad/s; work "
-        f"{told['work']:.6g} J, lost {told['lost']:.6g} J, energy balance to {told['energy_error']:.1e}"
+        f"{told['turns']:.6g} turns in {told['seconds']:.6g} s, from {begun} to {told['speed']:.6g} rad/s; "
+        f"work {told['work']:.6g} J, lost {told['lost']:.6g} J, energy balance to {told['energy_error']:.1e}"
     )
 
 
