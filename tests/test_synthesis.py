@@ -9,10 +9,10 @@ from mpmath import mp
 
 from mechsim import closure
 from mechsim.catalog.looper import Looper
-from mechsim.errors import InputError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.synthesis import follow_curve, line, synthesize_looper
 from mechsim.synthesis.chebyshev import best_circle
-from mechsim.synthesis.curve import dyad
+from mechsim.synthesis.passage import dyad, passage
 from mechsim.synthesis.search import broken, straighter
 from mechsim.synthesis.trials import Conditions
 
@@ -45,14 +45,15 @@ def test_deviation_is_what_the_linkage_itself_leaves_of_the_line(paper):
     low, high = sorted(paper.angles[[0, -1]])
     c = paper.design.planar_point(np.linspace(low, high, 4001))[:, :2]
     off = np.abs(distance_to_line(c, THROUGH, TILT)).max()
-    assert paper.deviation == pytest.approx(off, rel=2e-3)
-    assert 2.7e-6 < paper.deviation < 2.9e-6
+    # the end of the run is the crank's, where C crosses the normal at the end of the line
+    assert paper.deviation == pytest.approx(off, rel=1e-4)
+    assert 2.7e-6 < paper.deviation < 2.8e-6
     assert 0.5 < paper.radial_error / paper.deviation < 1.5
 
 
 def test_no_neighbouring_circle_is_better():
     _, b = dyad(line(THROUGH, TILT, LENGTH), Looper(), 1)
-    best = best_circle(b, np.ones(len(b)))
+    best = best_circle(b)
     rng = np.random.default_rng(4)
     for _ in range(200):
         x, y, r = 1e-6 * rng.normal(size=3)
@@ -63,7 +64,7 @@ def test_no_neighbouring_circle_is_better():
 
 def test_the_optimum_agrees_with_its_four_points_solved_in_forty_digits():
     _, b = dyad(line(THROUGH, TILT, LENGTH), Looper(), 1)
-    best = best_circle(b, np.ones(len(b)))
+    best = best_circle(b)
     assert len(best.alternation) == 4
     signs = np.sign(best.error[list(best.alternation)])
     assert (signs[1:] == -signs[:-1]).all()
@@ -115,6 +116,97 @@ def test_in_space_the_spatial_c_keeps_to_the_line_and_the_planar_one_does_not():
     assert np.abs(distance_to_line(plane, THROUGH, TILT)).max() > 5.0 * found.deviation
 
 
+def straight_path(frame, frame_angle, rocker):
+    """Return offsets along and across the line of THROUGH and TILT over a turn, by circles in the plane."""
+    turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 20001))
+    base, pivot = Looper(), frame * np.exp(1j * frame_angle)
+    a = base.crank * turn
+    gap = abs(pivot - a)
+    with np.errstate(invalid="ignore"):
+        inner = np.arccos((gap**2 + base.coupler**2 - rocker**2) / (2.0 * gap * base.coupler))
+    # B lies left of the way from A to O2
+    rod = (pivot - a) / gap * np.exp(1j * inner)
+    c = a + base.arm * np.exp(1j * base.arm_angle) * rod
+    off = (c - complex(*THROUGH)) * np.exp(-1j * (np.pi / 2.0 - TILT))
+    return off.real, -off.imag
+
+
+def measured(frame, frame_angle, rocker, length):
+    """Return the farthest that C leaves the line, by whose extent in y the length counts, in [m]."""
+    along, across = straight_path(frame, frame_angle, rocker)
+    half = 0.5 * length / np.cos(TILT)
+    # C comes by twice a turn; the stretch wanted is the straighter
+    risings = np.split(np.arange(len(along)), np.nonzero(np.diff(np.sign(np.diff(along))))[0] + 1)
+    risings = [np.concatenate([risings[-1], risings[0]]), *risings[1:-1]]
+    worst = np.inf
+    for part in risings:
+        order = part[np.argsort(along[part])]
+        if along[order[0]] <= -half and along[order[-1]] >= half:
+            inside = np.abs(across[order][np.abs(along[order]) <= half]).max()
+            ends = np.abs(np.interp([-half, half], along[order], across[order])).max()
+            worst = min(worst, max(inside, ends))
+    return float(worst)
+
+
+@pytest.mark.parametrize("equal_ripple", [False, True])
+@pytest.mark.parametrize("length", [1e-3, 4e-3, 11e-3])
+def test_deviation_agrees_with_a_measure_of_its_own_over_the_whole_line(length, equal_ripple):
+    found = synthesize_looper(THROUGH, TILT, length, Looper(), equal_ripple=equal_ripple)
+    own = measured(found.frame, found.frame_angle, found.rocker, length)
+    # 801 points hide 2e-5 of a ripple, 20001 of a turn 1e-5
+    assert found.deviation == pytest.approx(own, rel=1e-4)
+    # the measure sees a frame a thousandth long
+    assert measured(1.001 * found.frame, found.frame_angle, found.rocker, length) > 1.05 * own
+
+
+@pytest.mark.parametrize("length", [4e-3, 11e-3])
+def test_no_linkage_nearby_is_straighter(length):
+    found = synthesize_looper(THROUGH, TILT, length, Looper(), equal_ripple=True)
+    plain = synthesize_looper(THROUGH, TILT, length, Looper())
+    best = np.array([found.frame, found.frame_angle, found.rocker])
+    toward = np.array([plain.frame, plain.frame_angle, plain.rocker]) - best
+    # long lines decide the linkage well in some directions and badly in others: clouds of many sizes, and
+    # the direction of the other optimum, which is nearly the badly decided one
+    rng = np.random.default_rng(7)
+    sizes = 10.0 ** rng.uniform(-6.0, -2.0, 200)
+    cloud = best * (1.0 + sizes[:, None] * rng.normal(size=(200, 3)))
+    cloud[:60] = best + rng.normal(size=(60, 1)) * toward + 1e-3 * (cloud[:60] - best)
+    level = measured(*best, length)
+    assert min(measured(*one, length) for one in cloud) >= level * 0.999
+    # the same cloud about the paper's optimum finds better ones
+    other = measured(*(best + toward), length)
+    assert min(measured(*(one + toward), length) for one in cloud) < other * 0.999
+
+
+def test_eleven_millimetres_are_followed_better_than_an_audit_s_search_did():
+    found = synthesize_looper(THROUGH, TILT, 11e-3, Looper(), equal_ripple=True)
+    audit = measured(28.684e-3, 1.03720, 21.667e-3, 11e-3)
+    assert found.deviation < audit < 105e-6
+
+
+@pytest.mark.parametrize("length", [1e-12, 1e-6])
+def test_a_line_too_short_to_decide_a_linkage_is_refused(length):
+    with pytest.raises(InputError, match=r"rounding decides the linkage; give at least 3\.3e-06 m"):
+        synthesize_looper(THROUGH, TILT, length, Looper())
+
+
+@pytest.mark.parametrize("equal_ripple", [False, True])
+@pytest.mark.parametrize("length", [13e-3, 40e-3])
+def test_a_line_too_long_for_the_dyad_is_refused(length, equal_ripple):
+    with pytest.raises(InputError, match="shorten or move the curve"):
+        synthesize_looper(THROUGH, TILT, length, Looper(), equal_ripple=equal_ripple)
+
+
+def test_a_linkage_that_turns_back_before_the_end_of_a_line_is_not_measured():
+    path = Looper()
+    angles = np.linspace(2.3, 3.1, 41)
+    # C's stroke is 13.6 mm
+    with pytest.raises(AssemblyError, match="turns back"):
+        passage(path, line(THROUGH, TILT, 16e-3), np.linspace(3.9, 1.7, 101))
+    c = path.planar_point(angles)[:, :2]
+    assert np.abs(passage(path, c, angles + 1e-3).error).max() < 1e-15
+
+
 def test_a_rocker_a_thousandth_long_misses_the_line(paper):
     wrong = replace(paper.design, rocker=1.001 * paper.rocker)
     c = wrong.planar_point(paper.angles)[:, :2]
@@ -131,7 +223,7 @@ def test_loop_equations_agree_on_the_synthesised_linkage(paper):
 def test_a_circle_is_found_again_from_its_own_points():
     turn = np.linspace(0.2, 0.9, 30)
     points = np.array([0.3, -0.2]) + 0.07 * np.column_stack([np.cos(turn), np.sin(turn)])
-    best = best_circle(points, np.ones(30))
+    best = best_circle(points)
     assert best.centre == pytest.approx([0.3, -0.2], abs=1e-13)
     assert best.radius == pytest.approx(0.07, rel=1e-12)
     assert best.level < 1e-16
@@ -177,7 +269,7 @@ def test_a_straighter_looper_with_the_paper_s_coupler_keeps_every_condition():
         Looper().arm_angle,
     )
     # the straightest 4 mm of the paper's own linkage leave 3.05 um
-    assert found.deviation < 2.0e-6
+    assert found.deviation < 1.93e-6
     held = found.error[list(found.alternation)]
     assert np.abs(held) == pytest.approx(found.deviation, rel=1e-3)
 
@@ -221,3 +313,4 @@ def test_the_study_finds_straighter_loopers_for_both_strokes():
     # with a free coupler two micrometres become nanometres, and 63 fall below ten
     assert improvements[1].found.deviation < 1e-8
     assert improvements[3].found.deviation < 1e-5
+    assert improvements[2].found.deviation < 46e-6

@@ -1,4 +1,4 @@
-"""The circle that keeps nearest to points at its worst: a linear programme."""
+"""Best (Chebyshev) approximation: unknowns that keep the greatest of many errors least, and a circle so."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +12,23 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
+class Best:
+    """The unknowns x that make the greatest |right - rows x| least.
+
+    Attributes:
+        x: (3,).
+        error: right - rows x, (n,).
+        level: its greatest size.
+        active: the rows, four as a rule, that hold the solution in place, rising.
+    """
+
+    x: Array
+    error: Array
+    level: float
+    active: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Circle:
     """The circle that points keep to best.
 
@@ -19,7 +36,7 @@ class Circle:
         centre: (2,) in [m].
         radius: in [m].
         error: |B - centre|2 - radius2 at every point, (n,) in [m2].
-        level: its greatest size, weighted.
+        level: its greatest size.
         alternation: the points, four as a rule, that hold the solution in place, rising.
     """
 
@@ -30,50 +47,70 @@ class Circle:
     alternation: tuple[int, ...]
 
 
-def best_circle(points: Array, weights: Array) -> Circle:
-    """Return the circle whose weighted error w (|B - m|2 - r2) is least at its greatest.
+def best_circle(points: Array) -> Circle:
+    """Return the circle whose error |B - m|2 - r2 is least at its greatest.
 
     Args:
         points: B, (n, 2) in [m].
-        weights: w, (n,), positive.
 
     Raises:
         AssemblyError: where the best "circle" has no real radius.
+    """
+    origin = points.mean(0)
+    best = least_worst(*circle_rows(points - origin))
+    centre, radius = circle_of(best.x)
+    return Circle(origin + centre, radius, best.error, best.level, best.active)
+
+
+def circle_rows(near: Array) -> tuple[Array, Array]:
+    """Return rows, (n, 3), and right side, (n,), of |B - m|2 - r2 = right - rows x for x = (m, r2 - m2)."""
+    return np.column_stack([2.0 * near, np.ones(len(near))]), (near**2).sum(1)
+
+
+def circle_of(x: Array) -> tuple[Array, float]:
+    """Return centre, (2,), and radius of the circle with x = (m, r2 - m2), as `circle_rows` has it."""
+    radius2 = float(x[2] + x[:2] @ x[:2])
+    if not radius2 > 0.0:
+        raise AssemblyError("the circle that fits the rocker's end best has no real radius")
+    return x[:2], float(np.sqrt(radius2))
+
+
+def least_worst(rows: Array, right: Array) -> Best:
+    """Return the x whose greatest |right - rows x| is least, by a linear programme.
+
+    Args:
+        rows: (n, 3).
+        right: (n,).
+
+    Raises:
+        AssemblyError: where the programme has no solution.
 
     Accuracy: the programme is solved in an orthonormal basis and in units of the error itself, then its
-    active points exactly, so that nothing of the solver's tolerance (1e-7) is left.
+    active rows exactly, so that nothing of the solver's tolerance (1e-7) is left.
     """
     from scipy.optimize import linprog
 
-    origin = points.mean(0)
-    near = points - origin
-    basis, change = np.linalg.qr(np.column_stack([2.0 * near, np.ones(len(near))]))
-    goal = (near**2).sum(1)
-    rough = goal - basis @ (basis.T @ goal)
+    basis, change = np.linalg.qr(rows)
+    q = basis.T @ right
+    rough = right - basis @ q
     unit = float(np.abs(rough).max())
-    if unit <= 1e-14 * float(goal.max()):
-        active, q = np.arange(0), basis.T @ goal
-    else:
-        rows = weights[:, None] * basis
-        ones, right = np.ones((len(near), 1)), weights * rough / unit
+    active = np.arange(0)
+    if unit > 1e-14 * float(np.abs(right).max()):
+        ones = np.ones((len(rows), 1))
         best = linprog(
             [0.0, 0.0, 0.0, 1.0],
-            A_ub=np.block([[-rows, -ones], [rows, -ones]]),
-            b_ub=np.concatenate([-right, right]),
+            A_ub=np.block([[-basis, -ones], [basis, -ones]]),
+            b_ub=np.concatenate([-rough, rough]) / unit,
             bounds=[(None, None)] * 3 + [(0.0, None)],
             method="highs",
         )
         if best.x is None:
             raise AssemblyError(f"the linear programme for the rocker has no solution: {best.message}")
-        active, q = _exact(rows, right, best)
-        q = basis.T @ goal + unit * q
-    p = np.linalg.solve(change, q)
-    radius2 = float(p[2] + p[:2] @ p[:2])
-    if not radius2 > 0.0:
-        raise AssemblyError("the circle that fits the rocker's end best has no real radius")
-    error = goal - basis @ q
-    level = float(np.abs(weights * error).max())
-    return Circle(origin + p[:2], float(np.sqrt(radius2)), error, level, tuple(active.tolist()))
+        active, extra = _exact(basis, rough / unit, best)
+        q = q + unit * extra
+    error = right - basis @ q
+    x = np.asarray(np.linalg.solve(change, q), dtype=np.float64)
+    return Best(x, error, float(np.abs(error).max()), tuple(active.tolist()))
 
 
 def _exact(rows: Array, right: Array, best: Any) -> tuple[NDArray[np.intp], Array]:

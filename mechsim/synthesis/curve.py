@@ -3,24 +3,35 @@
 Crank, coupler and arm are given, and where C should go; rocker, frame and frame angle are found. While C
 runs along the curve the dyad O1-A-C carries B along with it, and B should keep its distance c from a
 fixed O2. |B|2 - 2 p0 Bx - 2 p1 By - p2, with p0, p1 the place of O2 and p2 = c2 - d2, is how far it does
-not; this is linear in p, so the p with the least greatest error is found by a linear programme.
+not; this is linear in p, so the p with the least greatest error is found by a linear programme. That is
+the paper's criterion. The distance of C from the curve is not quite linear in p; it is made least at its
+greatest by such programmes one after another, each about the linkage of the last (Gauss-Newton).
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.catalog.looper import Looper
 from mechsim.errors import AssemblyError, InputError
-from mechsim.synthesis.chebyshev import best_circle
+from mechsim.synthesis.chebyshev import Best, best_circle, circle_of, circle_rows, least_worst
+from mechsim.synthesis.passage import Passage, crank_pin, dyad, levers_on, passage, wedge
 
 Array = NDArray[np.float64]
-Sign = Literal[1, -1]
 
-# points of a line: the ripple between them is hidden to a thousandth of its height
+# points of a line for the rocker's circle: the ripple between them is hidden to a thousandth of its height
 POINTS = 101
+# for the distance of C there are so many times more, which hide it to 2e-5
+FINER = 8
+# in parts of the arm: on a shorter curve rounding moves the lengths by more than 1e-7, and outweighs the
+# deviation, which falls with the cube of the length
+SHORTEST = 1e-4
+# programmes one after another, three to six as a rule, until one foretells no more than this part
+ROUNDS = 40
+LAST_GAIN = 1e-6
+# before them, as many about the dyad with C on the curve, which come within some percent
+GUESSES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,12 +40,13 @@ class Synthesis:
 
     Attributes:
         design: the whole linkage.
-        deviation: the farthest its C, in the plane, is from the curve, in [m].
-        radial_error: the farthest that B leaves the rocker's circle, to first order, in [m].
+        deviation: the farthest that the path of its C leaves the curve, along the curve's normals and over
+            the whole of it, in [m].
+        radial_error: the farthest that B would leave the rocker's circle with C on the curve, in [m].
         curve: points that C should pass, (n, 2) in [m].
-        angles: crank angle at which it should, (n,) in [rad].
-        error: distance of C from the curve there, signed, (n,) in [m]; equal in size and of
-            alternating sign at the alternation points.
+        angles: crank angle at which C crosses the normals there, (n,) in [rad].
+        error: distance of C from the curve there, signed, (n,) in [m]; by `equal_ripple` it is equal in
+            size and of alternating sign at the alternation points.
         alternation: indices of the points that hold the solution in place.
     """
 
@@ -78,29 +90,33 @@ def synthesize_looper(
         tilt: angle of the line from Y towards X, in [rad].
         length: extent of the line in y, in [m].
         base: gives crank, coupler, arm, arm angle and all that the plane does not decide.
-        equal_ripple: level the distance of C from the line rather than that of B from its circle.
+        equal_ripple: make the deviation of C from the line least, rather than (as the paper does) that of
+            B from its circle.
         in_space: follow the line with the C of the spatial linkage, seen along Z, rather than with that
             of the planar four-bar.
 
     Raises:
-        InputError: where C cannot reach the line, or no linkage follows it.
+        InputError: where C cannot reach the line, no linkage follows it, or it is too short.
 
-    Accuracy: the optimum over 101 points to rounding; the line between them moves the least error by a
-    thousandth, and, the optimum being flat, the lengths by 1 um for the paper's linkage.
+    Accuracy: the deviation to 2e-5 of itself, and to rounding of the arm. By the circle, the optimum over
+    101 points; the line between them moves the least error by a thousandth, and, the optimum being flat,
+    the lengths by 1 um for the paper's linkage. By equal ripple, the optimum over 801 points, next to the
+    one by the circle: no linkage nearby is better, one far off may be.
 
     Source: paper 004, section "Example of synthesis", eq. (3) in the form of papers.md section 4.
     """
-    return follow_curve(line(through, tilt, length), base, equal_ripple=equal_ripple, in_space=in_space)
+    curve = line(through, tilt, length, FINER * (POINTS - 1) + 1)
+    return _followed(curve, base, equal_ripple, in_space, every=FINER)
 
 
-def line(through: tuple[float, float], tilt: float, length: float) -> Array:
+def line(through: tuple[float, float], tilt: float, length: float, points: int = POINTS) -> Array:
     """Return points of a line, closer together at its ends, (n, 2) in [m], for `synthesize_looper`."""
     if not 0.0 < length < np.inf or not np.isfinite([*through, tilt]).all() or not abs(tilt) < np.pi / 2:
         raise InputError(
             f"there is no line through {through} m, tilted by {tilt} rad and {length} m long; "
             "give finite numbers, a length above 0 and a tilt between -pi/2 and pi/2"
         )
-    y = -0.5 * length * np.cos(np.pi * np.arange(POINTS) / (POINTS - 1))
+    y = -0.5 * length * np.cos(np.pi * np.arange(points) / (points - 1))
     return np.column_stack([through[0] + np.tan(tilt) * y, through[1] + y])
 
 
@@ -110,75 +126,48 @@ def follow_curve(
     """Return the looper whose C follows a curve best, of both ways the dyad O1-A-C can bend.
 
     Args:
-        curve: points in the order they are passed, (n, 2) in [m], n at least 5.
+        curve: points in the order they are passed, (n, 2) in [m], n at least 5; the deviation counts on
+            the normals at these.
         base: as for `synthesize_looper`.
         equal_ripple: as for `synthesize_looper`, and `in_space` too.
 
     Raises:
-        InputError: where C cannot reach the curve, or no linkage follows it.
+        InputError: where C cannot reach the curve, no linkage follows it, or it is too short.
     """
     curve = np.asarray(curve, dtype=np.float64)
     if curve.ndim != 2 or curve.shape[1] != 2 or len(curve) < 5 or not np.isfinite(curve).all():
         raise InputError(f"a curve of shape {curve.shape} is none; give five points (x, y) or more, finite")
+    return _followed(curve, base, equal_ripple, in_space)
+
+
+def _followed(curve: Array, base: Looper, equal_ripple: bool, in_space: bool, every: int = 1) -> Synthesis:
+    extent = float(np.hypot(*np.ptp(curve, axis=0)))
+    if not extent >= SHORTEST * base.arm:
+        raise InputError(
+            f"the curve extends over {extent:.3g} m, where rounding decides the linkage; give at least "
+            f"{SHORTEST * base.arm:.3g} m, {SHORTEST:g} of the arm"
+        )
     found: list[Synthesis] = []
     for bend in (1, -1):
-        task = _Task(curve, base, in_space, *dyad(curve, base, bend, in_space=in_space))
+        task = _Task(curve, base, in_space, every, *dyad(curve, base, bend, in_space=in_space))
         try:
-            best = task.fitted(np.ones(len(curve)))
-            for _ in range(3 if equal_ripple else 0):
-                best = task.fitted(task.levers(best.design))
-            found.append(best)
+            found.append(task.leveled() if equal_ripple else task.by_circle().synthesis)
         except AssemblyError:
             continue
     if not found:
         raise InputError(
-            "no linkage carries C along this curve: the rocker that fits best cannot hold B all the way; "
-            "move the curve or change crank, coupler and arm"
+            f"no linkage carries C along this curve, {extent:.6g} m in extent: the rocker that fits best "
+            "cannot hold B all the way; shorten or move the curve or change crank, coupler and arm"
         )
     return min(found, key=lambda one: one.deviation)
 
 
-def depth(y: Array, base: Looper) -> Array:
-    """Return how far from the plane C is on its cylinder at height y, the nearer of two, (n,) in [m].
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """A linkage and how it passes the curve."""
 
-    NaN where y is beyond the cylinder.
-    """
-    with np.errstate(invalid="ignore"):
-        half = np.sqrt((base.follower - (y - base.axis_y)) * (base.follower + (y - base.axis_y)))
-    return base.axis_z - np.copysign(half, base.axis_z)
-
-
-def dyad(curve: Array, base: Looper, bend: Sign, *, in_space: bool = False) -> tuple[Array, Array]:
-    """Return crank angles, (n,) in [rad], and places of B, (n, 2) in [m], that put C on a curve.
-
-    Args:
-        curve: places of C, (n, 2) in [m].
-        base: gives crank a, coupler b, arm k and arm angle; in space also the cylinder.
-        bend: side of A on the way from O1 to C, +1 for left.
-        in_space: the curve is that of C on the cylinder, seen along Z; then arm and arm angle are what
-            the plane shows of them, k' and omega' of the paper.
-
-    Raises:
-        InputError: where C is out of reach.
-    """
-    z = depth(curve[:, 1], base) if in_space else np.zeros(len(curve))
-    with np.errstate(invalid="ignore"):
-        k = np.sqrt((base.arm - z) * (base.arm + z))
-        cosine = base.arm * np.cos(base.arm_angle) / k
-        sine = np.sign(np.sin(base.arm_angle)) * np.sqrt((1.0 - cosine) * (1.0 + cosine))
-    if not np.isfinite(sine).all():
-        raise InputError("the cylinder takes C farther from the plane than its arm reaches; move its axis")
-    a, reach = base.crank, np.hypot(curve[:, 0], curve[:, 1])
-    if not ((reach >= np.abs(k - a)) & (reach <= k + a)).all():
-        raise InputError(
-            f"the curve runs {reach.min():.6g} to {reach.max():.6g} m from the crank's shaft, but crank and "
-            f"arm reach {abs(base.arm - a):.6g} to {base.arm + a:.6g} m; move the curve or change the arm"
-        )
-    inner = np.arccos(np.clip((a * a + (reach - k) * (reach + k)) / (2.0 * a * reach), -1.0, 1.0))
-    angles = np.unwrap(np.arctan2(curve[:, 1], curve[:, 0]) + bend * inner)
-    pin = a * np.column_stack([np.cos(angles), np.sin(angles)])
-    x, y = ((curve - pin) / k[:, None]).T
-    return angles, pin + base.coupler * np.column_stack([cosine * x + sine * y, cosine * y - sine * x])
+    synthesis: Synthesis
+    passage: Passage
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,64 +177,81 @@ class _Task:
     curve: Array
     base: Looper
     in_space: bool
+    every: int
     angles: Array
     b: Array
 
     @property
-    def pin(self) -> Array:
-        """Places of A, (n, 2) in [m]."""
-        return self.base.crank * np.column_stack([np.cos(self.angles), np.sin(self.angles)])
+    def origin(self) -> Array:
+        """Where circles are counted from, lest digits cancel, (2,) in [m]."""
+        return self.b.mean(0)
 
-    def fitted(self, weights: Array) -> Synthesis:
-        """Return the linkage whose weighted circle error is least."""
-        circle = best_circle(self.b, weights / weights.max())
-        bends = _wedge(self.b - circle.centre, self.pin - circle.centre)
+    def _circle(self, x: Array) -> tuple[Array, float]:
+        centre, radius = circle_of(x)
+        return self.origin + centre, radius
+
+    def by_circle(self) -> _Trial:
+        """Return the linkage whose B, with C on every so many points of the curve, keeps its circle best."""
+        circle = best_circle(self.b[:: self.every])
+        held = tuple(self.every * at for at in circle.alternation)
+        return self._trial(circle.centre, circle.radius, self.angles, held)
+
+    def leveled(self) -> Synthesis:
+        """Return the linkage whose C leaves the curve least."""
+        best = self._guess()
+        for _ in range(ROUNDS):
+            now, level = best.passage, best.synthesis.deviation
+            rows, right = circle_rows(now.b - self.origin)
+            wanted = least_worst(now.levers[:, None] * rows, now.error + now.levers * right)
+            gain = level - wanted.level
+            better = self._toward(wanted, best, gain) if gain > LAST_GAIN * level else None
+            if better is None:
+                break
+            best = better
+        return best.synthesis
+
+    def _guess(self) -> _Trial:
+        """Return nearly the linkage whose C leaves the curve least, from the dyad with C on the curve."""
+        rows, right = circle_rows(self.b - self.origin)
+        best = least_worst(rows, right)
+        for _ in range(GUESSES):
+            design = self._design(*self._circle(best.x))
+            levers = levers_on(design, self.curve, self.angles, in_space=self.in_space)
+            best = least_worst(levers[:, None] * rows, levers * right)
+        return self._trial(*self._circle(best.x), self.angles, best.active)
+
+    def _toward(self, wanted: Best, last: _Trial, gain: float) -> _Trial | None:
+        """Return the first trial, ever nearer to the last, with a tenth of the gain foretold."""
+        design, level = last.synthesis.design, last.synthesis.deviation
+        centre = design.pivot[:2, 0] - self.origin
+        x = np.append(centre, design.rocker**2 - centre @ centre)
+        for part in 0.5 ** np.arange(12):
+            try:
+                circle = self._circle(x + part * (wanted.x - x))
+                trial = self._trial(*circle, last.passage.angles, wanted.active)
+            except AssemblyError:
+                continue
+            if level - trial.synthesis.deviation > 0.1 * part * gain:
+                return trial
+        return None
+
+    def _design(self, centre: Array, radius: float) -> Looper:
+        pin = crank_pin(self.angles, self.base)
+        bends = wedge(self.b - centre, pin - centre)
         if abs(np.sign(bends).sum()) < len(bends):
             raise AssemblyError("coupler and rocker stretch out while C is on the curve")
-        design = replace(
+        return replace(
             self.base,
-            rocker=circle.radius,
-            frame=float(np.hypot(*circle.centre)),
-            frame_angle=float(np.arctan2(circle.centre[1], circle.centre[0])),
+            rocker=radius,
+            frame=float(np.hypot(*centre)),
+            frame_angle=float(np.arctan2(centre[1], centre[0])),
             branch=1 if bends[0] > 0.0 else -1,
         )
-        with np.errstate(invalid="ignore"):
-            flat = design.planar_point(self.angles)[:, :2]
-        if not np.isfinite(flat).all():
-            raise AssemblyError("the linkage does not close while C is on the curve")
-        reached = design.positions(self.angles)["C"][:, :2] if self.in_space else flat
-        error = ((reached - self.curve) * _normals(self.curve)).sum(1)
-        radial = float(np.abs(circle.error).max()) / (2.0 * circle.radius)
-        deviation = float(np.abs(error).max())
-        return Synthesis(design, deviation, radial, self.curve, self.angles, error, circle.alternation)
 
-    def levers(self, design: Looper) -> Array:
-        """Return by how much C leaves the curve for an error of one in |B - O2|2, (n,).
-
-        With the crank held the coupler turns about A until B is back on its circle.
-        """
-        to_b, to_c = self.b - self.pin, self.curve - self.pin
-        sweep = np.column_stack([-to_c[:, 1], to_c[:, 0]])
-        if self.in_space:
-            # AC keeps its length and its angle to AB, and C stays on the cylinder
-            z = depth(self.curve[:, 1], self.base)
-            arm, rod = np.column_stack([to_c, z]), np.column_stack([to_b, np.zeros_like(z)])
-            lever = np.column_stack(
-                [np.zeros_like(z), self.curve[:, 1] - self.base.axis_y, z - self.base.axis_z]
-            )
-            volume = (np.cross(arm, rod) * lever).sum(1)
-            sweep = (-_wedge(to_b, to_c) / volume)[:, None] * np.cross(lever, arm)[:, :2]
-        moved = np.abs((sweep * _normals(self.curve)).sum(1))
-        closed = 2.0 * np.abs(_wedge(to_b, self.b - design.pivot[:2, 0]))
-        # where C moves along the curve its error does not count, yet the circle wants some hold there
-        return np.maximum(moved / closed, 1e-6 * (moved / closed).max())
-
-
-def _wedge(u: Array, v: Array) -> Array:
-    return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-
-
-def _normals(curve: Array) -> Array:
-    """Return unit normals of a curve given by points, (n, 2)."""
-    along = np.gradient(curve, axis=0)
-    return np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(along[:, 0], along[:, 1])[:, None]
+    def _trial(self, centre: Array, radius: float, angles: Array, held: tuple[int, ...]) -> _Trial:
+        design = self._design(centre, radius)
+        passed = passage(design, self.curve, angles, in_space=self.in_space)
+        radial = float(np.abs(np.hypot(*(self.b - centre).T) - radius).max())
+        deviation = float(np.abs(passed.error).max())
+        found = Synthesis(design, deviation, radial, self.curve, passed.angles, passed.error, held)
+        return _Trial(found, passed)

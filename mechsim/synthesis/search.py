@@ -3,7 +3,7 @@
 The line stands along Y (turning the whole linkage about the crank's shaft changes nothing but the crank
 angle at which it is passed), and is followed by the C of the spatial linkage. For every trial rocker and
 frame are found by least squares, reweighted a few times towards the best approximation; the best trial is
-then synthesised by the linear programme.
+then synthesised exactly.
 """
 
 from dataclasses import replace
@@ -19,9 +19,9 @@ from mechsim.synthesis.trials import BROKEN, Conditions, cost, trials_of
 
 Array = NDArray[np.float64]
 
-# a trial is only nearly the linkage it becomes: it must keep the conditions this part more strictly,
-# and more so again where that was not enough
-SPARES = (0.002, 0.006, 0.012, 0.016)
+# a trial is only nearly the linkage it becomes: it must keep the conditions this part more strictly;
+# how much is enough shows afterwards
+SPARES = (0.002, 0.006, 0.012)
 
 
 def straighter(
@@ -66,14 +66,19 @@ def straighter(
 def _kept(
     length: float, base: Looper, wanted: Conditions, bounds: list[tuple[float, float]], seed: int
 ) -> Synthesis | None:
-    """Return what a search finds with the least spare that keeps the conditions; None if nothing does."""
+    """Return the best, over searches with each spare, that keeps the conditions; None if nothing does."""
+    kept: list[Synthesis] = []
     for spare in SPARES:
-        found = _searched(length, base, wanted, bounds, spare, seed)
+        try:
+            found = _searched(length, base, wanted, bounds, spare, seed)
+        except InputError:
+            # the trial turns back just before the end of the line
+            continue
         if found is None:
             break
         if not broken(found, wanted):
-            return found
-    return None
+            kept.append(found)
+    return min(kept, key=lambda one: one.deviation, default=None)
 
 
 def _searched(

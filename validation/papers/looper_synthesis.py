@@ -3,7 +3,7 @@
 For straight parts of 4 mm and 11 mm of C (12 mm and 33 mm of E) the study lists how far the spatial C of
 the paper's linkage and of the improved ones leaves its line, and draws the error curves.
 
-Run `python validation/papers/looper_synthesis.py [--out DIR]`; it takes about half a minute.
+Run `python validation/papers/looper_synthesis.py [--out DIR]`; it takes about a minute.
 """
 
 import argparse
