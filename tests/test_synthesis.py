@@ -1,4 +1,5 @@
 import importlib.util
+import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -314,3 +315,16 @@ def test_the_study_finds_straighter_loopers_for_both_strokes():
     assert improvements[1].found.deviation < 1e-8
     assert improvements[3].found.deviation < 1e-5
     assert improvements[2].found.deviation < 46e-6
+
+
+def test_the_command_gives_the_papers_linkage_and_the_straightest(paper, capsys):
+    from mechsim.cli import synthesis
+
+    synthesis.synthesize("looper", "12.8751,29.9574mm", "1.3905deg", "4mm", as_json=True)
+    said = json.loads(capsys.readouterr().out)
+    best = said.pop("straightest")
+    assert said["rocker"] == pytest.approx(paper.rocker, rel=1e-12)
+    for one in (said, best):
+        own = measured(one["frame"], one["frame_angle"], one["rocker"], LENGTH)
+        assert one["deviation"] == pytest.approx(own, rel=1e-4)
+    assert best["deviation"] < 0.99 * said["deviation"]
