@@ -141,7 +141,7 @@ def _length(start: Vector, end: Vector) -> float:
 
 def _positive(what: str, value: float, unit: str) -> None:
     if not 0.0 < value < HUGE:
-        raise InputError(f"{what} is {value} {unit}; give a number above 0 and below {HUGE:g}")
+        raise InputError(f"{what} is {value} {unit}; give a finite number above 0, below {HUGE:g}")
 
 
 def _tuple(vector: Array) -> Vector:

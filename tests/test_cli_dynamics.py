@@ -101,7 +101,7 @@ def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
         (("--plot", "out.bmp"), "ends in .bmp"),
         (("--load", "missing.csv"), "there is no file missing.csv"),
         (("--motor", "constant:1e300"), "1e+300; give a finite number, below 1e+30"),
-        (("--density", "1e300"), "1e+300 kg/m3; give a number above 0 and below 1e+30"),
+        (("--density", "1e300"), "1e+300 kg/m3; give a finite number above 0, below 1e+30"),
         (("--coefficient", "1e-300"), "1e-300; give 1e-09 or more"),
         (("--speed", "1e300rpm"), "1e300rpm; give one other than 0"),
     ],
