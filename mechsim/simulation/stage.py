@@ -146,10 +146,10 @@ class Stage:
         worst = np.full(turns, np.inf)
         if self._broken(steps, motion):
             return worst
-        try:
-            error = self._distances(Loops(self.model), _places(motion), self._true(steps.states))
-        except AssemblyError:
+        true = self._true(steps.states)
+        if len(true) < len(steps.states.qpos):
             return worst
+        error = self._distances(Loops(self.model), _places(motion), true)
         of = np.minimum(turns * steps.states.time // (self.profile.duration * (1.0 + 1e-9)), turns - 1)
         return np.array([error[of == turn].max() for turn in range(turns)])
 
@@ -184,20 +184,31 @@ class Stage:
 
     def _error(self, states: States, motion: Motion) -> tuple[float, bool]:
         """Return the points' worst distance from the solved poses; whether another assembly explains it."""
-        loops, stepped = Loops(self.model), _places(motion)
-        try:
-            true = self._true(states)
-        except AssemblyError:
-            # the crank came to rest on a dead centre, or beyond: no pose is right there
-            return float("inf"), False
+        true = self._true(states)
+        known = len(true)
+        loops, stepped, qpos = Loops(self.model), _places(motion)[:known], states.qpos[:known]
         error = self._distances(loops, stepped, true)
         stroke = 0.5 * float(np.ptp(loops.sites(true)[:, self._sites], axis=0).max())
-        return float(error.max()), self._elsewhere(loops, states.qpos, stepped, error, APART * stroke)
+        elsewhere = self._elsewhere(loops, qpos, stepped, error, APART * stroke)
+        return float(error.max()) if known == len(states.qpos) else np.inf, elsewhere
 
     def _true(self, states: States) -> Array:
-        """Return the poses solved at the crank angles of states, (n, nq)."""
+        """Return the poses solved at the crank angles of states, from the first to the last that has one.
+
+        A crank that the linkage drove beyond a dead centre has none there.
+        """
         loops = Loops(self.model)
-        return pose.follow(loops, self.begun, states.qpos[:, loops.crank_place])
+        angles = states.qpos[:, loops.crank_place]
+        count, known, beyond = len(angles), 1, len(angles) + 1
+        true = states.qpos[:1]
+        while beyond - known > 1:
+            try:
+                true = pose.follow(loops, self.begun, angles[:count])
+                known = count
+            except AssemblyError:
+                beyond = count
+            count = (known + beyond) // 2
+        return true
 
     def _elsewhere(self, loops: Loops, qpos: Array, stepped: Array, error: Array, apart: float) -> bool:
         """Say whether two records in a row, both far off, lie in another assembly, not in none."""
