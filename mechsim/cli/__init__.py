@@ -14,9 +14,10 @@ from mechsim.cli.dynamics import dynamics
 from mechsim.cli.extremes import extremes
 from mechsim.cli.machine import doctor
 from mechsim.cli.pictures import render
-from mechsim.cli.runs import simulate, validate
+from mechsim.cli.simulate import simulate
 from mechsim.cli.synthesis import synthesize
 from mechsim.cli.tradeoff import tradeoff
+from mechsim.cli.validate import validate
 from mechsim.errors import MechsimError
 
 # what the command-line library returns for Ctrl-C, without a word

@@ -1,0 +1,79 @@
+"""The command that checks everything against everything: validate."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mechsim.cli.options import Json, Sets, Speed, drive_of, folder_for, speed_of
+from mechsim.cli.output import print_json, print_table, progress
+
+if TYPE_CHECKING:
+    from mechsim.validate import Case
+
+
+def validate(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME]...", help="Mechanisms; none means all.")
+    ] = None,
+    report: Annotated[
+        str | None, typer.Option(metavar="DIR", help="Write plots, pictures, videos and a page here.")
+    ] = None,
+    speed: Speed = "600rpm",
+    sets: Sets = None,
+    as_json: Json = False,
+) -> None:
+    """Check closed form, loop equations and MuJoCo against each other; the main job."""
+    from mechsim import catalog
+    from mechsim.errors import AssemblyError, InputError
+    from mechsim.validate import validate_all
+
+    names = names or list(catalog.DRIVES)
+    if sets and len(names) != 1:
+        raise InputError("--set changes one mechanism; name it")
+    drives = [drive_of(name, sets) for name in names]
+    asked = speed_of(speed)
+    folder = None if report is None else folder_for(report)
+    try:
+        with progress("validate", len(drives)) as tick:
+            cases = validate_all(drives, speed=asked, done=lambda case: tick(case.drive.name))
+    except AssemblyError:
+        if as_json:
+            lost = {"passed": False, "outcome": "cannot assemble", "checks": [], "steps": 0, "seconds": 0.0}
+            print_json({"passed": False, "mechanisms": dict.fromkeys(names, lost)})
+        raise
+    passed = all(case.passed for case in cases.values())
+    results = {"passed": passed, "mechanisms": {name: case.as_dict() for name, case in cases.items()}}
+    if folder is not None:
+        from mechsim.validation_report import write_validation_report
+
+        with progress("draw", len(cases)) as tick:
+            notes = write_validation_report(folder, cases, results, done=tick)
+        for note in notes:
+            typer.echo(note, err=True)
+    if as_json:
+        print_json(results)
+    else:
+        for name, case in cases.items():
+            _print_case(name, case)
+        good = sum(case.passed for case in cases.values())
+        typer.echo(f"{good} of {len(cases)} mechanisms met every bound")
+        if folder is not None:
+            typer.echo(f"report: {folder / 'index.html'}")
+    raise typer.Exit(0 if passed else 1)
+
+
+def _print_case(name: str, case: "Case") -> None:
+    rows = [
+        (
+            check.quantity,
+            f"{check.worst:.2e}",
+            f"{check.at_angle:.4f}",
+            f"{check.bound:.1e}",
+            check.unit,
+            "met" if check.passed else "MISSED",
+            check.why,
+        )
+        for check in case.checks
+    ]
+    title = f"{name}: {case.outcome}" + (f" - {case.reason}" if case.reason else "")
+    print_table(title, ("quantity", "worst", "at [rad]", "bound", "unit", "", "why"), rows)
