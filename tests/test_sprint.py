@@ -20,7 +20,8 @@ def loops_of(name: str, **changed: float) -> Loops:
 
 def sprinted(loops: Loops, turns: float) -> np.ndarray | None:
     start = loops.model.qpos0
-    return sprint(loops, start, float(start[loops.crank_place]) + TURN * turns)
+    jacobian = loops.linearise(start[None])[1]
+    return sprint(loops, start, float(start[loops.crank_place]) + TURN * turns, jacobian)
 
 
 def numbers(loops: Loops) -> list[np.ndarray]:

@@ -275,7 +275,14 @@ class Loops:
         Raises:
             AssemblyError: where a loop does not close.
         """
-        qpos, before = qpos.copy(), np.inf
+        return self.closed(qpos, most_steps)[0]
+
+    def closed(self, qpos: Array, most_steps: int = 50) -> tuple[Array, Array | None]:
+        """Return n states closed as `close` does, and the Jacobian of the last Newton step, (n, m, nv).
+
+        None for the Jacobian where the states came closed.
+        """
+        qpos, before, slope = qpos.copy(), np.inf, None
         gap = np.full(len(qpos), np.inf)
         for _ in range(most_steps):
             residual, jacobian = self._look(qpos)
@@ -283,10 +290,10 @@ class Loops:
             worst = gap.max(initial=0.0)
             # stop at rounding: below the bound, or no better than the step before
             if worst <= CLOSED or (worst < 1e-11 and worst >= 0.5 * before):
-                return qpos
-            before = worst
+                return qpos, slope
+            before, slope = worst, jacobian()
             try:
-                step, _ = self.newton(residual, jacobian())
+                step, _ = self.newton(residual, slope)
             except np.linalg.LinAlgError:
                 break
             qpos = self.moved(qpos, step)

@@ -1,6 +1,7 @@
 """Motion by solving poses: no time, no integration, every crank angle to rounding."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,11 +69,11 @@ def _sprinted(loops: Loops, start: Array, angles: Array) -> Way | None:
         reach = np.abs(angles - start[loops.crank_place]).max()
         if reach < STRIDE:
             return None
-    found = _knots(loops, start, angles, sprint)
+    jacobian = loops.linearise(start[None])[1]
+    found = _knots(loops, start, angles, partial(sprint, jacobian=jacobian))
     if found is None:
         return None
-    side = float(loops.side(loops.linearise(start[None])[1])[0])
-    return Way(loops, *found, side, near=0.0, far=ASTRAY)
+    return Way(loops, *found, float(loops.side(jacobian)[0]), near=0.0, far=ASTRAY)
 
 
 def _walked(loops: Loops, start: Array, angles: Array) -> Way:

@@ -26,7 +26,7 @@ MOST = 1_000_000
 
 
 @quiet()
-def sprint(loops: Loops, start: Array, end: float) -> Array | None:
+def sprint(loops: Loops, start: Array, end: float, jacobian: Array) -> Array | None:
     """Return nearly closed states, (n, nq), on the way from a closed one to a crank angle, the last there.
 
     None where it is not certain that they stay in the assembly: loops that open, a state on the other
@@ -36,10 +36,10 @@ def sprint(loops: Loops, start: Array, end: float) -> Array | None:
         loops: of the model, which stays as it is.
         start: closed state, (nq,).
         end: crank angle in [rad].
+        jacobian: of the loops at the start, (1, m, nv).
     """
     angle = float(start[loops.crank_place])
     count = int(np.ceil(abs(end - angle) / CLOCK))
-    jacobian = loops.linearise(start[None])[1]
     side = float(loops.side(jacobian)[0])
     if side == 0.0 or count > MOST:
         return None

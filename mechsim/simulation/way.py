@@ -48,14 +48,16 @@ class Way:
             guess += laps[:, None] * self.gain
         guess[:, self.loops.crank_place] = angles
         try:
-            states = self.loops.close(guess)
+            states, jacobian = self.loops.closed(guess)
         except (AssemblyError, FloatingPointError):
             return guess, np.zeros(len(angles), dtype=np.bool_)
         moved = np.abs(states - guess).max(1)
         sure = moved <= self.near
         doubtful = np.flatnonzero(~sure)
         if len(doubtful):
-            side = self.loops.side(self.loops.linearise(states[doubtful])[1])
+            if jacobian is None:
+                jacobian = self.loops.linearise(states)[1]
+            side = self.loops.side(jacobian[doubtful])
             sure[doubtful] = (moved[doubtful] < self.far) & (side * self.side >= 0.0)
         return states, sure
 
