@@ -232,3 +232,12 @@ def test_every_frame_written_is_told(drive, motion, tmp_path):
         done=lambda: told.append(1),
     )
     assert len(told) == 3
+
+
+@pytest.mark.parametrize(("name", "none"), [("four_bar", True), ("rssr", False)])
+def test_moments_that_are_rounding_are_none(name, none):
+    drive = catalog.make(name)
+    profile = profile_of(drive, 60.0, 1.0)
+    loads = joint_loads(drive, "closed", profile, motion_of(drive, "closed", profile, 24))
+    shown = arrows.arrows("moment", loads["moments"], drive.mechanism.size)
+    assert (shown.legend[0] == "moment: none") == none

@@ -56,6 +56,8 @@ def joint_loads(drive: "Drive", road: str, profile: "Profile", motion: "Motion")
 
     They act on the link b of each joint; links are rods of steel and weigh, as `mechsim dynamics` has it.
     """
+    import numpy as np
+
     from mechsim import dynamics
     from mechsim.forces import Forces
     from mechsim.simulation.dynamics import driven
@@ -68,7 +70,8 @@ def joint_loads(drive: "Drive", road: str, profile: "Profile", motion: "Motion")
         found = dynamics.prescribed(
             machine, motion.angle, motion.speed, motion.acceleration
         ).balance.reactions
-    return {
-        "forces": {name: one.force for name, one in found.items()},
-        "moments": {name: one.moment for name, one in found.items()},
-    }
+    forces = {name: one.force for name, one in found.items()}
+    # a moment that the largest force makes on a billionth of the size is rounding, and no arrow
+    least = 1e-9 * drive.mechanism.size * max(float(np.abs(force).max()) for force in forces.values())
+    moments = {name: np.where(np.abs(one.moment) > least, one.moment, 0.0) for name, one in found.items()}
+    return {"forces": forces, "moments": moments}

@@ -54,6 +54,8 @@ class Arrows:
     def legend(self) -> tuple[str, tuple[int, int, int]]:
         """What a picture says about them, and their colour, 0 to 255."""
         red, green, blue, _ = (round(255.0 * part) for part in COLOURS[self.kind])
+        if self.largest == 0.0:
+            return f"{self.kind}: none", (red, green, blue)
         unit = UNITS[self.kind]
         said = f"{prefixed(self.length, 'm')} = {prefixed(self.stands_for, unit)}"
         return f"{self.kind}: {said}, at most {prefixed(self.largest, unit)}", (red, green, blue)
