@@ -28,6 +28,10 @@ APART = 0.02
 MOST_PAIRS = 100
 
 
+# over the cells of checks
+HEAD = ("quantity", "worst", "at [rad]", "bound", "unit", "", "why")
+
+
 @dataclass(frozen=True, slots=True)
 class Check:
     """One quantity of a verdict.
@@ -54,6 +58,12 @@ class Check:
     def passed(self) -> bool:
         """Whether the worst error is within the bound; NaN is not."""
         return self.worst <= self.bound
+
+    @property
+    def cells(self) -> tuple[str, str, str, str, str, str, str]:
+        """The check as a row of a table under `HEAD`."""
+        numbers = f"{self.worst:.2e}", f"{self.at_angle:.4f}", f"{self.bound:.1e}"
+        return self.quantity, *numbers, self.unit, "met" if self.passed else "MISSED", self.why
 
     def as_dict(self) -> dict[str, Any]:
         """Return the check as plain data."""

@@ -67,22 +67,12 @@ def show(
 
 def verdict_html(verdict: "Verdict") -> str:
     """Return a verdict as a table: quantity by quantity, worst error, where, bound and its reason."""
-    head = ("quantity", "worst", "at [rad]", "bound", "unit", "", "why")
-    rows = [
-        (
-            check.quantity,
-            f"{check.worst:.2e}",
-            f"{check.at_angle:.4f}",
-            f"{check.bound:.1e}",
-            check.unit,
-            "met" if check.passed else "missed",
-            check.why,
-        )
-        for check in verdict.checks
-    ]
+    from mechsim.crosscheck import HEAD
+
+    rows = [check.cells for check in verdict.checks]
     title = verdict.outcome + (f": {verdict.reason}" if verdict.reason else "")
     marks = [GOOD if check.passed else BAD for check in verdict.checks]
-    return _title(title, GOOD if verdict.passed else BAD) + _table(head, rows, marks)
+    return _title(title, GOOD if verdict.passed else BAD) + _table(HEAD, rows, marks)
 
 
 def run_html(run: "Run") -> str:

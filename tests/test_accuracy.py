@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from mechsim.tradeoff.accuracy import cheapest, half_extent, observed_order, pareto, richardson, rms, worst
+from mechsim.norms import rms, worst
+from mechsim.tradeoff.accuracy import cheapest, half_extent, observed_order, pareto, richardson
 
 STEPS = np.array([10.0, 20.0, 50.0, 100.0, 1000.0])
 

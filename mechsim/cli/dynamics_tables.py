@@ -102,22 +102,13 @@ def verdict_facts(verdict: "Verdict | None", method: str) -> dict[str, Any]:
 
 def print_verdict(verdict: "Verdict | None") -> None:
     """Print a verdict check by check."""
+    from mechsim.crosscheck import HEAD
+
     if verdict is None:
         typer.echo("MuJoCo was not asked")
         return
-    rows = [
-        (
-            check.quantity,
-            f"{check.worst:.2e}",
-            f"{check.at_angle:.4f}",
-            f"{check.bound:.1e}",
-            check.unit,
-            "met" if check.passed else "MISSED",
-        )
-        for check in verdict.checks
-    ]
     title = f"against MuJoCo: {verdict.outcome}" + (f" - {verdict.reason}" if verdict.reason else "")
-    print_table(title, ("quantity", "worst", "at [rad]", "bound", "unit", ""), rows)
+    print_table(title, HEAD[:-1], [check.cells[:-1] for check in verdict.checks])
 
 
 def _rows(study: "Study", turn: "Fluctuation | None", even: "Fluctuation | None") -> list[Row]:

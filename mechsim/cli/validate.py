@@ -63,17 +63,7 @@ def validate(
 
 
 def _print_case(name: str, case: "Case") -> None:
-    rows = [
-        (
-            check.quantity,
-            f"{check.worst:.2e}",
-            f"{check.at_angle:.4f}",
-            f"{check.bound:.1e}",
-            check.unit,
-            "met" if check.passed else "MISSED",
-            check.why,
-        )
-        for check in case.checks
-    ]
+    from mechsim.crosscheck import HEAD
+
     title = f"{name}: {case.outcome}" + (f" - {case.reason}" if case.reason else "")
-    print_table(title, ("quantity", "worst", "at [rad]", "bound", "unit", "", "why"), rows)
+    print_table(title, HEAD, [check.cells for check in case.checks])

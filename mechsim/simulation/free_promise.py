@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.mjcf import Loops
+from mechsim.norms import worst
 from mechsim.simulation.march import March
-from mechsim.simulation.norms import worst
 from mechsim.simulation.settings import Settings
 
 Array = NDArray[np.float64]

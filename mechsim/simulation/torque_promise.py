@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
+from mechsim.norms import rms, worst
 from mechsim.simulation.bench import Bench
 from mechsim.simulation.efforts import Efforts
 from mechsim.simulation.inverse import required
-from mechsim.simulation.norms import rms, worst
 from mechsim.simulation.self_stress import Known, settled
 from mechsim.simulation.settings import Settings
 

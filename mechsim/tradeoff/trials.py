@@ -12,9 +12,10 @@ from mechsim.catalog.base import Drive
 from mechsim.errors import InputError
 from mechsim.mechanism import Mechanism
 from mechsim.motion import Motion
+from mechsim.norms import worst
 from mechsim.simulation import Settings
 from mechsim.simulation.run import Source
-from mechsim.tradeoff.accuracy import half_extent, richardson, worst
+from mechsim.tradeoff.accuracy import half_extent, richardson
 from mechsim.tradeoff.rig import Rig
 from mechsim.validate import crank_profile
 

@@ -24,10 +24,11 @@ from mechsim import catalog, mjcf
 from mechsim.catalog.base import Drive
 from mechsim.mjcf import Loops
 from mechsim.motion import Motion
+from mechsim.norms import worst
 from mechsim.simulation import Settings, pose
 from mechsim.simulation.record import States, evaluate
 from mechsim.tradeoff import Rig, Subject, families, subject_of
-from mechsim.tradeoff.accuracy import richardson, worst
+from mechsim.tradeoff.accuracy import richardson
 from mechsim.tradeoff.rig import SAMPLES
 from mechsim.validate import crank_profile
 
