@@ -3,52 +3,68 @@
 The names below are the public face; they load on first use, so that the command line starts fast.
 """
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from mechsim._version import __version__
 
 if TYPE_CHECKING:
-    from mechsim import catalog, closure, course, dynamics, motors, rods, simulation, units
-    from mechsim.crosscheck import Check, Verdict, crosscheck
+    from mechsim import simulation, units
+    from mechsim.analytic import catalog, closure, dynamics
     from mechsim.errors import AssemblyError, InputError, MechsimError
-    from mechsim.forces import Forces, Friction, JointSpring, Load, Spring
-    from mechsim.inertia import Inertia
-    from mechsim.mechanism import End, Gear, Joint, Link, Mechanism, Pose
-    from mechsim.motion import Motion
-    from mechsim.notebook import show
-    from mechsim.scene import Scene
+    from mechsim.model import load_profile as course
+    from mechsim.model import motors
+    from mechsim.model import rod_inertia as rods
+    from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
+    from mechsim.model.inertia import Inertia
+    from mechsim.model.mechanism import End, Gear, Joint, Link, Mechanism, Pose
+    from mechsim.model.motion import Motion
+    from mechsim.model.scene import Scene
+    from mechsim.report.notebook import show
     from mechsim.simulation import Run, Settings, simulate
-    from mechsim.tolerances import Tolerance
+    from mechsim.verdict.judge import Check, Verdict, crosscheck
+    from mechsim.verdict.tolerances import Tolerance
 
 _HOME = {
     "AssemblyError": "errors",
-    "Check": "crosscheck",
-    "End": "mechanism",
-    "Forces": "forces",
-    "Friction": "forces",
-    "Gear": "mechanism",
-    "Inertia": "inertia",
+    "Check": "verdict.judge",
+    "End": "model.mechanism",
+    "Forces": "model.forces",
+    "Friction": "model.forces",
+    "Gear": "model.mechanism",
+    "Inertia": "model.inertia",
     "InputError": "errors",
-    "Joint": "mechanism",
-    "JointSpring": "forces",
-    "Link": "mechanism",
-    "Load": "forces",
-    "Mechanism": "mechanism",
+    "Joint": "model.mechanism",
+    "JointSpring": "model.forces",
+    "Link": "model.mechanism",
+    "Load": "model.forces",
+    "Mechanism": "model.mechanism",
     "MechsimError": "errors",
-    "Motion": "motion",
-    "Pose": "mechanism",
+    "Motion": "model.motion",
+    "Pose": "model.mechanism",
     "Run": "simulation",
-    "Scene": "scene",
+    "Scene": "model.scene",
     "Settings": "simulation",
-    "Spring": "forces",
-    "Tolerance": "tolerances",
-    "Verdict": "crosscheck",
-    "crosscheck": "crosscheck",
-    "show": "notebook",
+    "Spring": "model.forces",
+    "Tolerance": "verdict.tolerances",
+    "Verdict": "verdict.judge",
+    "crosscheck": "verdict.judge",
+    "show": "report.notebook",
     "simulate": "simulation",
 }
-_MODULES = ("catalog", "closure", "course", "dynamics", "motors", "rods", "simulation", "units")
+_MODULES = {
+    "catalog": "analytic.catalog",
+    "closure": "analytic.closure",
+    "course": "model.load_profile",
+    "dynamics": "analytic.dynamics",
+    "motors": "model.motors",
+    "plots": "pictures.plots",
+    "render": "pictures.render",
+    "rods": "model.rod_inertia",
+    "simulation": "simulation",
+    "units": "units",
+}
 
 __all__ = [
     "AssemblyError",
@@ -90,7 +106,11 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in _MODULES:
-        return import_module(f"mechsim.{name}")
+        return import_module(f"mechsim.{_MODULES[name]}")
     if name in _HOME:
         return getattr(import_module(f"mechsim.{_HOME[name]}"), name)
     raise AttributeError(f"module 'mechsim' has no attribute {name!r}")
+
+
+if "IPython" in sys.modules:
+    import_module("mechsim.report.notebook").register()

@@ -9,9 +9,9 @@ from collections.abc import Callable
 import numpy as np
 from mpmath import mp
 
-from mechsim.catalog.four_bar import FourBar
-from mechsim.catalog.rssr import Rssr
-from mechsim.catalog.slider_crank import SliderCrank
+from mechsim.analytic.catalog.four_bar import FourBar
+from mechsim.analytic.catalog.rssr import Rssr
+from mechsim.analytic.catalog.slider_crank import SliderCrank
 
 Derivatives = tuple[np.ndarray, np.ndarray, np.ndarray]
 DIGITS = 50

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim import closure
-from mechsim.mechanism import GROUND, End, Gear, Joint, Link, Mechanism, Pose, Vector
+from mechsim.model.mechanism import GROUND, End, Gear, Joint, Link, Mechanism, Pose, Vector
 
 START = 0.7
 

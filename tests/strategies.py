@@ -6,10 +6,10 @@ import numpy as np
 from hypothesis import assume
 from hypothesis import strategies as st
 
-from mechsim.catalog.base import TwoBranchDrive
-from mechsim.catalog.four_bar import FourBar
-from mechsim.catalog.rssr import Rssr
-from mechsim.catalog.slider_crank import SliderCrank
+from mechsim.analytic.catalog.base import TwoBranchForm
+from mechsim.analytic.catalog.four_bar import FourBar
+from mechsim.analytic.catalog.rssr import Rssr
+from mechsim.analytic.catalog.slider_crank import SliderCrank
 
 EPS = np.finfo(np.float64).eps
 # the loops of a closed form close to this part of the longest link, frame distances included
@@ -70,7 +70,7 @@ def slider_cranks(draw: st.DrawFn) -> SliderCrank:
     return SliderCrank(crank=crank, rod=rod, offset=offset, branch=draw(branches))
 
 
-def angles_of(drive: TwoBranchDrive, count: int = 12, lowest_transmission: float = 0.0) -> np.ndarray:
+def angles_of(drive: TwoBranchForm, count: int = 12, lowest_transmission: float = 0.0) -> np.ndarray:
     """Return crank angles spread over the range, ends left out; unfit examples are discarded."""
     arcs = drive.crank_range().arcs
     assume(arcs and all(high - low > 1e-3 for low, high in arcs))

@@ -1,4 +1,7 @@
-"""The command line. Everything heavy is imported inside the commands: `mechsim --help` must be quick."""
+"""Words to calls, results to text: one file a command.
+
+Everything heavy is imported inside the commands: `mechsim --help` must be quick.
+"""
 
 import signal
 import sys
@@ -8,16 +11,18 @@ from contextlib import contextmanager
 
 import typer
 
-from mechsim.cli.catalogue import export, list_mechanisms, show, solve
-from mechsim.cli.drawings import plot
-from mechsim.cli.dynamics import dynamics
-from mechsim.cli.extremes import extremes
-from mechsim.cli.machine import doctor
-from mechsim.cli.pictures import render
-from mechsim.cli.simulate import simulate
-from mechsim.cli.synthesis import synthesize
-from mechsim.cli.tradeoff import tradeoff
-from mechsim.cli.validate import validate
+from mechsim.cli import (
+    catalog,
+    doctor,
+    dynamics,
+    extremes,
+    plot,
+    render,
+    simulate,
+    synthesize,
+    tradeoff,
+    validate,
+)
 from mechsim.errors import MechsimError
 
 # what the command-line library returns for Ctrl-C, without a word
@@ -31,20 +36,20 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-app.command("list")(list_mechanisms)
+app.command("list")(catalog.list_mechanisms)
 for command in (
-    show,
-    solve,
-    export,
-    simulate,
-    validate,
-    tradeoff,
-    dynamics,
-    render,
-    plot,
-    synthesize,
-    doctor,
-    extremes,
+    catalog.show,
+    catalog.solve,
+    catalog.export,
+    simulate.simulate,
+    validate.validate,
+    tradeoff.tradeoff,
+    dynamics.dynamics,
+    render.render,
+    plot.plot,
+    synthesize.synthesize,
+    doctor.doctor,
+    extremes.extremes,
 ):
     app.command()(command)
 

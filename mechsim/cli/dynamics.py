@@ -6,20 +6,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mechsim.cli import dynamics_tables as tell
-from mechsim.cli.forces import Given, forces_of
+from mechsim.cli.force_options import Given, forces_of
 from mechsim.cli.options import Json, Name, Sets, Speed, drive_of, speed_of, writable
-from mechsim.cli.output import print_json
+from mechsim.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
-    from mechsim.crosscheck import Verdict
-    from mechsim.dynamics import FreeRun, Machine, Study
-    from mechsim.simulation import Profile, free
-    from mechsim.simulation.dynamics import Driven
+    from mechsim.analytic.dynamics import Fluctuation, FreeRun, Machine, Study
+    from mechsim.simulation import CrankProfile
+    from mechsim.simulation.dynamics import free_running
+    from mechsim.simulation.dynamics.prescribed_motion import Driven
+    from mechsim.verdict.judge import Verdict
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class DynamicsAsked:
     """What is wanted of a machine besides its description.
 
     Attributes:
@@ -106,8 +106,8 @@ def dynamics(
     as_json: Json = False,
 ) -> None:
     """Drive torque, joint reactions and energy of a prescribed crank; free running under a motor."""
-    from mechsim import dynamics as road
     from mechsim import units
+    from mechsim.analytic import dynamics as road
     from mechsim.errors import InputError
 
     if method not in (None, "pose", "step", "none"):
@@ -137,7 +137,7 @@ def dynamics(
     machine = road.machine(drive, acting, density=density, diameter=thick)
     chosen = method or ("pose" if tolerance is None else "step")
     count = max(1, round(samples * abs(turns)))
-    asked = Asked(turns, count, chosen, tolerance, csv, plot, as_json)
+    asked = DynamicsAsked(turns, count, chosen, tolerance, csv, plot, as_json)
     if motor is not None or free:
         passed = _free(machine, fast if free else 0.0, asked)
     else:
@@ -145,13 +145,13 @@ def dynamics(
     raise typer.Exit(0 if passed else 1)
 
 
-def _driven(machine: "Machine", speed: float, coefficient: float | None, asked: Asked) -> bool:
+def _driven(machine: "Machine", speed: float, coefficient: float | None, asked: DynamicsAsked) -> bool:
     import numpy as np
 
-    from mechsim.dynamics import fluctuation, flywheel_for, prescribed
-    from mechsim.dynamics.facts import study_facts, turn_facts
+    from mechsim.analytic.dynamics import fluctuation, flywheel_for, prescribed
     from mechsim.errors import InputError
-    from mechsim.validate import crank_profile
+    from mechsim.report.facts import study_facts, turn_facts
+    from mechsim.studies.validate import crank_profile
 
     drive = machine.drive
     assert drive is not None
@@ -168,31 +168,31 @@ def _driven(machine: "Machine", speed: float, coefficient: float | None, asked: 
     found, verdict = _simulated(machine, profile, asked)
     _write(asked.csv, study)
     if asked.plot is not None:
-        from mechsim import plots
-        from mechsim.plots import dynamics as drawn
+        from mechsim.pictures import plots
+        from mechsim.pictures.plots import dynamics as drawn
 
         rings = None if found is None else (found.motion.angle, found.efforts.torque)
         form = plots.form_of(asked.plot)
         plots.write(asked.plot, drawn.dynamics_sheet(study, turn, even, rings, form=form))
-    promise = tell.driven_promise(found)
+    promise = driven_promise(found)
     if asked.as_json:
         told: dict[str, Any] = {"mechanism": machine.mechanism.name, **study_facts(study)}
         told |= {"fluctuation": turn_facts(turn), "with_flywheel": turn_facts(even), "promise": promise}
-        print_json(told | tell.verdict_facts(verdict, asked.method))
+        print_json(told | verdict_facts(verdict, asked.method))
     else:
-        tell.print_study(machine.mechanism.name, study, turn, even)
-        tell.print_verdict(verdict)
-        tell.print_promise(promise)
+        print_study(machine.mechanism.name, study, turn, even)
+        print_verdict(verdict)
+        print_promise(promise)
     return (verdict is None or verdict.passed) and (promise is None or promise["met"])
 
 
 def _simulated(
-    machine: "Machine", profile: "Profile", asked: Asked
+    machine: "Machine", profile: "CrankProfile", asked: DynamicsAsked
 ) -> "tuple[Driven | None, Verdict | None]":
     if asked.method == "none":
         return None, None
-    from mechsim.crosscheck_dynamics import crosscheck_driven
-    from mechsim.simulation.dynamics import driven
+    from mechsim.simulation.dynamics.prescribed_motion import driven
+    from mechsim.verdict.dynamics import crosscheck_driven
 
     found = driven(
         machine.mechanism,
@@ -206,9 +206,9 @@ def _simulated(
     return found, crosscheck_driven(found, machine)
 
 
-def _free(machine: "Machine", speed: float, asked: Asked) -> bool:
-    from mechsim.dynamics import free_run
-    from mechsim.dynamics.facts import run_facts
+def _free(machine: "Machine", speed: float, asked: DynamicsAsked) -> bool:
+    from mechsim.analytic.dynamics import free_run
+    from mechsim.report.facts import run_facts
 
     run = free_run(machine, speed=speed, turns=asked.turns, samples=asked.samples + 1)
     found, verdict = None, None
@@ -216,25 +216,27 @@ def _free(machine: "Machine", speed: float, asked: Asked) -> bool:
         found, verdict = _stepped(machine, speed, asked)
     _write(asked.csv, run)
     if asked.plot is not None:
-        from mechsim import plots
-        from mechsim.plots import dynamics as drawn
+        from mechsim.pictures import plots
+        from mechsim.pictures.plots import dynamics as drawn
 
         plots.write(asked.plot, drawn.free_plot(run, form=plots.form_of(asked.plot)))
-    promise = tell.free_promise(found)
+    promise = free_promise(found)
     if asked.as_json:
         told = {"mechanism": machine.mechanism.name, "free": run_facts(run), "promise": promise}
-        print_json(told | tell.verdict_facts(verdict, "step"))
+        print_json(told | verdict_facts(verdict, "step"))
     else:
-        tell.print_free(run)
-        tell.print_verdict(verdict)
-        tell.print_promise(promise)
+        print_free(run)
+        print_verdict(verdict)
+        print_promise(promise)
     kept = promise is None or promise["met"]
     return run.outcome == "done" and (verdict is None or verdict.passed) and kept
 
 
-def _stepped(machine: "Machine", speed: float, asked: Asked) -> "tuple[free.FreeRun, Verdict]":
-    from mechsim.crosscheck_dynamics import crosscheck_free
-    from mechsim.simulation.free import free_run
+def _stepped(
+    machine: "Machine", speed: float, asked: DynamicsAsked
+) -> "tuple[free_running.FreeRun, Verdict]":
+    from mechsim.simulation.dynamics.free_running import free_run
+    from mechsim.verdict.dynamics import crosscheck_free
 
     found = free_run(
         machine.mechanism,
@@ -249,6 +251,129 @@ def _stepped(machine: "Machine", speed: float, asked: Asked) -> "tuple[free.Free
 
 def _write(csv: str | None, columns: "Study | FreeRun") -> None:
     if csv is not None:
-        from mechsim import tables
+        from mechsim import files
 
-        tables.write(csv, columns)  # pyright: ignore[reportArgumentType]
+        files.write(csv, columns)  # pyright: ignore[reportArgumentType]
+
+
+Row = tuple[str, str, str, str, str]
+
+
+def print_study(name: str, study: "Study", turn: "Fluctuation | None", even: "Fluctuation | None") -> None:
+    """Print peaks of torque, reactions and shaking forces, and the speed fluctuation where there is one."""
+    head = ("quantity", "largest", "at [rad]", "unit", "")
+    print_table(f"{name}: prescribed crank", head, _rows(study, turn, even))
+
+
+def print_free(run: "FreeRun") -> None:
+    """Print how a free run ended."""
+    from mechsim.report.facts import run_facts
+
+    name, told = run.machine.mechanism.name, run_facts(run)
+    begun = f"{run.speed[0]:.6g}" if run.speed[0] else "rest"
+    typer.echo(f"{name}: {run.outcome}" + (f": {run.reason}" if run.reason else ""))
+    typer.echo(
+        f"{told['turns']:.6g} turns in {told['seconds']:.6g} s, from {begun} to {told['speed']:.6g} rad/s; "
+        f"work {told['work']:.6g} J, lost {told['lost']:.6g} J, energy balance to {told['energy_error']:.1e}"
+    )
+
+
+def print_promise(told: dict[str, Any] | None) -> None:
+    """Print what came of a tolerance, if one was given."""
+    if told is None:
+        return
+    reason = f": {told['reason']}" if told["reason"] else ""
+    kept = "kept" if told["met"] else "MISSED"
+    typer.echo(
+        f"tolerance {told['tolerance']:.3g} {told['of']} {kept} by {told['estimate']:.2g}, "
+        f"a margin of {told['margin']:.3g}{reason}"
+    )
+    if told["settings"]:
+        used = told["settings"]
+        typer.echo(
+            f"{used['integrator']}, {used['steps_per_turn']} steps a turn of {used['timestep']:.4g} s, "
+            f"hardness {used['hardness']:.0e}: {told['steps']} steps, {told['trials']} more on trials; "
+            f"{told['by']}"
+        )
+
+
+def driven_promise(run: "Driven | None") -> dict[str, Any] | None:
+    """Return what came of the tolerance of a prescribed run as plain data; None where none was given."""
+    if run is None or run.promise is None:
+        return None
+    one = run.promise
+    parts = f"torque {one.torque:.1e}, reactions {one.reactions:.1e}, halved steps {one.halving:.1e}"
+    return _promise(run, one) | {
+        "of": "of torque and reactions",
+        "by": f"by solved poses {parts}" if run.method == "step" else f"balance {one.balance:.1e}",
+        "torque": one.torque,
+        "reactions": one.reactions,
+        "halving": one.halving,
+        "balance": one.balance,
+    }
+
+
+def free_promise(run: "free_running.FreeRun | None") -> dict[str, Any] | None:
+    """Return what came of the tolerance of a free run as plain data; None where none was given."""
+    if run is None or run.promise is None:
+        return None
+    return _promise(run, run.promise) | {"of": "rad of the crank", "by": "by halved steps"}
+
+
+def _promise(run: Any, one: Any) -> dict[str, Any]:
+    used = None if run.settings is None else run.settings.as_dict() | {"timestep": run.timestep}
+    return {
+        "tolerance": one.tolerance,
+        "met": one.met,
+        "estimate": one.estimate,
+        "margin": one.margin,
+        "order": one.order,
+        "trials": one.trials,
+        "reason": one.reason,
+        "steps": run.steps,
+        "settings": used,
+    }
+
+
+def verdict_facts(verdict: "Verdict | None", method: str) -> dict[str, Any]:
+    """Return a verdict as plain data."""
+    if verdict is None:
+        return {"passed": None, "outcome": None, "method": "none", "checks": []}
+    checks = [check.as_dict() for check in verdict.checks]
+    told: dict[str, Any] = {"passed": verdict.passed, "outcome": verdict.outcome}
+    return told | {"method": method, "checks": checks}
+
+
+def print_verdict(verdict: "Verdict | None") -> None:
+    """Print a verdict check by check."""
+    from mechsim.verdict.judge import HEAD
+
+    if verdict is None:
+        typer.echo("MuJoCo was not asked")
+        return
+    title = f"against MuJoCo: {verdict.outcome}" + (f" - {verdict.reason}" if verdict.reason else "")
+    print_table(title, HEAD[:-1], [check.cells[:-1] for check in verdict.checks])
+
+
+def _rows(study: "Study", turn: "Fluctuation | None", even: "Fluctuation | None") -> list[Row]:
+    from mechsim.report.facts import study_facts
+
+    facts = study_facts(study)
+
+    def row(what: str, peak: dict[str, float], unit: str, note: str = "") -> Row:
+        return what, f"{peak['largest']:.6g}", f"{peak['at_angle']:.4f}", unit, note
+
+    torque = facts["torque"]
+    rows = [row("drive torque", torque, "N m", f"mean {torque['mean']:.6g}, rms {torque['rms']:.6g}")]
+    for name, one in facts["reactions"].items():
+        left = ", ".join(one["not_determined"])
+        note = f"not determined: {left}" if left else ""
+        rows.append(row(f"force in {name} on {one['on']}", one["force"], "N", note))
+        rows.append(row(f"moment in {name} on {one['on']}", one["moment"], "N m"))
+    rows.append(row("shaking force on the frame", facts["shaking_force"], "N"))
+    rows.append(row("shaking moment about the origin", facts["shaking_moment"], "N m"))
+    for one in (turn, even):
+        if one is not None:
+            note = f"constant torque {one.torque:.6g} N m, flywheel {one.flywheel:.6g} kg m2"
+            rows.append(("speed fluctuation", f"{one.coefficient:.6g}", "", "1", note))
+    return rows

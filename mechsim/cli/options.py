@@ -7,8 +7,8 @@ import typer
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from mechsim.catalog.base import Drive
-    from mechsim.scene import Scene
+    from mechsim.analytic.catalog.base import ClosedForm
+    from mechsim.model.scene import Scene
 
 # crank speeds in [rad/s]: a turn takes most of a day, and faster than any shaft; MuJoCo's own absolute
 # bounds on time and acceleration lie beyond
@@ -26,9 +26,9 @@ Speed = Annotated[str, typer.Option(help="Crank speed; a bare number is rad/s.")
 Output = Annotated[str | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
 
 
-def drive_of(name: str, sets: list[str] | None) -> "Drive":
+def drive_of(name: str, sets: list[str] | None) -> "ClosedForm":
     """Return a catalogue mechanism with the parameters of `--set`."""
-    from mechsim import catalog
+    from mechsim.analytic import catalog
     from mechsim.errors import InputError
 
     fields = catalog.parameters(name)
@@ -91,7 +91,7 @@ def speed_of(text: str) -> float:
 
 def scene_of(level: str, cut: str | None = None) -> "Scene":
     """Return a scene of a level, with loops cut at named joints."""
-    from mechsim.scene import Scene
+    from mechsim.model.scene import Scene
 
     return Scene(level=level, cut=tuple(cut.split(",")) if cut else None)  # pyright: ignore[reportArgumentType]
 

@@ -8,7 +8,7 @@ from mechsim.cli.options import Json, Name, Output, Sets, Speed, drive_of, scene
 from mechsim.cli.output import print_json, progress
 
 if TYPE_CHECKING:
-    from mechsim.simulation import Profile, Run, Settings
+    from mechsim.simulation import CrankProfile, Run, Settings
 
 
 def simulate(
@@ -54,7 +54,7 @@ def simulate(
     as_json: Json = False,
 ) -> None:
     """Run a mechanism in MuJoCo under a driven crank."""
-    from mechsim import simulation, tables, units
+    from mechsim import files, simulation, units
     from mechsim.errors import InputError
 
     place = None if output is None else writable(output, ".csv", ".npz")
@@ -86,7 +86,7 @@ def simulate(
             watch=tick,
         )
     if place is not None:
-        tables.write(place, run.motion)
+        files.write(place, run.motion)
     if as_json:
         print_json(run.summary() | {"mechanism": name, "output": output, "rows": len(run.motion)})
     else:
@@ -116,11 +116,11 @@ def _within_range(drive: Any, turns: float) -> None:
         )
 
 
-def _profile(path: str) -> "Profile":
-    from mechsim import simulation, tables
+def _profile(path: str) -> "CrankProfile":
+    from mechsim import files, simulation
     from mechsim.errors import InputError
 
-    table = tables.read(path)
+    table = files.read(path)
     missing = [column for column in ("time", "angle") if column not in table]
     if missing:
         raise InputError(
@@ -130,7 +130,7 @@ def _profile(path: str) -> "Profile":
 
 
 def _settings(
-    profile: "Profile",
+    profile: "CrankProfile",
     timestep: str | None,
     steps_per_turn: int | None,
     integrator: str | None,

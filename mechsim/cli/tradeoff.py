@@ -8,7 +8,7 @@ from mechsim.cli.options import Json, Output, Sets, Speed, drive_of, speed_of, w
 from mechsim.cli.output import Tick, print_json, print_table, progress
 
 if TYPE_CHECKING:
-    from mechsim.tradeoff import Point, Subject, Tradeoff
+    from mechsim.studies.tradeoff import Point, Subject, Tradeoff
 
 
 def tradeoff(
@@ -31,7 +31,7 @@ def tradeoff(
     """Measure how fast and how accurate MuJoCo's settings are on one mechanism; recommend some."""
     from mechsim import units
     from mechsim.errors import InputError
-    from mechsim.tradeoff import QUANTITIES, measure, write_csv
+    from mechsim.studies.tradeoff import QUANTITIES, measure, write_csv
 
     place = None if output is None else writable(output, ".csv")
     drawing = None if plot is None else writable(plot, ".svg", ".png", ".pdf")
@@ -46,8 +46,8 @@ def tradeoff(
     if place is not None:
         write_csv(place, found, by)
     if drawing is not None:
-        from mechsim.plots import form_of, write
-        from mechsim.plots.tradeoff import work_precision
+        from mechsim.pictures.plots import form_of, write
+        from mechsim.studies.tradeoff.plot import work_precision
 
         write(drawing, work_precision(found, by, form=form_of(drawing)))
     if as_json:
@@ -63,7 +63,7 @@ def _subject(name: str, sets: list[str] | None, speed: float) -> "Subject":
     from pathlib import Path
 
     from mechsim.errors import InputError
-    from mechsim.tradeoff import subject_of, subject_of_model
+    from mechsim.studies.tradeoff import subject_of, subject_of_model
 
     path = Path(name)
     if path.suffix.lower() != ".xml" and not path.is_file():
@@ -86,7 +86,7 @@ class _Percent:
 
 
 def _print(found: "Tradeoff", by: str) -> None:
-    from mechsim.tradeoff import BOUNDS, DEFAULTS
+    from mechsim.studies.tradeoff import BOUNDS, DEFAULTS
 
     subject = found.subject
     rows = [(f"{bound:.0e}", *_cells(found.choice(bound, by))) for bound in BOUNDS]

@@ -8,7 +8,7 @@ from mechsim.cli.options import Json, Sets, Speed, drive_of, folder_for, speed_o
 from mechsim.cli.output import print_json, print_table, progress
 
 if TYPE_CHECKING:
-    from mechsim.validate import Case
+    from mechsim.studies.validate import Case
 
 
 def validate(
@@ -23,9 +23,9 @@ def validate(
     as_json: Json = False,
 ) -> None:
     """Check closed form, loop equations and MuJoCo against each other; the main job."""
-    from mechsim import catalog
+    from mechsim.analytic import catalog
     from mechsim.errors import AssemblyError, InputError
-    from mechsim.validate import validate_all
+    from mechsim.studies.validate import validate_all
 
     names = names or list(catalog.DRIVES)
     if sets and len(names) != 1:
@@ -44,7 +44,7 @@ def validate(
     passed = all(case.passed for case in cases.values())
     results = {"passed": passed, "mechanisms": {name: case.as_dict() for name, case in cases.items()}}
     if folder is not None:
-        from mechsim.validation_report import write_validation_report
+        from mechsim.report.validation import write_validation_report
 
         with progress("draw", len(cases)) as tick:
             notes = write_validation_report(folder, cases, results, done=tick)
@@ -63,7 +63,7 @@ def validate(
 
 
 def _print_case(name: str, case: "Case") -> None:
-    from mechsim.crosscheck import HEAD
+    from mechsim.verdict.judge import HEAD
 
     title = f"{name}: {case.outcome}" + (f" - {case.reason}" if case.reason else "")
     print_table(title, HEAD, [check.cells for check in case.checks])

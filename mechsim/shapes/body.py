@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.mechanism import Mechanism
+from mechsim.model.mechanism import Mechanism
 from mechsim.shapes.shape import PALETTE, Array, Rgba
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.mechanism import Mechanism
+from mechsim.model.mechanism import Mechanism
 from mechsim.shapes.planar import planar_normals
 
 Array = NDArray[np.float64]

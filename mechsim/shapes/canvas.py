@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.mechanism import GROUND, End, Joint, Mechanism, joint_coordinate
-from mechsim.mechanism import IDENTITY as GROUND_POSE
+from mechsim.model.mechanism import GROUND, End, Joint, Mechanism, joint_coordinate
+from mechsim.model.mechanism import IDENTITY as GROUND_POSE
 from mechsim.shapes.body import link_colours, rod_radius
 from mechsim.shapes.planar import layers_of, planar_normals
 from mechsim.shapes.shape import HOUSING, Array, Kind, Rgba, Shape, vector

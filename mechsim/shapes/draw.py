@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mechsim.mechanism import GROUND, Mechanism
-from mechsim.mechanism import IDENTITY as GROUND_POSE
+from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.mechanism import IDENTITY as GROUND_POSE
 from mechsim.shapes import gears, joints, sliding
 from mechsim.shapes.body import edges, stations
 from mechsim.shapes.canvas import Canvas

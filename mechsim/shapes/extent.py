@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from mechsim.mechanism import Mechanism, Pose, joint_coordinate
+from mechsim.model.mechanism import Mechanism, Pose, joint_coordinate
 from mechsim.shapes.shape import Array, Shape
 
 

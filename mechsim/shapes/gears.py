@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mechsim.mechanism import GROUND, End, Gear
+from mechsim.model.mechanism import GROUND, End, Gear
 from mechsim.shapes.canvas import Canvas, upright_end
 from mechsim.shapes.shape import Array, Shape, pale, vector
 

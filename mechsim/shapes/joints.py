@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mechsim.mechanism import GROUND, End, Joint
+from mechsim.model.mechanism import GROUND, End, Joint
 from mechsim.shapes.body import stations
 from mechsim.shapes.canvas import Canvas, upright_end
 from mechsim.shapes.shape import HOUSING, STEEL, Array

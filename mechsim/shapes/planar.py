@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mechsim.mechanism import GROUND, Mechanism
+from mechsim.model.mechanism import GROUND, Mechanism
 from mechsim.shapes.body import span
 from mechsim.shapes.shape import Array
 

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.mechanism import Vector
+from mechsim.model.mechanism import Vector
 
 Array = NDArray[np.float64]
 Rgba = tuple[float, float, float, float]

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mechsim.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.mechanism import GROUND, Mechanism, Pose
 from mechsim.shapes.body import edges, rod_radius, stations
 from mechsim.shapes.shape import Array
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mechsim.mechanism import GROUND, Joint
+from mechsim.model.mechanism import GROUND, Joint
 from mechsim.shapes.canvas import Canvas
 from mechsim.shapes.shape import HOUSING, STEEL, Array, Shape, vector
 

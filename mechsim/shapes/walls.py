@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.mechanism import GROUND, Mechanism
+from mechsim.model.mechanism import GROUND, Mechanism
 from mechsim.shapes.camera import Camera
 from mechsim.shapes.planar import planar_normals
 from mechsim.shapes.shape import HOUSING, Array, Shape

@@ -18,7 +18,7 @@ KINDS: dict[Jacobian, int] = {
     "sparse": int(mujoco.mjtJacobian.mjJAC_SPARSE),
 }
 # below so many freedoms, or where more than this part of the matrix is filled, sparse is no quicker by
-# more than a tenth, or slower (validation/tradeoff/matrices.py)
+# more than a tenth, or slower (validation/choices/matrices.py)
 FREEDOMS, FILLED = 40, 0.25
 # accelerations that differ by more than this part of the largest differ by more than rounding
 SAME = 1e-6

@@ -6,18 +6,20 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from mechsim import mjcf
 from mechsim.errors import InputError
-from mechsim.mechanism import Mechanism
-from mechsim.mjcf import Loops, quiet
-from mechsim.scene import Scene
-from mechsim.simulation.choice import within
-from mechsim.simulation.outcome import Method, Run
-from mechsim.simulation.profile import Profile, constant
-from mechsim.simulation.record import Track, add_sensors
+from mechsim.model.crank_profile import CrankProfile, constant
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.scene import Scene
+from mechsim.simulation import mjcf
+from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.driven_run import DrivenRun
+from mechsim.simulation.mjcf import quiet
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.place_tolerance import within
+from mechsim.simulation.recorded_motion import Track, add_sensors
+from mechsim.simulation.run_result import Method, Run
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.stage import Stage
-from mechsim.simulation.step import Watch, unwatched
+from mechsim.simulation.stepping import Watch, unwatched
 
 Source = Mechanism | mujoco.MjSpec | str | os.PathLike[str]
 
@@ -31,7 +33,7 @@ def simulate(
     *,
     speed: float | None = None,
     turns: float = 1.0,
-    profile: Profile | None = None,
+    profile: CrankProfile | None = None,
     tolerance: float | None = None,
     settings: Settings | None = None,
     method: Method | None = None,
@@ -74,11 +76,11 @@ def simulate(
         profile = constant(speed, turns, start)
     if samples is not None and not samples >= 1:
         raise InputError(f"{samples} samples asked for; take at least 1")
-    stage = Stage(model, track, profile, samples, watch or unwatched)
+    stage = DrivenRun(model, track, profile, samples, watch or unwatched)
     if method is None:
         stepping = tolerance is not None or settings is not None or stage.free
         method = "step" if stepping else "pose"
-    bound = SAME * Loops(model).size if tolerance is None else tolerance
+    bound = SAME * ModelLoops(model).size if tolerance is None else tolerance
     if method == "pose":
         return stage.solved(bound)
     settings = settings or Settings()
@@ -88,7 +90,7 @@ def simulate(
 def load(source: Source, scene: Scene | None = None) -> mujoco.MjSpec:
     """Return the specification of a mechanism, an MJCF file or MJCF text."""
     if isinstance(source, Mechanism):
-        return mjcf.assembled(source, scene or Scene())
+        return assembled(source, scene or Scene())
     if isinstance(source, mujoco.MjSpec):
         return source.copy()
     text = str(source)
@@ -108,4 +110,4 @@ def _prepared(source: Source, scene: Scene | None) -> tuple[mujoco.MjModel, Trac
         raise InputError("the model has no point to track; put a named site at each point of interest")
     track = add_sensors(spec, points)
     model = mjcf.compiled(spec)
-    return model, track, float(model.qpos0[Loops(model).crank_place])
+    return model, track, float(model.qpos0[ModelLoops(model).crank_place])

@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.mjcf import Loops
-from mechsim.mjcf.generate import FLYWHEEL
 from mechsim.simulation.matrices import KINDS, quicker
+from mechsim.simulation.mjcf.generator import FLYWHEEL
+from mechsim.simulation.model_loops import ModelLoops
 
 INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4", "discrete")
 JACOBIANS = ("auto", *KINDS)
@@ -25,7 +25,7 @@ class Settings:
     The defaults are the hard loop: fourth-order steps, constraints stiffened beyond MuJoCo's cap of
     0.9999 by scaling the inverse weights it softens them with, and a time constant that is a tenth of
     a turn. A time constant that shrinks with the step keeps a stiff mode in every step, and the order
-    of Runge's method falls from four to two. Measured in validation/tradeoff/constraint_settings.py.
+    of Runge's method falls from four to two. Measured in validation/choices/constraint_settings.py.
 
     Attributes:
         integrator: one of `INTEGRATORS`.
@@ -83,7 +83,7 @@ class Settings:
         """The time constant of the constraints in steps."""
         return self.constant_steps or max(LEAST_CONSTANT, self.steps_per_turn / 10.0)
 
-    def apply(self, loops: Loops, timestep: float) -> "Settings":
+    def apply(self, loops: ModelLoops, timestep: float) -> "Settings":
         """Set up a compiled model for a run; its own constraint and solver settings are replaced.
 
         Returns:
@@ -124,7 +124,7 @@ class Settings:
         return asdict(self)
 
 
-def _inertia(loops: Loops) -> float:
+def _inertia(loops: ModelLoops) -> float:
     """Return the inertia of all links about a point as far off as the longest of them, in [kg m2]."""
     model = loops.model
     return float(model.body_mass.sum() * loops.size**2 + model.body_inertia.max(1).sum())

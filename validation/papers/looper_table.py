@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.catalog.looper import Looper
+from mechsim.analytic.catalog.looper import Looper
 
 Array = NDArray[np.float64]
 

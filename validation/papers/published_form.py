@@ -15,8 +15,15 @@ import numpy as np
 from mpmath import mp
 from numpy.typing import NDArray
 
-from mechsim.catalog.rssr import Rssr
-from mechsim.vectors import Sign, column, cross, triangle_angle, unit_at_angles, unit_at_angles_published
+from mechsim.analytic.catalog.rssr import Rssr
+from mechsim.analytic.vector_method.vectors import (
+    Sign,
+    column,
+    cross,
+    triangle_angle,
+    unit_at_angles,
+    unit_at_angles_published,
+)
 
 Array = NDArray[np.float64]
 LOOPER = Rssr(crank=0.014, coupler=0.048, rocker=0.024, pivot=(0.039, -0.008, 0.004), gamma1=0.0, gamma2=0.0)

@@ -12,13 +12,14 @@ import numpy as np
 from problem import SAMPLES, Array, Places, Problem
 from protocol import Setting, Solver
 
-from mechsim import mjcf
-from mechsim.forces import Forces
-from mechsim.mjcf import Loops
-from mechsim.scene import Scene
-from mechsim.simulation import Settings, constant, pose
-from mechsim.simulation.dynamics import driven
-from mechsim.simulation.step import step
+from mechsim.model.forces import Forces
+from mechsim.model.scene import Scene
+from mechsim.simulation import Settings, constant
+from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.poses import follow
+from mechsim.simulation.stepping import step
 
 CLOSED = "mechsim, closed form"
 STEPS = (20, 40, 60, 100, 200, 500, 1000, 3000)
@@ -74,14 +75,14 @@ class Poses:
 
     def __init__(self, problem: Problem, setting: Setting):
         self.problem = problem
-        self.loops = Loops(mjcf.assembled(problem.mechanism, SCENE).compile())
+        self.loops = ModelLoops(assembled(problem.mechanism, SCENE).compile())
         self.begun = self.loops.close(self.loops.model.qpos0[None])[0]
         self.angles = problem.angles(setting.samples)
         self.names = list(problem.mechanism.points)
 
     def run(self) -> tuple[float, Places]:
         begin = time.process_time()
-        states = pose.follow(self.loops, self.begun, self.angles)
+        states = follow.follow(self.loops, self.begun, self.angles)
         return time.process_time() - begin, points(self.loops, states, self.names)
 
     def torque(self) -> Array:
@@ -95,10 +96,10 @@ class Steps:
 
     def __init__(self, problem: Problem, setting: Stepped):
         self.problem = problem
-        self.model = mjcf.assembled(problem.mechanism, SCENE).compile()
+        self.model = assembled(problem.mechanism, SCENE).compile()
         self.settings, self.stride = setting.settings, setting.steps // SAMPLES
         self.profile = constant(problem.speed, 1.0, problem.start)
-        loops = Loops(self.model)
+        loops = ModelLoops(self.model)
         begun = loops.close(self.model.qpos0[None])
         rates = loops.tangent(loops.linearise(begun)[1]) * problem.speed
         self.start: tuple[Array, Array] = begun[0], rates[0]
@@ -106,7 +107,7 @@ class Steps:
 
     def run(self) -> tuple[float, Places]:
         # the settings soften the model's constraints anew at each run
-        loops = Loops(copy.copy(self.model))
+        loops = ModelLoops(copy.copy(self.model))
         done = step(loops, self.settings, self.profile, self.start, self.settings.steps_per_turn, self.stride)
         return done.processor, points(loops, done.states.qpos, self.names)
 
@@ -118,7 +119,7 @@ class Steps:
         return found.efforts.torque
 
 
-def points(loops: Loops, states: Array, names: list[str]) -> Places:
+def points(loops: ModelLoops, states: Array, names: list[str]) -> Places:
     """Return the tracked points at states, (n, 3) each."""
     sites = loops.sites(np.ascontiguousarray(states))
     return {name: sites[:, loops.model.site(name).id].copy() for name in names}

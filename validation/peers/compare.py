@@ -22,8 +22,8 @@ from problem import NAMES, Errors, Problem, judge, judge_torque, problem
 from protocol import PEERS, Setting, Solver, load
 
 from mechsim.errors import InputError
-from mechsim.plots.sheet import write
-from mechsim.tables import written_beside
+from mechsim.files import written_beside
+from mechsim.pictures.plots.figure import write
 
 ROUNDS = 9
 # steps or poses that the table on the page shows; 0 are the solver's own

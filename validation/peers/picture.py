@@ -4,7 +4,7 @@ import io
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from mechsim.plots.sheet import COLOURS, canvas, decades
+from mechsim.pictures.plots.figure import COLOURS, canvas, decades
 
 if TYPE_CHECKING:
     from compare import Row

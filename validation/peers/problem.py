@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import catalog, dynamics, rods
-from mechsim.catalog.base import Drive
-from mechsim.inertia import Inertia
-from mechsim.mechanism import GROUND, Joint, Mechanism
-from mechsim.motion import LinkMotion, Motion
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.model.inertia import Inertia
+from mechsim.model.mechanism import GROUND, Joint, Mechanism
+from mechsim.model.motion import LinkMotion, Motion
 
 Array = NDArray[np.float64]
 Places = Mapping[str, Array]
@@ -62,7 +62,7 @@ class Hinge:
 class Problem:
     """A four-bar linkage, crank, coupler and rocker, with its crank turning at constant speed."""
 
-    drive: Drive
+    drive: ClosedForm
     speed: float = SPEED
 
     @property

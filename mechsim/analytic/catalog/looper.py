@@ -1,0 +1,349 @@
+"""Looper drive: spatial five-link with a cylindrical pair, its dimensions and its closed form."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.analytic.catalog.base import Array, ClosedForm, Detail, angle, choice, length, number, offset
+from mechsim.analytic.vector_method import link_frames, trig_quartic
+from mechsim.analytic.vector_method.root_sheets import Sheet, sheets
+from mechsim.analytic.vector_method.trig_arcs import Arcs, reachable_arcs
+from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, cross, dot, norm
+from mechsim.errors import InputError
+from mechsim.model.mechanism import EX, EY, EZ, GROUND, End, Joint, Link, Mechanism
+from mechsim.model.motion import JointMotion, Motion
+
+Side = int
+# in nine hundred random linkages the highest number met was five
+SIDES = tuple(sign * count for count in range(1, 9) for sign in (1, -1))
+
+
+class _Planar(NamedTuple):
+    """The planar four-bar: joints A and B and unit vectors along AB and across it, (3, n) each."""
+
+    a: Array
+    b: Array
+    ahead: Array
+    across: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Looper(ClosedForm):
+    """Spatial five-link whose coupler ABC, on spherical pairs, swings and shifts a follower C-D-E.
+
+    Crank O1A and rocker O2B turn about Z; O1 is the origin and the crank angle counts from +X. C is at
+    `arm` from A, turned by `arm_angle` from AB, and turns with the coupler about AB. The follower turns
+    about and slides along the line y = axis_y, z = axis_z; D is the foot of C on it, and E lies opposite
+    C: DE = -follower_ratio DC.
+
+    `branch` is the sign of O2B . (O2A x eZ), as in `four_bar`. `side` is the sign of DC . (AB x AC): the
+    cylinder is met by the circle of C from within or from without. Neither can change without a dead
+    centre. Two roots of the quartic can have the same sign: side 2 (-2), 3 (-3) are the further ones, as
+    `assemblies` numbers them; 1 and -1 are those at crank angle zero nearest to the plane.
+    A root may run on for more than a turn of the crank between its dead centres; crank angles then count
+    turns inside `crank_range`, and outside it are taken back into it by whole turns.
+
+    Source: paper 004, eqs (2), (4)-(15), the cylinder along X as in (2) and (14), not along Z as printed in
+    (6); defaults from papers.md section 4.
+    """
+
+    name: ClassVar[str] = "looper"
+
+    crank: float = length(0.006, "length O1A")
+    coupler: float = length(0.025, "length AB")
+    arm: float = length(0.033, "length AC")
+    arm_angle: float = angle(np.deg2rad(323.0), "angle from AB to AC")
+    rocker: float = length(0.032, "length O2B")
+    frame: float = length(0.0354, "distance of the pivots O1, O2")
+    frame_angle: float = angle(np.deg2rad(45.0), "angle from X to O1O2")
+    follower: float = length(0.0133, "length DC")
+    axis_y: float = offset(0.03049, "height y of the follower's axis")
+    axis_z: float = offset(0.012, "depth z of the follower's axis")
+    follower_ratio: float = number(3.0, "length DE over length DC")
+    branch: Sign = choice(1, (1, -1), "assembly of the four-bar: sign of O2B . (O2A x eZ)")
+    side: Side = choice(1, SIDES, "assembly of the follower: sign of DC . (AB x AC)")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not abs(np.sin(self.arm_angle)) > 1e-6:
+            raise InputError(
+                f"looper: arm_angle is {self.arm_angle} rad, which puts C on the line AB, where it cannot "
+                "turn about it; give an angle that is no multiple of pi"
+            )
+
+    @cached_property
+    def pivot(self) -> Array:
+        """The rocker's pivot O2, (3, 1) in [m]."""
+        return self.frame * self._outward
+
+    @cached_property
+    def _outward(self) -> Array:
+        return column((np.cos(self.frame_angle), np.sin(self.frame_angle), 0.0))
+
+    @property
+    def mechanism(self) -> Mechanism:
+        guess, start = self.guess()
+        tip, on_rocker = (self.crank, 0.0, 0.0), (self.rocker, 0.0, 0.0)
+        on_coupler = (self.arm * float(np.cos(self.arm_angle)), self.arm * float(np.sin(self.arm_angle)), 0.0)
+        on_follower, far = (0.0, self.follower, 0.0), (0.0, -self.follower_ratio * self.follower, 0.0)
+        # counted from the direction to O1, which a crank-rocker's angle stays near: it never wraps
+        inward = link_frames.vector(-self._outward[:, 0])
+        line = End(GROUND, (0.0, self.axis_y, self.axis_z), axis=EX, mark=EY)
+        return Mechanism(
+            name=self.name,
+            links=(Link("crank"), Link("coupler"), Link("rocker"), Link("follower", outline=(far,))),
+            joints=(
+                Joint("crank", "revolute", End(GROUND), End("crank")),
+                Joint("A", "spherical", End("crank", tip), End("coupler")),
+                Joint("B", "spherical", End("coupler", (self.coupler, 0.0, 0.0)), End("rocker", on_rocker)),
+                Joint(
+                    "rocker",
+                    "revolute",
+                    End(GROUND, link_frames.vector(self.pivot[:, 0]), mark=inward),
+                    End("rocker"),
+                ),
+                Joint("C", "spherical", End("coupler", on_coupler), End("follower", on_follower)),
+                Joint("slide", "cylindrical", line, End("follower", axis=EX, mark=EY)),
+            ),
+            driver="crank",
+            points={
+                "A": ("crank", tip),
+                "B": ("rocker", on_rocker),
+                "C": ("coupler", on_coupler),
+                "D": ("follower", (0.0, 0.0, 0.0)),
+                "E": ("follower", far),
+            },
+            guess=guess,
+            start=start,
+        )
+
+    def planar_range(self) -> Arcs:
+        """Return the arcs of crank angle over which the four-bar O1ABO2 closes."""
+        return reachable_arcs(self._planar_margin, 2)
+
+    def crank_range(self) -> Arcs:
+        found = self._sheet
+        return found[0].arcs(found[1]) if found else Arcs(False, ())
+
+    def assemblies(self, angle: float) -> list[Self]:
+        at, out = np.array([angle]), []
+        for branch in (1, -1):
+            for sign in (1, -1):
+                drive = replace(self, branch=branch, side=sign)
+                for count, (sheet, layer) in enumerate(drive._sheets, 1):
+                    if not np.isnan(sheet.unrolled(at, layer)[0]):
+                        out.append(replace(drive, side=sign * count))
+        return out
+
+    def assembly_sign(self, points: Mapping[str, Array]) -> Array:
+        """Return the lesser of the two sines whose signs are `branch` and `side`, (n,).
+
+        Further roots of one sign (side 2 and 3) are not told from the first by it.
+        """
+        to_a, to_b = (points[name] - self.pivot[:, 0] for name in "AB")
+        planar = (to_b * np.cross(to_a, np.asarray(EZ))).sum(-1) / (self.rocker * np.sqrt((to_a**2).sum(-1)))
+        ab, ac = points["B"] - points["A"], points["C"] - points["A"]
+        swept = abs(self.coupler * self.arm * np.sin(self.arm_angle) * self.follower)
+        spatial = ((points["C"] - points["D"]) * np.cross(ab, ac)).sum(-1) / swept
+        return np.minimum(self.branch * planar, np.sign(self.side) * spatial)
+
+    def transmission_angle(self, angles: ArrayLike) -> Array:
+        """Return the lesser of two angles, (n,) in [rad]: coupler AB to rocker, and circle of C to cylinder.
+
+        The first is the four-bar's; the second is zero where C, as it turns about AB, moves along the
+        cylinder, so that the follower no longer holds the coupler.
+        """
+        points = self.positions(angles)
+        ab, ac = points["B"] - points["A"], points["C"] - points["A"]
+        arm = (points["B"] - self.pivot[:, 0]) / self.rocker
+        planar = np.abs(np.cross(ab, arm)[:, 2]) / self.coupler
+        turning = np.cross(ab, ac) / abs(self.coupler * self.arm * np.sin(self.arm_angle))
+        spatial = np.abs((turning * (points["C"] - points["D"])).sum(-1)) / self.follower
+        return np.arcsin(np.minimum(np.minimum(planar, spatial), 1.0))
+
+    def planar_point(self, angles: ArrayLike) -> Array:
+        """Return C as if the coupler stayed in the plane XY, (n, 3) in [m]; NaN where the four-bar is open.
+
+        Source: paper 004, eqs (4), (5).
+        """
+        flat = self._planar(np.atleast_1d(np.asarray(angles, dtype=np.float64)))
+        return (flat.a + self._along * flat.ahead + self._out * flat.across).T
+
+    @property
+    def _along(self) -> float:
+        return self.arm * float(np.cos(self.arm_angle))
+
+    @property
+    def _out(self) -> float:
+        return self.arm * float(np.sin(self.arm_angle))
+
+    @cached_property
+    def _sheets(self) -> list[tuple[Sheet, int]]:
+        """Every root whose sign is that of `side`, by number: a sheet and a layer of it."""
+        sign = 1 if self.side > 0 else -1
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found = sheets(self._residual, self.planar_range(), sign)
+        layers = range(max((sheet.layers for sheet in found), default=0))
+        return [(sheet, layer) for layer in layers for sheet in found if layer < sheet.layers]
+
+    @property
+    def _sheet(self) -> tuple[Sheet, int] | None:
+        number = abs(self.side) - 1
+        return self._sheets[number] if number < len(self._sheets) else None
+
+    def _planar_margin(self, angles: Array) -> Array:
+        """4 c2 e2 - (e2 + c2 - b2)2 for rocker c, coupler b and e = |O2A|."""
+        to_crank = self._tip(angles) - self.pivot
+        reach2 = dot(to_crank, to_crank)
+        return 4.0 * self.rocker**2 * reach2 - (reach2 + self.rocker**2 - self.coupler**2) ** 2
+
+    def _tip(self, angles: Array) -> Array:
+        return self.crank * np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
+
+    def _planar(self, angles: Array) -> _Planar:
+        ez, a = column(EZ), self._tip(angles)
+        b = self.pivot + self.rocker * circle_sphere(
+            self.pivot, ez, self.rocker, a, self.coupler, self.branch
+        )
+        # a short coupler off by an ulp must not make a long arm off by many
+        ahead = (b - a) / norm(b - a)
+        return _Planar(a, b, ahead, cross(ez, ahead))
+
+    def _swing(self, ahead: Array) -> Array:
+        """Return the rocker's angle from the direction to O1, (n,) in [rad]."""
+        x, y, _ = -self._outward
+        return np.arctan2(x * ahead[1] - y * ahead[0], x * ahead[0] + y * ahead[1])
+
+    def _residual(self, angles: Array) -> Array:
+        return self._cylinder(self._planar(angles))
+
+    def _cylinder(self, flat: _Planar) -> Array:
+        """Return (y_C - q)2 + (z_C - p)2 - f2 as a polynomial of the cone angle, (5, n).
+
+        Source: paper 004, eqs (2): with the cone angle t, y_C = y0 + r cos t and z_C = R sin t.
+        """
+        height = flat.a[1] + self._along * flat.ahead[1] - self.axis_y
+        flank, out, depth = self._out * flat.across[1], self._out, self.axis_z
+        # (r2 - R2)/2 by the exact slant of the coupler, not as a difference
+        second = -0.5 * (out * flat.ahead[1]) ** 2
+        mean = height**2 + 0.5 * (flank**2 + out**2) + (depth - self.follower) * (depth + self.follower)
+        zero = np.zeros_like(height)
+        return np.stack([mean, 2.0 * height * flank, zero - 2.0 * depth * out, second, zero])
+
+    def _cone_angle(self, angles: Array, flat: _Planar) -> Array:
+        """Return the root of the chosen sheet at each crank angle, (n,) in [rad]; NaN off the sheet."""
+        if self._sheet is None:
+            return np.full_like(angles, np.nan)
+        sheet, layer = self._sheet
+        polynomial = self._cylinder(flat)
+        roots = trig_quartic.real_roots(polynomial)
+        fits = np.sign(self.side) * trig_quartic.slope(polynomial, roots) > 0.0
+        away = np.abs(np.mod(roots - sheet.guide(sheet.unrolled(angles, layer)) + np.pi, 2.0 * np.pi) - np.pi)
+        best = np.argmin(np.where(fits, away, np.inf), 0)
+        columns = np.arange(len(angles))
+        found = fits[best, columns] & ~np.isnan(away[best, columns])
+        return np.where(found, roots[best, columns], np.nan)
+
+    def _motion(self, angles: Array, speed: Array, acceleration: Array, detail: Detail) -> Motion:
+        flat = self._planar(angles)
+        cone = self._cone_angle(angles, flat)
+        ez = column(EZ)
+        flank = np.cos(cone) * flat.across + np.sin(cone) * ez
+        c = flat.a + self._along * flat.ahead + self._out * flank
+        foot = np.stack([c[0], np.full_like(angles, self.axis_y), np.full_like(angles, self.axis_z)])
+        lever = c - foot
+        places = {"A": flat.a, "B": flat.b, "C": c, "D": foot, "E": foot - self.follower_ratio * lever}
+        if detail == "places":
+            points = {name: link_frames.point(place) for name, place in places.items()}
+            return Motion("closed form", angles, speed, acceleration, points)
+
+        tangent = cross(ez, flat.a)
+        a_v, a_a = speed * tangent, acceleration * tangent - speed**2 * flat.a
+        arm = flat.b - self.pivot
+        spin, pull = link_frames.rocker_rates(ez, arm, flat.b - flat.a, a_v, a_a)
+        swept = cross(ez, arm)
+        b_v, b_a = spin * swept, pull * swept - spin**2 * arm
+        c_v, c_a = _held_rates(flat, c, lever, (a_v, a_a), (b_v, b_a))
+        ex = column(EX)
+        d_v, d_a = c_v[0] * ex, c_a[0] * ex
+        ratio = self.follower_ratio
+        moves = {
+            "A": (a_v, a_a),
+            "B": (b_v, b_a),
+            "C": (c_v, c_a),
+            "D": (d_v, d_a),
+            "E": (d_v - ratio * (c_v - d_v), d_a - ratio * (c_a - d_a)),
+        }
+        points = {name: link_frames.point(places[name], *moves[name]) for name in places}
+        if detail == "rates":
+            return Motion("closed form", angles, speed, acceleration, points)
+
+        x_v, x_a = (b_v - a_v) / self.coupler, (b_a - a_a) / self.coupler
+        y_v = (c_v - a_v - self._along * x_v) / self._out
+        y_a = (c_a - a_a - self._along * x_a) / self._out
+        coupler_spin, coupler_pull = _turn_rates((flat.ahead, flank), (x_v, y_v), (x_a, y_a))
+        swing_spin = (lever[1] * c_v[2] - lever[2] * c_v[1]) / self.follower**2
+        swing_pull = (lever[1] * c_a[2] - lever[2] * c_a[1]) / self.follower**2
+        at_origin, up = link_frames.point(np.zeros_like(c)), lever / self.follower
+        swing = arm / self.rocker
+        return Motion(
+            "closed form",
+            angles,
+            speed,
+            acceleration,
+            points,
+            links={
+                "crank": link_frames.planar_link(at_origin, flat.a / self.crank, speed, acceleration),
+                "coupler": link_frames.link(
+                    points["A"], (flat.ahead, flank, cross(flat.ahead, flank)), coupler_spin, coupler_pull
+                ),
+                "rocker": link_frames.pinned_link(self.pivot, swing, ez, spin, pull),
+                "follower": link_frames.link(
+                    points["D"], (ex, up, cross(ex, up)), swing_spin * ex, swing_pull * ex
+                ),
+            },
+            joints={
+                "crank": JointMotion(angles, speed, acceleration),
+                "rocker": JointMotion(self._swing(swing), spin, pull),
+            },
+        )
+
+
+def _held_rates(
+    flat: _Planar, c: Array, lever: Array, a_rates: tuple[Array, Array], b_rates: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Return velocity and acceleration of C, (3, n) each.
+
+    Source: |AC|, AC . AB and |DC| are constant; differentiated once and twice by time, three equations
+    linear in the rate of C, whose determinant is the volume that `side` is the sign of.
+    """
+    arm, rod = c - flat.a, flat.b - flat.a
+    (a_v, a_a), (b_v, b_a) = a_rates, b_rates
+    rod_v, rod_a = b_v - a_v, b_a - a_a
+    normal = cross(arm, rod)
+    sideways, volume = cross(lever, arm), dot(normal, lever)
+    arm_v = (-dot(arm, rod_v) * sideways - dot(lever, a_v) * normal) / volume
+    c_v = a_v + arm_v
+    lever_v2 = c_v[1] ** 2 + c_v[2] ** 2
+    arm_a = (
+        -dot(arm_v, arm_v) * cross(rod, lever)
+        - (dot(arm, rod_a) + 2.0 * dot(arm_v, rod_v)) * sideways
+        - (dot(lever, a_a) + lever_v2) * normal
+    ) / volume
+    return c_v, a_a + arm_a
+
+
+def _turn_rates(
+    axes: tuple[Array, Array], rates: tuple[Array, Array], seconds: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Return angular velocity and acceleration of a link, (3, n) each, from two axes and their rates."""
+    (x, y), (x_v, y_v), (x_a, y_a) = axes, rates, seconds
+    z = cross(x, y)
+    roll = dot(y_v, z)
+    spin = cross(x, x_v) + roll * x
+    roll_rate = dot(y_a, z) + dot(y_v, cross(spin, z))
+    return spin, cross(x, x_a) + roll_rate * x + roll * x_v

@@ -1,0 +1,207 @@
+"""RRSRR: spatial five-link crank-rocker, its dimensions and its closed form."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechsim.analytic.catalog.base import Array, Detail, TwoBranchForm, angle, choice, length, place
+from mechsim.analytic.vector_method import link_frames
+from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, cross, dot, norm, rotation
+from mechsim.errors import AssemblyError
+from mechsim.model.mechanism import EX, EY, EZ, GROUND, End, Joint, Link, Mechanism, Pose
+from mechsim.model.motion import JointMotion, LinkMotion, Motion
+
+# cosine of v2 below which the rocker angle counts as lost: its acceleration grows as 1/cos2 and a
+# third of the digits are gone already
+POLE = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rrsrr(TwoBranchForm):
+    """Spatial five-link crank-rocker with four revolute pairs and one spherical pair.
+
+    The crank turns about X at the origin, its angle u1 counted from Y, and carries at C the coupler
+    CS on a hinge tangent to the crank circle, so that S lies on a torus; v1 is the coupler's angle
+    from the crank's direction towards +X. The connecting link joins S to P02, where its hinge
+    crosses the rocker axis TY(gamma1) TX(gamma2) eZ at right angles, so that S lies on a sphere; u2
+    is the rocker angle and v2 the link's angle from the rocker's direction towards its axis.
+
+    The pairs (u2, v2) and (u2 + pi, pi - v2) are the same S: v2 lies in (-pi/2, pi/2). Where S comes
+    to the rocker axis, |v2| = pi/2, the rocker angle is lost and asking for it is an AssemblyError.
+    `branch` is the sign of sin(v1 - w), w being the direction from P02 to C in the plane of the
+    coupler's motion: the two values of v1 lie to either side of w.
+
+    Source: paper 002; closed form and defaults from papers.md section 2.
+    """
+
+    name: ClassVar[str] = "rrsrr"
+
+    crank: float = length(0.012, "length of the crank, to C; R1 of the torus")
+    coupler: float = length(0.028, "length CS; r1 of the torus")
+    link: float = length(0.039, "length P02S of the connecting link; R2 of the sphere")
+    pivot: tuple[float, float, float] = place((-0.024, -0.008, 0.0), "rocker pivot P02")
+    gamma1: float = angle(np.deg2rad(15.0), "turn of the rocker axis about Y")
+    gamma2: float = angle(np.deg2rad(15.0), "turn of the rocker axis about the turned X")
+    branch: Sign = choice(1, (1, -1), "assembly: sign of sin(v1 - direction from P02 to C)")
+
+    @cached_property
+    def rocker_frame(self) -> Array:
+        """Frame at P02 whose third column is the rocker axis, (3, 3); T2 of paper 002."""
+        return rotation("y", self.gamma1) @ rotation("x", self.gamma2)
+
+    @property
+    def mechanism(self) -> Mechanism:
+        x, _, z = (link_frames.vector(column) for column in self.rocker_frame.T)
+        at_c, tip = (0.0, self.crank, 0.0), (self.coupler, 0.0, 0.0)
+        guess, start = self.guess()
+        # both inner hinges are signed so that they count v1 from er to ex and v2 from x to z
+        coupler_hinge = End("crank", at_c, axis=(0.0, 0.0, -1.0), mark=EY)
+        link_hinge = End("rocker", axis=(0.0, -1.0, 0.0), mark=EX)
+        return Mechanism(
+            name=self.name,
+            links=(Link("crank"), Link("coupler"), Link("link"), Link("rocker")),
+            joints=(
+                Joint("crank", "revolute", End(GROUND, axis=EX, mark=EY), End("crank", axis=EX, mark=EY)),
+                Joint("C", "revolute", coupler_hinge, End("coupler", axis=EZ, mark=EX)),
+                Joint("S", "spherical", End("coupler", tip), End("link", (self.link, 0.0, 0.0))),
+                Joint("link", "revolute", link_hinge, End("link", axis=EZ, mark=EX)),
+                Joint("rocker", "revolute", End(GROUND, self.pivot, z, x), End("rocker", axis=EZ, mark=EX)),
+            ),
+            driver="crank",
+            points={"C": ("crank", at_c), "S": ("coupler", tip)},
+            guess=guess,
+            start=start,
+        )
+
+    def margin(self, angles: ArrayLike) -> Array:
+        """A2 + B2 - K2 of the closed form A cos v1 + B sin v1 = K."""
+        f, (x, y, z) = np.asarray(angles), self.pivot
+        ahead = self.crank - (y * np.cos(f) + z * np.sin(f))  # P02C . er
+        distance2 = self.crank * (2.0 * ahead - self.crank) + x * x + y * y + z * z
+        k = (self.link - self.coupler) * (self.link + self.coupler) - distance2
+        return 4.0 * self.coupler**2 * (ahead**2 + x * x) - k**2
+
+    def assembly_sign(self, points: Mapping[str, Array]) -> Array:
+        radial = points["C"] / self.crank
+        to_c, rod = points["C"] - np.asarray(self.pivot), points["S"] - points["C"]
+        a, along = (to_c * radial).sum(-1), (rod * radial).sum(-1)
+        return self.branch * (a * rod[:, 0] - to_c[:, 0] * along)
+
+    def transmission_angle(self, angles: ArrayLike) -> Array:
+        """Return the angle between the force at S and the link's own direction, (n,) in [rad], 0 to pi/2.
+
+        Hinges pass no moment about themselves, so the force at S is across both free swings of S,
+        of the coupler about C and of the link about its hinge: it lies in the plane of the link's
+        direction, which does not turn the rocker, and the direction in which the rocker moves S.
+        """
+        points = self.positions(angles)
+        c, s = points["C"].T, points["S"].T
+        tangent = cross(cross(c, column(EX)), s - c) / (self.crank * self.coupler)
+        arm = (s - column(self.pivot)) / self.link
+        push = cross(column(self.rocker_frame[:, 2]), arm)
+        lever = norm(push)
+        self._require_off_pole(np.atleast_1d(np.asarray(angles)), lever >= POLE)
+        return np.arctan2(np.abs(dot(arm, tangent)), np.abs(dot(push / lever, tangent)))
+
+    def guess(self) -> tuple[dict[str, Pose], float]:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            poses, start = super().guess()
+        if self.margin(start) >= 0.0:
+            self._require_off_pole(np.array([start]), np.isfinite(poses["rocker"].rotation[:1, 0]))
+        return poses, start
+
+    def _require_off_pole(self, angles: Array, off: NDArray[np.bool_]) -> None:
+        if not off.all():
+            raise AssemblyError(
+                f"{self.name}: at crank angle {angles[np.argmin(off)]:.6g} rad S lies on the rocker axis, "
+                "where the rocker angle is lost; turn the axis by gamma1 or gamma2"
+            )
+
+    def _require_finite(self, motion: Motion) -> None:
+        if "rocker" in motion.links:
+            stands = np.isfinite(motion.points["S"].acceleration[:, 0])
+            known = np.isfinite(motion.links["rocker"].rotation[:, 0, 0])
+            self._require_off_pole(motion.angle, known | ~stands)
+        super()._require_finite(motion)
+
+    def _motion(self, angles: Array, speed: Array, acceleration: Array, detail: Detail) -> Motion:
+        zero, ex, pivot = np.zeros_like(angles), column(EX), column(self.pivot)
+        radial = np.stack([zero, np.cos(angles), np.sin(angles)])  # er of papers.md
+        hinge = np.stack([zero, radial[2], -radial[1]])  # axis at C, v1 turns from er to ex about it
+        c = self.crank * radial
+        rod = self.coupler * circle_sphere(c, hinge, self.coupler, pivot, self.link, self.branch)
+        rod = _settled(rod, cross(hinge, rod), c + rod - pivot, self.link)
+        s = c + rod
+        if detail == "places":
+            points = {"C": link_frames.point(c), "S": link_frames.point(s)}
+            return Motion("closed form", angles, speed, acceleration, points)
+
+        c_v = -speed * self.crank * hinge
+        c_a = -acceleration * self.crank * hinge - speed**2 * c
+        swing = cross(hinge, rod)
+        # how S would move with the coupler held in the crank, then |P02S| = link differentiated twice
+        arm, carried = s - pivot, speed * cross(ex, s)
+        v1_v = -dot(arm, carried) / dot(arm, swing)
+        s_v = carried + v1_v * swing
+        held = acceleration * cross(ex, s) + cross(speed * ex, carried + 2.0 * v1_v * swing) - v1_v**2 * rod
+        v1_a = -(dot(arm, held) + dot(s_v, s_v)) / dot(arm, swing)
+        s_a = held + v1_a * swing
+        points = {"C": link_frames.point(c, c_v, c_a), "S": link_frames.point(s, s_v, s_a)}
+        if detail == "rates":
+            return Motion("closed form", angles, speed, acceleration, points)
+
+        ahead = rod / self.coupler
+        v1 = JointMotion(np.arctan2(ahead[0], dot(ahead, radial)), v1_v, v1_a)
+        spin = speed * ex + v1_v * hinge
+        pull = acceleration * ex + v1_a * hinge + speed * v1_v * radial
+        at_origin, crank = link_frames.point(np.zeros_like(c)), (ex, radial, -hinge)
+        links, joints = self._rocker_side(arm, s_v, s_a)
+        links = {
+            "crank": link_frames.link(at_origin, crank, speed * ex, acceleration * ex),
+            "coupler": link_frames.link(points["C"], (ahead, cross(hinge, ahead), hinge), spin, pull),
+            **links,
+        }
+        joints = {"crank": JointMotion(angles, speed, acceleration), "C": v1, **joints}
+        return Motion("closed form", angles, speed, acceleration, points, links, joints)
+
+    def _rocker_side(
+        self, arm: Array, s_v: Array, s_a: Array
+    ) -> tuple[dict[str, LinkMotion], dict[str, JointMotion]]:
+        """Return link and rocker from P02S and the rates of S, (3, n) each: S in polar coordinates u2, v2."""
+        x0, y0, z = (column(axis) for axis in self.rocker_frame.T)
+        pivot, height = column(self.pivot), dot(arm, z)
+        flat = arm - height * z
+        reach = norm(flat)
+        reach = np.where(reach >= POLE * self.link, reach, np.nan)
+        ahead = flat / reach
+        side = cross(z, ahead)
+        u2_v, v2_v = dot(s_v, side) / reach, dot(s_v, z) / reach
+        reach_v = dot(s_v, ahead)
+        u2_a = (dot(s_a, side) - 2.0 * reach_v * u2_v) / reach
+        v2_a = (dot(s_a, z) - reach_v * v2_v) / reach
+        along = arm / self.link
+        link = link_frames.link(
+            link_frames.point(np.broadcast_to(pivot, arm.shape)),
+            (along, cross(along, side), -side),
+            u2_v * z - v2_v * side,
+            u2_a * z - v2_a * side + u2_v * v2_v * ahead,
+        )
+        joints = {
+            "link": JointMotion(np.arctan2(height, reach), v2_v, v2_a),
+            "rocker": JointMotion(np.arctan2(dot(arm, y0), dot(arm, x0)), u2_v, u2_a),
+        }
+        return {"link": link, "rocker": link_frames.pinned_link(pivot, ahead, z, u2_v, u2_a)}, joints
+
+
+def _settled(rod: Array, swing: Array, arm: Array, link: float) -> Array:
+    """Return rod vectors turned by the last few ulp that bring |arm| to the length of the link.
+
+    A short link against long others would otherwise stand open by the rounding of their squares.
+    """
+    gap = (norm(arm) - link) * link / dot(arm, swing)
+    # a turn above 1e-8 is a dead centre, where the gap is rounding of the wrong order to act on
+    return rod - np.where(np.abs(gap) < 1e-8, gap, 0.0) * swing

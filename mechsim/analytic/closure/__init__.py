@@ -1,0 +1,32 @@
+"""Loop equations of any mechanism: residual, Jacobian, rates, rank and assembly.
+
+Every moving link has six coordinates (a position and an orientation); each joint is a few rows that
+must vanish. This is the second, independent truth on the analytic side: it knows no closed form.
+"""
+
+from mechsim.analytic.closure.assembly import assemble, follow, rough_poses, turned_by
+from mechsim.analytic.closure.joint_rows import Rows
+from mechsim.analytic.closure.loop_equations import Poses, equations, residual_norms
+from mechsim.analytic.closure.motion import point_on, rates, solve
+from mechsim.analytic.closure.rank import RANK_TOLERANCE, Freedom, freedom, least_norm, singular_values
+from mechsim.model.mechanism import Pose
+
+__all__ = [
+    "RANK_TOLERANCE",
+    "Freedom",
+    "Pose",
+    "Poses",
+    "Rows",
+    "assemble",
+    "equations",
+    "follow",
+    "freedom",
+    "least_norm",
+    "point_on",
+    "rates",
+    "residual_norms",
+    "rough_poses",
+    "singular_values",
+    "solve",
+    "turned_by",
+]

@@ -1,0 +1,207 @@
+"""Assembly by Newton's method: closing the loops at crank angles, from a guess or from a neighbour."""
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechsim.analytic.closure.joint_rows import dot, skew
+from mechsim.analytic.closure.loop_equations import Poses, equations, is_length
+from mechsim.analytic.closure.rank import least_norm
+from mechsim.errors import AssemblyError, InputError
+from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
+
+Array = NDArray[np.float64]
+
+# a gap this small is rounding; polishing on would chase it down to the denormal numbers
+FLOOR = 4.0 * np.finfo(np.float64).eps
+# an element of a rotation this small is nought; its square would underflow some steps later
+NOUGHT = 1e-40
+
+
+def turned_by(rotation: Array, vector: Array) -> Array:
+    """Return exp(vector) @ rotation, (n, 3, 3), made orthogonal again to rounding."""
+    angle = np.sqrt(dot(vector, vector))[:, None, None]
+    small = angle < 1e-8
+    safe = np.where(small, 1.0, angle)
+    k = skew(vector)
+    a = np.where(small, 1.0, np.sin(safe) / safe)
+    b = np.where(small, 0.5, (1.0 - np.cos(safe)) / safe**2)
+    turned = (np.eye(3) + a * k + b * (k @ k)) @ rotation
+    # one Newton step towards the nearest rotation keeps the columns orthonormal to an ulp
+    turned = turned @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(turned, -1, -2) @ turned)
+    return np.where(np.abs(turned) < NOUGHT, 0.0, turned)
+
+
+# how far a pose on the way may stand open: near enough for the next step, which begins from it
+ROUGH = 1e-6
+
+
+def assemble(
+    mechanism: Mechanism,
+    angles: ArrayLike,
+    guess: Poses | None = None,
+    *,
+    most_steps: int = 50,
+    tolerance: float = 1e-12,
+) -> dict[str, Pose]:
+    """Close the loops at each crank angle by Newton's method from a guess.
+
+    Args:
+        mechanism: the mechanism.
+        angles: crank angles, (n,) in [rad].
+        guess: moving link -> one pose or n poses; None takes the mechanism's own guess for all angles.
+        most_steps: Newton steps before giving up.
+        tolerance: largest residual left, in units of the mechanism's size and in [rad]; below `ROUGH`
+            the poses are polished to rounding all the same.
+
+    Returns:
+        Moving link -> n poses.
+
+    Raises:
+        AssemblyError: where the loops do not close; names the crank angle and the gap left.
+
+    Accuracy: Newton's method to rounding: residuals of a few ulp of the longest link away from a
+    dead centre.
+    """
+    angles = crank_angles(mechanism, angles)
+    start = rough_poses(mechanism) if guess is None else guess
+    poses = {
+        link.name: Pose(
+            np.broadcast_to(start[link.name].position, (len(angles), 3)),
+            np.broadcast_to(start[link.name].rotation, (len(angles), 3, 3)),
+        )
+        for link in mechanism.links
+    }
+    gap, before = np.full(len(angles), np.inf), np.inf
+    for _ in range(most_steps):
+        rows = equations(mechanism, poses, angles)
+        gap = _gap(mechanism, rows.residual)
+        worst = gap.max()
+        if worst <= FLOOR or (worst <= tolerance and (tolerance >= ROUGH or worst >= 0.25 * before)):
+            break
+        before = worst
+        step = -least_norm(mechanism, rows.jacobian, rows.residual)
+        turns = step.reshape(len(angles), -1, 6)[..., 3:]
+        # never turn a link by more than half a radian at once: the linear model is not true that far
+        step *= 0.5 / np.maximum(0.5, np.sqrt((turns**2).sum(-1)).max(-1))[:, None]
+        poses = _moved(mechanism, poses, step)
+    if not gap.max() <= tolerance:
+        worst = int(np.argmax(gap))
+        raise AssemblyError(
+            f"{mechanism.name}: the loops do not close at crank angle {angles[worst]:.6g} rad: a gap of "
+            f"{gap[worst]:.3g} of the longest link is left after {most_steps} Newton steps; "
+            "change the dimensions, the crank angle or the guess"
+        )
+    _require_axes_alike(mechanism, poses, angles)
+    return poses
+
+
+def _require_axes_alike(mechanism: Mechanism, poses: Poses, angles: Array) -> None:
+    """Refuse joints put together with their axes opposed: the rows say parallel, not which way."""
+    placed = {GROUND: IDENTITY, **poses}
+    for joint in mechanism.joints:
+        if joint.kind in ("spherical", "universal"):
+            continue
+        axes = [placed[end.link].rotation @ np.asarray(end.axis) for end in (joint.a, joint.b)]
+        opposed = np.broadcast_to(dot(*axes) < 0.0, angles.shape)
+        if opposed.any():
+            where = f"crank angle {angles[np.argmax(opposed)]:.6g} rad"
+            raise AssemblyError(
+                f"{mechanism.name}: at {where} joint {joint.name!r} came together with its axes opposed; "
+                "give a guess nearer the assembly meant"
+            )
+
+
+def crank_angles(mechanism: Mechanism, angles: ArrayLike) -> Array:
+    """Return crank angles as (n,) in [rad], or say what is wrong with them."""
+    values = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+    if values.ndim != 1 or not np.isfinite(values).all():
+        raise InputError(
+            f"{mechanism.name}: a crank angle is no finite number; give a list of angles in [rad]"
+        )
+    return values
+
+
+def _gap(mechanism: Mechanism, residual: Array) -> Array:
+    kinds = [length for joint in mechanism.joints for length in is_length(joint)]
+    scale = np.ones(residual.shape[1])
+    scale[: len(kinds)] = np.where(kinds, 1.0 / mechanism.size, 1.0)
+    return np.abs(residual * scale).max(1)
+
+
+def _moved(mechanism: Mechanism, poses: Poses, step: Array) -> dict[str, Pose]:
+    moved = {}
+    for i, link in enumerate(mechanism.links):
+        shift, vector = step[:, 6 * i : 6 * i + 3], step[:, 6 * i + 3 : 6 * i + 6]
+        pose = poses[link.name]
+        moved[link.name] = Pose(pose.position + shift, turned_by(pose.rotation, vector))
+    return moved
+
+
+def rough_poses(mechanism: Mechanism) -> dict[str, Pose]:
+    """Return one pose a link: the guess, else where its joints to placed links put it at zero coordinates."""
+    placed: dict[str, Pose] = {GROUND: IDENTITY, **mechanism.guess}
+    waiting = list(mechanism.joints)
+    while waiting:
+        joint = next((j for j in waiting if j.a.link in placed or j.b.link in placed), None)
+        if joint is None:
+            lost = [link.name for link in mechanism.links if link.name not in placed]
+            raise AssemblyError(
+                f"{mechanism.name}: no chain of joints leads from the frame to {', '.join(lost)}; add one"
+            )
+        waiting.remove(joint)
+        near, far = (joint.a, joint.b) if joint.a.link in placed else (joint.b, joint.a)
+        if far.link not in placed:
+            pose = placed[near.link]
+            rotation = pose.rotation @ near.frame @ far.frame.T
+            placed[far.link] = Pose(pose.point(near.point) - rotation @ np.asarray(far.point), rotation)
+    lost = [link.name for link in mechanism.links if link.name not in placed]
+    if lost:
+        raise AssemblyError(
+            f"{mechanism.name}: no joint holds link {', '.join(lost)}; add one or leave it out"
+        )
+    del placed[GROUND]
+    return placed
+
+
+def follow(mechanism: Mechanism, angles: ArrayLike, *, step: float = np.pi / 36) -> dict[str, Pose]:
+    """Assemble along a path of crank angles, each pose guessed from the one before: the assembly is kept.
+
+    Args:
+        mechanism: the mechanism; its guess begins the path.
+        angles: crank angles in the order they are passed, (n,) in [rad].
+        step: longest step of the crank between two solutions, in [rad].
+
+    Returns:
+        Moving link -> n poses.
+
+    Raises:
+        AssemblyError: where the loops do not close.
+    """
+    angles = crank_angles(mechanism, angles)
+    current = assemble(mechanism, [mechanism.start])
+    found: list[dict[str, Pose]] = []
+    for here, there in pairwise([mechanism.start, *angles]):
+        way = np.linspace(here, there, 1 + max(1, int(np.ceil(abs(there - here) / step))))
+        for before, after in pairwise(way):
+            ahead = _carried(mechanism, current, before, after - before)
+            current = assemble(mechanism, [after], ahead, tolerance=ROUGH)
+        found.append(current)
+    rough = {
+        link.name: Pose(
+            np.concatenate([poses[link.name].position for poses in found]),
+            np.concatenate([poses[link.name].rotation for poses in found]),
+        )
+        for link in mechanism.links
+    }
+    # all together to rounding
+    return assemble(mechanism, angles, rough)
+
+
+def _carried(mechanism: Mechanism, poses: Poses, angle: float, way: float) -> dict[str, Pose]:
+    """Return poses carried along the tangent of the loops over a small way of the crank."""
+    rows = equations(mechanism, poses, angle)
+    asked = np.zeros_like(rows.residual)
+    asked[:, -1] = way
+    return _moved(mechanism, poses, least_norm(mechanism, rows.jacobian, asked))

@@ -1,0 +1,138 @@
+"""Rows of the loop equations: how joint ends move, and the four kinds of rows they make.
+
+A row is one of four kinds, for unit vectors U on link A and V on link B and the vector D from A's
+joint point to B's: the three components of D, U.V - c, U.D - c, and the driver or gear row.
+Jacobians are with respect to twists (velocity of the link's origin, angular velocity), both in the
+ground frame.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechsim.model.mechanism import Pose
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Some rows of the loop equations, linearised.
+
+    Attributes:
+        residual: (n, m).
+        jacobian: (n, m, 6 links).
+        bias: second derivative of the residual at zero acceleration, (n, m).
+    """
+
+    residual: Array
+    jacobian: Array
+    bias: Array
+
+
+class Side:
+    """A joint end in space: its arm from the link's origin, its frame, and how both move."""
+
+    def __init__(self, pose: Pose, twist: Array, point: ArrayLike, frame: Array, slot: int | None):
+        self.slot = slot
+        self.arm = pose.rotation @ np.asarray(point)  # (n, 3)
+        self.point = pose.position + self.arm
+        self.frame = pose.rotation @ frame  # (n, 3, 3)
+        self.velocity, self.spin = twist[..., :3], twist[..., 3:]
+        self.point_velocity = self.velocity + cross(self.spin, self.arm)
+        self.point_bias = cross(self.spin, cross(self.spin, self.arm))
+
+    def direction(self, column: int) -> tuple[Array, Array, Array]:
+        """Return a frame direction, its rate and the bias of its second rate."""
+        u = self.frame[..., column]
+        rate = cross(self.spin, u)
+        return u, rate, cross(self.spin, rate)
+
+
+def skew(v: Array) -> Array:
+    """Return the matrices of v x, (..., 3) -> (..., 3, 3)."""
+    out = np.zeros((*v.shape, 3))
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
+    return out
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Return scalar products, (..., 3) and (..., 3) -> (...)."""
+    return (a * b).sum(-1)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return vector products, (..., 3) and (..., 3) -> (..., 3)."""
+    # np.cross spends ten times longer on moving axes than on multiplying
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return out
+
+
+class Stack:
+    """Collects rows for a mechanism of `links` moving links at n poses."""
+
+    def __init__(self, links: int, n: int):
+        self.links, self.n = links, n
+        self.residual: list[Array] = []
+        self.jacobian: list[Array] = []
+        self.bias: list[Array] = []
+
+    def _add(self, residual: Array, bias: Array, parts: list[tuple[int | None, Array, Array]]) -> None:
+        row = np.zeros((self.n, 6 * self.links))
+        for slot, linear, angular in parts:
+            if slot is not None:
+                row[:, 6 * slot : 6 * slot + 3] += linear
+                row[:, 6 * slot + 3 : 6 * slot + 6] += angular
+        self.residual.append(np.broadcast_to(residual, (self.n,)))
+        self.jacobian.append(row)
+        self.bias.append(np.broadcast_to(bias, (self.n,)))
+
+    def coincide(self, a: Side, b: Side) -> None:
+        """D = 0, three rows."""
+        gap, bias = b.point - a.point, b.point_bias - a.point_bias
+        turn_a, turn_b = skew(a.arm), -skew(b.arm)
+        for i in range(3):
+            unit = np.eye(3)[i]
+            parts = [(a.slot, -unit, turn_a[:, i]), (b.slot, unit, turn_b[:, i])]
+            self._add(gap[:, i], bias[:, i], parts)
+
+    def angle_between(self, a: Side, i: int, b: Side, j: int, cosine: float) -> None:
+        """U.V = cosine, with U column i of a's frame and V column j of b's."""
+        u, u_rate, _ = a.direction(i)
+        v, v_rate, _ = b.direction(j)
+        across = cross(u, v)
+        bias = dot(a.spin - b.spin, cross(u_rate, v) + cross(u, v_rate))
+        zero = np.zeros(3)
+        self._add(dot(u, v) - cosine, bias, [(a.slot, zero, across), (b.slot, zero, -across)])
+
+    def distance_along(self, a: Side, i: int, b: Side, way: float) -> None:
+        """U.D = way, with U column i of a's frame."""
+        u, u_rate, u_bias = a.direction(i)
+        gap, gap_rate = b.point - a.point, b.point_velocity - a.point_velocity
+        bias = 2.0 * dot(u_rate, gap_rate) + dot(u_bias, gap)
+        bias = bias + dot(u, b.point_bias - a.point_bias)
+        parts = [(a.slot, -u, cross(u, gap) - cross(a.arm, u)), (b.slot, u, cross(b.arm, u))]
+        self._add(dot(u, gap) - way, bias, parts)
+
+    def turned(self, residual: Array, turns: list[tuple[float, Side, Side]]) -> None:
+        """A weighted sum of joint angles is given; residual in [rad]."""
+        bias = np.zeros(self.n)
+        parts: list[tuple[int | None, Array, Array]] = []
+        for weight, a, b in turns:
+            axis, axis_rate, _ = a.direction(2)
+            bias = bias + weight * dot(axis_rate, b.spin - a.spin)
+            parts += [(a.slot, np.zeros(3), -weight * axis), (b.slot, np.zeros(3), weight * axis)]
+        self._add(wrap(residual), bias, parts)
+
+    def rows(self) -> Rows:
+        """Return all rows collected."""
+        return Rows(np.stack(self.residual, 1), np.stack(self.jacobian, 1), np.stack(self.bias, 1))
+
+
+def wrap(angle: Array) -> Array:
+    """Return angles brought within half a turn of zero, in [rad]."""
+    return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))

@@ -1,0 +1,126 @@
+"""Velocities and accelerations of everything, by the loop equations differentiated twice."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechsim.analytic.closure.assembly import follow
+from mechsim.analytic.closure.joint_rows import cross, dot
+from mechsim.analytic.closure.loop_equations import Poses, equations
+from mechsim.analytic.closure.rank import least_norm
+from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, joint_coordinate
+from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
+
+Array = NDArray[np.float64]
+
+
+def rates(
+    mechanism: Mechanism, poses: Poses, angle: ArrayLike, speed: ArrayLike, acceleration: ArrayLike = 0.0
+) -> Motion:
+    """Differentiate the loop equations twice: exact velocities and accelerations of everything.
+
+    Args:
+        mechanism: the mechanism.
+        poses: moving link -> n poses that close the loops.
+        angle: crank angle, (n,) in [rad].
+        speed: crank speed, scalar or (n,) in [rad/s].
+        acceleration: crank acceleration, scalar or (n,) in [rad/s2].
+
+    Returns:
+        The motion. Passive freedoms (the spin of an unguided coupler) get the least rates that agree.
+
+    Accuracy: relative error about 1e-15 times the condition of the loop Jacobian.
+    """
+    names = [link.name for link in mechanism.links]
+    angle = np.atleast_1d(np.asarray(angle, dtype=np.float64))
+    n = len(angle)
+    speed = np.broadcast_to(np.asarray(speed, dtype=np.float64), (n,))
+    acceleration = np.broadcast_to(np.asarray(acceleration, dtype=np.float64), (n,))
+
+    rows = equations(mechanism, poses, angle)
+    asked = np.zeros_like(rows.residual)
+    asked[:, -1] = speed
+    twist = least_norm(mechanism, rows.jacobian, asked).reshape(n, -1, 6)
+    twists = {name: twist[:, i] for i, name in enumerate(names)}
+
+    rows = equations(mechanism, poses, angle, twists)
+    asked[:, -1] = acceleration
+    accelerations = least_norm(mechanism, rows.jacobian, asked - rows.bias).reshape(n, -1, 6)
+
+    links = {
+        name: LinkMotion(
+            poses[name].position,
+            poses[name].rotation,
+            twist[:, i, :3],
+            twist[:, i, 3:],
+            accelerations[:, i, :3],
+            accelerations[:, i, 3:],
+        )
+        for i, name in enumerate(names)
+    }
+    points = {
+        point: point_on(links[link], local)
+        for point, (link, local) in mechanism.points.items()
+        if link != GROUND
+    }
+    return Motion(
+        source="loop equations",
+        angle=angle,
+        speed=speed,
+        acceleration=acceleration,
+        points=points,
+        links=links,
+        joints={
+            joint.name: _joint_motion(joint, links)
+            for joint in mechanism.joints
+            if joint.kind in ("revolute", "prismatic")
+        },
+    )
+
+
+def solve(
+    mechanism: Mechanism, angles: ArrayLike, speed: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
+) -> Motion:
+    """Return the motion of any mechanism from its loop equations alone; `follow`, then `rates`."""
+    poses = follow(mechanism, angles)
+    return rates(mechanism, poses, angles, speed, acceleration)
+
+
+def point_on(link: LinkMotion, local: ArrayLike) -> PointMotion:
+    """Return the motion of a point fixed in a moving link."""
+    arm = link.rotation @ np.asarray(local, dtype=np.float64)
+    swing = cross(link.angular_velocity, arm)
+    pull = cross(link.angular_acceleration, arm) + cross(link.angular_velocity, swing)
+    return PointMotion(link.position + arm, link.velocity + swing, link.acceleration + pull)
+
+
+def _joint_motion(joint: Joint, links: Mapping[str, LinkMotion]) -> JointMotion:
+    a, b = (_link_motion(end.link, links) for end in (joint.a, joint.b))
+    poses = [Pose(link.position, link.rotation) for link in (a, b)]
+    value = joint_coordinate(joint, *poses)[..., 0]
+    axis = a.rotation @ np.asarray(joint.a.axis)
+    axis_rate = cross(a.angular_velocity, axis)
+    if joint.kind == "revolute":
+        spin = b.angular_velocity - a.angular_velocity
+        pull = dot(axis, b.angular_acceleration - a.angular_acceleration)
+        return JointMotion(np.unwrap(value), dot(axis, spin), pull + dot(axis_rate, spin))
+    ends = point_on(a, joint.a.point), point_on(b, joint.b.point)
+    gap, gap_rate, gap_pull = (
+        getattr(ends[1], part) - getattr(ends[0], part) for part in ("position", "velocity", "acceleration")
+    )
+    axis_pull = cross(a.angular_acceleration, axis) + cross(a.angular_velocity, axis_rate)
+    return JointMotion(
+        value,
+        dot(axis, gap_rate) + dot(axis_rate, gap),
+        dot(axis, gap_pull) + 2.0 * dot(axis_rate, gap_rate) + dot(axis_pull, gap),
+        "m",
+    )
+
+
+def _link_motion(name: str, links: Mapping[str, LinkMotion]) -> LinkMotion:
+    if name != GROUND:
+        return links[name]
+    still = np.zeros_like(next(iter(links.values())).position)
+    frames = np.broadcast_to(np.eye(3), (*still.shape, 3))
+    return LinkMotion(still, frames, still, still, still, still)

@@ -1,0 +1,124 @@
+"""How unevenly a machine turns under a steady drive, and the flywheel that evens it out."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.dynamics.machines import Machine
+from mechsim.analytic.dynamics.reduced_equation import coefficients, load_torque
+from mechsim.errors import InputError
+from mechsim.maths.roots import root
+
+Array = NDArray[np.float64]
+TURN = 2.0 * np.pi
+
+# the smallest coefficient of fluctuation that can be told from rounding
+LEAST = 1e-9
+# crank angles over the turn; smooth coefficients are resolved to rounding by far fewer
+ANGLES = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Fluctuation:
+    """A turn of a machine in its steady state under a constant drive torque.
+
+    Attributes:
+        angle: crank angles over one turn, (n,) in [rad].
+        speed: of the crank, (n,) in [rad/s].
+        mean: mean speed over time, in [rad/s].
+        torque: the constant drive torque, in [N m].
+        excess: largest less smallest energy that the drive has put in beyond what the turn took so far,
+            in [J].
+        coefficient: (largest - smallest speed) / mean.
+        flywheel: moment of inertia of the flywheel, in [kg m2].
+    """
+
+    angle: Array
+    speed: Array
+    mean: float
+    torque: float
+    excess: float
+    coefficient: float
+    flywheel: float
+
+
+def fluctuation(machine: Machine, mean: float) -> Fluctuation:
+    """Return how the crank's speed varies over the turn at a mean speed in [rad/s].
+
+    J w2 / 2 = K + integral of (T + Q); the constant torque T makes up the turn's balance and K the mean
+    speed. Friction that grows with speed, and loads over time, are taken as at the mean speed.
+
+    Raises:
+        InputError: for a mean speed of zero.
+        AssemblyError: where the crank cannot turn fully.
+    """
+    if not 0.0 < abs(mean) < np.inf:
+        raise InputError(f"mean crank speed is {mean} rad/s; give a finite speed other than 0")
+    angle, inertia, gained, torque = _turn(machine, mean)
+    return _even(machine, angle, inertia, gained, torque, mean)
+
+
+def flywheel_for(machine: Machine, mean: float, coefficient: float) -> Fluctuation:
+    """Return the turn with the smallest flywheel that keeps the coefficient of speed fluctuation.
+
+    The flywheel found replaces that of the machine's forces; it is zero where none is needed.
+
+    Raises:
+        InputError: for a coefficient so small that rounding of the speed is larger.
+    """
+    if not LEAST <= coefficient < np.inf:
+        raise InputError(
+            f"coefficient of speed fluctuation is {coefficient}; give {LEAST:g} or more, as 0.02"
+        )
+    bare = machine.with_forces(replace(machine.forces, flywheel=0.0))
+    angle, inertia, gained, torque = _turn(bare, mean)
+
+    def miss(flywheel: float) -> float:
+        return _even(bare, angle, inertia + flywheel, gained, torque, mean).coefficient - coefficient
+
+    found, most = 0.0, float(np.mean(inertia)) + float(np.ptp(gained)) / (coefficient * mean**2)
+    if miss(0.0) > 0.0:
+        while miss(most) > 0.0:
+            most *= 4.0
+        found = root(miss, 0.0, most)
+    return replace(_even(bare, angle, inertia + found, gained, torque, mean), flywheel=found)
+
+
+def _turn(machine: Machine, mean: float) -> tuple[Array, Array, Array, float]:
+    """Return angles, inertia, energy gained since the first of them, and the constant torque."""
+    angle: Array = np.arange(ANGLES, dtype=np.float64) * (TURN / ANGLES)
+    unit = machine.unit_motion(angle)
+    part = coefficients(machine, unit)
+    force = part.force(mean) + load_torque(machine, unit, angle / mean)
+    torque = -float(force.mean())
+    waves = np.fft.rfft(force + torque)
+    order = np.arange(len(waves))
+    waves[1:] /= 1j * order[1:]
+    waves[0] = 0.0
+    gained: Array = np.fft.irfft(waves, ANGLES).astype(np.float64)
+    return angle, part.inertia, gained - gained[0], torque
+
+
+def _even(
+    machine: Machine, angle: Array, inertia: Array, gained: Array, torque: float, mean: float
+) -> Fluctuation:
+    """Find the energy at the start of the turn that gives the mean speed."""
+
+    def speeds(start: float) -> Array:
+        return np.sqrt(2.0 * (start + gained) / inertia)
+
+    def miss(start: float) -> float:
+        return 1.0 / float(np.mean(1.0 / speeds(start))) - abs(mean)
+
+    floor, size = -float(gained.min()), float(inertia.max()) * mean**2 + float(np.ptp(gained))
+    least = floor + 1e-9 * size
+    if miss(least) > 0.0:
+        raise InputError(
+            f"{machine.mechanism.name}: at a mean speed of {mean:.6g} rad/s the crank would stop within "
+            "the turn; give a higher speed or a flywheel"
+        )
+    speed = np.sign(mean) * speeds(root(miss, least, floor + size))
+    spread = float(np.ptp(speed)) / abs(mean)
+    excess = float(np.ptp(gained))
+    return Fluctuation(angle, speed, mean, torque, excess, spread, machine.forces.flywheel)

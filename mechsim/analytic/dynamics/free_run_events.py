@@ -1,0 +1,243 @@
+"""A free crank from event to event: pieces of DOP853's solution between rests, turns back and the end."""
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from mechsim.analytic.dynamics.crank_table import CrankTable
+from mechsim.analytic.dynamics.friction import dry_sizes
+from mechsim.analytic.dynamics.machines import Machine
+from mechsim.errors import AssemblyError
+from mechsim.maths.roots import root
+
+Array = NDArray[np.float64]
+Outcome = Literal["done", "time over", "cannot start", "turned back", "stopped", "dead centre"]
+TURN = 2.0 * np.pi
+
+# a run for turns with no time limit of its own may take this many times what it seems to need
+PATIENCE = 1000.0
+# times a run may come to rest and start again before it is called off
+MOST_RESTS = 10_000
+# of a torque beside its own parts: below this it is rounding of a balance
+BALANCED = 1e-12
+# points in time at which a machine at rest under loads over time is tried for a start
+PROBES = 512
+
+
+class Runner:
+    """One free run as it goes: pieces of solution between events."""
+
+    def __init__(
+        self, machine: Machine, angle: float, speed: float, turns: float | None, tolerance: float
+    ) -> None:
+        forces = machine.forces
+        self.machine, self.forces = machine, forces
+        self.chart = CrankTable(machine)
+        joints = {joint.name: joint for joint in machine.mechanism.joints}
+        self.dry = np.array([size for one in forces.friction for size in dry_sizes(joints[one.joint], one)])
+        self.pushes = [*(load.force for load in forces.loads), *(one.moment for one in forces.couples)]
+        self.steady = not any(course.over == "time" for course in forces.courses)
+        self.start, self.turns, self.tolerance = angle, turns, tolerance
+        self.time, self.state = 0.0, np.array([angle, speed, 0.0, 0.0])
+        self.from_rest = speed == 0.0
+        self.barred: float | None = None
+        self.bar = ""
+        self.pieces: list[tuple[float, float, float, Callable[[Array], Array]]] = []
+
+    def parts(self, time: float, angle: float, speed: float) -> tuple[float, ...]:
+        """Return J, J', statics, damping, dry friction, and driving torque at a state."""
+        row = self.chart.at(angle)
+        inertia, slope, static, _, damping = row[:5].tolist()
+        k = len(self.dry)
+        dry = float(np.abs(row[5 : 5 + k]) @ self.dry) if k else 0.0
+        drive = 0.0
+        if self.forces.motor is not None:
+            drive += float(self.forces.motor.torque(speed))
+        if self.forces.crank_torque is not None:
+            drive += float(self.forces.crank_torque.at(angle, time)[0])
+        for i, push in enumerate(self.pushes):
+            drive += float(push.at(angle, time)[0] @ row[5 + k + 3 * i : 8 + k + 3 * i])
+        return inertia, slope, static, damping, dry, drive
+
+    def rates(self, sign: float) -> Callable[[float, Array], Array]:
+        """Return the right-hand side while the crank turns one way."""
+
+        def rate(time: float, state: Array) -> Array:
+            angle, speed = float(state[0]), float(state[1])
+            beyond = self.barred is not None and (angle - self.barred) * sign >= 0.0
+            if beyond or not np.isfinite(state).all():
+                return np.full(4, np.nan)
+            try:
+                inertia, slope, static, damping, dry, drive = self.parts(time, angle, speed)
+            except AssemblyError as error:
+                # the integrator then shortens its step until it stands before the dead centre
+                self.barred, self.bar = angle, str(error)
+                return np.full(4, np.nan)
+            force = static - damping * speed - sign * dry + drive
+            pull = (force - 0.5 * slope * speed**2) / inertia
+            return np.array([speed, pull, drive * speed, (damping * speed + sign * dry) * speed])
+
+        return rate
+
+    def run(self, duration: float | None) -> tuple[Outcome, str]:
+        """Go on until an end; return which."""
+        try:
+            end = self._patience() if duration is None else duration
+            for _ in range(MOST_RESTS):
+                over = self._piece(end)
+                if over is not None:
+                    return over
+        except AssemblyError as error:
+            return "dead centre", str(error)
+        return "stopped", f"the crank came to rest {MOST_RESTS} times; give fewer turns or less time"
+
+    def _piece(self, end: float) -> tuple[Outcome, str] | None:
+        """Run to the next rest or end; None where the run goes on."""
+        sign = float(np.sign(self.state[1]))
+        if sign == 0.0:
+            sign = self._way(end)
+            if sign == 0.0:
+                return self._at_rest(end)
+        if self.time >= end:
+            return self._timed_out(end)
+        events: list[Any] = [_event(1, 0.0, -sign)]
+        if self.turns is not None:
+            events.append(_event(0, self.start + TURN * self.turns, float(np.sign(self.turns))))
+            events.append(_event(0, self.start - TURN * self.turns, -float(np.sign(self.turns))))
+        inertia, *_ = self.parts(self.time, float(self.state[0]), float(self.state[1]))
+        speed = max(abs(float(self.state[1])), 1.0)
+        floor = self.tolerance * np.array([1.0, speed, inertia * speed**2, inertia * speed**2])
+        done: Any = solve_ivp(
+            self.rates(sign),
+            (self.time, end),
+            self.state,
+            method="DOP853",
+            rtol=self.tolerance,
+            atol=floor,
+            dense_output=True,
+            events=events,
+        )
+        self.pieces.append((self.time, float(done.t[-1]), sign, done.sol))
+        self.time, self.state = float(done.t[-1]), done.y[:, -1].copy()
+        if done.status < 0:
+            return "dead centre", self.bar or f"the crank cannot be followed beyond {self.time:.6g} s"
+        if self.turns is not None and len(done.t_events[1]):
+            return "done", ""
+        if self.turns is not None and len(done.t_events[2]):
+            way = f"the crank made {self.turns:g} turns the other way round"
+            why = f"{way}; give a drive of the other sign, or {-self.turns:g} turns"
+            return ("cannot start" if self.from_rest else "turned back"), why
+        if len(done.t_events[0]):
+            self.state[1] = 0.0
+            return self._turning_back(sign)
+        return self._timed_out(end)
+
+    def _way(self, end: float) -> float:
+        """Return the sign of the motion that begins from rest; 0 where dry friction or balance holds it.
+
+        Under loads over time the machine waits until they move it, or until the end.
+        """
+        angle = float(self.state[0])
+
+        def excess(time: float) -> float:
+            _, _, static, _, dry, drive = self.parts(time, angle, 0.0)
+            small = BALANCED * max(abs(static), abs(drive), dry)
+            return abs(static + drive) - dry - small
+
+        _, _, static, _, _, drive = self.parts(self.time, angle, 0.0)
+        if excess(self.time) > 0.0:
+            return float(np.sign(static + drive))
+        if self.steady:
+            return 0.0
+        before = self.time
+        for later in np.linspace(self.time, end, PROBES)[1:]:
+            if excess(float(later)) > 0.0:
+                waited = excess(before) < 0.0
+                self._hold(root(excess, before, float(later)) if waited else before)
+                _, _, static, _, _, drive = self.parts(float(later), angle, 0.0)
+                return float(np.sign(static + drive))
+            before = float(later)
+        return 0.0
+
+    def _hold(self, until: Any) -> None:
+        """Stay at rest until an instant."""
+        held, until = self.state.copy(), float(until)
+        self.pieces.append((self.time, until, 0.0, lambda at: np.tile(held[:, None], len(at))))
+        self.time = until
+
+    def _at_rest(self, end: float) -> tuple[Outcome, str]:
+        """Say how a run ends that nothing moves any more."""
+        angle = float(self.state[0])
+        _, _, static, _, dry, drive = self.parts(self.time, angle, 0.0)
+        if self.turns is None:
+            self._hold(end)
+        why = (
+            f"at crank angle {angle:.6g} rad the drive and loads give {drive:.6g} N m and weight and springs "
+            f"{static:.6g}, and dry friction holds up to {dry:.6g} N m"
+        )
+        if self.from_rest and angle == self.start:
+            return "cannot start", why
+        return "stopped", why
+
+    def _turning_back(self, sign: float) -> tuple[Outcome, str] | None:
+        """Judge a change of direction: without forces over time the way on is barred for good."""
+        if self.turns is None or not self.steady or sign * self.turns < 0.0:
+            return None
+        if not self._way(self.time):
+            return None
+        way = float(self.state[0]) - self.start
+        why = (
+            f"the crank turns back at {self.state[0]:.6g} rad, {way / TURN:.3g} turns from its start; "
+            "nothing it loses on the way comes back, so that it never gets beyond: give more torque or speed"
+        )
+        return ("cannot start" if self.from_rest else "turned back"), why
+
+    def _timed_out(self, end: float) -> tuple[Outcome, str]:
+        if self.turns is None:
+            return "done", ""
+        made = (float(self.state[0]) - self.start) / TURN
+        return "time over", f"{made:.6g} of {self.turns:g} turns in {end:.6g} s"
+
+    def _patience(self) -> float:
+        """Return a time that is ample for the turns asked for, so that no run hangs."""
+        assert self.turns is not None
+        inertia, _, static, _, _, drive = self.parts(0.0, self.start, float(self.state[1]))
+        pace = max(abs(float(self.state[1])), float(np.sqrt((abs(static) + abs(drive)) / inertia)))
+        motor = self.forces.motor
+        if motor is not None:
+            pace = min(pace, abs(motor.no_load))
+        return PATIENCE * TURN * (1.0 + abs(self.turns)) / max(pace, 1e-6)
+
+    def at(self, times: Array) -> tuple[Array, Array, Array, Array]:
+        """Return what the run was at instants (n,) in [s], from 0 to its end.
+
+        Returns:
+            Angle, speed, work done and lost, (4, n); crank acceleration, inertia and potential energy,
+            (n,) each; all in SI.
+        """
+        states = np.tile(self.state[:, None], len(times))
+        signs = np.zeros(len(times))
+        for first, last, sign, solution in self.pieces:
+            within = (times >= first) & (times <= last)
+            if within.any():
+                states[:, within] = solution(times[within])
+                signs[within] = sign
+        rows = [self.chart.at(angle) for angle in states[0].tolist()]
+        pull = [
+            self.rates(sign)(time, state)[1] if sign else 0.0
+            for time, state, sign in zip(times.tolist(), states.T, signs.tolist(), strict=True)
+        ]
+        inertia, energy = np.array([row[0] for row in rows]), np.array([row[3] for row in rows])
+        return states, np.array(pull), inertia, energy
+
+
+def _event(index: int, level: float, direction: float) -> Any:
+    def crossing(time: float, state: Array) -> float:
+        return float(state[index]) - level
+
+    crossing.terminal = True  # pyright: ignore[reportFunctionMemberAccess]
+    crossing.direction = direction  # pyright: ignore[reportFunctionMemberAccess]
+    return crossing

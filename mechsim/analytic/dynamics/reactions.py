@@ -1,0 +1,160 @@
+"""Joint reactions by Newton and Euler with the Jacobian of the loop equations, and what it leaves open."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.closure import RANK_TOLERANCE
+from mechsim.analytic.dynamics.unit_motion import UnitMotion, cross
+from mechsim.model.mechanism import Gear, Joint, Mechanism
+
+Array = NDArray[np.float64]
+
+# rows of the loop equations a joint takes, and how many of them are lengths
+ROWS = {
+    "revolute": (5, 3),
+    "prismatic": (5, 2),
+    "cylindrical": (4, 2),
+    "universal": (4, 3),
+    "spherical": (3, 3),
+}
+COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+
+
+@dataclass(frozen=True, slots=True)
+class Reaction:
+    """What the geometry of a joint transmits to its link b from its link a.
+
+    Friction, springs and the drive in the joint act along its freedom and are not in it; a link's own
+    balance is: reactions + those + weight + loads = inertia.
+
+    Attributes:
+        joint: name of the joint.
+        link: the link b on which it acts.
+        by: the link a by which it acts.
+        force: in ground axes, (n, 3) in [N].
+        moment: about the joint's point on link b, in ground axes, (n, 3) in [N m].
+        point: that point in the ground frame, (n, 3) in [m].
+        determined: of fx, fy, fz, mx, my, mz, whether Newton's and Euler's laws of rigid links say
+            what it is, (6,); of those they do not, the smallest that fit are given.
+    """
+
+    joint: str
+    link: str
+    by: str
+    force: Array
+    moment: Array
+    point: Array
+    determined: NDArray[np.bool_]
+
+    @property
+    def open(self) -> tuple[str, ...]:
+        """Names of the components that are not determined."""
+        return tuple(name for name, known in zip(COMPONENTS, self.determined, strict=True) if not known)
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """All forces that keep the links on their way.
+
+    Attributes:
+        drive: torque on the driven joint's link b about its axis, (n,) in [N m].
+        reactions: joint -> reaction.
+        gears: "driver-driven" -> torque on the driven joint's link b about its axis, (n,) in [N m]; the
+            torque on the driver joint's is -ratio times it.
+        residual: largest imbalance left of any link, relative to the largest wrench, (n,).
+        indeterminacy: number of independent self-stresses: forces the joints can hold against each
+            other without any load.
+    """
+
+    drive: Array
+    reactions: Mapping[str, Reaction]
+    gears: Mapping[str, Array]
+    residual: Array
+    indeterminacy: int
+
+
+def balance(unit: UnitMotion, needed: Array) -> Balance:
+    """Return the drive torque and all joint reactions that give the links the wrenches they need.
+
+    Solves J' lambda = needed for the multipliers of the loop equations, J being their Jacobian; where
+    rows are redundant, by least norm with lengths in units of the mechanism's size.
+
+    Args:
+        unit: the motion per radian.
+        needed: inertial wrenches less what is applied, about link origins, (n, L, 6) in [N, N m].
+    """
+    mechanism, jacobian = unit.mechanism, unit.held_rows.jacobian
+    columns, rows = _scales(mechanism, jacobian.shape[1])
+    scaled = np.swapaxes(jacobian * columns, 1, 2) * rows  # (n, 6 L, m)
+    right = needed.reshape(len(unit), -1) * columns
+    u, values, vt = np.linalg.svd(scaled, full_matrices=True)
+    rank = int((values > RANK_TOLERANCE * values[:, :1]).sum(1).min())
+    inverse = 1.0 / values[:, :rank, None]
+    part = (np.swapaxes(u[:, :, :rank], 1, 2) @ right[..., None]) * inverse
+    solution = (np.swapaxes(vt[:, :rank], 1, 2) @ part)[..., 0]
+    multipliers = solution * rows
+    slack = np.swapaxes(vt[:, rank:], 1, 2)  # (n, m, s): multipliers without effect, scaled
+    left = np.abs((scaled @ solution[..., None])[..., 0] - right).max(1)
+    size = np.maximum(np.abs(right).max(1), np.finfo(np.float64).tiny)
+    return Balance(
+        multipliers[:, -1],
+        {
+            joint.name: _reaction(unit, joint, span, multipliers, slack * rows[:, None])
+            for joint, span in zip(mechanism.joints, _spans(mechanism), strict=True)
+        },
+        _gear_torques(mechanism, multipliers),
+        left / size,
+        slack.shape[-1],
+    )
+
+
+def _scales(mechanism: Mechanism, count: int) -> tuple[Array, Array]:
+    """Return the units of the columns and rows of the loop Jacobian in the mechanism's size."""
+    size = mechanism.size
+    columns = np.tile([size] * 3 + [1.0] * 3, len(mechanism.links))
+    rows = np.ones(count)
+    for joint, span in zip(mechanism.joints, _spans(mechanism), strict=True):
+        rows[span.start : span.start + ROWS[joint.kind][1]] = 1.0 / size
+    return columns, rows
+
+
+def _spans(mechanism: Mechanism) -> list[slice]:
+    ends = np.cumsum([0, *(ROWS[joint.kind][0] for joint in mechanism.joints)]).tolist()
+    return [slice(first, last) for first, last in pairwise(ends)]
+
+
+def _reaction(unit: UnitMotion, joint: Joint, span: slice, multipliers: Array, slack: Array) -> Reaction:
+    wrench, point = _wrench(unit, joint, span, multipliers[..., None])
+    alone, _ = _wrench(unit, joint, span, slack)
+    scale = np.array([unit.mechanism.size] * 3 + [1.0] * 3)
+    undone = np.abs(alone * scale[:, None]).max((0, 2), initial=0.0)
+    return Reaction(
+        joint.name, joint.b.link, joint.a.link, wrench[:, :3, 0], wrench[:, 3:, 0], point, undone <= 1e-9
+    )
+
+
+def _wrench(unit: UnitMotion, joint: Joint, span: slice, multipliers: Array) -> tuple[Array, Array]:
+    """Return wrenches on link b about its joint point per column of multipliers, (n, 6, k), and the point."""
+    end, sign = (joint.b, 1.0) if unit.slot(joint.b.link) is not None else (joint.a, -1.0)
+    slot = unit.slot(end.link)
+    assert slot is not None
+    part = unit.held_rows.jacobian[:, span, 6 * slot : 6 * slot + 6]
+    wrench = sign * np.swapaxes(part, 1, 2) @ multipliers[:, span]
+    point, _ = unit.point(joint.b.link, joint.b.point)
+    arm = point - unit.position[:, slot]
+    force = wrench[:, :3]
+    wrench[:, 3:] -= np.swapaxes(cross(arm[:, None], np.swapaxes(force, 1, 2)), 1, 2)
+    return wrench, point
+
+
+def _gear_torques(mechanism: Mechanism, multipliers: Array) -> dict[str, Array]:
+    first = multipliers.shape[1] - 1 - len(mechanism.gears)
+    return {_label(gear): multipliers[:, first + i] for i, gear in enumerate(mechanism.gears)}
+
+
+def _label(gear: Gear) -> str:
+    return f"{gear.driver}-{gear.driven}"

@@ -1,0 +1,237 @@
+"""A mechanism's motion per radian of the crank: poses, first and second derivatives, stacked by link.
+
+With the crank at speed w and acceleration e, a velocity is w times the first derivative and an
+acceleration is e times the first plus w2 times the second.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic import closure
+from mechsim.analytic.closure import Rows
+from mechsim.errors import InputError
+from mechsim.model.forces import Place, located
+from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, Vector
+from mechsim.model.motion import Motion
+
+Array = NDArray[np.float64]
+
+# parts of a link's size and inertia by which an idle link may miss being round about its line
+ROUND = 1e-9
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return the cross product along the last axis; np.cross is ten times slower on short arrays."""
+    x = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
+    y = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
+    z = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return np.stack([x, y, z], -1)
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Return the scalar product along the last axis."""
+    return (a * b).sum(-1)
+
+
+@dataclass(frozen=True)
+class UnitMotion:
+    """Poses and their derivatives by the crank angle, ground frame, n angles and L links.
+
+    Attributes:
+        mechanism: whose motion; every link has an inertia.
+        angle: crank angle, (n,) in [rad].
+        position: of link origins, (n, L, 3) in [m].
+        rotation: (n, L, 3, 3).
+        twist: first derivative: of the origin in [m/rad], of the orientation in [1], (n, L, 6).
+        bias: second derivative likewise, (n, L, 6).
+        idle: twists that no joint resists once the crank is held, (n, L, 6, k).
+    """
+
+    mechanism: Mechanism
+    angle: Array
+    position: Array
+    rotation: Array
+    twist: Array
+    bias: Array
+    idle: Array
+
+    def __len__(self) -> int:
+        return len(self.angle)
+
+    @cached_property
+    def masses(self) -> Array:
+        """Mass of each link, (L,) in [kg]."""
+        return np.array([link.inertia.mass for link in self.mechanism.links if link.inertia])
+
+    @cached_property
+    def centres(self) -> Array:
+        """Centre of mass of each link from its origin, (n, L, 3) in [m]."""
+        local = np.array([link.inertia.centre for link in self.mechanism.links if link.inertia])
+        return (self.rotation @ local[..., None])[..., 0]
+
+    @cached_property
+    def moments(self) -> Array:
+        """Inertia matrix of each link about its centre in ground axes, (n, L, 3, 3) in [kg m2]."""
+        local = np.array([link.inertia.moments for link in self.mechanism.links if link.inertia])
+        return self.rotation @ local @ np.swapaxes(self.rotation, -1, -2)
+
+    @cached_property
+    def held_rows(self) -> Rows:
+        """Loop equations and driver row, linearised at these poses."""
+        return closure.equations(self.mechanism, self.poses(), self.angle)
+
+    def poses(self) -> dict[str, Pose]:
+        """Return link -> n poses."""
+        return {
+            link.name: Pose(self.position[:, i], self.rotation[:, i])
+            for i, link in enumerate(self.mechanism.links)
+        }
+
+    def slot(self, link: str) -> int | None:
+        """Return the place of a link in the stacks; None for the frame."""
+        if link == GROUND:
+            return None
+        return [known.name for known in self.mechanism.links].index(link)
+
+    def point(self, link: str, local: Vector) -> tuple[Array, Array]:
+        """Return a point of a link and its derivative by the crank angle, (n, 3) each."""
+        slot = self.slot(link)
+        if slot is None:
+            return np.broadcast_to(np.asarray(local), (len(self), 3)), np.zeros((len(self), 3))
+        arm = self.rotation[:, slot] @ np.asarray(local)
+        swing = cross(self.twist[:, slot, 3:], arm)
+        return self.position[:, slot] + arm, self.twist[:, slot, :3] + swing
+
+    def place(self, place: Place) -> tuple[str, Array, Array]:
+        """Return the link of a place, where it is and its derivative."""
+        link, local = located(self.mechanism, place)
+        return link, *self.point(link, local)
+
+    def spin(self, link: str) -> Array:
+        """Return the derivative of a link's orientation, (n, 3)."""
+        slot = self.slot(link)
+        return np.zeros((len(self), 3)) if slot is None else self.twist[:, slot, 3:]
+
+    def axis(self, joint: Joint, which: str = "a") -> Array:
+        """Return the axis of a joint as side a or b has it, (n, 3)."""
+        end = joint.a if which == "a" else joint.b
+        slot = self.slot(end.link)
+        frame = np.eye(3)[None] if slot is None else self.rotation[:, slot]
+        return np.broadcast_to(frame @ np.asarray(end.axis), (len(self), 3))
+
+    def inertial(self, speed: Array, acceleration: Array) -> Array:
+        """Return the wrenches that give the links their motion, about link origins, (n, L, 6) in [N, N m].
+
+        m a of the centre, and I alpha + omega x I omega + c x m a for the centre at c.
+        """
+        w, e = speed[:, None, None], acceleration[:, None, None]
+        velocity, pull = w * self.twist, e * self.twist + w**2 * self.bias
+        omega, alpha, c = velocity[..., 3:], pull[..., 3:], self.centres
+        moved = pull[..., :3] + cross(alpha, c) + cross(omega, cross(omega, c))
+        force = self.masses[:, None] * moved
+        turned = (self.moments @ alpha[..., None])[..., 0]
+        gyro = cross(omega, (self.moments @ omega[..., None])[..., 0])
+        return np.concatenate([force, turned + gyro + cross(c, force)], -1)
+
+
+def from_motion(mechanism: Mechanism, motion: Motion) -> UnitMotion:
+    """Return a motion at unit crank speed and no crank acceleration, stacked by link.
+
+    A link whose spin nothing determines has its spin taken out: a round body that begins without
+    momentum about its own line never gains any, so that it behaves as a link with no spin at all.
+
+    Raises:
+        InputError: for such a link that is not round about its line, whose spin would be a second
+            freedom of the machine.
+    """
+    links = [motion.links[link.name] for link in mechanism.links]
+    twist = np.stack([np.concatenate([one.velocity, one.angular_velocity], -1) for one in links], 1)
+    bias = np.stack([np.concatenate([one.acceleration, one.angular_acceleration], -1) for one in links], 1)
+    position = np.stack([one.position for one in links], 1)
+    rotation = np.stack([one.rotation for one in links], 1)
+    none = np.zeros((*twist.shape, 0))
+    plain = UnitMotion(mechanism, motion.angle, position, rotation, twist, bias, none)
+    idle = _idle(plain)
+    if not idle.shape[-1]:
+        return plain
+    _require_round(plain, idle)
+    twist, bias = _without_spin(plain, idle)
+    return UnitMotion(mechanism, motion.angle, position, rotation, twist, bias, idle)
+
+
+def _idle(unit: UnitMotion) -> Array:
+    """Return a basis of the twists left once the crank is held, (n, L, 6, k)."""
+    mechanism = unit.mechanism
+    passive = closure.freedom(mechanism, unit.poses()).passive
+    n, count = len(unit), len(mechanism.links)
+    if not passive:
+        return np.zeros((n, count, 6, 0))
+    scale = np.tile([mechanism.size] * 3 + [1.0] * 3, count)
+    _, _, right = np.linalg.svd(unit.held_rows.jacobian * scale, full_matrices=True)
+    null = right[:, -passive:] * scale
+    return np.swapaxes(null, 1, 2).reshape(n, count, 6, passive)
+
+
+def _require_round(unit: UnitMotion, idle: Array) -> None:
+    """Raise InputError unless each idle twist leaves centres at rest and inertias as they are."""
+    for k in range(idle.shape[-1]):
+        linear, turn = idle[..., :3, k], idle[..., 3:, k]
+        drift = linear + cross(turn, unit.centres)
+        skew = np.stack([cross(turn, np.broadcast_to(unit_axis, turn.shape)) for unit_axis in np.eye(3)], -1)
+        change = skew @ unit.moments - unit.moments @ skew
+        fastest = np.abs(turn).max((1, 2), keepdims=True)
+        size, most = unit.mechanism.size, np.abs(unit.moments).max((-1, -2))
+        off = (np.abs(drift).max(-1) > ROUND * size * fastest[..., 0]) | (
+            np.abs(change).max((-1, -2)) > ROUND * most * fastest[..., 0]
+        )
+        if off.any():
+            name = unit.mechanism.links[int(np.argmax(off.any(0)))].name
+            raise InputError(
+                f"{unit.mechanism.name}: nothing determines the spin of link {name!r}, and its inertia is "
+                "not round about its line, so that its spin would be a freedom of its own; give it a centre "
+                "on the line and equal moments across it, or a guide"
+            )
+
+
+def _without_spin(unit: UnitMotion, idle: Array) -> tuple[Array, Array]:
+    """Return twist and bias without momentum, and its rate, along the idle twists."""
+    n, count, _, k = idle.shape
+    mass = mass_matrices(unit)
+    weighted = (mass @ idle).reshape(n, 6 * count, k)
+    flat = idle.reshape(n, 6 * count, k)
+    gram = np.swapaxes(flat, 1, 2) @ weighted
+
+    def off(vector: Array, along: Array) -> Array:
+        share = np.linalg.solve(gram, along[..., None])
+        return vector - (flat @ share).reshape(n, count, 6)
+
+    momentum = (np.swapaxes(weighted, 1, 2) @ unit.twist.reshape(n, -1, 1))[..., 0]
+    twist = off(unit.twist, momentum)
+    twists = {link.name: twist[:, i] for i, link in enumerate(unit.mechanism.links)}
+    rows = closure.equations(unit.mechanism, unit.poses(), unit.angle, twists)
+    scale = np.tile([unit.mechanism.size] * 3 + [1.0] * 3, count)
+    inverse = np.linalg.pinv(rows.jacobian * scale, rcond=closure.RANK_TOLERANCE)
+    bias = -(scale * (inverse @ rows.bias[..., None])[..., 0]).reshape(n, count, 6)
+    moved = UnitMotion(
+        unit.mechanism, unit.angle, unit.position, unit.rotation, twist, bias, np.zeros((n, count, 6, 0))
+    )
+    one, zero = np.ones(n), np.zeros(n)
+    torque = (np.swapaxes(flat, 1, 2) @ moved.inertial(one, zero).reshape(n, -1, 1))[..., 0]
+    return twist, off(bias, torque)
+
+
+def mass_matrices(unit: UnitMotion) -> Array:
+    """Return each link's 6 x 6 mass matrix about its origin, ground axes, (n, L, 6, 6)."""
+    n, count = unit.twist.shape[:2]
+    out = np.zeros((n, count, 6, 6))
+    c, m = unit.centres, unit.masses[:, None, None]
+    skew = np.zeros((n, count, 3, 3))
+    skew[..., 0, 1], skew[..., 0, 2], skew[..., 1, 2] = -c[..., 2], c[..., 1], -c[..., 0]
+    skew -= np.swapaxes(skew, -1, -2)
+    out[..., :3, :3] = m * np.eye(3)
+    out[..., 3:, :3], out[..., :3, 3:] = m * skew, -m * skew
+    out[..., 3:, 3:] = unit.moments - m * skew @ skew
+    return out

@@ -1,0 +1,212 @@
+"""Sheets: the real roots of an equation, followed as the crank turns until they meet another.
+
+A root t of g(crank angle, t) = 0 keeps the sign of dg/dt until it meets a root of the other sign, in a
+dead centre; that sign tells most roots apart. Where two roots of one sign stand side by side, the sheet
+says which is which: it is laid once over the whole turn, so that an answer depends on the crank angle
+alone and never on the angle asked before.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.vector_method import trig_quartic
+from mechsim.analytic.vector_method.trig_arcs import Arcs
+
+Array = NDArray[np.float64]
+TURN = 2.0 * np.pi
+Coefficients = Callable[[Array], Array]
+
+# nodes a turn: neighbouring roots of one sign are tens of degrees apart, a root moves by one or two
+NODES = 360
+SHRINK = 8.0 ** -np.arange(1, 7)
+# each finds one fold more in a gap between nodes that held several
+PASSES = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """One root over a range of crank angle.
+
+    Attributes:
+        low: where it begins, in [-pi, pi) rad.
+        high: where it ends; may be more than a turn on, since the root need not come back to itself.
+        closed: it comes back to itself after (high - low) / 2 pi turns.
+        angles: crank angles of its nodes, rising, (m,).
+        roots: t at the nodes, without jumps, (m,).
+    """
+
+    low: float
+    high: float
+    closed: bool
+    angles: Array
+    roots: Array
+
+    @property
+    def layers(self) -> int:
+        """How many roots of this sheet at most one crank angle has."""
+        turns = (self.high - self.low) / TURN
+        return max(1, round(turns)) if self.closed else int(np.ceil(turns))
+
+    def unrolled(self, angles: Array, layer: int) -> Array:
+        """Return crank angles shifted by whole turns onto the sheet, (n,); NaN where it does not reach.
+
+        Layer 0 is the shift by the fewest turns, 1 the next.
+        """
+        if self.closed:
+            return self.low + np.mod(angles + layer * TURN - self.low, self.high - self.low)
+        first = np.ceil((self.low - angles) / TURN)
+        last = np.floor((self.high - angles) / TURN)
+        near = np.clip(0.0, first, np.maximum(first, last))
+        # layers lie at near, then at its neighbours, upwards first
+        above, below = last - near, near - first
+        shift = near if layer == 0 else np.where(above >= layer, near + layer, near - (layer - above))
+        inside = (last >= first) & (layer <= above + below)
+        return np.where(inside, angles + TURN * shift, np.nan)
+
+    def guide(self, unrolled: Array) -> Array:
+        """Return about where the root is, (n,) in [rad]; NaN off the sheet."""
+        return np.where(np.isnan(unrolled), np.nan, np.interp(unrolled, self.angles, self.roots))
+
+    def arcs(self, layer: int) -> Arcs:
+        """Return the crank angles that a layer reaches."""
+        if self.closed:
+            return Arcs(True, ((-np.pi, np.pi),))
+        low, high = self.low, self.high - TURN * layer
+        return Arcs(False, ((low, high),)) if high > low else Arcs(False, ())
+
+
+def sheets(coefficients: Coefficients, domain: Arcs, sign: int) -> list[Sheet]:
+    """Return the sheets of the roots whose slope has one sign, those at crank angle zero first.
+
+    Args:
+        coefficients: crank angles (n,) -> trigonometric polynomials, (5, n), smooth.
+        domain: crank angles at which the polynomial exists.
+        sign: of the slope.
+    """
+    found = [sheet for arc in domain.arcs for sheet in _over(coefficients, arc, domain.full, sign)]
+
+    def rank(sheet: Sheet) -> tuple[bool, float, float]:
+        at_zero = sheet.guide(sheet.unrolled(np.zeros(1), 0))[0]
+        missing = bool(np.isnan(at_zero))
+        return missing, 0.0 if missing else float(abs(np.sin(at_zero))), sheet.low
+
+    return sorted(found, key=rank)
+
+
+def _over(coefficients: Coefficients, arc: tuple[float, float], full: bool, sign: int) -> list[Sheet]:
+    """Return the sheets over one arc; those of a full turn may run on across its ends."""
+    folds, nodes = _nodes(coefficients, arc, full)
+    here = coefficients(nodes)
+    roots = trig_quartic.real_roots(here)
+    kept = np.where(sign * trig_quartic.slope(here, roots) > 0.0, roots, np.nan)
+    columns = [column[~np.isnan(column)] for column in kept.T]
+    count = len(columns)
+    follows: dict[tuple[int, int], tuple[int, int]] = {}
+    for i in range(count if full else count - 1):
+        k = (i + 1) % count
+        follows |= {(i, a): (k, b) for a, b in _matched(columns[i], columns[k])}
+    led_to = set(follows.values())
+    every = [(i, j) for i in range(count) for j in range(len(columns[i]))]
+    waiting = dict.fromkeys(every)
+    out = []
+    # open sheets first, from where nothing leads to them; what is left then runs in rings
+    for begin in [node for node in every if node not in led_to] + every:
+        if begin not in waiting:
+            continue
+        chain = [begin]
+        del waiting[begin]
+        while (node := follows.get(chain[-1], chain[-1])) in waiting:
+            chain.append(node)
+            del waiting[node]
+        closed = follows.get(chain[-1]) == begin
+        out.append(_sheet(chain, closed, nodes, columns, [*folds, *(() if full else arc)]))
+    return out
+
+
+def _sheet(
+    chain: list[tuple[int, int]], closed: bool, nodes: Array, columns: list[Array], ends: list[float]
+) -> Sheet:
+    index = np.array([i for i, _ in chain])
+    angles = np.unwrap(nodes[index])
+    roots: Array = np.unwrap(np.array([columns[i][j] for i, j in chain])).astype(np.float64)
+    if closed:
+        turns = max(1, round((angles[-1] - angles[0]) / TURN))
+        back = roots[-1] + np.mod(roots[0] - roots[-1] + np.pi, TURN) - np.pi
+        low, high = angles[0], angles[0] + turns * TURN
+        angles, roots = np.append(angles, high), np.append(roots, back)
+    else:
+        low = angles[0] - min((angles[0] - end) % TURN for end in ends)
+        high = angles[-1] + min((end - angles[-1]) % TURN for end in ends)
+    shift = TURN * np.floor((low + np.pi) / TURN)
+    return Sheet(float(low - shift), float(high - shift), closed, angles - shift, roots)
+
+
+def _matched(here: Array, there: Array) -> list[tuple[int, int]]:
+    """Pair the roots at two neighbouring nodes, at most four each, so that they move least in sum."""
+    if len(here) > len(there):
+        return [(b, a) for a, b in _matched(there, here)]
+    if len(there) == 1:
+        return [(0, 0)] if len(here) else []
+    gap = np.abs(np.mod(here[:, None] - there[None] + np.pi, TURN) - np.pi)
+    choices = permutations(range(len(there)), len(here))
+    best = min(choices, key=lambda c: sum(gap[i, j] for i, j in enumerate(c)))
+    return list(enumerate(best))
+
+
+def _nodes(coefficients: Coefficients, arc: tuple[float, float], full: bool) -> tuple[list[float], Array]:
+    """Return the folds, where two roots meet, and nodes that never have two folds between neighbours."""
+    low, high = arc
+    if full:
+        base = np.linspace(low, high, NODES + 1)
+    else:  # roots move like a square root at the ends of the arc
+        base = (low + high) / 2.0 - (high - low) / 2.0 * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+
+    def apart(angles: Array) -> Array:
+        return trig_quartic.discriminant(coefficients(angles))
+
+    def count(angles: Array) -> Array:
+        return (~np.isnan(trig_quartic.real_roots(coefficients(angles)))).sum(0)
+
+    nodes, folds = base, np.empty(0)
+    for _ in range(PASSES):
+        nodes = np.union1d(nodes, _dips(apart, nodes))
+        counts = count(nodes)
+        passed = np.searchsorted(folds, nodes)
+        at = np.nonzero((counts[1:] != counts[:-1]) & (passed[1:] == passed[:-1]))[0]
+        if len(at) == 0:
+            break
+        left, right, before = nodes[at], nodes[at + 1], counts[at]
+        for _ in range(52):
+            middle = (left + right) / 2.0
+            same = count(middle) == before
+            left, right = np.where(same, middle, left), np.where(same, right, middle)
+        new = (left + right) / 2.0
+        # near a fold roots move like a square root: nodes close up on it by a factor of eight
+        near = [(np.outer(end - new, SHRINK) + new[:, None]).ravel() for end in (nodes[at], nodes[at + 1])]
+        folds, nodes = np.union1d(folds, new), np.union1d(nodes, np.concatenate(near))
+    return folds.tolist(), nodes[:-1] if full else nodes
+
+
+def _dips(function: Callable[[Array], Array], nodes: Array) -> Array:
+    """Return where a function that keeps its sign at three neighbouring nodes changes it between them."""
+    values = function(nodes)
+    size, side = np.abs(values), values > 0.0
+    dips = (size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:])
+    dips &= (side[1:-1] == side[:-2]) & (side[1:-1] == side[2:])
+    at = np.nonzero(dips)[0] + 1
+    if len(at) == 0:
+        return nodes[:0]
+    left, right, sign = nodes[at - 1], nodes[at + 1], np.where(side[at], 1.0, -1.0)
+    parts = np.linspace(0.0, 1.0, 9)[:, None]
+    lowest = nodes[at]
+    for _ in range(20):
+        tries = left + (right - left) * parts  # (9, dips)
+        heights = sign * function(tries.ravel()).reshape(tries.shape)
+        best = np.clip(np.argmin(heights, 0), 1, 7)
+        columns = np.arange(len(at))
+        left, right, lowest = tries[best - 1, columns], tries[best + 1, columns], tries[best, columns]
+    return lowest[sign * function(lowest) < 0.0]

@@ -1,0 +1,141 @@
+"""The planar class III triad: a link held by three legs, all its assemblies.
+
+Pose and legs are written as in `legs`: points of the plane are complex numbers.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechsim.analytic.vector_method.triad_legs import close, cross, leg_vectors
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+EPS = float(np.finfo(np.float64).eps)
+# roots of the sextic this far from the unit circle (as |log |z||) may still be real ones: a double
+# root is known to the square root of rounding only, a worse one less well
+NEAR_CIRCLE = 2e-2
+# legs left open by no more than this part of the size of the triad are closed
+CLOSED = 64.0 * EPS
+# poses nearer than this (rad, and parts of the size) are one: two that meet are known no better
+SAME = 1e-7
+
+
+def assemblies(pivots: ArrayLike, platform: ArrayLike, legs: ArrayLike) -> Array:
+    """Return every real assembly of triads.
+
+    |place + exp(i theta) platform_k - pivot_k| = leg_k for the three legs k. Two differences of these
+    are linear in the first leg; put into the first they leave a trigonometric polynomial of degree 3
+    in theta, a sextic in z = exp(i theta). Its roots on the unit circle are where Newton's method
+    on the three equations themselves begins, so that no root is accepted or polished on the sextic.
+
+    Args:
+        pivots: places of the pivots, (..., 3, 2) in [m].
+        platform: points of the link in its own frame, in the same order, (..., 3, 2) in [m].
+        legs: lengths, (..., 3) in [m].
+
+    Returns:
+        x, y in [m] and theta in [0, 2 pi) rad of up to six poses, by rising theta, (..., 6, 3); NaN
+        where there are fewer. Poses that touch to rounding count as one.
+
+    Accuracy: legs close to a few ulp of the triad's size. Two poses are told apart from 1e-7 (rad,
+        parts of the size) on. Where all three legs are shorter than 0.03 of the size, the six roots
+        crowd together, the sextic blurs them, and poses may be missed.
+
+    Source: the six solutions after Gosselin & Merlet 1994; the elimination avoids the tangent of the
+        half angle as Rojas & Thomas, IEEE T-RO 27 (2011), ask.
+    """
+    a, b = (np.asarray(part, dtype=np.float64) @ np.array([1.0, 1j]) for part in (pivots, platform))
+    r = np.asarray(legs, dtype=np.float64)
+    shape = np.broadcast_shapes(a.shape, b.shape, r.shape)
+    a, b, r = (np.broadcast_to(part, shape).reshape(-1, 3).T for part in (a, b, r))  # (3, n)
+    size = np.max([abs(a - a[0]).max(0), abs(b - b[0]).max(0), r.max(0)], axis=0)
+    a0, b0 = a[0], b[0]
+    a, b, r = (a - a0) / size, (b - b0) / size, r / size
+
+    problem, place, turn = _starts(a, b, r)
+    at = a[:, problem], b[:, problem], r[:, problem]
+    place, turn = close(place, turn, *at, steps=40)
+    with np.errstate(invalid="ignore"):
+        lengths = abs(np.stack(leg_vectors(place, turn, *at[:2])))
+        closed = abs(lengths - at[2]).max(0) <= CLOSED
+    poses = _collect(len(r[0]), problem[closed], place[closed], turn[closed])
+    place = size[:, None] * (poses[..., 0] + 1j * poses[..., 1]) + a0[:, None]
+    place -= np.exp(1j * poses[..., 2]) * b0[:, None]
+    poses[..., 0], poses[..., 1] = place.real, place.imag
+    return poses.reshape(*shape[:-1], 6, 3)
+
+
+def _sextic_roots(a: Complex, b: Complex, r: Array) -> Complex:
+    """Return the roots z = exp(i theta) of the eliminant of triads with a[0] = b[0] = 0, (n, 6)."""
+    z = np.exp(0.25j * np.pi * np.arange(8))[:, None]  # eight samples fix a polynomial of degree 3
+    u2, u3 = z * b[1] - a[1], z * b[2] - a[2]
+    e2, e3 = (r[k] ** 2 - r[0] ** 2 - abs(u) ** 2 for k, u in ((1, u2), (2, u3)))
+    value = abs(e3 * u2 - e2 * u3) ** 2 - 4.0 * r[0] ** 2 * cross(u2, u3) ** 2
+    harmonics = np.fft.fft(value, axis=0) / 8.0
+    rising = np.concatenate([harmonics[-3:], harmonics[:4]])  # coefficients of z^0 .. z^6
+    # a leading coefficient lost in rounding is lifted to rounding: its roots go far off the circle
+    floor = EPS * np.maximum(abs(rising).max(0), np.finfo(np.float64).tiny)
+    lost = abs(rising[6]) < floor
+    rising[6] = np.where(lost, floor, rising[6])
+    companion = np.zeros((value.shape[1], 6, 6), dtype=np.complex128)
+    companion[:, np.arange(1, 6), np.arange(5)] = 1.0
+    companion[:, :, 5] = (-rising[:6] / rising[6]).T
+    roots: Complex = np.linalg.eigvals(companion).astype(np.complex128, copy=False)
+    return roots
+
+
+def _starts(a: Complex, b: Complex, r: Array) -> tuple[NDArray[np.intp], Complex, Complex]:
+    """Return where Newton's method may begin: index of the problem, place and turn, (m,) each."""
+    roots = _sextic_roots(a, b, r)
+    with np.errstate(divide="ignore"):
+        off = abs(np.log(abs(roots)))
+    problem, which = np.nonzero(off < NEAR_CIRCLE)
+    theta, off = np.angle(roots[problem, which]), off[problem, which]
+    # a pair driven off the circle by rounding stands about as far apart along it
+    theta = np.concatenate([theta, theta - off, theta + off])
+    problem = np.tile(problem, 3)
+    turn = np.exp(1j * theta)
+    u = turn * b[1:, problem] - a[1:, problem]  # (2, m)
+    far = np.argmax(abs(u), axis=0)
+    u = np.take_along_axis(u, far[None], 0)[0]
+    r1, r2 = r[0, problem], r[1 + far, problem]
+    # the first leg lies on its circle and on the line that the longer of the two differences gives;
+    # both points are tried, for at some theta both may close
+    length = np.maximum(abs(u), EPS)
+    along = (r2**2 - r1**2 - length**2) / (2.0 * length)
+    across = np.sqrt(np.maximum(r1**2 - along**2, 0.0))
+    ahead = u / length
+    place = np.concatenate([(along + 1j * across) * ahead, (along - 1j * across) * ahead])
+    return np.tile(problem, 2), place, np.tile(turn, 2)
+
+
+def _collect(n: int, problem: NDArray[np.intp], place: Complex, turn: Complex) -> Array:
+    """Return the distinct poses of each problem by rising theta, (n, 6, 3), NaN where there are fewer."""
+    theta = np.angle(turn) % (2.0 * np.pi)
+    poses = np.full((n, 6, 3), np.nan)
+    count = np.zeros(n, dtype=np.intp)
+    rank = _rank_within(problem)
+    for round_ in range(int(rank.max(initial=-1)) + 1):
+        now = rank == round_
+        p, x, t = problem[now], place[now], turn[now]
+        known = poses[p]
+        with np.errstate(invalid="ignore"):
+            gap = abs(known[..., 0] + 1j * known[..., 1] - x[:, None])
+            gap = np.maximum(gap, abs(np.exp(1j * known[..., 2]) - t[:, None]))
+        new = ~(gap < SAME).any(1) & (count[p] < 6)
+        p = p[new]
+        poses[p, count[p]] = np.stack([x[new].real, x[new].imag, theta[now][new]], -1)
+        count[p] += 1
+    order = np.argsort(poses[..., 2], axis=1)  # NaN last
+    return np.take_along_axis(poses, order[..., None], 1)
+
+
+def _rank_within(problem: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return for each entry how many earlier ones share its number."""
+    order = np.argsort(problem, kind="stable")
+    sorted_ = problem[order]
+    first = np.searchsorted(sorted_, sorted_)
+    rank = np.empty_like(problem)
+    rank[order] = np.arange(len(problem)) - first
+    return rank

@@ -1,0 +1,251 @@
+"""The way of a triad as cranks carry its pivots round, with every step certified.
+
+From a pose found, Newton's method for the next crank angle converges, and to the only solution
+nearby, if the theorem of Newton and Kantorovich says so for every crank angle in between. The step is
+taken as long as the theorem allows: so the assembly cannot be changed unseen, and where the
+assemblies meet the steps shrink to nothing.
+"""
+
+import cmath
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.vector_method.triad_legs import close, determinant, inverse, leg_vectors, moments
+from mechsim.errors import AssemblyError
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# the theorem wants at most 1/2; what is kept back keeps Newton's method quick
+KANTOROVICH = 0.4
+# a step shorter than this, in [rad], is a dead centre reached: it lies some ten or hundred such steps ahead
+SHORTEST = 1e-9
+# from the last node on the way to its dead centre a pose moves by 1e-4 or so, in [rad]
+ASTRAY = 1e-2
+# a way longer than this many steps means dimensions in which the steps never get anywhere
+MOST_STEPS = 2_000_000
+# up to six assemblies can follow one another before the first comes round again
+MOST_ROUNDS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Pivots:
+    """Three pivots on cranks: centre, crank length in [m], turns per turn of crank 1, phase in [rad].
+
+    A pivot on the frame has crank length 0.
+    """
+
+    centres: tuple[complex, complex, complex]
+    cranks: tuple[float, float, float]
+    ratios: tuple[float, float, float]
+    phases: tuple[float, float, float]
+
+    def at(self, angle: float) -> list[complex]:
+        """Return the pivots at one crank angle."""
+        parts = zip(self.centres, self.cranks, self.ratios, self.phases, strict=True)
+        return [centre + cmath.rect(crank, ratio * angle + phase) for centre, crank, ratio, phase in parts]
+
+    def at_all(self, angles: Array) -> list[Any]:
+        """Return the pivots at many crank angles, three (n,)."""
+        parts = zip(self.centres, self.cranks, self.ratios, self.phases, strict=True)
+        return [
+            centre + crank * np.exp(1j * (ratio * angles + phase)) for centre, crank, ratio, phase in parts
+        ]
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A pose on the way and how singular it is."""
+
+    angle: float
+    place: complex
+    turn: complex
+    determinant: float
+
+
+class TriadPath:
+    """All poses that a triad reaches from one pose as the crank turns either way; grows as asked."""
+
+    def __init__(
+        self,
+        pivots: Pivots,
+        platform: tuple[complex, complex, complex],
+        legs: tuple[float, float, float],
+        start: tuple[complex, complex],
+        period: float | None = None,
+    ):
+        """Begin at crank angle 0.
+
+        Args:
+            pivots: the moving pivots.
+            platform: points of the link in its frame, in [m].
+            legs: lengths in [m].
+            start: place and turn of the link at crank angle 0.
+            period: crank angle in [rad] after which the pivots stand as before; None if never.
+        """
+        # poses are kept of the middle of the points, about which the bounds are tightest
+        self._middle = sum(platform) / 3.0
+        self._pivots, self._legs, self._period = pivots, legs, period
+        self._platform = [point - self._middle for point in platform]
+        self._size = max(abs(point) for point in self._platform)
+        self._travel = [crank * abs(ratio) for crank, ratio in zip(pivots.cranks, pivots.ratios, strict=True)]
+        # how far a gradient can turn: |second derivative of (leg^2 - r^2)/2| over (shift/size, angle)
+        self._arms = [(self._size**2 + abs(point) ** 2) ** 0.5 for point in self._platform]
+        self._bends = [
+            arm**2 + 2.0 * leg * abs(point)
+            for arm, leg, point in zip(self._arms, legs, self._platform, strict=True)
+        ]
+        place, turn = complex(start[0]), complex(start[1])
+        first = self._node(0.0, place + turn * self._middle, turn)
+        self._ways: dict[int, list[Node]] = {1: [first], -1: [first]}
+        self._ends: dict[int, float | None] = {1: None, -1: None}
+        self._table: tuple[Array, Complex, Complex] | None = None
+        self._round: float | None = None
+
+    def end(self, side: int, target: float) -> float | None:
+        """Return the dead centre met on the way to a crank angle (side +1 up, -1 down), or None."""
+        way = self._ways[side]
+        while self._ends[side] is None and side * way[-1].angle < side * target:
+            self._advance(side)
+        end = self._ends[side]
+        return end if end is not None and side * end < side * target else None
+
+    def round(self) -> float | None:
+        """Return the crank angle after which the triad itself stands as before, in [rad].
+
+        None where the way is blocked or the pivots never stand as before.
+        """
+        if self._round is None and self._period is not None:
+            first = self._ways[1][0]
+            for number in range(1, MOST_ROUNDS + 1):
+                angle = number * self._period
+                if self.end(1, angle) is not None:
+                    break
+                place, turn = self._on_table(np.array([angle]))
+                if abs(turn[0] - first.turn) + abs(place[0] - first.place) / self._size < 1e-7:
+                    self._round = angle
+                    break
+        return self._round
+
+    def poses(self, angles: Array) -> tuple[Complex, Complex]:
+        """Return place and turn of the link at crank angles, (n,) each; NaN beyond a dead centre.
+
+        A crank angle beyond a dead centre that is within reach the other way round is taken so.
+
+        Accuracy: Newton's method to rounding.
+        """
+        angles = self._reduced(angles)
+        bounds = self.end(-1, float(angles.min())), self.end(1, float(angles.max()))
+        # the last stretch before a dead centre carries no certificate: it needs more steps and a check
+        place, turn = self._on_table(angles, 5 if bounds == (None, None) else 16)
+        for side, bound in zip((-1, 1), bounds, strict=True):
+            if bound is not None:
+                last = self._ways[side][-1]
+                beyond = side * angles > side * bound
+                beyond |= (side * angles > side * last.angle) & ~(abs(turn - last.turn) < ASTRAY)
+                place[beyond] = turn[beyond] = np.nan
+        return place - turn * self._middle, turn
+
+    def _reduced(self, angles: Array) -> Array:
+        """Return crank angles of the way for which the pivots stand as at those asked for."""
+        low, high, period = float(angles.min()), float(angles.max()), self._period
+        if period is None:
+            return angles
+        if max(high, -low) <= period and self.end(-1, low) is None and self.end(1, high) is None:
+            return angles
+        whole = self.round()
+        if whole is not None:
+            return angles - whole * np.floor(angles / whole)
+        # a way blocked on one side of a motion that repeats is blocked on the other
+        far = (1 + MOST_ROUNDS) * period
+        low, high = self.end(-1, -far), self.end(1, far)
+        if low is None or high is None or high - low >= period:
+            return angles  # without a gap between its ends the way would be left for another unseen
+        back = np.ceil(np.maximum(angles - high, 0.0) / period)
+        return angles - period * (back - np.ceil(np.maximum(low - angles, 0.0) / period))
+
+    def _on_table(self, angles: Array, steps: int = 5) -> tuple[Complex, Complex]:
+        """Solve from the node that each angle was certified from: the nearest towards zero."""
+        if self._table is None:
+            nodes = [*self._ways[-1][:0:-1], *self._ways[1]]
+            self._table = (
+                np.array([node.angle for node in nodes]),
+                np.array([node.place for node in nodes]),
+                np.array([node.turn for node in nodes]),
+            )
+        known, places, turns = self._table
+        up = np.searchsorted(known, angles, side="right") - 1
+        at = np.where(angles >= 0.0, up, np.minimum(np.searchsorted(known, angles), len(known) - 1))
+        pivots = self._pivots.at_all(angles)
+        return close(places[at], turns[at], pivots, self._platform, self._legs, steps)
+
+    def _node(self, angle: float, place: complex, turn: complex) -> Node:
+        vectors = leg_vectors(place, turn, self._pivots.at(angle), self._platform)
+        return Node(angle, place, turn, determinant(vectors, moments(vectors, turn, self._platform)))
+
+    def _advance(self, side: int) -> None:
+        """Take the longest step the theorem allows, or find the dead centre ahead."""
+        way = self._ways[side]
+        here = way[-1]
+        step = self._longest_step(here)
+        if step < SHORTEST:
+            self._ends[side] = self._dead_centre(way)
+            return
+        if len(way) > MOST_STEPS:
+            raise AssemblyError(
+                f"the triad needs more than {MOST_STEPS} steps to reach crank angle {here.angle:.6g} rad; "
+                "ask for fewer turns"
+            )
+        angle = here.angle + side * step
+        place, turn = close(
+            here.place, here.turn, self._pivots.at(angle), self._platform, self._legs, steps=5
+        )
+        way.append(self._node(angle, place, turn))
+        self._table = None
+
+    def _longest_step(self, node: Node) -> float:
+        """Return the crank step in [rad] over which Newton's method from a node is sure to converge."""
+        if node.determinant == 0.0:
+            return 0.0
+        vectors = leg_vectors(node.place, node.turn, self._pivots.at(node.angle), self._platform)
+        shift, turning = inverse(vectors, moments(vectors, node.turn, self._platform))
+        gains = [abs(complex(abs(s) / self._size, t)) for s, t in zip(shift, turning, strict=True)]
+        bend = sum(gain * b for gain, b in zip(gains, self._bends, strict=True))
+        pull = sum(g * leg * v for g, leg, v in zip(gains, self._legs, self._travel, strict=True))
+        step = KANTOROVICH / (bend * pull) if pull > 0.0 else np.pi
+        while not self._certified(gains, bend, step):
+            step *= 0.8
+        return step
+
+    def _certified(self, gains: list[float], bend: float, step: float) -> bool:
+        """Say whether Newton-Kantorovich holds for every crank angle up to a step away.
+
+        With moves of at most d the legs stand open by r d + d^2/2 and their gradients have changed by
+        d times the arm; the bends hold while no leg grows to twice its length.
+        """
+        moves = [v * step for v in self._travel]
+        parts = list(zip(gains, moves, self._legs, self._arms, strict=True))
+        turned = sum(gain * move * arm for gain, move, _, arm in parts)
+        if turned >= 0.5:
+            return False
+        newton = sum(gain * move * (leg + 0.5 * move) for gain, move, leg, _ in parts) / (1.0 - turned)
+        if newton * bend / (1.0 - turned) > KANTOROVICH:
+            return False
+        return all(move + 2.0 * newton * arm <= leg for _, move, leg, arm in parts)
+
+    def _dead_centre(self, way: list[Node]) -> float:
+        """Return where the determinant d vanishes, from angle = end + p d^2 + q d^3 through three nodes."""
+        last = way[-1]
+        sizes = abs(np.array([node.determinant for node in way[-5000:]]))
+        if len(way) < 3 or sizes[-1] == 0.0 or not sizes.max() >= 3.0 * sizes[-1]:
+            return last.angle
+        nodes = [last]
+        for factor in (1.7, 3.0):
+            nodes.append(way[-5000:][np.nonzero(sizes >= factor * sizes[-1])[0][-1]])
+        d = np.array([node.determinant for node in nodes]) / last.determinant
+        ahead = np.array([node.angle - last.angle for node in nodes])
+        end = np.linalg.solve(np.stack([np.ones(3), d**2, d**3], 1), ahead)[0]
+        return last.angle + float(end)

@@ -1,0 +1,104 @@
+"""How the crank is meant to turn: at constant speed, or along a given angle over time."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechsim.errors import InputError
+
+Array = NDArray[np.float64]
+TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True, slots=True)
+class CrankProfile:
+    """Crank motion over time.
+
+    Attributes:
+        duration: in [s].
+        fastest: largest crank speed on the way, in [rad/s].
+        state: times (n,) in [s] -> angle [rad], speed [rad/s], acceleration [rad/s2], (n,) each.
+        steady: whether the speed is constant.
+    """
+
+    duration: float
+    fastest: float
+    state: Callable[[Array], tuple[Array, Array, Array]]
+    steady: bool = False
+
+    @property
+    def turns(self) -> float:
+        """Turns the crank would make in this time at its fastest."""
+        return self.duration * self.fastest / TURN
+
+
+def constant(speed: float, turns: float, start: float = 0.0) -> CrankProfile:
+    """Return a crank that turns at constant speed.
+
+    Args:
+        speed: in [rad/s], negative backwards.
+        turns: how far, in turns.
+        start: crank angle at time zero, in [rad].
+    """
+    if not 0.0 < abs(speed) < np.inf:
+        raise InputError(f"crank speed is {speed} rad/s; give a finite speed other than 0")
+    if not 0.0 < turns < np.inf:
+        raise InputError(f"{turns} turns asked for; give a finite number above 0")
+
+    def state(time: Array) -> tuple[Array, Array, Array]:
+        return start + speed * time, np.full_like(time, speed), np.zeros_like(time)
+
+    return CrankProfile(turns * TURN / abs(speed), abs(speed), state, steady=True)
+
+
+def table(time: ArrayLike, angle: ArrayLike) -> CrankProfile:
+    """Return a crank that follows a table of angles, joined by a quintic spline.
+
+    Args:
+        time: rising, from 0, (n,) in [s], at least 6 values.
+        angle: unwrapped, (n,) in [rad].
+    """
+    from scipy.interpolate import make_interp_spline
+
+    time, angle = np.asarray(time, dtype=np.float64), np.asarray(angle, dtype=np.float64)
+    if time.shape != angle.shape or time.ndim != 1 or len(time) < 6:
+        raise InputError(
+            f"a crank profile of {time.shape} times and {angle.shape} angles; give two columns of equal "
+            "length, at least 6 rows"
+        )
+    if not (np.isfinite(time).all() and np.isfinite(angle).all()):
+        raise InputError("a crank profile holds NaN or infinite values; give finite numbers")
+    if time[0] != 0.0 or not (np.diff(time) > 0.0).all():
+        raise InputError("the times of a crank profile must begin at 0 and rise from row to row")
+    spline = make_interp_spline(time, angle, k=5)
+    speed, acceleration = spline.derivative(1), spline.derivative(2)
+    fine = np.linspace(0.0, time[-1], 20 * len(time))
+    fastest = float(np.abs(speed(fine)).max())
+    if not fastest > 0.0:
+        raise InputError("the crank profile stands still; give angles that change")
+    return CrankProfile(float(time[-1]), fastest, lambda t: (spline(t), speed(t), acceleration(t)))
+
+
+def swing(middle: float, reach: float, fastest: float) -> CrankProfile:
+    """Return a crank that swings once to and fro about an angle, starting from its lower end.
+
+    Args:
+        middle: of the swing, in [rad].
+        reach: to either side, in [rad].
+        fastest: crank speed in the middle, in [rad/s].
+    """
+    if not 0.0 < reach < np.inf or not 0.0 < abs(fastest) < np.inf:
+        raise InputError(f"a swing of {reach} rad at {fastest} rad/s; give finite numbers above 0")
+    rate = abs(fastest) / reach
+
+    def state(time: Array) -> tuple[Array, Array, Array]:
+        phase = rate * time
+        return (
+            middle - reach * np.cos(phase),
+            reach * rate * np.sin(phase),
+            reach * rate**2 * np.cos(phase),
+        )
+
+    return CrankProfile(TURN / rate, abs(fastest), state)

@@ -1,0 +1,169 @@
+"""A quantity over the turn of the crank or over time: constant, a table, or a function."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import make_interp_spline
+
+from mechsim.errors import InputError
+
+Array = NDArray[np.float64]
+Over = Literal["angle", "time"]
+TURN = 2.0 * np.pi
+# how far a table may miss the turn, in [rad], and be drawn to it: angles written with six digits
+WRITTEN = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class LoadProfile:
+    """A quantity over crank angle or time; made by `constant`, `table`, `function` or `harmonics`.
+
+    Attributes:
+        over: what it is a function of: "angle" in [rad], "time" in [s]; None for a constant.
+        value: (n,) places on that axis -> (n,) or (n, 3) values.
+        width: 1 or 3 numbers at each place.
+    """
+
+    over: Over | None
+    value: Callable[[Array], Array]
+    width: int
+
+    def at(self, angle: ArrayLike, time: ArrayLike | None = None) -> Array:
+        """Return the values at crank angles in [rad] and times in [s], (n,) or (n, 3).
+
+        Raises:
+            InputError: outside a table, where no time is known to a function of time, or where a
+                function gives anything but finite numbers.
+        """
+        if self.over == "time" and time is None:
+            raise InputError(
+                "a load over time is asked for where only crank angles are known; give the motion its time"
+            )
+        places = np.atleast_1d(np.asarray(time if self.over == "time" else angle, dtype=np.float64))
+        values = np.asarray(self.value(places), dtype=np.float64)
+        shape = (len(places),) if self.width == 1 else (len(places), self.width)
+        if values.shape != shape or not np.isfinite(values).all():
+            raise InputError(
+                f"a load over {self.over} gives values of shape {values.shape} at {len(places)} places, or "
+                f"numbers that are not finite; give finite ones of shape {shape}"
+            )
+        return values
+
+
+def constant(value: ArrayLike) -> LoadProfile:
+    """Return a course that never changes: a number, or a vector of three."""
+    kept = np.asarray(value, dtype=np.float64)
+    if kept.shape not in ((), (3,)) or not np.isfinite(kept).all():
+        raise InputError(f"constant load is {value}; give a finite number or three")
+    return LoadProfile(None, lambda at: np.broadcast_to(kept, at.shape + kept.shape).copy(), kept.size)
+
+
+def function(call: Callable[[Array], Array], *, over: Over = "angle", width: int = 1) -> LoadProfile:
+    """Return a course given by a function of arrays, (n,) -> (n,) or (n, width)."""
+    if over not in ("angle", "time"):
+        raise InputError(f"a load is over {over!r}; it can be over angle or time")
+    if width not in (1, 3):
+        raise InputError(f"a load has {width} numbers at each place; it can have 1 or 3")
+    return LoadProfile(over, call, width)
+
+
+def harmonics(
+    cosines: ArrayLike, sines: ArrayLike = (), *, over: Over = "angle", period: float = TURN
+) -> LoadProfile:
+    """Return sum c_k cos(k w x) + s_k sin(k w x) with w = 2 pi / period: c from k = 0, s from k = 1."""
+    c, s = np.asarray(cosines, dtype=np.float64), np.asarray(sines, dtype=np.float64)
+    if c.ndim != 1 or s.ndim != 1 or not (np.isfinite(c).all() and np.isfinite(s).all()):
+        raise InputError("coefficients of a periodic load are not two lists of finite numbers; give such")
+    if not 0.0 < period < np.inf:
+        raise InputError(f"period of a load is {period}; give one above 0")
+
+    def value(at: Array) -> Array:
+        x = at[:, None] * (TURN / period)
+        return np.cos(x * np.arange(len(c))) @ c + np.sin(x * np.arange(1, len(s) + 1)) @ s
+
+    return function(value, over=over)
+
+
+def table(
+    at: ArrayLike,
+    values: ArrayLike,
+    *,
+    over: Over = "angle",
+    periodic: bool | None = None,
+    smooth: bool = False,
+) -> LoadProfile:
+    """Return a course through the rows of a table.
+
+    Args:
+        at: crank angles in [rad] or times in [s], rising, (m,).
+        values: (m,) or (m, 3).
+        over: what `at` is.
+        periodic: whether the table repeats; its last row is then its first one again, and over the
+            angle it is one turn long. None: over the angle yes, over time no.
+        smooth: cubic spline with two continuous derivatives instead of straight lines.
+
+    Raises:
+        InputError: for a table that does not rise, does not cover the turn, or does not close.
+    """
+    x, y = np.asarray(at, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    repeats = over == "angle" if periodic is None else periodic
+    _check_table(x, y, over)
+    if repeats:
+        _check_period(x, y, over)
+        x = x[0] + (x - x[0]) * (TURN / (x[-1] - x[0])) if over == "angle" else x
+        y = np.concatenate([y[:-1], y[:1]])
+    least = 4 if smooth else 2
+    if len(x) < least:
+        raise InputError(f"load table has {len(x)} rows; give {least} or more")
+    ends: str | None = None if not smooth else "periodic" if repeats else "natural"
+    spline = make_interp_spline(x, y, k=3 if smooth else 1, bc_type=ends)
+    first, last = float(x[0]), float(x[-1])
+
+    def value(places: Array) -> Array:
+        if repeats:
+            return spline(first + np.mod(places - first, last - first))
+        slack = 1e-9 * (last - first)
+        outside = (places < first - slack) | (places > last + slack)
+        if outside.any():
+            raise InputError(
+                f"load table covers {over} {first:.6g} to {last:.6g}, but {places[outside][0]:.6g} is asked "
+                "for; make it longer"
+            )
+        return spline(np.clip(places, first, last))
+
+    return function(value, over=over, width=1 if y.ndim == 1 else 3)
+
+
+def _check_table(x: Array, y: Array, over: str) -> None:
+    if x.ndim != 1 or y.shape not in ((len(x),), (len(x), 3)) or len(x) < 2:
+        raise InputError(
+            f"load table has {over}s of shape {x.shape} and values of shape {y.shape}; "
+            "give two rows or more, with one value or three each"
+        )
+    if not (np.isfinite(x).all() and np.isfinite(y).all()):
+        raise InputError("load table holds what is no finite number; mend the row")
+    rises = np.diff(x) > 0.0
+    if not rises.all():
+        row = int(np.argmin(rises)) + 1
+        raise InputError(
+            f"load table does not rise: {over} {x[row]:.6g} in row {row + 1} follows {x[row - 1]:.6g}; "
+            "sort the rows and give each place once"
+        )
+
+
+def _check_period(x: Array, y: Array, over: str) -> None:
+    span = float(x[-1] - x[0])
+    if over == "angle" and abs(span - TURN) > WRITTEN:
+        raise InputError(
+            f"load table does not cover the turn: it goes from {x[0]:.8g} to {x[-1]:.8g} rad, "
+            f"{span:.8g} of {TURN:.8g}; give rows over exactly one turn, both ends included"
+        )
+    jump = float(np.abs(y[-1] - y[0]).max())
+    if jump > 1e-9 * float(np.abs(y).max()):
+        raise InputError(
+            f"load table does not close: its last row differs from its first by {jump:.6g}; "
+            "end it with the values it begins with"
+        )

@@ -1,0 +1,312 @@
+"""What a mechanism is: links in their own frames, joints that say what of one meets what of another.
+
+A `Mechanism` is plain data. Nothing here says where a link is in space: that is solved, by the
+closed forms and `closure` on one side and by MuJoCo on the other.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.errors import InputError
+from mechsim.model.inertia import Inertia
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+JointKind = Literal["revolute", "prismatic", "cylindrical", "universal", "spherical"]
+
+GROUND = "ground"
+ORIGIN: Vector = (0.0, 0.0, 0.0)
+EX: Vector = (1.0, 0.0, 0.0)
+EY: Vector = (0.0, 1.0, 0.0)
+EZ: Vector = (0.0, 0.0, 1.0)
+
+# how many relative motions a joint leaves free
+FREEDOMS: dict[JointKind, int] = {
+    "revolute": 1,
+    "prismatic": 1,
+    "cylindrical": 2,
+    "universal": 2,
+    "spherical": 3,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Where links are: position of the origin, (..., 3) in [m], and rotation matrix, (..., 3, 3)."""
+
+    position: Array
+    rotation: Array
+
+    def point(self, local: Vector) -> Array:
+        """Return the place of a point given in the link's frame, (..., 3) in [m]."""
+        return self.position + self.rotation @ np.asarray(local)
+
+    def at(self, index: int | slice) -> "Pose":
+        """Return the pose or poses at an index of the leading axis."""
+        return Pose(self.position[index], self.rotation[index])
+
+
+IDENTITY = Pose(np.zeros(3), np.eye(3))
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A rigid link.
+
+    Attributes:
+        name: unique in the mechanism.
+        outline: points of the link's own frame, in [m], that a picture joins up; joint points are
+            added by themselves, so this is for what no joint touches.
+        inertia: mass, centre and moments; None leaves them to `rods.with_inertia`.
+    """
+
+    name: str
+    outline: tuple[Vector, ...] = ()
+    inertia: Inertia | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """One side of a joint, in the frame of the link it belongs to.
+
+    Attributes:
+        link: name of the link.
+        point: where the joint is, in [m].
+        axis: direction of the joint's axis; made a unit vector.
+        mark: direction across the axis from which the joint's angle is counted; made a unit vector
+            across the axis. None takes the frame's x axis, or y where x lies along the axis.
+    """
+
+    link: str
+    point: Vector = ORIGIN
+    axis: Vector = EZ
+    mark: Vector | None = None
+
+    def __post_init__(self) -> None:
+        point, axis = _finite(self, "point", self.point), _finite(self, "axis", self.axis)
+        length = float(np.linalg.norm(axis))
+        if not length > 0.0:
+            raise InputError(f"axis of a joint on link {self.link!r} is the zero vector; give a direction")
+        axis = axis / length
+        given = self.mark
+        if given is None:
+            given = EX if abs(axis[0]) < 0.9 else EY
+        mark = _finite(self, "mark", given)
+        mark = mark - axis * (axis @ mark)
+        length = float(np.linalg.norm(mark))
+        if not length > 1e-9:
+            raise InputError(
+                f"mark {given} of a joint on link {self.link!r} lies along its axis; "
+                "give a direction across the axis"
+            )
+        object.__setattr__(self, "point", tuple(point.tolist()))
+        object.__setattr__(self, "axis", tuple(axis.tolist()))
+        object.__setattr__(self, "mark", tuple((mark / length).tolist()))
+
+    @property
+    def frame(self) -> Array:
+        """The joint's frame in the link's: columns mark, axis x mark, axis; (3, 3), not to be written to."""
+        assert self.mark is not None
+        return _frame(self.axis, self.mark)
+
+
+@cache
+def _frame(axis: Vector, mark: Vector) -> Array:
+    frame = np.column_stack([mark, np.cross(axis, mark), axis])
+    frame.flags.writeable = False
+    return frame
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """Two links meet: point on point, axis on axis, as the kind says.
+
+    - revolute: points and axes coincide. Coordinate: angle from a's mark to b's about the axis.
+    - prismatic: axes coincide, marks stay parallel. Coordinate: way of b's point along the axis.
+    - cylindrical: axes coincide. Coordinates: way, then angle.
+    - universal: points coincide, axes cross at `cross_angle`. Coordinates: angle about a's axis,
+      angle about b's; both zero where b's axis lies from a's axis towards a's mark.
+    - spherical: points coincide. No coordinate.
+
+    Attributes:
+        name: unique in the mechanism.
+        kind: one of the five above.
+        a: the side nearer the frame.
+        b: the other side.
+        cross_angle: of a universal joint, in [rad].
+    """
+
+    name: str
+    kind: JointKind
+    a: End
+    b: End
+    cross_angle: float = np.pi / 2
+
+    def __post_init__(self) -> None:
+        if self.kind not in FREEDOMS:
+            raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; known are {', '.join(FREEDOMS)}")
+        if self.a.link == self.b.link:
+            raise InputError(f"joint {self.name!r} joins link {self.a.link!r} to itself; name two links")
+        if not 0.0 < self.cross_angle < np.pi:
+            raise InputError(
+                f"cross angle of joint {self.name!r} is {self.cross_angle} rad; give one between 0 and pi"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Gear:
+    """Coordinate of joint `driven` = ratio * coordinate of joint `driver` + phase.
+
+    Attributes:
+        driver: name of a revolute joint.
+        driven: name of another revolute joint.
+        ratio: turns of `driven` per turn of `driver`; negative for outside meshing.
+        phase: angle of `driven` where `driver` is at zero, in [rad].
+    """
+
+    driver: str
+    driven: str
+    ratio: float
+    phase: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Mechanism:
+    """Links, joints, gears, the driven joint, and the points whose motion is wanted.
+
+    Attributes:
+        name: of the mechanism.
+        links: the moving links; the frame is the link called "ground", which is not listed.
+        joints: all joints.
+        driver: name of the revolute joint that is the crank.
+        points: name -> (link, point in that link's frame in [m]).
+        gears: couplings between revolute joints.
+        guess: link -> rough pose at crank angle `start`, from which assembly begins; says which
+            assembly is meant. A link left out starts where its joints to placed links put it.
+        start: crank angle of the guess in [rad].
+    """
+
+    name: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    driver: str
+    points: Mapping[str, tuple[str, Vector]]
+    gears: tuple[Gear, ...] = ()
+    guess: Mapping[str, Pose] = field(default_factory=dict)
+    start: float = 0.0
+
+    def __post_init__(self) -> None:
+        names = [link.name for link in self.links]
+        _unique(self.name, "link", [GROUND, *names])
+        _unique(self.name, "joint", [joint.name for joint in self.joints])
+        for joint in self.joints:
+            for end in (joint.a, joint.b):
+                _known(f"joint {joint.name!r}", "link", end.link, [GROUND, *names])
+        for point, (link, _) in self.points.items():
+            _known(f"point {point!r}", "link", link, [GROUND, *names])
+        for link in self.guess:
+            _known("guess", "link", link, names)
+        revolutes = [joint.name for joint in self.joints if joint.kind == "revolute"]
+        _known("driver", "revolute joint", self.driver, revolutes)
+        for gear in self.gears:
+            for joint in (gear.driver, gear.driven):
+                _known("gear", "revolute joint", joint, revolutes)
+            if not 0.0 < abs(gear.ratio) < np.inf:
+                raise InputError(
+                    f"ratio of gear {gear.driver!r}-{gear.driven!r} is {gear.ratio}; give a number, not 0"
+                )
+
+    def joint(self, name: str) -> Joint:
+        """Return the joint of that name."""
+        _known(f"mechanism {self.name!r}", "joint", name, [joint.name for joint in self.joints])
+        return next(joint for joint in self.joints if joint.name == name)
+
+    def ends(self, link: str) -> list[End]:
+        """Return the joint ends that lie on a link."""
+        return [end for joint in self.joints for end in (joint.a, joint.b) if end.link == link]
+
+    @property
+    def size(self) -> float:
+        """The longest distance between two points of one link, in [m]: the yardstick of this mechanism."""
+        names = [GROUND, *(link.name for link in self.links)]
+        held = {name: [end.point for end in self.ends(name)] for name in names}
+        joints = max(_extent(points) for points in held.values())
+        if joints > 0.0:
+            return joints
+        # all joints of each link in one place, as in a pendulum: what else is known of the links counts
+        for link in self.links:
+            held[link.name] += link.outline
+        for link, point in self.points.values():
+            held[link].append(point)
+        return max(_extent(points) for points in held.values())
+
+    def with_guess(self, guess: Mapping[str, Pose], start: float) -> "Mechanism":
+        """Return the same mechanism with another place to start assembly from."""
+        return replace(self, guess=dict(guess), start=start)
+
+
+def joint_coordinate(joint: Joint, a: Pose, b: Pose) -> Array:
+    """Return the coordinates of a joint between two posed links, (..., k).
+
+    k is 1 for revolute and prismatic joints, 2 for cylindrical and universal ones, 0 for spherical
+    ones; angles in (-pi, pi] rad, ways in [m].
+    """
+    frame_a, frame_b = a.rotation @ joint.a.frame, b.rotation @ joint.b.frame  # (..., 3, 3)
+    along = ((b.point(joint.b.point) - a.point(joint.a.point)) * frame_a[..., 2]).sum(-1)
+    if joint.kind == "spherical":
+        return np.empty((*along.shape, 0))
+    if joint.kind == "universal":
+        return np.stack(_universal_angles(joint, frame_a, frame_b), -1)
+    seen = (np.swapaxes(frame_a, -1, -2) @ frame_b[..., :1])[..., 0]  # b's mark seen from a
+    angle = np.arctan2(seen[..., 1], seen[..., 0])
+    columns = {"revolute": [angle], "prismatic": [along], "cylindrical": [along, angle]}[joint.kind]
+    return np.stack(columns, -1)
+
+
+def universal_zero(joint: Joint) -> Array:
+    """Return b's joint frame seen from a's at both angles zero of a universal joint, (3, 3)."""
+    c, s = np.cos(joint.cross_angle), np.sin(joint.cross_angle)
+    axis, mark = np.array([s, 0.0, c]), np.array([-c, 0.0, s])
+    return np.column_stack([mark, np.cross(axis, mark), axis])
+
+
+def _universal_angles(joint: Joint, frame_a: Array, frame_b: Array) -> tuple[Array, Array]:
+    relative = np.swapaxes(frame_a, -1, -2) @ frame_b
+    first = np.arctan2(relative[..., 1, 2], relative[..., 0, 2])
+    c, s = np.cos(first), np.sin(first)
+    back = np.zeros_like(relative)  # undo the turn about a's axis
+    back[..., 0, 0], back[..., 0, 1] = c, s
+    back[..., 1, 0], back[..., 1, 1] = -s, c
+    back[..., 2, 2] = 1.0
+    rest = universal_zero(joint).T @ back @ relative
+    return first, np.arctan2(rest[..., 1, 0], rest[..., 0, 0])
+
+
+def _finite(end: End, what: str, value: Vector) -> Array:
+    vector = np.asarray(value, dtype=np.float64)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise InputError(f"{what} {value} of a joint on link {end.link!r} is not three finite numbers")
+    return vector
+
+
+def _extent(points: list[Vector]) -> float:
+    """Return the longest distance between two points."""
+    places = np.array(points).reshape(-1, 3)
+    gaps = places[:, None] - places[None]
+    return float(np.sqrt((gaps**2).sum(-1)).max(initial=0.0))
+
+
+def _unique(mechanism: str, what: str, names: list[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"mechanism {mechanism!r} has more than one {what} called {name!r}; rename one")
+
+
+def _known(who: str, what: str, name: str, known: list[str]) -> None:
+    if name not in known:
+        raise InputError(f"{who} names {what} {name!r}, but there are only {', '.join(known)}")

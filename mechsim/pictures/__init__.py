@@ -1,0 +1,1 @@
+"""Everything drawn: plots of records, pictures and videos of mechanisms."""

@@ -1,0 +1,185 @@
+"""Plots of dynamics: torque over the turn, reactions in polar form, energy balance, speed fluctuation."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.pictures.plots.figure import COLOURS, STYLES, Format, angle_axis, canvas, readable
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from mechsim.analytic.dynamics import Fluctuation, FreeRun, Study
+
+Array = NDArray[np.float64]
+RINGS = "#222831"
+# curves may fill the axes
+BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
+
+
+def torque_plot(
+    study: "Study", simulated: tuple[Array, Array] | None = None, *, form: Format = "svg"
+) -> bytes:
+    """Draw the drive torque over the crank angle, and what it is made of.
+
+    Args:
+        study: the analytic side.
+        simulated: crank angles in [rad] and torques in [N m] of the other road, drawn as rings.
+        form: of the returned bytes.
+    """
+    with canvas(form, 1, 1, (5.8, 3.2)) as (_, axes, out):
+        _torque(axes[0, 0], study, simulated)
+    return out.getvalue()
+
+
+def reaction_plot(study: "Study", *, form: Format = "svg") -> bytes:
+    """Draw the force in each joint as a vector over the turn: its path in x-y and, in space, in x-z."""
+    reactions = study.balance.reactions
+    forces = {name: np.where(one.determined[:3], one.force, 0.0) for name, one in reactions.items()}
+    flat = all(np.ptp(force[:, 2]) <= 1e-9 * np.abs(force).max(initial=1e-300) for force in forces.values())
+    planes = [(0, 1)] if flat else [(0, 1), (0, 2)]
+    with canvas(form, len(planes), len(forces), (2.5 * len(forces) + 0.4, 2.6 * len(planes))) as (
+        _,
+        axes,
+        out,
+    ):
+        for column, (name, force) in enumerate(forces.items()):
+            factor, unit = readable(force, "N")
+            for row, (i, j) in enumerate(planes):
+                ax = axes[row, column]
+                ax.plot(force[:, i] / factor, force[:, j] / factor, color=COLOURS[column % 6])
+                ax.plot(*(force[0, [i, j]] / factor), "o", ms=4, color=COLOURS[column % 6])
+                ax.plot(0.0, 0.0, "+", color=RINGS)
+                ax.set_xlabel(f"{'xyz'[i]} [{unit}]")
+                ax.set_ylabel(f"{'xyz'[j]} [{unit}]")
+                ax.set_aspect("equal", adjustable="datalim")
+            axes[0, column].set_title(f"{name}: on {reactions[name].link}")
+    return out.getvalue()
+
+
+def energy_plot(study: "Study", *, form: Format = "svg") -> bytes:
+    """Draw the powers that must balance: drive and loads in, losses out, the rest stored."""
+    with canvas(form, 1, 1, (5.8, 3.2)) as (_, axes, out):
+        _powers(axes[0, 0], study)
+    return out.getvalue()
+
+
+def fluctuation_plot(
+    turn: "Fluctuation", even: "Fluctuation | None" = None, *, form: Format = "svg"
+) -> bytes:
+    """Draw the crank's speed over the turn under a constant torque, without and with a flywheel."""
+    with canvas(form, 1, 1, (5.8, 3.2)) as (_, axes, out):
+        _speeds(axes[0, 0], turn, even)
+    return out.getvalue()
+
+
+def free_plot(run: "FreeRun", *, form: Format = "svg") -> bytes:
+    """Draw speed, torque of the motor and energies of a free run over time."""
+    with canvas(form, 3, 1, (5.8, 6.0), sharex=True) as (_, axes, out):
+        factor, unit = readable(run.time, "s")
+        time = run.time / factor
+        axes[0, 0].plot(time, run.speed, color=COLOURS[0])
+        axes[0, 0].set_ylabel("crank speed [rad/s]")
+        torque, newton = readable(run.motor_torque, "N m")
+        axes[1, 0].plot(time, run.motor_torque / torque, color=COLOURS[1])
+        axes[1, 0].set_ylabel(f"motor torque [{newton}]")
+        parts = {
+            "kinetic": run.kinetic,
+            "potential": run.potential - run.potential[0],
+            "work of motor and loads": run.work,
+            "lost": run.lost,
+        }
+        joule, name = readable(np.concatenate(list(parts.values())), "J")
+        for i, (label, values) in enumerate(parts.items()):
+            axes[2, 0].plot(time, values / joule, color=COLOURS[i], ls=STYLES[i % 3], label=label)
+        axes[2, 0].set_ylabel(f"energy [{name}]")
+        axes[2, 0].set_xlabel(f"time [{unit}]")
+        axes[2, 0].legend(loc="best")
+    return out.getvalue()
+
+
+def dynamics_sheet(
+    study: "Study",
+    turn: "Fluctuation | None" = None,
+    even: "Fluctuation | None" = None,
+    simulated: tuple[Array, Array] | None = None,
+    *,
+    form: Format = "svg",
+) -> bytes:
+    """Draw torque, reactions, powers and speed fluctuation on one sheet."""
+    with canvas(form, 2, 2, (10.4, 6.6)) as (_, axes, out):
+        _torque(axes[0, 0], study, simulated)
+        _polar(axes[0, 1], study)
+        _powers(axes[1, 0], study)
+        if turn is None:
+            axes[1, 1].set_axis_off()
+        else:
+            _speeds(axes[1, 1], turn, even)
+    return out.getvalue()
+
+
+def _torque(ax: "Axes", study: "Study", simulated: tuple[Array, Array] | None) -> None:
+    part, w = study.reduced, study.speed
+    factor, unit = readable(study.torque, "N m")
+    lines: dict[str, Array] = {
+        "inertia": part.inertia * study.acceleration + 0.5 * part.slope * w**2,
+        "weight and springs": -part.static,
+        "friction": part.damping * w + part.coulomb * np.sign(w),
+        "loads": -study.load,
+    }
+    shown = {name: values for name, values in lines.items() if np.abs(values).max() > 1e-6 * factor}
+    for i, (name, values) in enumerate(shown.items()):
+        if len(shown) > 1:
+            ax.plot(
+                np.rad2deg(study.angle), values / factor, color=COLOURS[i + 1], ls="--", lw=1.0, label=name
+            )
+    ax.plot(np.rad2deg(study.angle), study.torque / factor, color=COLOURS[0], label="drive")
+    if simulated is not None:
+        every = max(1, len(simulated[0]) // 48)
+        x, y = np.rad2deg(simulated[0][::every]), simulated[1][::every] / factor
+        ax.plot(x, y, "o", ms=3.5, mfc="none", mew=0.7, color=RINGS, label="MuJoCo")
+    ax.set_ylabel(f"torque [{unit}]")
+    angle_axis(ax)
+    ax.legend(**BESIDE)
+
+
+def _polar(ax: "Axes", study: "Study") -> None:
+    """All forces in the x-y plane, as vectors from one origin."""
+    forces = {
+        name: np.where(one.determined[:3], one.force, 0.0) for name, one in study.balance.reactions.items()
+    }
+    factor, unit = readable(np.concatenate(list(forces.values())), "N")
+    for i, (name, force) in enumerate(forces.items()):
+        ax.plot(*(force[:, :2] / factor).T, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], label=name)
+    ax.plot(0.0, 0.0, "+", color=RINGS)
+    ax.set_xlabel(f"force along x [{unit}]")
+    ax.set_ylabel(f"force along y [{unit}]")
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.legend(**BESIDE)
+
+
+def _powers(ax: "Axes", study: "Study") -> None:
+    powers: dict[str, Any] = {
+        "drive": study.power_in,
+        "loads": study.power_loads,
+        "less lost": -study.power_lost,
+        "less stored": -study.power_stored,
+    }
+    factor, unit = readable(np.concatenate(list(powers.values())), "W")
+    for i, (name, values) in enumerate(powers.items()):
+        ax.plot(np.rad2deg(study.angle), values / factor, color=COLOURS[i], ls=STYLES[i % 3], label=name)
+    ax.plot(np.rad2deg(study.angle), sum(powers.values()) / factor, color=RINGS, lw=1.0, label="sum")
+    ax.set_ylabel(f"power into the machine [{unit}]")
+    angle_axis(ax)
+    ax.legend(**BESIDE)
+
+
+def _speeds(ax: "Axes", turn: "Fluctuation", even: "Fluctuation | None") -> None:
+    for i, one in enumerate([turn] if even is None else [turn, even]):
+        label = f"flywheel {one.flywheel:.3g} kg m², δ = {one.coefficient:.3g}"
+        ax.plot(np.rad2deg(one.angle), one.speed, color=COLOURS[i], ls=STYLES[i], label=label)
+    ax.axhline(turn.mean, color=RINGS, lw=0.8)
+    ax.set_ylabel("crank speed [rad/s]")
+    angle_axis(ax)
+    ax.legend(**BESIDE)

@@ -1,0 +1,146 @@
+"""What all plots share: how they look, their units and axes, the bytes of a file."""
+
+import io
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechsim.errors import InputError
+from mechsim.files import written_beside
+from mechsim.model.motion import Motion
+from mechsim.shapes import PALETTE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+Format = Literal["svg", "png", "pdf"]
+FORMATS: tuple[Format, ...] = ("svg", "png", "pdf")
+COLOURS = [colour[:3] for colour in PALETTE[:6]]
+STYLES = ("-", "--", ":")
+
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+LOOK: dict[str, Any] = {
+    "font.size": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.titlesize": 9.0,
+    "axes.titlelocation": "left",
+    "grid.color": "#d5d9df",
+    "grid.linewidth": 0.6,
+    "axes.edgecolor": "#5b6470",
+    "axes.axisbelow": True,
+    "lines.linewidth": 1.5,
+    "legend.frameon": False,
+    "figure.facecolor": "white",
+    "svg.fonttype": "path",
+    # the same plot gives the same bytes
+    "svg.hashsalt": "mechsim",
+}
+
+
+def write(path: str | Path, drawing: bytes) -> None:
+    """Write a drawing to a file.
+
+    Raises:
+        OutputError: where the file cannot be written.
+    """
+    with written_beside(path) as beside:
+        beside.write_bytes(drawing)
+
+
+def form_of(path: str | Path) -> Format:
+    """Return the format that a file's extension asks for.
+
+    Raises:
+        InputError: for an unknown extension.
+    """
+    for form in FORMATS:
+        if Path(path).suffix == f".{form}":
+            return form
+    raise InputError(
+        f"cannot plot to {Path(path).name}: its extension is not one of {', '.join('.' + f for f in FORMATS)}"
+    )
+
+
+@contextmanager
+def canvas(
+    form: Format, rows: int, columns: int, size: tuple[float, float], **options: Any
+) -> Generator[tuple["Figure", NDArray[Any], io.BytesIO]]:
+    """Give a figure with axes; when the block ends, its bytes are in the buffer."""
+    if form not in FORMATS:
+        raise InputError(f"there is no plot format {form!r}; known are {', '.join(FORMATS)}")
+    # a Figure of its own needs no pyplot, hence no screen and no list of open figures
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    out = io.BytesIO()
+    with rc_context(cast(Any, LOOK)), np.errstate(all="ignore"):
+        figure = Figure(figsize=size, layout="constrained")
+        yield figure, figure.subplots(rows, columns, squeeze=False, **options), out
+        # laid out once: left to itself, saving does it again for each of its two passes
+        layout = figure.get_layout_engine()
+        assert layout is not None
+        layout.execute(figure)
+        figure.set_layout_engine(None)
+        dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[form]
+        figure.savefig(out, format=form, dpi=160, metadata=dated)
+
+
+def chosen(motion: Motion, points: Sequence[str] | None) -> list[str]:
+    """Return the points to plot: those asked for, else all."""
+    names = list(motion.points) if points is None else list(points)
+    for name in names:
+        if name not in motion.points:
+            raise InputError(f"the motion has no point {name!r}; known are {', '.join(motion.points)}")
+    if not names:
+        raise InputError("the motion has no tracked point to plot")
+    return names
+
+
+def degrees(motion: Motion) -> Array:
+    """Return the crank angles of a motion, (n,) in degrees."""
+    return np.rad2deg(motion.angle)
+
+
+def angle_axis(ax: "Axes") -> None:
+    """Make the horizontal axis one of crank angles in degrees."""
+    ax.set_xlabel("crank angle [°]")
+    low, high = ax.get_xlim()
+    if high - low < 800.0:
+        ax.xaxis.set_major_locator(_locator(60.0 if high - low < 450.0 else 180.0))
+
+
+def _locator(step: float) -> Any:
+    from matplotlib.ticker import MultipleLocator
+
+    return MultipleLocator(step)
+
+
+def decades(axis: "Axis") -> None:
+    """Write powers of ten as plain text: typesetting each as a formula costs more than all the rest."""
+    from matplotlib.ticker import FuncFormatter, NullLocator
+
+    def power(value: float, _place: Any = None) -> str:
+        exponent = round(float(np.log10(value))) if value > 0.0 else 0
+        return "10" + str(exponent).translate(SUPERSCRIPTS)
+
+    axis.set_major_formatter(FuncFormatter(power))
+    axis.set_minor_locator(NullLocator())
+
+
+def readable(values: ArrayLike, unit: str) -> tuple[float, str]:
+    """Return a factor and the unit it gives, such that numbers are neither long nor tiny."""
+    largest = float(np.nanmax(np.abs(np.asarray(values)), initial=0.0))
+    for factor, prefix in ((1.0, ""), (1e-3, "m"), (1e-6, "µ")):
+        if largest >= 0.5 * factor:
+            return factor, prefix + unit
+    return (1.0, unit) if largest == 0.0 else (1e-6, "µ" + unit)

@@ -1,0 +1,19 @@
+"""Pictures and videos of a motion, without a screen."""
+
+from mechsim.pictures.render.drawing import frames, still
+from mechsim.pictures.render.gl_backend import Backend, choose, describe_backend
+from mechsim.pictures.render.look import Look
+from mechsim.pictures.render.video import find_ffmpeg, turn_angles, write_picture, write_video
+
+__all__ = [
+    "Backend",
+    "Look",
+    "choose",
+    "describe_backend",
+    "find_ffmpeg",
+    "frames",
+    "still",
+    "turn_angles",
+    "write_picture",
+    "write_video",
+]

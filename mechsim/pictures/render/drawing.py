@@ -1,0 +1,145 @@
+"""Frames of a motion, drawn one after the other."""
+
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.errors import InputError
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import Motion
+from mechsim.pictures.render import gl_backend as backends
+from mechsim.pictures.render.drawn_model import CAMERA, DrawnModel
+from mechsim.pictures.render.frame_poses import FramePoses, mixed, places, track
+from mechsim.pictures.render.ghost import Ghost, errors, factor, magnified
+from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, written
+from mechsim.pictures.render.look import Look
+from mechsim.pictures.render.overlays import Trace
+
+
+def frames(
+    mechanism: Mechanism,
+    motion: Motion,
+    *,
+    angles: ArrayLike | None = None,
+    exact: Motion | None = None,
+    forces: Mapping[str, ArrayLike] | None = None,
+    moments: Mapping[str, ArrayLike] | None = None,
+    **options: Any,
+) -> Iterator[Picture]:
+    """Yield the frames of a motion, (height, width, 3) each.
+
+    Args:
+        mechanism: what moves.
+        motion: how it moves, from either road; a frame per sample.
+        angles: crank angles of the frames in [rad], inside the motion; None draws every sample.
+        exact: the same motion by the closed form, sample by sample; drawn as a ghost over `motion`,
+            their difference magnified (see `Look.magnify`) and the factor written on the picture.
+        forces: tracked point or joint -> force at each sample, (len(motion), 3) in [N], for `arrows`;
+            `dynamics.prescribed(...).balance.reactions[joint].force` are those in the joints.
+        moments: likewise in [N m].
+        options: see `Look`.
+
+    Raises:
+        InputError: for an unknown camera, point or back end, or a motion without links.
+        MissingToolError: where this machine has no OpenGL.
+    """
+    stage = Source(mechanism, motion, exact, forces, moments).stage(Look(**options), angles)
+    return draw(stage, backends.choose(stage.look.backend))
+
+
+def still(
+    mechanism: Mechanism,
+    motion: Motion,
+    *,
+    angle: float | None = None,
+    exact: Motion | None = None,
+    forces: Mapping[str, ArrayLike] | None = None,
+    moments: Mapping[str, ArrayLike] | None = None,
+    **options: Any,
+) -> Picture:
+    """Return one picture, framed over the whole motion: at a crank angle in [rad], else at the first sample.
+
+    Paths are drawn whole unless asked for otherwise; other arguments as for `frames`.
+    """
+    options.setdefault("paths", "whole")
+    source = Source(mechanism, motion, exact, forces, moments)
+    stage = source.stage(Look(**options))
+    if angle is not None:
+        shown = source.track([angle])
+        stage.show(shown, source.ghost([angle], stage.ghost.by if stage.ghost else None))
+    with closing(draw(stage, backends.choose(stage.look.backend))) as pictures:
+        return next(pictures)
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """What frames are taken from; see `frames`."""
+
+    mechanism: Mechanism
+    motion: Motion
+    exact: Motion | None = None
+    forces: Mapping[str, ArrayLike] | None = None
+    moments: Mapping[str, ArrayLike] | None = None
+
+    def stage(self, look: Look, angles: ArrayLike | None = None) -> DrawnModel:
+        """Return the stage of all samples, or of given crank angles."""
+        look.check(self.mechanism)
+        if self.exact is not None and look.overlay > 1:
+            raise InputError("a ghost over overlaid positions cannot be read; ask for one position")
+        shown = self.track(angles)
+        for kind in look.arrows:
+            if not shown.vectors.get(kind):
+                raise InputError(f"there is no {kind} to draw arrows for; give it with the motion")
+        return DrawnModel(self.mechanism, shown, look, self.ghost(angles, look.magnify))
+
+    def track(self, angles: ArrayLike | None) -> FramePoses:
+        """Return the poses at all samples, or at given crank angles."""
+        return track(self.mechanism, self.motion, angles, self.forces, self.moments)
+
+    def ghost(self, angles: ArrayLike | None, by: float | None) -> Ghost | None:
+        """Return the ghost, its error magnified by a factor, or as much as shows it well."""
+        if self.exact is None:
+            return None
+        if not np.allclose(self.exact.angle, self.motion.angle, rtol=0.0, atol=1e-9):
+            raise InputError("the ghost stands at other crank angles than the run; solve it at the run's")
+        # errors are taken at the samples and only then spread, so that what frames between samples cost
+        # is not magnified with them
+        spinning = self.exact.spinning | self.motion.spinning
+        exact = track(self.mechanism, self.exact).poses
+        found = errors(self.mechanism, self.track(None).poses, exact, spinning)
+        by = factor(self.mechanism, found) if by is None else by
+        if angles is not None:
+            at = places(self.motion.angle, np.asarray(angles, dtype=np.float64))
+            found = {name: (mixed(way, at), mixed(turn, at)) for name, (way, turn) in found.items()}
+        return Ghost(magnified(self.mechanism, self.track(angles).poses, found, by), by)
+
+
+def draw(stage: DrawnModel, backend: backends.Backend) -> Generator[Picture]:
+    """Yield the frames of a stage."""
+    look = stage.look
+    count = 1 if look.overlay > 1 else len(stage.track)
+    trace = Trace(stage)
+    notes = Notes(stage.mechanism.name, _legend(stage)) if look.notes else None
+    clear = 2.2 * stage.radius
+    with backends.renderer(stage.model, look.size, backend) as drawing:
+        for frame in range(count):
+            stage.place(frame)
+            drawing.update_scene(stage.data, CAMERA)
+            trace.put(drawing.scene, frame)
+            picture = drawing.render()
+            labels = {name: path[frame] for name, path in stage.track.points.items()} if look.labels else {}
+            angle = float(stage.track.angle[frame]) if look.overlay == 1 else None
+            yield written(picture, stage.camera, labels, clear, notes, angle) if labels or notes else picture
+
+
+def _legend(stage: DrawnModel) -> tuple[tuple[str, Ink], ...]:
+    """The lines at the foot of a picture: what the caller says, the ghost, the arrows."""
+    lines: list[tuple[str, Ink]] = [(stage.look.caption, INK)] if stage.look.caption else []
+    if stage.ghost:
+        lines.append((stage.ghost.legend, INK))
+    lines += [one.legend for one in stage.arrows]
+    return tuple(lines)

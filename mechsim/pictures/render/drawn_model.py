@@ -1,0 +1,207 @@
+"""Stage: a mechanism as a MuJoCo model of shapes alone, put into any pose and framed by a camera.
+
+Every link is a mocap body that carries geoms and nothing else, so drawing never touches the physics
+of a run and the closed form is drawn in the same way.
+"""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.pictures.render import scenery
+from mechsim.pictures.render.arrows import Arrows, arrows
+from mechsim.pictures.render.frame_poses import FramePoses
+from mechsim.pictures.render.ghost import Ghost
+from mechsim.pictures.render.look import Look
+from mechsim.shapes import Rgba, free_sides, link_shapes, planar_normals, rod_radius
+from mechsim.shapes import camera as cameras
+from mechsim.shapes.extent import extent, travels
+from mechsim.shapes.walls import Wall, backdrop, corner, stands
+
+Array = NDArray[np.float64]
+CAMERA = "view"
+GHOST: Rgba = (0.10, 0.11, 0.14, 0.5)
+# parallel projection shows a thing in the same place however deep it lies: a ghost stands this many rod
+# radii behind the solid links, so that it shows only where it differs, and arrows stand before them
+BEHIND, BEFORE = 1.5, 6.0
+
+
+class DrawnModel:
+    """What is drawn: the model, its data, the camera, the grid.
+
+    Attributes:
+        camera: the camera, framed over the whole motion.
+        model: shapes only; a mocap body per link and overlaid position, and per link of the ghost.
+        data: its state.
+        cell: edge of a grid cell in [m].
+        walls: planes with a grid.
+        forward: whether the crank turns the positive way.
+        arrows: arrows of each kind asked for.
+    """
+
+    def __init__(self, mechanism: Mechanism, track: FramePoses, look: Look, ghost: Ghost | None = None):
+        self.mechanism, self.track, self.look, self.ghost = mechanism, track, look, ghost
+        self.radius = rod_radius(mechanism)
+        self.forward = bool(track.angle[-1] >= track.angle[0])
+        self.shapes = link_shapes(mechanism, travels(mechanism, track.poses), self._free_sides())
+        balls, radii = self._extent()
+        self.low, self.high = (balls - radii[:, None]).min(0), (balls + radii[:, None]).max(0)
+        if not planar_normals(mechanism):
+            balls, radii = self._add_stands(balls, radii)
+        self.arrows = self._arrows()
+        for one in self.arrows:
+            tips = one.tips(track.starts)
+            balls, radii = np.vstack([balls, tips]), np.append(radii, np.zeros(len(tips)))
+        back, up = cameras.directions(mechanism, look.camera)
+        self._clear_walls()
+        if look.projections:
+            corners = np.array(np.meshgrid(*zip(self.low, self.high, strict=True))).reshape(3, -1).T
+            balls, radii = np.vstack([balls, corners]), np.append(radii, np.zeros(len(corners)))
+        self.camera = cameras.framed(back, up, balls, radii, look.size)
+        self.cell = cameras.nice(self.camera.height / 9.0)
+        self.walls = self._walls()
+        self.model = self._spec().compile()
+        self.data = mujoco.MjData(self.model)
+        self._slots = {
+            (link.name, copy): self._slot(_body(link.name, copy))
+            for link in mechanism.links
+            for copy in range(look.overlay)
+        }
+        self._ghost_slots = {name: self._slot(_ghost(name)) for name in (ghost.poses if ghost else ())}
+
+    def show(self, track: FramePoses, ghost: Ghost | None) -> None:
+        """Take other frames of the same motion; camera and scales stay."""
+        self.track, self.ghost = track, ghost
+        self.arrows = [replace(one, vectors=track.vectors[one.kind]) for one in self.arrows]
+
+    def place(self, frame: int) -> None:
+        """Put the links where they stand in a frame; overlaid positions where they always stand."""
+        overlay = self.look.overlay
+        # the last frame of a closed turn is the first again
+        spread = len(self.track) - (1 if self.track.closed else 0)
+        for (name, copy), slot in self._slots.items():
+            at = frame if overlay == 1 else round(copy * spread / overlay) % len(self.track)
+            self._put(slot, self.track.poses[name].at(at))
+        for name, slot in self._ghost_slots.items():
+            assert self.ghost is not None
+            pose, deeper = self.ghost.poses[name].at(frame), BEHIND * self.radius * self.camera.back
+            self._put(slot, Pose(pose.position - deeper, pose.rotation))
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+
+    def missed(self, wall: Wall) -> float:
+        """Return the light of its own that keeps a wall slanting from the camera as white as any."""
+        if self.look.projections:
+            lit, _ = scenery.brightness(self.camera, wall.normal, 0.0, self._facing.normal)
+            return 0.97 - lit
+        return 0.25 * (1.0 - float(wall.normal @ self.camera.back))
+
+    def thrown(self, path: Array, wall: Wall) -> Array:
+        """Return a path thrown square on a wall, a hair's breadth in front of it."""
+        height = (path - wall.point) @ wall.normal - 0.15 * self.radius
+        return path - height[:, None] * wall.normal
+
+    def _slot(self, body: str) -> int:
+        return int(self.model.body(body).mocapid[0])
+
+    def _put(self, slot: int, pose: Pose) -> None:
+        self.data.mocap_pos[slot] = pose.position
+        mujoco.mju_mat2Quat(self.data.mocap_quat[slot], pose.rotation.ravel())
+
+    def _free_sides(self) -> dict[str, float]:
+        """The side of every shaft that the links keep farther away from over the motion."""
+        some = np.linspace(0, len(self.track) - 1, 24).astype(int)
+        poses = {
+            name: pose if pose.position.ndim == 1 else Pose(pose.position[some], pose.rotation[some])
+            for name, pose in self.track.poses.items()
+        }
+        return free_sides(self.mechanism, poses)
+
+    def _arrows(self) -> list[Arrows]:
+        extent = float((self.high - self.low).max())
+        return [arrows(kind, self.track.vectors.get(kind, {}), extent) for kind in self.look.arrows]
+
+    def _extent(self) -> tuple[Array, Array]:
+        """Balls that hold all shapes over all frames: centres (k, 3) and radii (k,)."""
+        step = slice(None, None, max(1, len(self.track) // 180))
+        poses = [*self.track.poses.items(), *(self.ghost.poses.items() if self.ghost else ())]
+        centres, radii = extent(
+            (pose if pose.position.ndim == 1 else pose.at(step), self.shapes[link]) for link, pose in poses
+        )
+        paths = np.vstack([np.empty((0, 3)), *self.track.paths.values()])
+        return np.vstack([centres, paths]), np.append(radii, np.zeros(len(paths)))
+
+    def _add_stands(self, balls: Array, radii: Array) -> tuple[Array, Array]:
+        """Carry every bearing by a post on the floor; return the balls with those of the posts."""
+        self.low[1] -= 2.0 * self.radius
+        posts = stands(self.shapes[GROUND], float(self.low[1]), self.radius)
+        self.shapes[GROUND].extend(posts)
+        feet, widths = extent([(self.track.poses[GROUND], posts)])
+        return np.vstack([balls, feet]), np.append(radii, widths)
+
+    def _clear_walls(self) -> None:
+        """Keep walls clear of the mechanism, except where it stands on one."""
+        clear = 2.0 * self.radius
+        keep = self.low.copy()
+        self.low = self.low - clear
+        self.high = self.high + clear
+        normals = planar_normals(self.mechanism)
+        if normals:
+            across = np.abs(normals[GROUND]) > 0.9
+            self.low[across] = keep[across]
+        else:
+            self.low[1] = keep[1]
+
+    def _walls(self) -> list[Wall]:
+        if self.look.projections:
+            return corner(self.camera, self.low, self.high)
+        return [backdrop(self.mechanism, self.camera, self.low, self.high, self.cell)]
+
+    def _spec(self) -> mujoco.MjSpec:
+        spec, look, middle = mujoco.MjSpec(), self.look, (self.low + self.high) / 2.0
+        scenery.prepare(spec, self.camera, middle)
+        scenery.add_light(spec, self.camera, middle, self._facing.normal, shadow=False)
+        if look.projections:
+            depth = 2.0 * self.camera.height + 2.0 * float(np.linalg.norm(self.high - self.low))
+            scenery.add_sheet(spec, self.camera, depth)
+        for i, wall in enumerate(self.walls):
+            scenery.add_grid(spec, f"wall{i}", wall, self.cell, self.missed(wall))
+        for shape in self.shapes[GROUND]:
+            scenery.add_shape(spec.worldbody, shape)
+        for link in self.mechanism.links:
+            for copy in range(look.overlay):
+                body = spec.worldbody.add_body(name=_body(link.name, copy), mocap=True)
+                for shape in self.shapes[link.name]:
+                    scenery.add_shape(body, shape)
+        for name in self.ghost.poses if self.ghost else ():
+            body = spec.worldbody.add_body(name=_ghost(name), mocap=True)
+            for shape in self.shapes[name]:
+                scenery.add_shape(body, replace(shape, rgba=GHOST))
+        scenery.add_camera(spec, CAMERA, self.camera)
+        return spec
+
+    @property
+    def _facing(self) -> Wall:
+        """The wall that the camera looks at most squarely; the lamp is set for it."""
+        return max(self.walls, key=lambda wall: float(wall.normal @ self.camera.back))
+
+    @property
+    def stands_on_wall(self) -> bool:
+        """Whether the backdrop carries the mechanism; on a wall far behind it a shadow only confuses."""
+        normals = planar_normals(self.mechanism)
+        if self.look.projections or self.look.overlay > 1:
+            return False
+        if normals:
+            return abs(float(normals[GROUND] @ self.walls[0].normal)) > 0.9
+        return self.look.camera == "iso"
+
+
+def _body(link: str, copy: int) -> str:
+    return f"{link}#{copy}"
+
+
+def _ghost(link: str) -> str:
+    return f"{link}#ghost"

@@ -1,0 +1,182 @@
+"""Track: where every link stands in every frame, taken from a motion of either road."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechsim.errors import InputError
+from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.motion import Motion
+
+Array = NDArray[np.float64]
+
+# path points kept over a motion: a picture cannot show more
+PATH_POINTS = 360
+
+
+@dataclass(frozen=True, slots=True)
+class FramePoses:
+    """Poses of all links frame by frame, and the finer paths of the tracked points.
+
+    Attributes:
+        angle: crank angle of each frame, (n,) in [rad].
+        poses: link -> poses, ground included.
+        points: tracked point -> place in each frame, (n, 3) in [m].
+        paths: tracked point -> its path over the whole motion, (m, 3) in [m].
+        passed: how many points of its path each tracked point has passed, (n,).
+        vectors: "velocity", "acceleration" and, if given, "force" and "moment" -> point or joint ->
+            vector in each frame, (n, 3) in SI.
+        starts: point or joint -> where its arrows start in each frame, (n, 3) in [m].
+    """
+
+    angle: Array
+    poses: Mapping[str, Pose]
+    points: Mapping[str, Array]
+    paths: Mapping[str, Array]
+    passed: NDArray[np.intp]
+    vectors: Mapping[str, Mapping[str, Array]]
+    starts: Mapping[str, Array]
+
+    def __len__(self) -> int:
+        return len(self.angle)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the paths end where they began."""
+        turned = abs(float(self.angle[-1] - self.angle[0]))
+        return turned > 6.0 and all(
+            float(np.linalg.norm(path[-1] - path[0])) < 1e-3 * float(np.ptp(path, axis=0).max())
+            for path in self.paths.values()
+        )
+
+
+def track(
+    mechanism: Mechanism,
+    motion: Motion,
+    angles: ArrayLike | None = None,
+    forces: Mapping[str, ArrayLike] | None = None,
+    moments: Mapping[str, ArrayLike] | None = None,
+) -> FramePoses:
+    """Return the frames of a motion, or of the poses it passes at given crank angles.
+
+    Args:
+        mechanism: what moves.
+        motion: how it moves.
+        angles: crank angles of the frames in [rad]; None takes every sample.
+        forces: tracked point or joint -> force at each sample, (len(motion), 3) in [N], for arrows.
+        moments: likewise in [N m].
+
+    Raises:
+        InputError: where the motion lacks a link, holds a NaN, or does not reach an angle.
+    """
+    poses = {GROUND: Pose(np.zeros(3), np.eye(3))}
+    for link in mechanism.links:
+        if link.name not in motion.links:
+            raise InputError(
+                f"the motion does not say where link {link.name!r} is, so it cannot be drawn; "
+                "solve it with links"
+            )
+        moved = motion.links[link.name]
+        if not (np.isfinite(moved.position).all() and np.isfinite(moved.rotation).all()):
+            raise InputError(f"the motion of link {link.name!r} holds NaN or infinity and cannot be drawn")
+        poses[link.name] = Pose(moved.position, moved.rotation)
+    step = max(1, len(motion) // PATH_POINTS)
+    fine = np.unique(np.append(np.arange(0, len(motion), step), len(motion) - 1))
+    paths = {name: _picked(poses[link], fine).point(local) for name, (link, local) in _moving(mechanism)}
+    passed = np.searchsorted(fine, np.arange(len(motion)), side="right")
+    wanted = motion.angle if angles is None else np.atleast_1d(np.asarray(angles, dtype=np.float64))
+    vectors = _vectors(mechanism, motion, {"force": forces or {}, "moment": moments or {}})
+    # the samples themselves need no search, which a crank that swings to and fro would not allow
+    if not np.array_equal(wanted, motion.angle):
+        place = places(motion.angle, wanted)
+        poses = {name: _between(pose, place) for name, pose in poses.items()}
+        passed = np.searchsorted(fine, place + 1e-9, side="right")
+        vectors = {
+            kind: {name: mixed(values, place) for name, values in one.items()}
+            for kind, one in vectors.items()
+        }
+    joints = {joint.name: (joint.b.link, joint.b.point) for joint in mechanism.joints}
+    starts = {
+        name: np.broadcast_to(poses[link].point(local), (len(wanted), 3))
+        for name, (link, local) in {**joints, **mechanism.points}.items()
+    }
+    points = {name: starts[name] for name in mechanism.points}
+    return FramePoses(wanted, poses, points, paths, passed, vectors, starts)
+
+
+def _vectors(
+    mechanism: Mechanism, motion: Motion, given: Mapping[str, Mapping[str, ArrayLike]]
+) -> dict[str, dict[str, Array]]:
+    """What arrows can show sample by sample: of the points that move, and what was given."""
+    moving = [name for name, _ in _moving(mechanism) if name in motion.points]
+    found = {
+        kind: {name: getattr(motion.points[name], kind) for name in moving}
+        for kind in ("velocity", "acceleration")
+    }
+    known = list(dict.fromkeys([*mechanism.points, *(joint.name for joint in mechanism.joints)]))
+    for kind, values in given.items():
+        found[kind] = {name: np.asarray(vector, dtype=np.float64) for name, vector in values.items()}
+        for name, vector in found[kind].items():
+            if name not in known or vector.shape != (len(motion), 3):
+                raise InputError(
+                    f"{kind} at {name!r} of shape {vector.shape}: give ({len(motion)}, 3) numbers at one of "
+                    f"{', '.join(known)}"
+                )
+            if not np.isfinite(vector).all():
+                raise InputError(f"{kind} at {name!r} holds NaN or infinity and cannot be drawn")
+    return found
+
+
+def _picked(pose: Pose, samples: NDArray[np.intp]) -> Pose:
+    return Pose(pose.position[samples], pose.rotation[samples])
+
+
+def _moving(mechanism: Mechanism) -> list[tuple[str, tuple[str, tuple[float, float, float]]]]:
+    return [(name, place) for name, place in mechanism.points.items() if place[0] != GROUND]
+
+
+def places(known: Array, wanted: Array) -> Array:
+    """Return where crank angles lie among the samples, as fractional indices.
+
+    Of a crank that swings to and fro the longest stretch one way counts.
+    """
+    first, last = _longest_way(known)
+    sense = 1.0 if known[last] >= known[first] else -1.0
+    rising, wanted = sense * known[first : last + 1], sense * wanted
+    if len(rising) < 2:
+        raise InputError("the crank stands still, so frames cannot be chosen by its angle")
+    slack = 1e-6
+    if wanted.min() < rising[0] - slack or wanted.max() > rising[-1] + slack:
+        raise InputError(
+            f"frames from {wanted.min():.6g} to {wanted.max():.6g} rad are asked for, "
+            f"but the motion goes only from {rising[0]:.6g} to {rising[-1]:.6g} rad"
+        )
+    return np.interp(wanted, rising, np.arange(first, last + 1, dtype=np.float64))
+
+
+def _longest_way(known: Array) -> tuple[int, int]:
+    """Return the first and the last sample of the longest stretch in which the crank turns one way."""
+    sense = np.sign(np.diff(known))
+    breaks = np.flatnonzero(sense[1:] != sense[:-1]) + 1
+    ends = np.concatenate([[0], breaks, [len(known) - 1]])
+    moving = np.where(sense[ends[:-1]] == 0.0, 0, np.diff(ends)) if len(sense) else np.zeros(1)
+    at = int(np.argmax(moving))
+    return (int(ends[at]), int(ends[at + 1])) if moving[at] else (0, 0)
+
+
+def _between(pose: Pose, place: Array) -> Pose:
+    """Return poses at fractional indices; good for the eye, not for numbers."""
+    if pose.position.ndim == 1:
+        return pose
+    u, _, v = np.linalg.svd(mixed(pose.rotation, place))  # the rotation nearest to the mixture
+    return Pose(mixed(pose.position, place), u @ v)
+
+
+def mixed(values: Array, place: Array) -> Array:
+    """Return values at fractional indices of the leading axis, on straight lines between samples."""
+    low = np.minimum(place.astype(np.intp), max(len(values) - 2, 0))
+    high = np.minimum(low + 1, len(values) - 1)
+    share = (place - low).reshape(-1, *[1] * (values.ndim - 1))
+    return (1.0 - share) * values[low] + share * values[high]

@@ -1,0 +1,112 @@
+"""Ghost: where the closed form puts the links, beside where a run did, the difference magnified."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.model.mechanism import Mechanism, Pose, Vector
+from mechsim.shapes import span
+
+Array = NDArray[np.float64]
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+# how far the ghost may stand off, in units of the mechanism's size, and how far it may be turned in [rad]
+FARTHEST, WIDEST = 0.06, 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Ghost:
+    """Poses of a ghost.
+
+    Attributes:
+        poses: link -> poses, (n, ...); moving links only.
+        by: factor on the error.
+    """
+
+    poses: Mapping[str, Pose]
+    by: float
+
+    @property
+    def legend(self) -> str:
+        """What a picture says about it."""
+        exponent = int(np.floor(np.log10(self.by) + 1e-9))
+        lead, power = self.by / 10.0**exponent, f"10{str(exponent).translate(SUPERSCRIPTS)}"
+        return f"closed form dark, error × {power if round(lead, 6) == 1.0 else f'{self.by:.3g}'}"  # noqa: RUF001
+
+
+def errors(
+    mechanism: Mechanism, run: Mapping[str, Pose], exact: Mapping[str, Pose], spinning: frozenset[str]
+) -> dict[str, tuple[Array, Array]]:
+    """Return how far each moving link stands from where the closed form puts it.
+
+    Args:
+        mechanism: whose links.
+        run: link -> poses drawn solid, (n, ...).
+        exact: link -> poses at the same instants.
+        spinning: links whose spin about the line of their joints means nothing; it is left out.
+
+    Returns:
+        Link -> way of its first joint, (n, 3) in [m], and turn as a vector, (n, 3) in [rad].
+    """
+    found: dict[str, tuple[Array, Array]] = {}
+    for link in mechanism.links:
+        here, there = run[link.name], exact[link.name]
+        hold = mechanism.ends(link.name)[0].point
+        if link.name in spinning:
+            line = _line(mechanism, link.name)
+            turn = np.cross(here.rotation @ line, there.rotation @ line)
+        else:
+            turn = _turn(there.rotation @ np.swapaxes(here.rotation, 1, 2))
+        found[link.name] = there.point(hold) - here.point(hold), turn
+    return found
+
+
+def factor(mechanism: Mechanism, found: Mapping[str, tuple[Array, Array]]) -> float:
+    """Return the power of ten that makes errors plain to see and leaves the ghost in the picture."""
+    way = max(float(np.abs(way).max()) for way, _ in found.values()) / (FARTHEST * span(mechanism))
+    turn = max(float(np.abs(turn).max()) for _, turn in found.values()) / WIDEST
+    worst = max(way, turn)
+    return 1.0 if not worst > 0.0 else float(10.0 ** np.floor(-np.log10(worst)))
+
+
+def magnified(
+    mechanism: Mechanism, run: Mapping[str, Pose], found: Mapping[str, tuple[Array, Array]], by: float
+) -> dict[str, Pose]:
+    """Return the poses of the ghost: those of the run, moved and turned by the errors times a factor.
+
+    To first order in the error the ghost's joints hold together as the closed form's do.
+    """
+    poses: dict[str, Pose] = {}
+    for link in mechanism.links:
+        (way, turn), here = found[link.name], run[link.name]
+        hold: Vector = mechanism.ends(link.name)[0].point
+        rotation = turned(by * turn) @ here.rotation
+        poses[link.name] = Pose(here.point(hold) + by * way - rotation @ np.asarray(hold), rotation)
+    return poses
+
+
+def _line(mechanism: Mechanism, link: str) -> Array:
+    """The unit vector between the first two joints of a link that stand apart."""
+    first, *others = (np.asarray(end.point) for end in mechanism.ends(link))
+    line = max((other - first for other in others), key=lambda way: float(np.linalg.norm(way)))
+    return line / np.linalg.norm(line)
+
+
+def _turn(rotation: Array) -> Array:
+    """The vector of rotations, (n, 3, 3) -> (n, 3), to full relative accuracy for small ones."""
+    twice = rotation[:, [2, 0, 1], [1, 2, 0]] - rotation[:, [1, 2, 0], [2, 0, 1]]  # 2 sin(angle) x axis
+    sine = 0.5 * np.sqrt((twice**2).sum(1))
+    angle = np.arctan2(sine, 0.5 * (np.trace(rotation, axis1=1, axis2=2) - 1.0))
+    return 0.5 * twice * np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 1.0)[:, None]
+
+
+def turned(vector: Array) -> Array:
+    """Return the rotations of vectors, (n, 3) -> (n, 3, 3)."""
+    angle = np.sqrt((vector**2).sum(1))
+    x, y, z = (vector / np.where(angle > 0.0, angle, 1.0)[:, None]).T
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(-1, 3, 3)
+    sine, rest = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
+    return np.eye(3) + sine * cross + rest * (cross @ cross)

@@ -1,0 +1,126 @@
+"""What is written on a picture: names of points, scale bar, crank angle."""
+
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from mechsim.pictures.render.numbers import prefixed
+from mechsim.shapes.camera import Camera, nice
+
+Array = NDArray[np.float64]
+Picture = NDArray[np.uint8]
+
+Ink = tuple[int, int, int]
+INK: Ink = (28, 32, 40)
+HALO = (250, 250, 252)
+HALO_WIDTH = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Notes:
+    """What stands at the edges of every frame.
+
+    Attributes:
+        name: of the mechanism.
+        legend: lines at the foot, and their colours.
+    """
+
+    name: str
+    legend: tuple[tuple[str, Ink], ...] = ()
+
+
+def written(
+    picture: Picture,
+    camera: Camera,
+    labels: dict[str, Array],
+    clear: float,
+    notes: Notes | None,
+    angle: float | None,
+) -> Picture:
+    """Return a picture with labels at points and, if there are notes, name, scale bar and crank angle.
+
+    Args:
+        picture: (height, width, 3).
+        camera: that took it.
+        labels: name of a point -> its place, (3,) in [m].
+        clear: how far labels keep off their points, in [m].
+        notes: what stands at the edges; None for nothing.
+        angle: of the crank in [rad]; None where the picture shows many.
+    """
+    image = Image.fromarray(picture)
+    edge = max(10, round(camera.size[1] / 34))
+    _labels(image, camera, labels, 0.7 * clear * camera.scale + 0.3 * edge, edge)
+    if notes:
+        _notes(image, camera, notes, angle, edge)
+    return np.asarray(image)
+
+
+def _labels(image: Image.Image, camera: Camera, labels: dict[str, Array], off: float, edge: int) -> None:
+    """Write names beside their points, each off the middle of them all, so that links stay clear."""
+    if not labels:
+        return
+    places = {name: camera.pixel(place) for name, place in labels.items()}
+    middle = np.mean(list(places.values()), axis=0)
+    for name, (x, y) in places.items():
+        left = len(places) > 1 and x < middle[0]
+        at = (x - off if left else x + off, y - off)
+        _text(image, at, name, edge, "rs" if left else "ls")
+
+
+def _notes(image: Image.Image, camera: Camera, notes: Notes, angle: float | None, edge: int) -> None:
+    width, height = camera.size
+    pad = round(0.8 * edge)
+    _text(image, (pad, pad), notes.name.replace("_", "-"), edge, "la")
+    if angle is not None:
+        _text(image, (width - pad, pad), f"crank {np.rad2deg(angle) % 360.0:5.1f}°", edge, "ra")
+    length, text = scale_bar(camera)
+    pixels = length * camera.scale
+    y = height - pad
+    pen = ImageDraw.Draw(image)
+    pen.rectangle((pad - 1, y - edge // 4 - 1, pad + pixels + 1, y + 1), fill=HALO)
+    pen.rectangle((pad, y - edge // 4, pad + pixels, y), fill=INK)
+    _text(image, (pad + pixels + 0.4 * edge, y + 1), text, edge, "ls")
+    for i, (line, ink) in enumerate(reversed(notes.legend)):
+        _text(image, (width - pad, y + 1 - 1.45 * edge * i), line, edge, "rs", ink)
+
+
+def scale_bar(camera: Camera) -> tuple[float, str]:
+    """Return a round length of about a sixth of the picture's width in [m], and how it is written."""
+    length = nice(camera.size[0] / camera.scale / 5.0)
+    return length, prefixed(length, "m")
+
+
+def _text(
+    image: Image.Image, at: tuple[float, float], text: str, edge: int, anchor: str, ink: Ink = INK
+) -> None:
+    """Write a text with its left ("l") or right ("r") end at a place, hung ("a") or standing ("s") there."""
+    stamp, left, top, right = _stamp(text, edge, anchor[1], ink)
+    x = at[0] + left if anchor[0] == "l" else at[0] - right
+    image.paste(stamp, (round(x), round(at[1] + top)), stamp)
+
+
+# drawing letters with a halo costs more than all else on a picture, and names stay the same
+@lru_cache(maxsize=256)
+def _stamp(text: str, edge: int, hang: str, ink: Ink) -> tuple[Image.Image, float, float, float]:
+    """A text on a clear ground: picture, its left and top from the anchor, its right end."""
+    font = _font(edge)
+    left, top, right, bottom = font.getbbox(text, anchor=f"l{hang}", stroke_width=HALO_WIDTH)
+    stamp = Image.new("RGBA", (int(np.ceil(right - left)) + 2, int(np.ceil(bottom - top)) + 2), (*HALO, 0))
+    pen = ImageDraw.Draw(stamp)
+    at = -left + 1, -top + 1
+    pen.text(at, text, fill=ink, font=font, anchor=f"l{hang}", stroke_width=HALO_WIDTH, stroke_fill=HALO)
+    return stamp, left - 1, top - 1, right - HALO_WIDTH
+
+
+@cache
+def _font(edge: int) -> ImageFont.FreeTypeFont:
+    """DejaVu Sans, which matplotlib brings along: Pillow's own font knows neither powers nor Greek."""
+    found = find_spec("matplotlib")
+    assert found is not None
+    assert found.origin is not None
+    return ImageFont.truetype(Path(found.origin).parent / "mpl-data/fonts/ttf/DejaVuSans.ttf", edge)

@@ -1,0 +1,132 @@
+"""Shapes, grids, light and camera in a model specification: nothing that collides or weighs anything."""
+
+import mujoco
+import numpy as np
+
+from mechsim.shapes import Shape
+from mechsim.shapes.camera import Camera
+from mechsim.shapes.shape import Array
+from mechsim.shapes.walls import Wall
+from mechsim.simulation.mjcf.body_inertia import quaternion
+
+GEOMS = {
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+}
+PAPER = (0.955, 0.96, 0.97)
+GRID_LINE = (0.76, 0.79, 0.83)
+MATTE = "matte"
+# parts of white light: from everywhere, from the camera, from the lamp over its shoulder
+AMBIENT, HEADLIGHT, LAMP = 0.42, 0.28, 0.30
+
+
+def add_shape(body: mujoco.MjsBody, shape: Shape) -> None:
+    """Add a shape to a body as a geom of material MATTE; see `prepare`."""
+    sizes = [*shape.half_sizes, 0.0, 0.0][:3]
+    geom = body.add_geom(
+        type=GEOMS[shape.kind], pos=shape.centre, size=sizes, rgba=shape.rgba, material=MATTE
+    )
+    geom.quat = quaternion(shape.frame)
+    geom.contype = geom.conaffinity = 0
+    geom.mass = 0.0
+
+
+def add_grid(spec: mujoco.MjSpec, name: str, wall: Wall, cell: float, emission: float) -> None:
+    """Add a plane of paper with grid lines.
+
+    Args:
+        spec: what to add to.
+        name: of texture and material.
+        wall: where it stands.
+        cell: edge of a grid cell in [m].
+        emission: light of its own, for what a slanting plane misses of the camera's.
+    """
+    texture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D)
+    texture.builtin = mujoco.mjtBuiltin.mjBUILTIN_FLAT
+    texture.mark = mujoco.mjtMark.mjMARK_EDGE
+    texture.rgb1 = texture.rgb2 = PAPER
+    texture.markrgb = GRID_LINE
+    texture.width = texture.height = 64
+    material = spec.add_material(name=name)
+    textures = material.textures
+    textures[int(mujoco.mjtTextureRole.mjTEXROLE_RGB)] = name
+    material.textures = textures
+    material.texrepeat = [2.0 * half / cell for half in wall.half]
+    material.specular, material.shininess, material.emission = 0.0, 0.0, emission
+    plane = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, pos=wall.point, material=name)
+    plane.size = [*wall.half, 1.0]
+    plane.quat = quaternion(wall.frame)
+    plane.contype = plane.conaffinity = 0
+
+
+def add_sheet(spec: mujoco.MjSpec, camera: Camera, depth: float) -> None:
+    """Add a plain sheet square to a camera, `depth` behind it: MuJoCo's own background is black."""
+    spec.add_material(name="paper", specular=0.0, shininess=0.0, emission=1.0, rgba=(*PAPER, 1.0))
+    sheet = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, material="paper")
+    sheet.pos = camera.position - depth * camera.back
+    sheet.size = [4.0 * camera.height, 4.0 * camera.height, 1.0]
+    sheet.quat = quaternion(np.column_stack([camera.right, camera.up, camera.back]))
+    sheet.contype = sheet.conaffinity = 0
+
+
+def add_camera(spec: mujoco.MjSpec, name: str, camera: Camera) -> None:
+    """Add a camera with parallel projection."""
+    view = spec.worldbody.add_camera(name=name, pos=camera.position)
+    view.quat = quaternion(np.column_stack([camera.right, camera.up, camera.back]))
+    view.proj = mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC
+    view.fovy = camera.height
+
+
+def light_way(camera: Camera, normal: Array) -> Array:
+    """Return the way of the lamp's light, a unit vector: over a camera's shoulder onto a wall."""
+    way = -(1.3 * normal + 0.55 * camera.up - 0.5 * camera.right + 0.35 * camera.back)
+    return way / np.linalg.norm(way)
+
+
+def add_light(spec: mujoco.MjSpec, camera: Camera, middle: Array, normal: Array, shadow: bool) -> None:
+    """Add a lamp far away; its shadows, if any, fall on a wall."""
+    light = spec.worldbody.add_light(pos=middle - 2.0 * camera.height * light_way(camera, normal))
+    light.dir = light_way(camera, normal)
+    light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    light.diffuse, light.specular = [LAMP] * 3, [0.20] * 3
+    light.castshadow = shadow
+
+
+def brightness(
+    camera: Camera, normal: Array, emission: float, lamp_over: Array | None = None
+) -> tuple[float, float]:
+    """Return the share of its colour that a white wall shows, with the lamp and in its shadow.
+
+    Args:
+        camera: whose headlight it is.
+        normal: unit vector off the wall.
+        emission: light of its own.
+        lamp_over: normal of the wall that the lamp was set for, if another.
+    """
+    unlit = emission + AMBIENT + HEADLIGHT * max(0.0, float(normal @ camera.back))
+    way = light_way(camera, normal if lamp_over is None else lamp_over)
+    return unlit + LAMP * max(0.0, -float(normal @ way)), unlit
+
+
+def prepare(spec: mujoco.MjSpec, camera: Camera, middle: Array) -> None:
+    """Set what is the same in every picture: material, soft light from the camera, distances."""
+    spec.add_material(name=MATTE, specular=0.25, shininess=0.4, rgba=(1.0, 1.0, 1.0, 1.0))
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = camera.size
+    spec.visual.quality.shadowsize = 2048
+    # parts are small in the picture: fewer facets than MuJoCo's 28 and 16 look as round and draw faster
+    spec.visual.quality.numslices = 20
+    spec.visual.quality.numstacks = 8
+    # under light from far away a flat face is shaded alike all over and needs no division
+    spec.visual.quality.numquads = 1
+    spec.visual.headlight.ambient = [AMBIENT] * 3
+    spec.visual.headlight.diffuse = [HEADLIGHT] * 3
+    spec.visual.headlight.specular = [0.05] * 3
+    # the camera's distances are multiples of the extent
+    spec.stat.extent = camera.height
+    spec.stat.center = middle
+    spec.visual.map.znear = 0.01
+    spec.visual.map.zfar = 12.0
+    # the box in which shadows fall is as deep as it is wide: a smaller one leaves specks on the floor
+    spec.visual.map.shadowclip = 1.25 * float(np.hypot(1.0, camera.size[0] / camera.size[1]))

@@ -1,0 +1,189 @@
+"""Pictures and videos in files."""
+
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.errors import InputError, MissingToolError, OutputError
+from mechsim.files import written_beside
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import Motion
+from mechsim.pictures.render.drawing import frames, still
+from mechsim.pictures.render.labels import Picture
+
+PICTURES = (".png",)
+VIDEOS = (".mp4", ".webm", ".gif")
+
+# how mediapy is told to compress each kind; webm plays without patents, mp4 everywhere
+CODECS: dict[str, dict[str, Any]] = {
+    ".mp4": {"codec": "h264", "crf": 20, "ffmpeg_args": "-preset veryfast"},
+    # "good" and a row of threads: the default takes ten times as long for the same picture
+    ".webm": {
+        "codec": "vp9",
+        "crf": 31,
+        "ffmpeg_args": "-b:v 0 -deadline good -cpu-used 5 -row-mt 1",
+        "encoded_format": "yuv420p",
+    },
+    ".gif": {"codec": "gif"},
+}
+
+
+def write_picture(path: str | Path, mechanism: Mechanism, motion: Motion, **options: Any) -> None:
+    """Write one picture as PNG; see `still` and `Look` for the options.
+
+    Raises:
+        InputError: for an extension other than `.png` or an unknown option.
+        OutputError: where the file cannot be written.
+        MissingToolError: where this machine has no OpenGL.
+    """
+    path = Path(path)
+    _known(path, PICTURES)
+    with written_beside(path) as beside:
+        _write_png(beside, still(mechanism, motion, **options))
+
+
+def write_video(
+    path: str | Path,
+    mechanism: Mechanism,
+    motion: Motion,
+    *,
+    fps: float = 30.0,
+    angles: ArrayLike | None = None,
+    done: Callable[[], None] = lambda: None,
+    **options: Any,
+) -> int:
+    """Write a motion as mp4, webm or gif, or, for a path without extension, as a directory of PNG files.
+
+    Args:
+        path: where to; a directory must be new or empty.
+        mechanism: what moves.
+        motion: how; a frame per sample unless `angles` says otherwise.
+        fps: frames per second.
+        angles: crank angles of the frames in [rad]; `turn_angles` makes evenly spaced ones.
+        done: called after each frame.
+        options: see `frames` and `Look`.
+
+    Returns:
+        How many frames were written.
+
+    Raises:
+        InputError: for an unknown extension or option, or a rate that is not positive.
+        OutputError: where the file cannot be written.
+        MissingToolError: where this machine has no OpenGL or no ffmpeg.
+    """
+    path = Path(path)
+    if not 0.0 < fps <= 1000.0:
+        raise InputError(f"{fps} frames per second; give a rate above 0 and up to 1000")
+    if path.suffix == "":
+        return _write_sequence(path, frames(mechanism, motion, angles=angles, **options), done)
+    _known(path, VIDEOS)
+    ffmpeg = find_ffmpeg()
+    with written_beside(path) as beside:
+        return _encode(beside, frames(mechanism, motion, angles=angles, **options), fps, ffmpeg, done)
+
+
+def turn_angles(motion: Motion, per_turn: int = 36) -> np.ndarray:
+    """Return evenly spaced crank angles over a motion, `per_turn` to a turn, in [rad].
+
+    36 frames stand 10 degrees apart, as in the paper. Over whole turns the last one, which would
+    show the first again, is left out, so that the frames play in a loop.
+    """
+    if per_turn < 1:
+        raise InputError(f"{per_turn} frames per turn; give 1 or more")
+    first, last = float(motion.angle[0]), float(motion.angle[-1])
+    steps = abs(last - first) * per_turn / (2.0 * np.pi)
+    whole = abs(steps - round(steps)) < 1e-6 and round(steps) % per_turn == 0 and round(steps) > 0
+    count = round(steps) if whole else int(np.floor(steps + 1e-9)) + 1
+    return first + np.sign(last - first) * np.arange(count) * 2.0 * np.pi / per_turn
+
+
+def find_ffmpeg() -> str:
+    """Return the path of an ffmpeg program: the system's, else the one imageio-ffmpeg brings.
+
+    Raises:
+        MissingToolError: where there is neither.
+    """
+    found = shutil.which("ffmpeg")
+    if found:
+        return found
+    try:
+        import imageio_ffmpeg
+
+        return imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError) as error:
+        raise MissingToolError(
+            "no video can be written: there is no ffmpeg here; install the system package ffmpeg "
+            "or the Python package imageio-ffmpeg"
+        ) from error
+
+
+def _encode(
+    path: Path, pictures: Iterator[Picture], fps: float, ffmpeg: str, done: Callable[[], None]
+) -> int:
+    import mediapy
+
+    mediapy.set_ffmpeg(ffmpeg)
+    # the first frame is drawn before the encoder starts, so that a refusal leaves no process behind
+    first = next(pictures)
+    shape = first.shape[0] // 2 * 2, first.shape[1] // 2 * 2  # codecs want even edges
+    count = 0
+    try:
+        # the encoder takes a frame while the next one is drawn; never more than two wait
+        with (
+            mediapy.VideoWriter(path, shape, fps=fps, **CODECS[path.suffix]) as writer,
+            ThreadPoolExecutor(max_workers=1) as line,
+        ):
+            taken = line.submit(lambda: None)
+            for picture in chain([first], pictures):
+                frame = np.ascontiguousarray(picture[: shape[0], : shape[1]])
+                taken.result()
+                taken = line.submit(writer.add_image, frame)
+                count += 1
+                done()
+            taken.result()
+    except (RuntimeError, OSError, subprocess.SubprocessError) as error:
+        reason = str(error).strip().splitlines()[-1:] or ["no reason given"]
+        raise OutputError(f"cannot write {path.suffix[1:]} video: ffmpeg failed: {reason[0]}") from error
+    return count
+
+
+def _write_sequence(path: Path, pictures: Iterator[Picture], done: Callable[[], None]) -> int:
+    if path.exists() and (not path.is_dir() or any(path.iterdir())):
+        raise OutputError(f"cannot write pictures to {path}: it is not an empty directory; name a new one")
+    if not path.parent.is_dir():
+        raise OutputError(f"cannot write {path}: there is no directory {path.parent}; make it first")
+    count = 0
+    try:
+        with tempfile.TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as scratch:
+            beside = Path(scratch) / "frames"
+            beside.mkdir()
+            for picture in pictures:
+                _write_png(beside / f"{count:05d}.png", picture)
+                count += 1
+                done()
+            beside.replace(path)
+    except OSError as error:
+        raise OutputError(f"cannot write pictures to {path}: {error.strerror or error}") from error
+    return count
+
+
+def _write_png(path: Path, picture: Picture) -> None:
+    from PIL import Image
+
+    Image.fromarray(picture).save(path, optimize=True)
+
+
+def _known(path: Path, extensions: tuple[str, ...]) -> None:
+    if path.suffix not in extensions:
+        raise InputError(
+            f"cannot write {path.name}: extension {path.suffix or '(none)'!r} "
+            f"is not one of {', '.join(extensions)}"
+        )

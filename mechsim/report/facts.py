@@ -1,0 +1,154 @@
+"""What `mechsim show` and the report say about a mechanism."""
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.dynamics.flywheel import Fluctuation
+from mechsim.analytic.dynamics.free_run_events import TURN
+from mechsim.analytic.dynamics.free_running import FreeRun
+from mechsim.analytic.dynamics.prescribed_motion import Study
+
+Array = NDArray[np.float64]
+
+
+def facts(drive: ClosedForm, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:
+    """Return all that is known of a mechanism without simulating it, as plain data.
+
+    Args:
+        drive: the mechanism.
+        angle: crank angle at which assemblies are listed, in [rad]; None takes where assembly starts.
+        driver: link that drives, for the Assur groups; None takes the crank.
+    """
+    from mechsim.theory import structure
+
+    mechanism = drive.mechanism
+    arcs = drive.crank_range()
+    at = arcs.start() if angle is None else angle
+    ranges = [list(arc) for arc in arcs.arcs]
+    freedom = structure.mobility(mechanism)
+    groups: list[dict[str, Any]] = []
+    explained: list[str] = []
+    if freedom.planar or driver is not None:
+        apart = structure.assur_groups(mechanism, driver)
+        groups, explained = apart.as_dicts(), apart.lines()
+    return {
+        "name": drive.name,
+        "about": (type(drive).__doc__ or "").splitlines()[0],
+        "parameters": {
+            field.name: {
+                "value": getattr(drive, field.name),
+                "unit": field.metadata["unit"],
+                "doc": field.metadata["doc"],
+            }
+            for field in fields(drive)
+        },
+        "points": list(mechanism.points),
+        "links": [link.name for link in mechanism.links],
+        "joints": [
+            {"name": joint.name, "kind": joint.kind, "links": [joint.a.link, joint.b.link]}
+            for joint in mechanism.joints
+        ],
+        "mobility": freedom.actual,
+        "mobility_explained": freedom.lines(),
+        "crank_range": "full turn" if arcs.full else ranges[0] if len(ranges) == 1 else ranges,
+        "crank_ranges": ranges,
+        "dead_centres": list(drive.dead_centres()),
+        "transmission_angle": _least_transmission(drive),
+        "angle": at,
+        "assemblies": assemblies(drive, at),
+        "assur_groups": groups,
+        "assur_explained": explained,
+    }
+
+
+def assemblies(drive: ClosedForm, angle: float) -> list[dict[str, Any]]:
+    """Return every real assembly at a crank angle: what selects it, and its points in [m]."""
+    return [
+        {**chosen, "points": {name: place.tolist() for name, place in points.items()}}
+        for chosen, points in drive.assembly_points(angle)
+    ]
+
+
+def _least_transmission(drive: ClosedForm) -> dict[str, float] | None:
+    arcs = drive.crank_range().arcs
+    if not arcs:
+        return None
+    low, high = arcs[0]
+    margin = 1e-6 * (high - low)
+    angles = np.linspace(low + margin, high - margin, 361)
+    values = drive.transmission_angle(angles)
+    at = int(np.argmin(values))
+    return {"least": float(values[at]), "at_angle": float(angles[at])}
+
+
+def study_facts(study: Study) -> dict[str, Any]:
+    """Return what a study of a prescribed crank comes to; all in SI."""
+    balance = study.balance
+    size = float(np.abs(study.torque).max()) or 1.0
+    sides = study.power_in + study.power_loads - study.power_lost - study.power_stored
+    return {
+        "torque": _peak(study.torque, study.angle)
+        | {"mean": _mean(study.torque, study.angle), "rms": _mean(study.torque**2, study.angle) ** 0.5},
+        "routes": float(np.abs(balance.drive - study.torque).max()) / size,
+        "reactions": {
+            name: {
+                "on": one.link,
+                "by": one.by,
+                "force": _peak(_norm(one.force, one.determined[:3]), study.angle),
+                "moment": _peak(_norm(one.moment, one.determined[3:]), study.angle),
+                "not_determined": list(one.open),
+            }
+            for name, one in balance.reactions.items()
+        },
+        "indeterminacy": balance.indeterminacy,
+        "shaking_force": _peak(_norm(study.shaking_force), study.angle),
+        "shaking_moment": _peak(_norm(study.shaking_moment), study.angle),
+        "inertia": {
+            "least": float(study.reduced.inertia.min()),
+            "largest": float(study.reduced.inertia.max()),
+        },
+        "power_balance": float(np.abs(sides).max()),
+    }
+
+
+def _norm(vector: Array, known: NDArray[np.bool_] | None = None) -> Array:
+    kept = vector if known is None else np.where(known, vector, 0.0)
+    return np.sqrt((kept**2).sum(1))
+
+
+def _mean(values: Array, angle: Array) -> float:
+    """Return the mean over the crank angle; over the instants where the crank swings or stands."""
+    if len(angle) < 2 or not (np.diff(angle) * np.sign(angle[-1] - angle[0]) > 0.0).all():
+        return float(values.mean())
+    return float(np.trapezoid(values, angle) / (angle[-1] - angle[0]))
+
+
+def _peak(values: Array, angle: Array) -> dict[str, float]:
+    at = int(np.argmax(np.abs(values)))
+    return {"largest": float(values[at]), "at_angle": float(angle[at])}
+
+
+def turn_facts(turn: Fluctuation | None) -> dict[str, float] | None:
+    """Return the speed fluctuation of a turn."""
+    if turn is None:
+        return None
+    names = ("mean", "coefficient", "torque", "excess", "flywheel")
+    return {name: getattr(turn, name) for name in names}
+
+
+def run_facts(run: FreeRun) -> dict[str, Any]:
+    """Return how a free run ended."""
+    return {
+        "outcome": run.outcome,
+        "reason": run.reason,
+        "seconds": float(run.time[-1]),
+        "turns": float(run.angle[-1] - run.angle[0]) / TURN,
+        "speed": float(run.speed[-1]),
+        "work": float(run.work[-1]),
+        "lost": float(run.lost[-1]),
+        "energy_error": run.energy_error,
+    }

@@ -1,0 +1,127 @@
+"""How results show themselves in a notebook: tables, plots, a film that plays."""
+
+import base64
+import tempfile
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mechsim.model.mechanism import Mechanism
+    from mechsim.model.motion import Motion
+    from mechsim.simulation import Run
+    from mechsim.verdict.judge import Verdict
+
+GOOD, BAD = "#00694c", "#a8261a"
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """A video that plays where it is the last line of a notebook's cell.
+
+    Attributes:
+        data: the mp4 file.
+        width: in pixels.
+    """
+
+    data: bytes
+    width: int
+
+    def _repr_html_(self) -> str:
+        source = base64.b64encode(self.data).decode("ascii")
+        return (
+            f'<video width="{self.width}" controls loop muted autoplay playsinline '
+            f'src="data:video/mp4;base64,{source}"></video>'
+        )
+
+
+def show(
+    mechanism: "Mechanism",
+    motion: "Motion",
+    *,
+    frames_per_turn: int = 48,
+    fps: float = 24.0,
+    size: tuple[int, int] = (480, 360),
+    **look: Any,
+) -> Film:
+    """Return a film of a motion, from either road; whole turns play in a loop without a seam.
+
+    Args:
+        mechanism: what moves.
+        motion: how it moves.
+        frames_per_turn: frames in a turn of the crank.
+        fps: frames a second.
+        size: (width, height) in pixels.
+        look: see `render.Look`; `exact` draws the closed form as a ghost, `arrows` velocities.
+    """
+    from mechsim.pictures.render import turn_angles, write_video
+
+    look.setdefault("paths", "tail")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "film.mp4"
+        angles = turn_angles(motion, frames_per_turn)
+        write_video(path, mechanism, motion, angles=angles, fps=fps, size=size, **look)
+        return Film(path.read_bytes(), size[0])
+
+
+def verdict_html(verdict: "Verdict") -> str:
+    """Return a verdict as a table: quantity by quantity, worst error, where, bound and its reason."""
+    from mechsim.verdict.judge import HEAD
+
+    rows = [check.cells for check in verdict.checks]
+    title = verdict.outcome + (f": {verdict.reason}" if verdict.reason else "")
+    marks = [GOOD if check.passed else BAD for check in verdict.checks]
+    return _title(title, GOOD if verdict.passed else BAD) + _table(HEAD, rows, marks)
+
+
+def run_html(run: "Run") -> str:
+    """Return a run as what it came to, how it was made, and a plot of its motion."""
+    from mechsim.pictures import plots
+
+    said = run.summary()
+    rows = [(name, _text(value)) for name, value in said.items() if name != "settings"]
+    rows += [(name.replace("_", " "), _text(value)) for name, value in said["settings"].items()]
+    drawing = plots.motion_plot(run.motion, form="svg").decode("utf-8")
+    picture = drawing[drawing.index("<svg") :] if len(run.motion) > 1 else ""
+    colour = GOOD if run.outcome == "met" else BAD
+    return (
+        _title(run.outcome, colour) + f"<details><summary>how</summary>{_table((), rows)}</details>{picture}"
+    )
+
+
+SHOWN = {
+    ("mechsim.verdict.judge", "Verdict"): verdict_html,
+    ("mechsim.simulation.run_result", "Run"): run_html,
+}
+
+
+def register() -> None:
+    """Tell IPython, where it runs, how results are shown; loads nothing that is not loaded yet."""
+    from IPython.core.getipython import get_ipython
+
+    shell: Any = get_ipython()
+    if shell is None:
+        return
+    html = shell.display_formatter.formatters["text/html"]
+    for (module, name), page in SHOWN.items():
+        html.for_type_by_name(module, name, page)
+
+
+def _title(text: str, colour: str) -> str:
+    return f'<p style="color:{colour};font-weight:600">{escape(text)}</p>'
+
+
+def _table(head: tuple[str, ...], rows: list[Any], marks: list[str] | None = None) -> str:
+    lines = ["<table>"]
+    if head:
+        lines.append("<tr>" + "".join(f"<th>{escape(name)}</th>" for name in head) + "</tr>")
+    for i, row in enumerate(rows):
+        style = f' style="color:{marks[i]}"' if marks and marks[i] == BAD else ""
+        cells = "".join(f'<td style="text-align:left">{escape(str(cell))}</td>' for cell in row)
+        lines.append(f"<tr{style}>{cells}</tr>")
+    return "\n".join([*lines, "</table>"])
+
+
+def _text(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

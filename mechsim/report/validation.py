@@ -1,0 +1,140 @@
+"""The page of a validation: each case with its facts, pictures, plots, verdict and cost."""
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mechsim.errors import MissingToolError
+from mechsim.model.motion import Motion
+from mechsim.pictures import plots
+from mechsim.report.facts import facts
+from mechsim.report.page import Section, write_report
+from mechsim.report.studies import studies_in
+from mechsim.studies.validate import Case
+
+SIZE = (640, 480)
+FRAMES_PER_TURN = 36
+FRAMES_PER_SECOND = 18.0
+
+
+def write_validation_report(
+    folder: Path,
+    cases: Mapping[str, Case],
+    results: Mapping[str, Any],
+    done: Callable[[str], None] = lambda _: None,
+) -> list[str]:
+    """Write plots, pictures, videos and the page that shows them into a folder.
+
+    Args:
+        folder: exists.
+        cases: name -> case.
+        results: as `mechsim validate --json` prints them.
+        done: called with the name of each mechanism drawn.
+
+    Returns:
+        What could not be done, one sentence each: without OpenGL there are no pictures, and the
+        sentence names the package that brings it.
+    """
+    notes: list[str] = []
+    sections: list[Section] = []
+    for name, case in cases.items():
+        still, video = None, None
+        try:
+            still, video = _drawn(folder, name, case)
+        except MissingToolError as error:
+            if str(error) not in notes:
+                notes.append(str(error))
+        drawings = _plots(case)
+        for file, drawing in drawings.values():
+            plots.write(folder / f"{name}_{file}.svg", drawing)
+        sections.append(
+            Section(
+                name=name,
+                title=name,
+                facts=_facts(case),
+                still=still,
+                video=video,
+                plots=[(caption, drawing) for caption, (_, drawing) in drawings.items()],
+                settings=_settings(case),
+            )
+        )
+        done(name)
+    write_report(folder, results, sections, notes=notes, studies=studies_in(folder))
+    return notes
+
+
+def _drawn(folder: Path, name: str, case: Case) -> tuple[bytes, Path]:
+    """Write a still and a video of the stepped run; return the still's bytes and the video's path."""
+    from mechsim.pictures.render import turn_angles, write_picture, write_video
+
+    mechanism, motion = case.drive.mechanism, case.run.motion
+    picture, video = folder / f"{name}.png", folder / f"{name}.mp4"
+    write_picture(picture, mechanism, motion, size=SIZE, angle=float(motion.angle[0]))
+    angles = turn_angles(motion, FRAMES_PER_TURN)
+    write_video(video, mechanism, motion, angles=angles, fps=FRAMES_PER_SECOND, size=SIZE, paths="tail")
+    return picture.read_bytes(), video
+
+
+def _plots(case: Case) -> dict[str, tuple[str, bytes]]:
+    """Return the plots of a case: caption -> (file name, SVG)."""
+    angles = case.exact.angle
+    transmission = case.drive.transmission_angle(angles)
+    return {
+        "place error of the stepped run": ("error_step", _errors(case, case.run.motion)),
+        "place error of the solved poses": ("error_pose", _errors(case, case.poses.motion)),
+        "displacement, velocity and acceleration": ("motion", plots.motion_plot(case.exact)),
+        "paths of the tracked points": ("paths", plots.coupler_curve(case.drive.mechanism, case.exact)),
+        "transmission angle": ("transmission", plots.transmission_plot(angles, transmission)),
+    }
+
+
+def _errors(case: Case, motion: Motion) -> bytes:
+    exact = case.drive.solve(motion.angle, motion.speed, motion.acceleration)
+    road = "step" if motion.source == "step" else "pose"
+    bound = next(check.bound for check in case.checks if check.quantity.startswith(f"{road}: position of"))
+    return plots.error_plot(motion.angle, motion.place_errors(exact), unit="m", bound=bound)
+
+
+def _facts(case: Case) -> dict[str, Any]:
+    known = facts(case.drive)
+    reach = known["crank_range"]
+    if reach != "full turn":
+        reach = [
+            f"{math.degrees(low):.4f}° to {math.degrees(high):.4f}°" for low, high in known["crank_ranges"]
+        ]
+    listed: dict[str, Any] = {
+        "what it is": known["about"],
+        "mobility": known["mobility_explained"],
+        "joints": [f"{j['name']}: {j['kind']}, {j['links'][0]} - {j['links'][1]}" for j in known["joints"]],
+        "crank range": reach,
+        "assemblies": f"{len(known['assemblies'])} at crank angle {math.degrees(known['angle']):g}°",
+    }
+    if known["dead_centres"]:
+        listed["dead centres"] = ", ".join(f"{math.degrees(at):.4f}°" for at in known["dead_centres"])
+    if known["transmission_angle"] is not None:
+        least = known["transmission_angle"]
+        value, place = math.degrees(least["least"]), math.degrees(least["at_angle"]) % 360.0
+        listed["transmission angle"] = f"at least {value:.2f}°, at crank angle {place:.1f}°"
+    if known["assur_explained"]:
+        listed["Assur groups"] = known["assur_explained"]
+    return listed
+
+
+def _settings(case: Case) -> dict[str, Any]:
+    run = case.run
+    assert run.settings is not None
+    constant = run.settings.constant_steps
+    return {
+        "integrator": run.settings.integrator,
+        "steps per turn": run.settings.steps_per_turn,
+        "time step": f"{run.timestep:.6g} s",
+        "constraint time constant": "a tenth of a turn" if constant is None else f"{constant:g} steps",
+        "constraint hardness": f"{run.settings.hardness:g} of MuJoCo's softness",
+        "crank speed": f"{float(np.abs(run.motion.speed).max()) * 30 / math.pi:.6g} rpm",
+        "steps": run.steps,
+        "stepping time": f"{run.seconds:.4g} s",
+        "poses": f"{case.poses.steps} solved in {case.poses.seconds:.4g} s",
+    }

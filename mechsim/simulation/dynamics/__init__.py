@@ -1,0 +1,1 @@
+"""Forces in MuJoCo: what a driven crank needs, and how a crank runs freely."""

@@ -1,0 +1,109 @@
+"""MuJoCo's own tendon, actuator and constraint forces as wrenches on bodies.
+
+MuJoCo projects these forces onto coordinates. What a joint of the tree carries depends on the bodies they
+pull at, so for reactions each is put back where it acts.
+"""
+
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
+
+Array = NDArray[np.float64]
+Fields = Mapping[str, Array]
+
+
+def add_force(stack: Array, fields: Fields, body: int, place: Array, force: Array) -> None:
+    """Add forces (n, 3) on a body at places (n, 3) to wrenches about centres of mass (n, nbody, 6)."""
+    stack[:, body, :3] += force
+    stack[:, body, 3:] += np.cross(place - fields["xipos"][:, body], force)
+
+
+def native(model: mujoco.MjModel, fields: Fields) -> AppliedForces:
+    """Return the forces of a model's tendons and actuators, as applied from outside."""
+    n = len(fields["qacc"])
+    forces = AppliedForces(np.zeros((n, model.nu)), np.zeros((n, model.nv)), np.zeros((n, model.nbody, 6)))
+    for i in range(model.nu):
+        effort, gear = fields["actuator_force"][:, i, None], model.actuator_gear[i]
+        target, reference = (int(one) for one in model.actuator_trnid[i])
+        if model.actuator_trntype[i] != SITE:
+            forces.generalised[:, model.jnt_dofadr[target]] += effort[:, 0] * gear[0]
+            continue
+        axes = fields["site_xmat"][:, reference].reshape(-1, 3, 3)
+        bodies = model.site_bodyid[[target, reference]]
+        force, couple = effort * (axes @ gear[:3]), effort * (axes @ gear[3:])
+        for body, sign in zip(bodies, (1.0, -1.0), strict=True):
+            add_force(forces.wrenches, fields, int(body), fields["site_xpos"][:, target], sign * force)
+            forces.wrenches[:, body, 3:] += sign * couple
+    for i in range(model.ntendon):
+        _add_tendon(model, fields, i, forces.wrenches)
+    return forces
+
+
+def _add_tendon(model: mujoco.MjModel, fields: Fields, i: int, wrenches: Array) -> None:
+    """Add the pull of a spring between two sites."""
+    first = int(model.tendon_adr[i])
+    if model.wrap_type[first] != int(mujoco.mjtWrap.mjWRAP_SITE):
+        return
+    stretch = fields["ten_length"][:, i] - model.tendon_lengthspring[i, 0]
+    springs, dampers = model.tendon_stiffness, model.tendon_damping
+    stiffness, damping = (float(np.ravel(part[i])[0]) for part in (springs, dampers))
+    tension = stiffness * stretch + damping * fields["ten_velocity"][:, i]
+    sites = model.wrap_objid[first : first + 2]
+    a, b = (fields["site_xpos"][:, site] for site in sites)
+    length = np.sqrt(((b - a) ** 2).sum(1))
+    pull = (tension / np.where(length > 0.0, length, 1.0))[:, None] * (b - a)
+    for site, place, sign in ((sites[0], a, 1.0), (sites[1], b, -1.0)):
+        add_force(wrenches, fields, int(model.site_bodyid[site]), place, sign * pull)
+
+
+def dry_friction(bench: LoadedModel, fields: Fields, qvel: Array) -> AppliedForces:
+    """Return the dry friction of all joints: its size against the sign of the joint's rate."""
+    model, forces = bench.model, bench.nothing(len(qvel))
+    forces.generalised[:] = -model.dof_frictionloss * np.sign(qvel)
+    for i in np.flatnonzero(model.tendon_frictionloss):
+        joint = bench.mechanism.joint(model.tendon(i).name.removeprefix("friction in "))
+        body = model.body(joint.b.link).id if joint.b.link in bench.track.links else 0
+        other = model.body(joint.a.link).id if joint.a.link in bench.track.links else 0
+        axis = fields["xmat"][:, body].reshape(-1, 3, 3) @ np.asarray(joint.b.axis)
+        couple = (-model.tendon_frictionloss[i] * np.sign(fields["ten_velocity"][:, i]))[:, None] * axis
+        forces.wrenches[:, body, 3:] += couple
+        forces.wrenches[:, other, 3:] -= couple
+    return forces
+
+
+def sliding(bench: LoadedModel, fields: Fields, qvel: Array) -> Array:
+    """Return which way each joint with dry friction goes, (n, k) of -1, 0, 1."""
+    model = bench.model
+    ways = [qvel[:, model.dof_frictionloss > 0.0], fields["ten_velocity"][:, model.tendon_frictionloss > 0.0]]
+    # the spin of a ball joint has no sign; it passes from one way to another without a jump
+    ways += [fields["actuator_velocity"][:, one.actuators] for one in bench.dry if len(one.actuators) == 1]
+    return np.sign(np.concatenate(ways, 1))
+
+
+def loop_forces(bench: LoadedModel, fields: Fields, multipliers: Array) -> AppliedForces:
+    """Return the forces that close the loops: a multiplier pulls the first point of its pair."""
+    loops, forces = bench.loops, bench.nothing(len(multipliers))
+    for number, pair in enumerate(loops.pairs):
+        force = multipliers[:, 3 * number : 3 * number + 3]
+        for (body, local), sign in zip(pair.ends, (1.0, -1.0), strict=True):
+            place = fields["xpos"][:, body] + fields["xmat"][:, body].reshape(-1, 3, 3) @ local
+            add_force(forces.wrenches, fields, body, place, sign * force)
+    couplings = multipliers[:, 3 * len(loops.pairs) :]
+    for coupling, effort in zip(loops.couplings, couplings.T, strict=True):
+        forces.generalised[:, coupling.dofs[0]] += effort
+        if coupling.dofs[1] >= 0:  # a gear is a straight line
+            forces.generalised[:, coupling.dofs[1]] -= coupling.polynomial[1] * effort
+    return forces
+
+
+def together(*parts: AppliedForces) -> AppliedForces:
+    """Return the sum of what is applied."""
+    return AppliedForces(
+        sum((part.controls for part in parts[1:]), parts[0].controls),
+        sum((part.generalised for part in parts[1:]), parts[0].generalised),
+        sum((part.wrenches for part in parts[1:]), parts[0].wrenches),
+    )

@@ -1,0 +1,290 @@
+"""Drive torque and joint reactions of states whose accelerations are known, from MuJoCo's own dynamics."""
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.model.motion import join
+from mechsim.simulation.dynamics.applied import Fields, dry_friction, loop_forces, native, sliding, together
+from mechsim.simulation.dynamics.friction import oppose
+from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
+from mechsim.simulation.dynamics.reactions import Transmitted, transmitted
+from mechsim.simulation.model_loops import RANK_TOLERANCE
+from mechsim.simulation.poses import follow
+from mechsim.simulation.recorded_motion import CHUNK, States, link_motions, opening
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Efforts:
+    """Forces and energies at n instants, in SI.
+
+    Attributes:
+        acceleration: of the crank, (n,) in [rad/s2].
+        torque: of the drive on the crank, (n,) in [N m]; the drive's own inertia is not in it.
+        reactions: joint -> what it transmits.
+        gears: "driver-driven" -> torque on the driven joint's link b about its axis, (n,) in [N m].
+        kinetic: energy of motion, the mechanism's flywheel included, (n,) in [J].
+        potential: of gravity (zero at the ground's origin) and springs, (n,) in [J].
+        power_in: of drive and motor, (n,) in [W].
+        power_loads: of loads on points and crank, (n,) in [W].
+        power_lost: in friction and dampers, (n,) in [W].
+        imbalance: by how much the accelerations that MuJoCo gets from all these forces differ from
+            those they were calculated for, relative to the largest of all, (n,).
+        sliding: which way each joint with dry friction goes, (n, k) of -1, 0, 1.
+    """
+
+    acceleration: Array
+    torque: Array
+    reactions: Mapping[str, Transmitted]
+    gears: Mapping[str, Array]
+    kinetic: Array
+    potential: Array
+    power_in: Array
+    power_loads: Array
+    power_lost: Array
+    imbalance: Array
+    sliding: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """States and all that acts in them but loops and drive; `plain` is what MuJoCo then makes of them."""
+
+    states: States
+    jacobian: Array
+    outer: AppliedForces
+    plain: Fields
+
+
+def situation(bench: LoadedModel, states: States) -> Situation:
+    """Return states under loads, springs, friction and motor, with their loops open and no drive."""
+    angle = states.qpos[:, bench.loops.crank_place]
+    model = bench.looking()
+    loaded = bench.nothing(len(angle))
+    loaded.controls[:] = bench.controls(angle, states.time)
+    rates = bench.look(model, states, loaded)
+    oppose(bench.dry, rates["actuator_velocity"], loaded.controls)
+    outer = together(loaded, dry_friction(bench, rates, states.qvel))
+    return Situation(states, bench.loops.linearise(states.qpos)[1], outer, bench.look(model, states, outer))
+
+
+def tangent(bench: LoadedModel, qpos: Array, inertia: Array) -> Array:
+    """Return the rates per radian of the crank that keep the loops closed with the least energy, (n, nv).
+
+    A link whose spin nothing determines then has no momentum about its own line.
+    """
+    _, jacobian = bench.loops.linearise(qpos)
+    held = _held(bench, jacobian)
+    right = np.zeros(held.shape[:2])
+    right[:, -1] = 1.0
+    return _least(held, row_scale(bench, held.shape[1]), inertia, right)[0]
+
+
+def needed(bench: LoadedModel, at: Situation, crank_acceleration: Array) -> tuple[Array, Array, Array]:
+    """Return accelerations (n, nv), loop multipliers (n, m) and drive torque (n,) of a prescribed crank.
+
+    M q'' + h = Q + J' multipliers + torque on the crank, J q'' + J' q' = 0, the crank's q'' given.
+    """
+    links = link_motions(bench.model, bench.track, at.plain)
+    opened = opening(bench.loops, at.states, at.plain["qacc"], links)
+    lacking = crank_acceleration - at.plain["qacc"][:, bench.loops.crank]
+    right = np.concatenate([-opened, lacking[:, None]], 1)
+    held = _held(bench, at.jacobian)
+    change, multipliers = _least(held, row_scale(bench, held.shape[1]), at.plain["inertia"], right)
+    return at.plain["qacc"] + change, multipliers[:, :-1], multipliers[:, -1]
+
+
+def constrained(bench: LoadedModel, at: Situation, fields: Fields) -> tuple[Array, Array]:
+    """Return the multipliers of MuJoCo's own constraint forces, and the drive torque that goes with them.
+
+    Args:
+        bench: the mechanism.
+        at: the situation.
+        fields: what the stepped model makes of it.
+    """
+    forces, scale = fields["qfrc_constraint"], row_scale(bench, at.jacobian.shape[1])
+    turned = np.swapaxes(at.jacobian * scale[:, None], 1, 2)
+    multipliers = np.zeros(turned.shape[::2])
+    if turned.shape[2]:
+        multipliers = scale * (np.linalg.pinv(turned, rcond=RANK_TOLERANCE) @ forces[..., None])[..., 0]
+    crank = bench.loops.crank
+    spent = (at.plain["inertia"][:, crank] * fields["qacc"]).sum(1)
+    return multipliers, spent - at.plain["qfrc_smooth"][:, crank] - forces[:, crank]
+
+
+def efforts(bench: LoadedModel, at: Situation, qacc: Array, multipliers: Array, torque: Array) -> Efforts:
+    """Return everything transmitted: all forces act as wrenches, and MuJoCo carries them through the tree."""
+    n, crank = len(qacc), bench.loops.crank
+    drive = bench.nothing(n)
+    drive.generalised[:, crank] = torque
+    placed = native(bench.model, at.plain)
+    loops = loop_forces(bench, at.plain, multipliers)
+    fields = bench.look(bench.looking(native=False), at.states, together(at.outer, placed, loops, drive))
+    largest = max(float(np.abs(qacc).max()), np.finfo(np.float64).tiny)
+    lost, outer, motor = powers(bench, at)
+    rates = at.states.qvel
+    return Efforts(
+        acceleration=qacc[:, crank],
+        torque=torque,
+        reactions={
+            joint.name: transmitted(bench, joint, fields, multipliers) for joint in bench.mechanism.joints
+        },
+        gears=_gears(bench, multipliers),
+        kinetic=0.5 * (rates * (at.plain["inertia"] @ rates[..., None])[..., 0]).sum(1),
+        potential=at.plain["energy"][:, 0] + _wound(bench, at.plain),
+        power_in=torque * rates[:, crank] + motor,
+        power_loads=outer,
+        power_lost=lost,
+        imbalance=np.abs(fields["qacc"] - qacc).max(1) / largest,
+        sliding=sliding(bench, at.plain, rates),
+    )
+
+
+def _held(bench: LoadedModel, jacobian: Array) -> Array:
+    """Return the loops' Jacobian with a last row for the crank, (n, m + 1, nv)."""
+    row = np.zeros((len(jacobian), 1, bench.model.nv))
+    row[..., bench.loops.crank] = 1.0
+    return np.concatenate([jacobian, row], 1)
+
+
+def row_scale(bench: LoadedModel, rows: int) -> Array:
+    """Return factors that make rows of lengths free of units."""
+    scale = np.ones(rows)
+    scale[: 3 * len(bench.loops.pairs)] /= bench.loops.size
+    return scale
+
+
+def _least(rows: Array, scale: Array, inertia: Array, right: Array) -> tuple[Array, Array]:
+    """Solve rows x = right, M x = rows' multipliers: x with least x'Mx, (n, nv), and multipliers, (n, m).
+
+    Where rows repeat others, the multipliers are the least that do it, for rows times `scale` (m,).
+    """
+    lower = np.linalg.cholesky(inertia)
+    weighted = np.swapaxes(np.linalg.solve(lower, np.swapaxes(rows, 1, 2)), 1, 2)
+    weighted = weighted * scale[:, None]
+    left, values, turned = np.linalg.svd(weighted, full_matrices=False)
+    kept = values > RANK_TOLERANCE * values[:, :1]
+    inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
+    part = inverse * (np.swapaxes(left, 1, 2) @ (scale * right)[..., None])[..., 0]
+    x = np.linalg.solve(np.swapaxes(lower, 1, 2), np.swapaxes(turned, 1, 2) @ part[..., None])[..., 0]
+    return np.asarray(x, dtype=np.float64), scale * (left @ (inverse * part)[..., None])[..., 0]
+
+
+def _gears(bench: LoadedModel, multipliers: Array) -> dict[str, Array]:
+    first = 3 * len(bench.loops.pairs)
+    return {
+        f"{gear.driver}-{gear.driven}": multipliers[:, first + i]
+        for i, gear in enumerate(bench.mechanism.gears)
+    }
+
+
+def _wound(bench: LoadedModel, fields: Fields) -> Array:
+    """Return the energy of springs in revolute joints, which MuJoCo does not count, (n,) in [J]."""
+    model = bench.model
+    stiffness = np.where(model.actuator_trntype == SITE, -model.actuator_biasprm[:, 1], 0.0)
+    return 0.5 * (stiffness * fields["actuator_length"] ** 2).sum(1)
+
+
+def powers(bench: LoadedModel, at: Situation) -> tuple[Array, Array, Array]:
+    """Return the power lost, of the loads, and of the motor, (n,) each in [W]."""
+    model, rates = bench.model, at.states.qvel
+    power = at.plain["actuator_force"] * at.plain["actuator_velocity"]
+    shares = {"load": np.zeros(len(rates)), "friction": np.zeros(len(rates)), "motor": np.zeros(len(rates))}
+    for i in range(model.nu):
+        name = model.actuator(i).name
+        kind = "load" if name.startswith(("load ", "couple ", "crank torque")) else name.split(" ")[0]
+        if kind in shares:
+            shares[kind] += power[:, i]
+    lost = -(at.plain["qfrc_damper"] * rates).sum(1) - shares["friction"]
+    lost += (model.dof_frictionloss * np.abs(rates)).sum(1)
+    lost += (model.tendon_frictionloss * np.abs(at.plain["ten_velocity"])).sum(1)
+    return lost, shares["load"], shares["motor"]
+
+
+def started(bench: LoadedModel, angle: float, speed: float) -> tuple[Array, Array]:
+    """Return the closed state at a crank angle and its rates at a crank speed, (nq,) and (nv,)."""
+    qpos = follow.follow(bench.loops, bench.begun, [angle])
+    return qpos[0], (_rates(bench, qpos) * speed)[0]
+
+
+def required(
+    bench: LoadedModel, time: Array, angle: Array, speed: Array, acceleration: Array
+) -> tuple[States, Efforts]:
+    """Return the closed states of a crank motion, (n,) each in SI, and what it needs, by inverse dynamics.
+
+    Raises:
+        AssemblyError: where the loops do not close.
+
+    Accuracy: rounding.
+    """
+    qpos = follow.follow(bench.loops, bench.begun, angle)
+    parts = []
+    for first in range(0, len(time), CHUNK):
+        part = slice(first, first + CHUNK)
+        states = States(time[part], qpos[part], _rates(bench, qpos[part]) * speed[part, None])
+        at = situation(bench, states)
+        parts.append((states, efforts(bench, at, *needed(bench, at, acceleration[part]))))
+    return join([states for states, _ in parts]), join([found for _, found in parts])
+
+
+def _rates(bench: LoadedModel, qpos: Array) -> Array:
+    """Return the rates per radian of the crank at closed states, (n, nv)."""
+    n = len(qpos)
+    rest = States(np.zeros(n), qpos, np.zeros((n, bench.model.nv)))
+    return tangent(bench, qpos, bench.look(bench.looking(), rest, bench.nothing(n))["inertia"])
+
+
+# factor on the inverse weights below which forces are not evaluated, and Newton steps for them: between
+# an error of 1e-6 x factor and rounding over 1e4 x factor, measured 5e-10 of the drive torque
+HARDEST, ITERATIONS = 1e-5, 10
+# factor on the flywheel, and on what drives it, where the crank's speed changes: beside so large a torque
+# that of the machine would be lost in rounding
+LIGHTER = 1e-6
+
+
+def efforts_of(
+    bench: LoadedModel, stepped: mujoco.MjModel, hardness: float, states: States, force: Array | None = None
+) -> Efforts:
+    """Return the efforts at recorded states of a stepped model, from its own constraint forces.
+
+    Args:
+        bench: the mechanism.
+        stepped: the model as it was stepped, the drive's inertia in it.
+        hardness: factor on its inverse weights.
+        states: recorded.
+        force: of the drive on the crank at each state besides what holds its speed, (n,) in [N m].
+    """
+    model = copy.copy(stepped)
+    bench.prepare(model)
+    # forces are the softness times a tiny gap: harder than this, rounding of the gap shows in them
+    soften = max(1.0, HARDEST / hardness)
+    model.body_invweight0[:] *= soften
+    model.dof_invweight0[:] *= soften
+    model.opt.iterations = ITERATIONS
+    if force is not None:
+        model.dof_armature[bench.loops.crank] *= LIGHTER
+    parts = []
+    for first in range(0, len(states.time), CHUNK):
+        part = states.at(first)
+        at = situation(bench, part)
+        acting = replace(at.outer, generalised=at.outer.generalised.copy())
+        if force is not None:
+            acting.generalised[:, bench.loops.crank] += LIGHTER * force[first : first + CHUNK]
+        fields = bench.look(model, part, acting)
+        multipliers, torque = constrained(bench, at, fields)
+        parts.append(efforts(bench, at, fields["qacc"], multipliers, torque))
+    return join(parts)
+
+
+def stiffen_friction(model: mujoco.MjModel, timestep: float) -> None:
+    """Let dry friction hold within two steps: MuJoCo's default of 20 ms is long beside a turn."""
+    for name in ("dof_solref", "tendon_solref_fri"):
+        getattr(model, name)[:] = 2.0 * timestep, 1.0
+    for name in ("dof_solimp", "tendon_solimp_fri"):
+        getattr(model, name)[:] = 0.9999, 0.9999, 0.001, 0.5, 2.0

@@ -1,0 +1,292 @@
+"""Free running in MuJoCo: the crank moves as motor, loads, weight, springs and friction make it."""
+
+import copy
+import time as clock
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from mechsim.errors import InputError
+from mechsim.model.forces import Forces
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import Motion
+from mechsim.simulation.dynamics.angle_tolerance import Gone, Promise, promised
+from mechsim.simulation.dynamics.efforts import (
+    Efforts,
+    efforts_of,
+    powers,
+    situation,
+    started,
+    stiffen_friction,
+)
+from mechsim.simulation.dynamics.expected_speed import pace
+from mechsim.simulation.dynamics.free_steps import march
+from mechsim.simulation.dynamics.loaded_model import LoadedModel
+from mechsim.simulation.mjcf import quiet
+from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
+from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
+from mechsim.simulation.settings import Settings
+
+Array = NDArray[np.float64]
+Outcome = Literal["done", "time over", "cannot start", "turned back", "stopped", "diverged", "missed"]
+TURN = 2.0 * np.pi
+
+# turns of the crank at its expected speed after which a run for turns is given up
+PATIENCE = 20.0
+# where constraints repeat each other they must give way, or the rounding by which they disagree acts like a
+# brake: of hardnesses 1e-8 to 1e4 and constants of 3 to 20 steps this keeps the energy best (Bennett, 3e-7)
+REDUNDANT = Settings(hardness=100.0, constant_steps=5.0, steps_per_turn=4000)
+# records over which the work is summed up, at least
+FINEST = 10_000
+# steps of Newton's method at each instant: with one the energy drifts by 1e-5 a turn, with two by 1e-9
+ITERATIONS = 2
+# times the step that damping allows, in the coarsest of the trials: with 4 the work of a motor in the first
+# instants, summed over so few steps, is off by 1e-3 of itself
+COARSER = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeRun:
+    """A free run at n instants, in SI, and how it ended.
+
+    Attributes:
+        motion: at the recorded instants; its `time`, `angle`, `speed`, `acceleration` are the crank's.
+        efforts: at the same instants; no drive acts, so that the torque in it is what MuJoCo's
+            equation of motion leaves over.
+        work: done by motor and loads since the start, (n,) in [J].
+        lost: in friction and dampers since the start, (n,) in [J].
+        outcome: "done" (the turns or time asked for), "time over" (fewer turns in the time), "cannot
+            start" (never left its place, or swung back without a turn), "turned back" (ran, but did
+            not make the turns), "stopped" (friction holds it), "diverged", "missed" (done, but not
+            within the tolerance asked for).
+        reason: one sentence where the outcome is not "done".
+        steps: time steps taken.
+        seconds: time spent stepping.
+        timestep: in [s].
+        settings: how it was stepped.
+        promise: what was asked of it and how it came out; None where no tolerance was.
+    """
+
+    motion: Motion
+    efforts: Efforts
+    work: Array
+    lost: Array
+    outcome: Outcome
+    reason: str
+    steps: int
+    seconds: float
+    timestep: float
+    settings: Settings
+    promise: Promise | None = None
+
+    @property
+    def imbalance(self) -> Array:
+        """Energy there is less energy there should be, (n,) in [J]; zero by the law of energy."""
+        total = self.efforts.kinetic + self.efforts.potential
+        return total - total[0] - self.work + self.lost
+
+    @property
+    def energy_error(self) -> float:
+        """Largest imbalance relative to the energy turned over."""
+        kinetic, potential = self.efforts.kinetic, self.efforts.potential
+        size = max(float(np.abs(kinetic).max()), float(np.ptp(potential)))
+        size = max(size, float(np.abs(self.work).max()), float(self.lost.max()))
+        return float(np.abs(self.imbalance).max()) / size if size > 0.0 else 0.0
+
+
+@quiet()
+def free_run(
+    mechanism: Mechanism,
+    forces: Forces | None = None,
+    *,
+    angle: float | None = None,
+    speed: float = 0.0,
+    turns: float | None = None,
+    duration: float | None = None,
+    tolerance: float | None = None,
+    samples: int = 720,
+    timestep: float | None = None,
+    settings: Settings | None = None,
+    cut: tuple[str, ...] | None = None,
+) -> FreeRun:
+    """Let a machine run by itself from a crank angle and speed, stepped in MuJoCo.
+
+    Args:
+        mechanism: links without an inertia are rods, as in `rods.with_inertia`.
+        forces: what acts, the motor too.
+        angle: crank angle at the start in [rad]; None takes where assembly starts.
+        speed: crank speed at the start in [rad/s].
+        turns: turns of the crank after which to end; negative backwards.
+        duration: time after which to end in [s]; give it or `turns`.
+        tolerance: bound on the error of the crank angle at every instant in [rad]; the time step is then
+            chosen by trials, and the error taken from a run with steps twice as long (`free_promise`).
+        samples: instants recorded after the first, about as many where only turns are given.
+        timestep: in [s]; None takes the settings' part of a turn at the speed to be expected.
+        settings: how to step; the flywheel in them is left out.
+        cut: joints at which the loops are cut; None lets the generator choose.
+
+    Raises:
+        InputError: where it is not said when to end, or values cannot be used.
+        AssemblyError: if the loops do not close at the start.
+    """
+    _check(
+        speed=speed,
+        turns=turns,
+        duration=duration,
+        tolerance=tolerance,
+        timestep=timestep,
+        samples=float(samples),
+    )
+    if turns is None and duration is None:
+        raise InputError("a free run needs turns of the crank, or a duration above 0, after which to end")
+    bench = LoadedModel(mechanism, forces or Forces(), cut)
+    settings = settings or (REDUNDANT if _is_redundant(bench) else Settings())
+    first = mechanism.start if angle is None else angle
+    plan = _Plan(bench, settings, started(bench, first, speed), turns, duration, samples, 0.0, np.inf)
+    if timestep is None or duration is None or tolerance is not None:
+        expected = pace(bench, first, speed, turns, duration)
+        plan = replace(plan, fastest=expected.speed, longest=expected.timestep(np.inf))
+    if tolerance is not None:
+        if timestep is not None:
+            raise InputError("a free run was given a time step and a tolerance; leave one of them out")
+        # Runge's method is stable for steps of five times that; only a trial takes such
+        plan = replace(plan, longest=COARSER * plan.longest)
+        gone, promise = promised(plan.gone, tolerance, TURN / plan.fastest / plan.longest)
+        run = _recorded(plan, gone)
+        if run.outcome == "done" and not promise.met:
+            run = replace(run, outcome="missed", reason=promise.reason)
+        return replace(run, promise=promise)
+    if timestep is None:
+        return _recorded(plan, plan.gone(settings.steps_per_turn))
+    return _recorded(plan, plan.gone(settings.steps_per_turn, timestep=timestep))
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """A free run but for its time step.
+
+    Attributes:
+        bench: the mechanism.
+        settings: how to step.
+        start: closed state and rates.
+        turns: as asked for.
+        duration: as asked for.
+        samples: as asked for.
+        fastest: speed to be expected, in [rad/s]; 0 where it is not needed.
+        longest: time step that damping allows, in [s].
+    """
+
+    bench: LoadedModel
+    settings: Settings
+    start: tuple[Array, Array]
+    turns: float | None
+    duration: float | None
+    samples: int
+    fastest: float
+    longest: float
+
+    def gone(self, steps: int, per_record: int = 1, *, timestep: float | None = None) -> Gone:
+        """Return the run with so many steps in a turn at the speed to be expected.
+
+        Args:
+            steps: in a turn.
+            per_record: into how many parts each step is cut: twice as many steps with twice the
+                parts are recorded at the same instants.
+            timestep: overrides the step before it is cut, in [s].
+        """
+        coarse = replace(self.settings, steps_per_turn=steps // per_record)
+        step = timestep or min(coarse.timestep(self.fastest), self.longest)
+        duration = self.duration
+        if duration is None:
+            assert self.turns is not None
+            duration = PATIENCE * TURN * (1.0 + abs(self.turns)) / self.fastest
+        total = likely = int(np.ceil(duration / step - 1e-9))
+        if self.turns is not None and self.fastest > 0.0:
+            likely = min(total, int(TURN * abs(self.turns) / self.fastest / step) + 1)
+        stride = max(1, likely // max(self.samples, FINEST))
+        if self.turns is None:
+            total = stride * -(-total // stride)
+            step = duration / total
+        every = max(1, likely // stride // self.samples)
+        settings = replace(self.settings, steps_per_turn=steps)
+        step, total, stride = step / per_record, total * per_record, stride * per_record
+        loops = _prepared(self.bench, settings, step)
+        begin = clock.perf_counter()
+        run = march(self.bench, loops, self.start, total, stride, self.turns, self.fastest)
+        seconds = clock.perf_counter() - begin
+        return Gone(run, loops, settings, seconds, every)
+
+
+def _is_redundant(bench: LoadedModel) -> bool:
+    """Say whether some loop constraints repeat what others say; rows that say nothing do no harm."""
+    _, jacobian = bench.loops.linearise(bench.begun[None])
+    sizes = np.abs(jacobian[0]).max(1, initial=0.0)
+    rows = jacobian[0][sizes > RANK_TOLERANCE * sizes.max(initial=0.0)]
+    return len(rows) > 0 and int(np.linalg.matrix_rank(rows, RANK_TOLERANCE * float(sizes.max()))) < len(rows)
+
+
+def _prepared(bench: LoadedModel, settings: Settings, step: float) -> ModelLoops:
+    """Return the model as it is stepped: hard loops, and on the crank no inertia but the machine's."""
+    loops = ModelLoops(copy.copy(bench.model))
+    flywheel = float(loops.model.dof_armature[loops.crank])
+    settings.apply(loops, step)
+    stiffen_friction(loops.model, step)
+    loops.model.dof_armature[loops.crank] = flywheel
+    # a driven crank forgives what one step of Newton's method leaves; here it would move the crank
+    loops.model.opt.iterations = max(loops.model.opt.iterations, ITERATIONS)
+    return loops
+
+
+def _recorded(plan: _Plan, gone: Gone) -> FreeRun:
+    """Return the run at every so many of its records, the last one too; work is summed over all."""
+    bench, run, loops = plan.bench, gone.march, gone.loops
+    kept = np.unique(np.append(np.arange(0, len(run.time), gone.every), len(run.time) - 1))
+    states = States(run.time[kept], run.qpos[kept], run.qvel[kept])
+    work, lost = _work(bench, States(run.time, run.qpos, run.qvel))
+    found = efforts_of(bench, loops.model, gone.settings.hardness, states)
+    motion = evaluate(bench.loops, bench.track, states, "step", crank_acceleration=found.acceleration)
+    return FreeRun(
+        motion=motion,
+        efforts=found,
+        work=work[kept],
+        lost=lost[kept],
+        outcome=run.outcome,
+        reason=run.reason,
+        steps=run.steps,
+        seconds=gone.seconds,
+        timestep=float(loops.model.opt.timestep),
+        settings=gone.settings,
+    )
+
+
+def _work(bench: LoadedModel, states: States) -> tuple[Array, Array]:
+    """Return work done by motor and loads, and lost, since the first state, (n,) each in [J]."""
+    forces, n = bench.forces, len(states.time)
+    outer = forces.motor or forces.courses
+    if not (outer or forces.friction or any(spring.damping for spring in forces.springs)):
+        return np.zeros(n), np.zeros(n)
+    parts = [powers(bench, situation(bench, states.at(i))) for i in range(0, n, CHUNK)]
+    lost, loads, motor = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return _integral(states.time, loads + motor), _integral(states.time, lost)
+
+
+def _integral(time: Array, power: Array) -> Array:
+    """Return the integral of a power from the first instant on, by a quintic spline, (n,) in [J]."""
+    degree = min(5, len(time) - 1)
+    if not power.any() or degree < 1:
+        return np.zeros_like(power)
+    work = make_interp_spline(time, power, k=degree - (1 - degree % 2)).antiderivative()
+    return work(time) - work(time[0])
+
+
+def _check(**values: float | None) -> None:
+    for name, value in values.items():
+        if value is not None and not abs(value) < np.inf:
+            raise InputError(f"{name} of a free run is {value}; give a finite number")
+        if value is not None and name in ("duration", "timestep", "samples", "tolerance") and not value > 0.0:
+            raise InputError(f"{name} of a free run is {value}; give one above 0")
+        if value == 0.0 and name == "turns":
+            raise InputError("a free run of 0 turns ends where it starts; give turns other than 0")

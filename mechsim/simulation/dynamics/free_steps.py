@@ -1,0 +1,200 @@
+"""Stepping a free machine until it has made its turns, its time is over, or it is plain that it will not."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+from mujoco import batch
+from numpy.typing import NDArray
+
+from mechsim.simulation.dynamics.efforts import tangent
+from mechsim.simulation.dynamics.friction import STEPS, oppose, softness
+from mechsim.simulation.dynamics.loaded_model import LoadedModel
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.recorded_motion import States
+
+Array = NDArray[np.float64]
+Outcome = Literal["done", "time over", "cannot start", "turned back", "stopped", "diverged"]
+TURN = 2.0 * np.pi
+TIME = int(mujoco.mjtState.mjSTATE_TIME)
+
+# steps between two looks at how the run goes
+BLOCK = 2000
+# of the expected speed: below this a crank is at rest, whatever dry friction lets creep
+REST = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class FreeSteps:
+    """Recorded states of a free run and how it ended: time (n,), qpos (n, nq), qvel (n, nv)."""
+
+    time: Array
+    qpos: Array
+    qvel: Array
+    outcome: Outcome
+    reason: str
+    steps: int
+
+
+def march(
+    bench: LoadedModel,
+    loops: ModelLoops,
+    start: tuple[Array, Array],
+    total: int,
+    stride: int,
+    turns: float | None,
+    fastest: float,
+) -> FreeSteps:
+    """Step a model that is set up for it.
+
+    Args:
+        bench: the mechanism; says what controls act.
+        loops: of the model as it is stepped.
+        start: closed state and rates, (nq,) and (nv,).
+        total: most steps to take.
+        stride: steps from one record to the next.
+        turns: of the crank after which to end; None takes all steps.
+        fastest: speed to be expected in [rad/s].
+    """
+    place, dof = loops.crank_place, loops.crank
+    timestep = float(loops.model.opt.timestep)
+    soft, creep = _softened(bench, start, timestep)
+    rest = max(REST * fastest, creep)
+    records = [(np.zeros(1), start[0][None], start[1][None])]
+    outcome, reason, done = ("done" if turns is None else "time over"), "", 0
+    advance = _advance(bench, loops, start, soft)
+    while done < total:
+        count = min(stride * max(1, BLOCK // stride), total - done)
+        time, qpos, qvel, bad = advance(count, stride)
+        number = np.arange(1.0, len(time) + 1.0) * stride + done
+        good = np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1) & (time > timestep * (number - 0.5))
+        last = len(time) if good.all() else int(np.argmin(good))
+        done += count
+        if turns is not None:
+            there = (qpos[:last, place] - start[0][place]) * np.sign(turns) >= TURN * abs(turns)
+            if there.any():
+                last, outcome = int(np.argmax(there)) + 1, "done"
+        records.append((timestep * number[:last], qpos[:last], qvel[:last]))
+        if outcome == "done" and turns is not None:
+            break
+        if bad or not good.all():
+            outcome, reason = "diverged", f"MuJoCo's state went bad after {timestep * done:.6g} s"
+            break
+        end = _given_up(bench, records, turns, rest, place, dof)
+        if end is not None:
+            outcome, reason = end
+            break
+    time, qpos, qvel = (np.concatenate(parts) for parts in zip(*records, strict=True))
+    if outcome == "time over":
+        made = (qpos[-1, place] - start[0][place]) / TURN
+        reason = f"{made:.6g} of {turns:g} turns in {time[-1]:.6g} s"
+    return FreeSteps(time, qpos, qvel, outcome, reason, done)  # pyright: ignore[reportArgumentType]
+
+
+def _given_up(
+    bench: LoadedModel, records: list[Any], turns: float | None, rest: float, place: int, dof: int
+) -> tuple[Outcome, str] | None:
+    """Return how a run for turns ends that will not make them; None while it may."""
+    if turns is None or _over_time(bench):
+        return None
+    angle = np.concatenate([qpos[:, place] for _, qpos, _ in records])
+    speed = np.concatenate([qvel[:, dof] for _, _, qvel in records]) * np.sign(turns)
+    way = abs(float(angle[-1] - angle[0]))
+    from_rest = speed[0] == 0.0
+    if (np.abs(records[-1][2][:, dof]) < rest).all():
+        if from_rest and way < 1e-3:
+            return "cannot start", f"the crank stays at {angle[0]:.6g} rad: what drives it is too weak"
+        return "stopped", f"the crank came to rest at {angle[-1]:.6g} rad"
+    ahead = np.flatnonzero(speed > rest)
+    back = np.flatnonzero(speed < -rest)
+    if back.size and (not ahead.size or back[-1] > ahead[0]):
+        at = int(np.argmax(angle * np.sign(turns)))
+        made = abs(angle[at] - angle[0]) / TURN
+        where = f"{angle[at]:.6g} rad, {made:.3g} turns from its start"
+        why = f"the crank turns back at {where}; give more torque or speed"
+        return ("cannot start" if from_rest else "turned back"), why
+    return None
+
+
+def _over_time(bench: LoadedModel) -> bool:
+    return any(course.over == "time" for course in bench.forces.courses)
+
+
+def _softened(bench: LoadedModel, start: tuple[Array, Array], timestep: float) -> tuple[list[float], float]:
+    """Return the speeds at which dry frictions that are controls soften, and the crank's creep in them.
+
+    A crank that they hold at rest creeps no faster than the speed they would take from it in two steps.
+    """
+    if not bench.dry:
+        return [], 0.0
+    one, none = np.zeros(1), np.zeros((1, bench.model.nv))
+    rest = States(one, start[0][None], none)
+    inertia = bench.look(bench.looking(), rest, bench.nothing(1))["inertia"]
+    rates = tangent(bench, rest.qpos, inertia)
+    ways = bench.look(bench.looking(), States(one, rest.qpos, rates), bench.nothing(1))["actuator_velocity"][
+        0
+    ]
+    whole = float((rates[0] @ inertia[0] @ rates[0]).item())
+    soft = softness(bench.dry, ways, whole, timestep)
+    held = sum(one.size * float(np.sqrt((ways[one.actuators] ** 2).sum())) for one in bench.dry)
+    return soft, STEPS * timestep * held / whole
+
+
+def _advance(bench: LoadedModel, loops: ModelLoops, start: tuple[Array, Array], soft: list[float]) -> Any:
+    """Return what takes steps and returns the records: time, qpos, qvel, and whether MuJoCo warned."""
+    if not bench.dry and all(course.over is None for course in bench.forces.courses):
+        return _in_c(bench, loops, start)
+    return _with_callback(bench, loops, start, soft)
+
+
+def _in_c(bench: LoadedModel, loops: ModelLoops, start: tuple[Array, Array]) -> Any:
+    """Take steps under controls that do not change, all in C."""
+    sims = batch.Batch(loops.model, 1, 1)
+    sims.bind("qpos")[:], sims.bind("qvel")[:] = start
+    if loops.model.nu:
+        sims.bind("ctrl")[:] = bench.controls(np.zeros(1), np.zeros(1))
+
+    def advance(count: int, stride: int) -> tuple[Array, Array, Array, bool]:
+        out = sims.rollout(count, record=("qpos", "qvel", TIME))
+        qpos, qvel, time = (values[0, stride - 1 :: stride] for values in out.values())
+        return time[:, 0], qpos, qvel, bool(sims.warning[..., 1].any())
+
+    return advance
+
+
+def _with_callback(
+    bench: LoadedModel, loops: ModelLoops, start: tuple[Array, Array], soft: list[float]
+) -> Any:
+    """Take steps under controls that change with angle, time or rates, at every stage of every step."""
+    model, data = loops.model, mujoco.MjData(loops.model)
+    data.qpos[:], data.qvel[:] = start
+
+    def control(_: mujoco.MjModel, at: mujoco.MjData) -> None:
+        controls = bench.controls(at.qpos[[loops.crank_place]], np.array([at.time]))
+        oppose(bench.dry, at.actuator_velocity[None], controls, soft)
+        at.ctrl[:] = controls[0]
+
+    def advance(count: int, stride: int) -> tuple[Array, Array, Array, bool]:
+        rows = []
+        with _controlled(control):
+            for _ in range(count // stride):
+                mujoco.mj_step(model, data, nstep=stride)
+                rows.append((data.time, data.qpos.copy(), data.qvel.copy()))
+        time, qpos, qvel = (np.array(part) for part in zip(*rows, strict=True))
+        return time, qpos, qvel, bool(any(warning.number for warning in data.warning))
+
+    return advance
+
+
+@contextmanager
+def _controlled(control: Any) -> Generator[None]:
+    """Let a function set the controls, and whatever did before again afterwards."""
+    before = mujoco.get_mjcb_control()
+    mujoco.set_mjcb_control(control)
+    try:
+        yield
+    finally:
+        mujoco.set_mjcb_control(before)

@@ -1,0 +1,75 @@
+"""Dry friction that MuJoCo has no model of: actuators whose controls oppose their own velocities.
+
+MuJoCo's own dry friction acts on single coordinates: on a hinge or a slide, or on a sum of hinge angles. A
+ball joint, whose friction is against its spin and not about three axes apart, and a revolute joint where
+a loop in space is cut, have controls instead. While the joint moves they are exact; near rest, below the
+speed that the friction takes away in two steps, they are softened, or the joint would shake about rest.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.model.forces import Friction
+from mechsim.simulation.mjcf.force_elements import AXES, dry_name
+
+Array = NDArray[np.float64]
+
+# steps in which a joint near rest loses its speed
+STEPS = 2.0
+# a speed in [rad/s] that is none
+TINY = 1e-300
+
+
+@dataclass(frozen=True, slots=True)
+class DryJoint:
+    """The dry friction of one joint: indices of its actuators, and its size in [N m]."""
+
+    actuators: NDArray[np.int64]
+    size: float
+
+
+def dry_frictions(model: mujoco.MjModel, friction: Sequence[Friction]) -> list[DryJoint]:
+    """Return the joints of a model whose dry friction is controls."""
+    known = {model.actuator(i).name: i for i in range(model.nu)}
+    found = []
+    for one in friction:
+        numbers = [known[name] for axis in AXES if (name := f"{dry_name(one.joint)}.{axis}") in known]
+        if numbers:
+            found.append(DryJoint(np.array(numbers, dtype=np.int64), one.coulomb))
+    return found
+
+
+def oppose(
+    dry: Sequence[DryJoint], velocity: Array, controls: Array, soft: Sequence[float] | None = None
+) -> None:
+    """Set the controls (n, nu) that oppose the velocities of actuators (n, nu).
+
+    Args:
+        dry: the frictions.
+        velocity: of all actuators, in [rad/s].
+        controls: of all actuators; those of dry friction are set.
+        soft: speed in [rad/s] of each friction below which it is proportional to the speed.
+    """
+    for i, one in enumerate(dry):
+        way = velocity[:, one.actuators]
+        fast = np.sqrt((way * way).sum(1))[:, None]
+        least = max(soft[i], TINY) if soft is not None else TINY
+        controls[:, one.actuators] = -one.size * way / np.maximum(fast, least)
+
+
+def softness(dry: Sequence[DryJoint], velocity: Array, inertia: float, timestep: float) -> list[float]:
+    """Return for each friction the speed in [rad/s] that it takes away in two steps.
+
+    Args:
+        dry: the frictions.
+        velocity: of all actuators at unit crank speed, (nu,).
+        inertia: generalised, of the crank in [kg m2].
+        timestep: in [s].
+    """
+    return [
+        STEPS * timestep * one.size * float((velocity[one.actuators] ** 2).sum()) / inertia for one in dry
+    ]

@@ -1,0 +1,175 @@
+"""A mechanism on the test bench: its MuJoCo model with all forces, looked at in any state without stepping.
+
+Dry friction is left out of the model looked at, where it would be a soft constraint, and applied as what
+it is: a given size against the joint's rate.
+"""
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco import batch
+from numpy.typing import NDArray
+
+from mechsim.model.forces import Forces
+from mechsim.model.mechanism import GROUND, Joint, Mechanism
+from mechsim.model.rod_inertia import with_inertia
+from mechsim.model.scene import Scene
+from mechsim.simulation import mjcf
+from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.dynamics.friction import dry_frictions
+from mechsim.simulation.mjcf.force_elements import motor_control
+from mechsim.simulation.model_loops import ONE_THREAD, ModelLoops
+from mechsim.simulation.recorded_motion import States, add_sensors
+
+Array = NDArray[np.float64]
+
+FIELDS = (
+    "M",
+    "qacc",
+    "qfrc_smooth",
+    "qfrc_constraint",
+    "qfrc_damper",
+    "xpos",
+    "xmat",
+    "xipos",
+    "site_xpos",
+    "site_xmat",
+    "subtree_com",
+    "cfrc_int",
+    "sensordata",
+    "energy",
+    "ten_velocity",
+    "ten_length",
+    "actuator_force",
+    "actuator_length",
+    "actuator_velocity",
+)
+OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit
+SITE = int(mujoco.mjtTrn.mjTRN_SITE)
+
+
+@dataclass(frozen=True, slots=True)
+class AppliedForces:
+    """What is applied to a model from outside at n states.
+
+    Attributes:
+        controls: of the actuators, (n, nu).
+        generalised: forces on the coordinates, (n, nv) in [N] or [N m].
+        wrenches: on bodies about their centres of mass, force before moment, (n, nbody, 6).
+    """
+
+    controls: Array
+    generalised: Array
+    wrenches: Array
+
+
+class LoadedModel:
+    """The model of a mechanism and its forces.
+
+    Attributes:
+        mechanism: with an inertia on every link.
+        forces: what acts on it.
+        model: compiled, as exported at level dynamics.
+        loops: its loops.
+        track: what is recorded of it.
+        begun: its closed state at the mechanism's start, (nq,).
+        dry: dry frictions that are controls of the model.
+    """
+
+    def __init__(self, mechanism: Mechanism, forces: Forces, cut: tuple[str, ...] | None = None):
+        """Generate and assemble the model; joints in `cut` are where its loops are cut."""
+        self.mechanism, self.forces = with_inertia(mechanism), forces
+        spec = assembled(self.mechanism, Scene(level="dynamics", forces=forces, cut=cut))
+        points = [name for name, (link, _) in mechanism.points.items() if link != GROUND]
+        self.track = add_sensors(spec, tuple(points))
+        self.model = mjcf.compiled(spec)
+        self.loops = ModelLoops(copy.copy(self.model))
+        self.begun = self.loops.close(self.model.qpos0[None])[0]
+        self.dry = dry_frictions(self.model, forces.friction)
+        self._dense = _dense_index(self.model)
+
+    def controls(self, angle: Array, time: Array | None) -> Array:
+        """Return the controls at crank angles and times, (n, nu): motor, loads and torque on the crank."""
+        values = np.zeros((len(angle), self.model.nu))
+        forces = self.forces
+        if forces.motor is not None:
+            values[:, self.model.actuator("motor").id] = motor_control(forces.motor)
+        if forces.crank_torque is not None:
+            values[:, self.model.actuator("crank torque").id] = forces.crank_torque.at(angle, time)
+        for number, load in enumerate(forces.loads, 1):
+            first = self.model.actuator(f"load {number}.x").id
+            values[:, first : first + 3] = load.force.at(angle, time)
+        for number, couple in enumerate(forces.couples, 1):
+            first = self.model.actuator(f"couple {number}.x").id
+            values[:, first : first + 3] = couple.moment.at(angle, time)
+        return values
+
+    def nothing(self, n: int) -> AppliedForces:
+        """Return no outer action on n states."""
+        model = self.model
+        return AppliedForces(np.zeros((n, model.nu)), np.zeros((n, model.nv)), np.zeros((n, model.nbody, 6)))
+
+    def look(self, model: mujoco.MjModel, states: States, applied: AppliedForces) -> Mapping[str, Array]:
+        """Return MuJoCo's fields at states under what is applied, and "inertia", the mass matrix, dense."""
+        n = len(states.qpos)
+        sims = batch.Batch(model, n, *([1] if n <= ONE_THREAD else []))
+        sims.bind("qpos")[:], sims.bind("qvel")[:] = states.qpos, states.qvel
+        sims.bind("qfrc_applied")[:], sims.bind("xfrc_applied")[:] = applied.generalised, applied.wrenches
+        if model.nu:
+            sims.bind("ctrl")[:] = applied.controls
+        fields = {name: sims.bind(name) for name in FIELDS}
+        sims.forward()
+        sparse = np.concatenate([fields["M"], np.zeros((n, 1))], 1)
+        return {name: np.array(field) for name, field in fields.items()} | {"inertia": sparse[:, self._dense]}
+
+    def body(self, link: str) -> int:
+        """Return the number of a link's body."""
+        return 0 if link == GROUND else int(self.model.body(link).id)
+
+    def parent(self, link: str) -> str:
+        """Return the link that carries a link in the tree."""
+        if link == GROUND:
+            return ""
+        above = int(self.model.body_parentid[self.body(link)])
+        return GROUND if above == 0 else str(self.model.body(above).name)
+
+    def cut_pairs(self, joint: Joint) -> list[int]:
+        """Return the numbers of the pairs of points that close a loop at a joint; none in the tree."""
+        names = [self.model.equality(i).name for i in range(self.model.neq)]
+        return [i for i, name in enumerate(names) if name in (joint.name, f"{joint.name}+")]
+
+    def looking(self, *, constrained: bool = False, native: bool = True) -> mujoco.MjModel:
+        """Return a model to look at.
+
+        Args:
+            constrained: whether MuJoCo closes the loops by its constraints.
+            native: whether tendons and actuators act, or are applied as wrenches from outside.
+        """
+        model = copy.copy(self.model)
+        self.prepare(model)
+        if not constrained:
+            model.opt.disableflags |= int(OFF.mjDSBL_CONSTRAINT)
+        if not native:
+            model.opt.disableflags |= int(OFF.mjDSBL_ACTUATION)
+            model.tendon_stiffness[:] = model.tendon_damping[:] = 0.0
+        return model
+
+    def prepare(self, model: mujoco.MjModel) -> None:
+        """Make a model fit to be looked at: sensors and energy on, dry friction out."""
+        model.opt.disableflags &= ~int(OFF.mjDSBL_SENSOR)
+        model.opt.enableflags |= int(ON.mjENBL_ENERGY)
+        model.dof_frictionloss[:] = 0.0
+        model.tendon_frictionloss[:] = 0.0
+
+
+def _dense_index(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """Return where MuJoCo's sparse mass matrix holds each element, -1 for zeros it leaves out, (nv, nv)."""
+    index = np.full((model.nv, model.nv), -1, dtype=np.intp)
+    for row in range(model.nv):
+        first, count = int(model.M_rowadr[row]), int(model.M_rownnz[row])
+        columns = model.M_colind[first : first + count]
+        index[row, columns] = index[columns, row] = np.arange(first, first + count)
+    return index

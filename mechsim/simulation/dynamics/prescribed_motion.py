@@ -1,0 +1,218 @@
+"""What a machine needs while its crank moves as prescribed: by solved poses, and by stepping in time."""
+
+import copy
+import time as clock
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.errors import InputError
+from mechsim.model.crank_profile import CrankProfile, constant
+from mechsim.model.forces import Forces
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import Motion
+from mechsim.simulation.dynamics.efforts import Efforts, efforts_of, required, started, stiffen_friction
+from mechsim.simulation.dynamics.loaded_model import LoadedModel
+from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, Promise, promised
+from mechsim.simulation.mjcf import quiet
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.poses import follow
+from mechsim.simulation.recorded_motion import evaluate
+from mechsim.simulation.settings import Settings
+from mechsim.simulation.stepping import step
+
+Array = NDArray[np.float64]
+Method = Literal["pose", "step"]
+Outcome = Literal["done", "diverged", "met", "missed"]
+
+# instants recorded a turn where nothing else is asked
+SAMPLES = 72
+# crank angles at which a profile is probed beforehand
+PROBES = 64
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Driven:
+    """A machine under a prescribed crank, as MuJoCo has it.
+
+    Attributes:
+        motion: at the recorded instants.
+        efforts: at the same instants.
+        outcome: "done" or "diverged"; where a tolerance was asked for, "met" or "missed".
+        method: "pose" or "step".
+        steps: time steps taken, or poses solved.
+        seconds: time spent stepping or solving, the evaluation of the records not counted.
+        settings: how it was stepped; None for method "pose".
+        timestep: in [s]; None for method "pose".
+        promise: what was asked of it and how it came out; None where no tolerance was.
+    """
+
+    motion: Motion
+    efforts: Efforts
+    outcome: Outcome
+    method: Method
+    steps: int
+    seconds: float
+    settings: Settings | None = None
+    timestep: float | None = None
+    promise: Promise | None = None
+
+    def columns(self) -> Iterator[tuple[str, Array]]:
+        """Yield time, angle, rates, torque, energies and reactions as columns of a table in SI."""
+        motion, found = self.motion, self.efforts
+        if motion.time is not None:
+            yield "time", motion.time
+        yield "angle", motion.angle
+        yield "speed", motion.speed
+        yield "acceleration", motion.acceleration
+        for name in ("torque", "kinetic", "potential", "power_in", "power_loads", "power_lost"):
+            yield name, getattr(found, name)
+        for name, reaction in found.reactions.items():
+            for kind, vector in (("f", reaction.force), ("m", reaction.moment)):
+                for axis, column in zip("xyz", vector.T, strict=True):
+                    yield f"{name}.{kind}{axis}", column
+        for name, torque in found.gears.items():
+            yield f"gear {name}", torque
+
+
+@quiet()
+def driven(
+    mechanism: Mechanism,
+    forces: Forces | None = None,
+    *,
+    speed: float | None = None,
+    turns: float = 1.0,
+    profile: CrankProfile | None = None,
+    method: Method | None = None,
+    tolerance: float | None = None,
+    samples: int | None = None,
+    settings: Settings | None = None,
+    cut: tuple[str, ...] | None = None,
+) -> Driven:
+    """Return drive torque, joint reactions and energies of a machine under a prescribed crank.
+
+    Args:
+        mechanism: links without an inertia are rods, as in `rods.with_inertia`.
+        forces: what acts; the motor is left out, for the drive is in its place.
+        speed: constant crank speed in [rad/s], negative backwards; or give `profile`.
+        turns: of the crank, at constant speed.
+        profile: the crank's angle over time.
+        method: "pose" solves each pose, and by inverse dynamics what it needs: no integration, to
+            rounding. "step" integrates in time; every number then belongs to the recorded instant,
+            and the drive's own inertia is not in it. None takes "pose", with a tolerance "step".
+        tolerance: bound on the error of drive torque and joint reactions at every recorded instant, as
+            a part of their root mean square over the run (`torque_promise`); the number of steps is
+            then chosen by trials and the result checked by two estimates. For method "pose" the
+            accelerations MuJoCo gets from the forces are checked against it.
+        samples: instants recorded after the first, evenly spread; None takes about 72 a turn.
+        settings: how to step; with a tolerance their number of steps is replaced.
+        cut: joints at which the loops are cut; None lets the generator choose.
+
+    Raises:
+        InputError: for values that cannot be used.
+        AssemblyError: if the loops close nowhere or only over part of the way.
+    """
+    if method not in (None, "pose", "step"):
+        raise InputError(f"there is no method {method!r}; known are pose, step")
+    if tolerance is not None and not 0.0 < tolerance < np.inf:
+        raise InputError(f"tolerance of torque is {tolerance}; give a part above 0, as in 1e-6")
+    if samples is not None and not samples >= 1:
+        raise InputError(f"{samples} samples asked for; take at least 1")
+    bench = LoadedModel(mechanism, (forces or Forces()).without_motor(), cut)
+    if profile is None:
+        if speed is None:
+            raise InputError("neither a crank speed nor a profile was given; give one of them")
+        profile = constant(speed, turns, mechanism.start)
+    if method == "pose" or (method is None and tolerance is None):
+        return _kept(_solved(bench, profile, samples), tolerance)
+    angle = profile.state(np.linspace(0.0, profile.duration, PROBES))[0]
+    # all the way, so that a crank that cannot go there is refused before anything is stepped
+    follow.follow(bench.loops, bench.begun, angle)
+    settings = settings or Settings()
+    if tolerance is None:
+        return _stepped(bench, profile, settings, *_paced(profile, settings, samples))
+
+    def whole(chosen: Settings) -> Driven:
+        return _stepped(bench, profile, chosen, *_paced(profile, chosen, samples))
+
+    short = _one_turn(profile)
+    count = max(1, int(np.ceil(TRIAL_SAMPLES * short.turns - 1e-9)))
+
+    def trial(chosen: Settings) -> Driven:
+        return _stepped(bench, short, chosen, count, chosen.steps_per_turn // TRIAL_SAMPLES)
+
+    return promised(bench, settings, tolerance, whole, trial)
+
+
+def _paced(profile: CrankProfile, settings: Settings, samples: int | None) -> tuple[int, int]:
+    """Return how many instants are recorded after the first and how many steps lie between two of them."""
+    total = max(1, int(np.ceil(profile.turns * settings.steps_per_turn - 1e-9)))
+    if samples is not None:
+        return samples, -(-total // samples)
+    stride = max(1, int(total / (SAMPLES * profile.turns)))
+    return -(-total // stride), stride
+
+
+def _one_turn(profile: CrankProfile) -> CrankProfile:
+    """Return one turn of a crank at constant speed; of any other all there is."""
+    if not profile.steady or profile.turns <= 1.0:
+        return profile
+    (start,), (speed,), _ = profile.state(np.zeros(1))
+    return constant(float(speed), 1.0, float(start))
+
+
+def _kept(run: Driven, tolerance: float | None) -> Driven:
+    """Return a run by poses, judged by a tolerance if there is one."""
+    if tolerance is None:
+        return run
+    promise = Promise(tolerance=tolerance, balance=float(run.efforts.imbalance.max()))
+    return replace(run, outcome="met" if promise.met else "missed", promise=promise)
+
+
+def _solved(bench: LoadedModel, profile: CrankProfile, samples: int | None) -> Driven:
+    count = samples or max(1, int(np.ceil(SAMPLES * profile.turns - 1e-9)))
+    time = np.linspace(0.0, profile.duration, count + 1)
+    angle, speed, acceleration = profile.state(time)
+    begin = clock.perf_counter()
+    states, found = required(bench, time, angle, speed, acceleration)
+    seconds = clock.perf_counter() - begin
+    motion = evaluate(bench.loops, bench.track, states, "pose", crank_acceleration=acceleration)
+    return Driven(
+        motion=motion,
+        efforts=found,
+        outcome="done",
+        method="pose",
+        steps=len(time),
+        seconds=seconds,
+    )
+
+
+def _stepped(
+    bench: LoadedModel, profile: CrankProfile, settings: Settings, samples: int, stride: int
+) -> Driven:
+    total = samples * stride
+    first, speed, _ = (float(one[0]) for one in profile.state(np.zeros(1)))
+    model = copy.copy(bench.model)
+    stiffen_friction(model, profile.duration / total)
+    time = profile.duration / total * np.arange(float(total))
+    controls = bench.controls(profile.state(time)[0], time) if model.nu else None
+    loops = ModelLoops(model)
+    steps = step(loops, settings, profile, started(bench, first, speed), total, stride, controls)
+    states = steps.states
+    found = efforts_of(bench, model, settings.hardness, states, steps.force)
+    motion = evaluate(bench.loops, bench.track, states, "step", crank_acceleration=found.acceleration)
+    if steps.diverged:
+        motion = replace(motion, broken=f"MuJoCo's state went bad after {states.time[-1]:.6g} s")
+    return Driven(
+        motion=motion,
+        efforts=found,
+        outcome="diverged" if steps.diverged else "done",
+        method="step",
+        steps=steps.count,
+        seconds=steps.seconds,
+        settings=settings,
+        timestep=steps.timestep,
+    )

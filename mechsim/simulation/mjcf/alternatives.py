@@ -1,0 +1,119 @@
+"""Other ways to make the same model, for comparing them: how the crank is driven, a rod as a length.
+
+None is what the generator makes; why not is measured in validation/choices/drive.py and scene_costs.py.
+"""
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.simulation.mjcf.generator import FLYWHEEL
+from mechsim.simulation.mjcf.loop_cuts import cut_loops, is_planar
+
+Array = NDArray[np.float64]
+MOTOR = "crank@motor"
+# what the names of the sites at the ends of a length end with
+LENGTH = "@length"
+# of a motor's rotor beside the flywheel on it, in [kg m2]
+ROTOR = 1e-6
+# points of a link nearer than this, in units of the mechanism's size, are one
+SAME = 1e-9
+
+
+def gear_to_motor(spec: mujoco.MjSpec) -> None:
+    """Drive the crank by an equality with a wheel beside the mechanism, which has the flywheel."""
+    body = spec.worldbody.add_body(name=MOTOR)
+    body.mass, body.inertia, body.explicitinertial = 1.0, np.full(3, ROTOR), True
+    wheel = body.add_joint(name=MOTOR, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0.0, 0.0, 1.0))
+    weight = sum(float(one.mass) for one in spec.bodies)
+    reach = max((float(np.linalg.norm(one.pos)) for one in spec.bodies), default=1.0)
+    wheel.armature = FLYWHEEL * weight * max(reach, 1e-6) ** 2
+    gear = spec.add_equality(
+        name=MOTOR,
+        type=mujoco.mjtEq.mjEQ_JOINT,
+        objtype=mujoco.mjtObj.mjOBJ_JOINT,
+        name1="crank",
+        name2=MOTOR,
+    )
+    gear.data[:5] = 0.0, 1.0, 0.0, 0.0, 0.0
+
+
+def add_servo(spec: mujoco.MjSpec) -> None:
+    """Drive the crank by a velocity servo; its gain is set on the compiled model."""
+    motor = spec.add_actuator(name=MOTOR, trntype=mujoco.mjtTrn.mjTRN_JOINT, target="crank")
+    motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+
+
+def inertia_felt(model: mujoco.MjModel, qpos: Array, tangent: Array) -> float:
+    """Return the inertia of the links at the crank, in [kg m2], its own armature left out.
+
+    Args:
+        model: compiled.
+        qpos: closed state, (nq,).
+        tangent: rates of all freedoms per radian of the crank, (nv,).
+    """
+    data, full = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, full)
+    return float(tangent @ (full - np.diag(model.dof_armature)) @ tangent)
+
+
+def rod_of(mechanism: Mechanism) -> str | None:
+    """Return the link that is no more than a length between two joints; None if there is none.
+
+    It must hang in the model by one of its joints and be closed by the other, both spherical, or both
+    revolute in a plane; and no point be tracked on it but at those joints.
+    """
+    tree = cut_loops(mechanism)
+    parents = {branch.parent.link for branch in tree.branches}
+    wanted = "revolute" if is_planar(mechanism, tree) else "spherical"
+    fixed = {mechanism.driver, *(name for gear in mechanism.gears for name in (gear.driver, gear.driven))}
+    cuts = {joint.name for joint in tree.cuts}
+    for link in mechanism.links:
+        joints = [joint for joint in mechanism.joints if link.name in (joint.a.link, joint.b.link)]
+        if link.name in parents or len(joints) != 2 or sum(joint.name in cuts for joint in joints) != 1:
+            continue
+        if any(joint.kind != wanted or joint.name in fixed for joint in joints):
+            continue
+        ends = [end.point for end in mechanism.ends(link.name)]
+        tracked = [point for where, point in mechanism.points.values() if where == link.name]
+        if all(min(_gap(point, end) for end in ends) <= SAME * mechanism.size for point in tracked):
+            return link.name
+    return None
+
+
+def rod_as_length(spec: mujoco.MjSpec, mechanism: Mechanism, rod: str) -> None:
+    """Take a rod's body out of an assembled model and keep its two ends at a constant distance instead.
+
+    The equality is not active as compiled: it is of a kind that closes no loop for `ModelLoops`.
+
+    Args:
+        spec: of the mechanism, assembled, its loops cut as the generator chooses.
+        mechanism: it was made from.
+        rod: link that `rod_of` names.
+    """
+    sites: list[str] = []
+    moved = {name: point for name, (link, point) in mechanism.points.items() if link == rod}
+    for joint in [joint for joint in mechanism.joints if rod in (joint.a.link, joint.b.link)]:
+        mine, other = (joint.a, joint.b) if joint.a.link == rod else (joint.b, joint.a)
+        body = spec.worldbody if other.link == GROUND else spec.body(other.link)
+        sites.append(body.add_site(name=f"{joint.name}{LENGTH}", pos=other.point).name)
+        for name, point in moved.items():
+            if _gap(point, mine.point) <= SAME * mechanism.size:
+                spec.delete(spec.site(name))
+                body.add_site(name=name, pos=other.point)
+        for equality in list(spec.equalities):
+            if equality.name in (joint.name, f"{joint.name}+"):
+                spec.delete(equality)
+    spec.delete(spec.body(rod))
+    tendon = spec.add_tendon(name=rod)
+    for site in sites:
+        tendon.wrap_site(site)
+    kind, of = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
+    spec.add_equality(name=rod, type=kind, objtype=of, name1=rod, active=False)
+
+
+def _gap(a: tuple[float, float, float], b: tuple[float, float, float]) -> float:
+    return float(np.linalg.norm(np.asarray(a) - np.asarray(b)))

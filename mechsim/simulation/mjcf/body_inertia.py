@@ -1,0 +1,51 @@
+"""Masses of a model: a link's own inertia about its principal axes, or a placeholder."""
+
+import mujoco
+import numpy as np
+
+from mechsim.model.inertia import Inertia
+from mechsim.model.mechanism import Mechanism
+
+# mass of a link x size of its mechanism where only motion counts, in [kg m]
+PLACEHOLDER = 0.1
+
+
+def quaternion(rotation: np.ndarray) -> np.ndarray:
+    """Return the unit quaternion (w, x, y, z) of a rotation matrix."""
+    out = np.empty(4)
+    mujoco.mju_mat2Quat(out, np.ascontiguousarray(rotation, dtype=np.float64).ravel())
+    return out
+
+
+def set_inertia(body: mujoco.MjsBody, inertia: Inertia) -> None:
+    """Give a body mass, centre and principal moments."""
+    moments = inertia.matrix
+    turn = np.eye(3)
+    values = np.diag(moments).copy()
+    if np.count_nonzero(moments - np.diag(values)):
+        values, turn = np.linalg.eigh(moments)
+        turn[:, 2] *= np.sign(np.linalg.det(turn))
+    # the largest of a flat body may exceed the sum of the others by rounding, which MuJoCo refuses
+    largest = int(np.argmax(values))
+    values[largest] = min(values[largest], values.sum() - values[largest])
+    body.explicitinertial = True
+    body.mass = inertia.mass
+    body.ipos = inertia.centre
+    body.iquat = quaternion(turn)
+    body.inertia = values
+
+
+def set_placeholder(body: mujoco.MjsBody, mechanism: Mechanism, link: str) -> None:
+    """Give a link a placeholder inertia: a ball about the middle of its joints, 1 kg in a linkage of 0.1 m.
+
+    Under a prescribed crank no motion depends on it; a ball of the link's own size keeps the mass
+    matrix well conditioned whatever the scale. MuJoCo takes a moment of inertia below 1e-15 (mjMINVAL)
+    for zero: with a mass inverse to the size it stays far from that for linkages down to 1e-8 m.
+    """
+    points = np.array([end.point for end in mechanism.ends(link)])
+    centre = (points.min(0) + points.max(0)) / 2.0
+    radius = max(float(np.linalg.norm(points - centre, axis=1).max()), 0.1 * mechanism.size)
+    body.explicitinertial = True
+    body.ipos = centre
+    body.mass = PLACEHOLDER / mechanism.size
+    body.inertia = np.full(3, 0.4 * body.mass * radius**2)

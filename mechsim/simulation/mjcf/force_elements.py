@@ -1,0 +1,212 @@
+"""What acts on a mechanism, as parts of a MuJoCo model: springs, dampers, friction, loads, flywheel, motor.
+
+Springs between points are tendons. What acts in a tree joint along its own coordinate stands in the
+joint. What acts in a joint that is cut, or turns as an angle between -pi and pi, is an actuator between
+two sites without a control: its force is an affine function of length and speed.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from mechsim.model.forces import Forces, Friction, JointSpring, Place, located
+from mechsim.model.mechanism import ORIGIN, End, Joint, Mechanism
+from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor
+from mechsim.simulation.mjcf.body_inertia import quaternion
+from mechsim.simulation.mjcf.loop_cuts import Tree, is_planar, planar_senses
+
+Bodies = Mapping[str, mujoco.MjsBody]
+AXES = "xyz"
+
+
+@dataclass(frozen=True, slots=True)
+class Builder:
+    """A model under construction, its mechanism and where its loops are cut."""
+
+    spec: mujoco.MjSpec
+    mechanism: Mechanism
+    tree: Tree
+    bodies: Bodies
+
+    def parts(self, joint: Joint) -> list[mujoco.MjsJoint]:
+        """Return the model's joints that make up a joint of the tree; empty for one that is cut."""
+        if joint in self.tree.cuts:
+            return []
+        ends = {"universal": (".1", ".2"), "cylindrical": (".way", ".turn")}.get(joint.kind, ("",))
+        names = [joint.name + end for end in ends]
+        return [self.spec.joint("crank" if name == self.mechanism.driver else name) for name in names]
+
+    def site(self, name: str, end: End) -> str:
+        """Add a site with a joint end's frame: x along the mark, z along the axis."""
+        body = self.bodies[end.link]
+        body.add_site(name=name, pos=end.point, quat=quaternion(end.frame))
+        return name
+
+    def point(self, name: str, place: Place) -> str:
+        """Add a site at a place, with the axes of its link's frame; a tracked point has one already."""
+        if isinstance(place, str):
+            return place
+        link, local = located(self.mechanism, place)
+        self.bodies[link].add_site(name=name, pos=local)
+        return name
+
+
+def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bodies, forces: Forces) -> None:
+    """Add to a model everything that acts on its mechanism.
+
+    Actuators, in this order: "motor" (its control 1 switches it on; of a DC motor it is the voltage),
+    "crank torque" (control in [N m]), "load 1.x", "load 1.y" ... (controls in [N], ground axes), "couple
+    1.x" ... (controls in [N m], ground axes); then, where MuJoCo has no dry friction of its own, "friction
+    in JOINT dry.z" or ".x", ".y" and ".z", whose controls [N m] are to oppose the actuators' velocities.
+    """
+    forces.check(mechanism)
+    builder = Builder(spec, mechanism, tree, bodies)
+    if forces.flywheel:
+        spec.joint("crank").armature = forces.flywheel
+    if forces.motor is not None:
+        _add_motor(spec, forces.motor)
+    if forces.crank_torque is not None:
+        _on_crank(spec, "crank torque")
+    if forces.loads or forces.couples:
+        spec.worldbody.add_site(name="ground axes")
+    for number, load in enumerate(forces.loads, 1):
+        at = builder.point(f"load {number}", load.place)
+        for i, axis in enumerate(AXES):
+            _between(spec, f"load {number}.{axis}", at, "ground axes", np.eye(6)[i])
+    for number, couple in enumerate(forces.couples, 1):
+        at = builder.point(f"couple {number}", (couple.link, ORIGIN))
+        for i, axis in enumerate(AXES):
+            _between(spec, f"couple {number}.{axis}", at, "ground axes", np.eye(6)[3 + i])
+    for number, spring in enumerate(forces.springs, 1):
+        tendon = spec.add_tendon(
+            name=f"spring {number}",
+            stiffness=_first(spring.stiffness),
+            damping=_first(spring.damping),
+            springlength=(spring.rest, spring.rest),
+        )
+        for side, place in (("a", spring.a), ("b", spring.b)):
+            tendon.wrap_site(builder.point(f"spring {number}.{side}", place))
+    for spring in forces.joint_springs:
+        _add_joint_spring(builder, spring)
+    for friction in forces.friction:
+        _add_friction(builder, friction)
+
+
+def _add_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
+    """Add the motor: gain times control less its torque's fall with speed; MuJoCo's gear is the motor's."""
+    ratio = 1.0
+    if isinstance(motor, Geared):
+        motor, ratio = motor.motor, motor.ratio
+    gain = motor.constant / motor.resistance if isinstance(motor, DCMotor) else float(motor.torque(0.0))
+    made = _on_crank(spec, "motor")
+    made.gear[0] = ratio
+    made.gainprm[0] = gain
+    if not isinstance(motor, ConstantTorque):
+        made.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        made.biasprm[:3] = 0.0, 0.0, motor.slope
+
+
+def motor_control(motor: Motor) -> float:
+    """Return the control at which the model's motor gives the motor's torque."""
+    one = motor.motor if isinstance(motor, Geared) else motor
+    return one.voltage if isinstance(one, DCMotor) else 1.0
+
+
+def _on_crank(spec: mujoco.MjSpec, name: str) -> mujoco.MjsActuator:
+    made = spec.add_actuator(name=name, target="crank", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    made.gainprm[0] = 1.0
+    return made
+
+
+def _between(
+    spec: mujoco.MjSpec, name: str, site: str, reference: str, gear: Sequence[float] | np.ndarray
+) -> mujoco.MjsActuator:
+    """Add an actuator on one site against another, along `gear` in the other's frame."""
+    made = spec.add_actuator(
+        name=name, target=site, refsite=reference, trntype=mujoco.mjtTrn.mjTRN_SITE, gear=gear
+    )
+    made.gainprm[0] = 1.0
+    return made
+
+
+def _affine(
+    builder: Builder, name: str, joint: Joint, bias: tuple[float, float, float], axes: Sequence[int] = (2,)
+) -> None:
+    """Add couples bias0 + bias1 angle + bias2 rate on link b by link a about axes of a's joint frame."""
+    a, b = (builder.site(f"{name}.{side}", end) for side, end in (("a", joint.a), ("b", joint.b)))
+    for axis in axes:
+        made = _between(builder.spec, f"{name}.{AXES[axis]}", b, a, np.eye(6)[3 + axis])
+        made.gainprm[0] = 0.0
+        made.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        made.biasprm[:3] = bias
+
+
+def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
+    joint = builder.mechanism.joint(spring.joint)
+    if joint.kind == "prismatic":
+        (part,) = builder.parts(joint)
+        part.stiffness = _first(spring.stiffness + float(part.stiffness[0]))
+        part.springref = spring.rest
+        return
+    # the rest angle turned into the frame, so that the angle counts from it and wraps opposite to it
+    turned = End(joint.a.link, joint.a.point, joint.a.axis, _turned(joint.a, spring.rest))
+    name = f"spring in {joint.name}"
+    a = builder.site(f"{name}.a", turned)
+    b = builder.site(f"{name}.b", joint.b)
+    made = _between(builder.spec, name, b, a, np.eye(6)[5])
+    made.gainprm[0] = 0.0
+    made.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+    made.biasprm[:3] = 0.0, -spring.stiffness, 0.0
+
+
+def _turned(end: End, angle: float) -> tuple[float, float, float]:
+    mark = end.frame @ np.array([np.cos(angle), np.sin(angle), 0.0])
+    return float(mark[0]), float(mark[1]), float(mark[2])
+
+
+def _add_friction(builder: Builder, friction: Friction) -> None:
+    joint = builder.mechanism.joint(friction.joint)
+    parts = builder.parts(joint)
+    sizes = [(friction.viscous, friction.coulomb)] * len(parts)
+    if joint.kind == "cylindrical":
+        sizes[1] = friction.viscous_turn, friction.coulomb_turn
+    native = joint.kind != "spherical"
+    for part, (viscous, coulomb) in zip(parts, sizes, strict=True):
+        part.damping = _first(viscous + float(part.damping[0]))
+        part.frictionloss = part.frictionloss + (coulomb if native else 0.0)
+    axes = (2,) if joint.kind == "revolute" else (0, 1, 2)
+    if friction.viscous and not parts:
+        _affine(builder, f"friction in {joint.name}", joint, (0.0, 0.0, -friction.viscous), axes)
+    if not friction.coulomb or (parts and native):
+        return
+    if native and is_planar(builder.mechanism, builder.tree):
+        _add_dry_cut(builder, joint, friction.coulomb)
+        return
+    # a ball joint's own dry friction in MuJoCo holds about three axes apart, not against the spin
+    name = dry_name(joint.name)
+    a, b = (builder.site(f"{name}.{side}", end) for side, end in (("a", joint.a), ("b", joint.b)))
+    for axis in axes:
+        _between(builder.spec, f"{name}.{AXES[axis]}", b, a, np.eye(6)[3 + axis])
+
+
+def dry_name(joint: str) -> str:
+    """Return the name, but for its axis, of the actuators that are a joint's dry friction."""
+    return f"friction in {joint} dry"
+
+
+def _add_dry_cut(builder: Builder, joint: Joint, size: float) -> None:
+    """Add dry friction to a cut joint of a planar mechanism: its angle is a sum of the tree's angles."""
+    tendon = builder.spec.add_tendon(name=f"friction in {joint.name}", frictionloss=size)
+    senses = planar_senses(builder.tree)
+    a, b = senses[joint.a.link], senses[joint.b.link]
+    for name in sorted({*a, *b}):
+        share = b.get(name, 0.0) - a.get(name, 0.0)
+        if share:
+            tendon.wrap_joint("crank" if name == builder.mechanism.driver else name, share)
+
+
+def _first(value: float) -> tuple[float, float, float]:
+    """Return the coefficients of a linear spring or damper; the others are of higher powers."""
+    return value, 0.0, 0.0

@@ -1,0 +1,166 @@
+"""Mechanism and scene to a MuJoCo model specification."""
+
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+
+from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
+from mechsim.model.rod_inertia import with_inertia
+from mechsim.model.scene import Scene
+from mechsim.simulation.mjcf.body_inertia import PLACEHOLDER, quaternion, set_inertia, set_placeholder
+from mechsim.simulation.mjcf.force_elements import add_forces
+from mechsim.simulation.mjcf.loop_cuts import Branch, Tree, cut_loops, is_planar, seated_pose, zero_pose
+
+# inertia of the crank beside that of the links: reactions then change its speed by 1e-12 of itself a turn
+FLYWHEEL = 1e12
+
+
+def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | None = None) -> mujoco.MjSpec:
+    """Return the model of a mechanism, from its dimensions alone.
+
+    Args:
+        mechanism: the mechanism.
+        scene: what the model must hold.
+        poses: link -> rough pose from which each tree joint takes its coordinate for the model's
+            reference configuration; links not named stand at zero coordinates. The loops are in
+            general open in it: `assembled` closes them.
+
+    Returns:
+        The specification. Bodies and joints are named like links and joints, the driven joint
+        "crank", and each tracked point is a site of its name. A universal joint is two hinges NAME.1
+        and NAME.2, a cylindrical one NAME.way and NAME.turn. Of level "picture" it holds all but the
+        picture, which `pictures.render.exported_scene` adds.
+    """
+    acting = scene.forces if scene.holds("dynamics") else None
+    dry = frozenset(friction.joint for friction in acting.friction if friction.dry) if acting else ()
+    tree = cut_loops(mechanism, scene.cut, keep=dry)
+    if acting is not None:
+        mechanism = with_inertia(mechanism)
+    inertias = {known.name: known.inertia for known in mechanism.links}
+    spec = mujoco.MjSpec()
+    spec.modelname = mechanism.name
+    spec.compiler.degree = False
+    spec.compiler.autolimits = True
+    _options(spec, scene)
+    bodies = {GROUND: spec.worldbody}
+    placed = {GROUND: IDENTITY}
+    coordinates: dict[str, float] = {}
+    for branch in tree.branches:
+        parent = placed[branch.parent.link]
+        local, values = zero_pose(branch), (0.0, 0.0)
+        if poses is not None and branch.child.link in poses:
+            local, values = seated_pose(branch, parent, poses[branch.child.link])
+        link = branch.child.link
+        body = bodies[branch.parent.link].add_body(
+            name=link, pos=local.position, quat=quaternion(local.rotation)
+        )
+        inertia = inertias[link] if acting is not None else None
+        if inertia is None:
+            set_placeholder(body, mechanism, link)
+        else:
+            set_inertia(body, inertia)
+        _add_joints(body, mechanism, branch, local, values, scene)
+        if values:
+            coordinates[branch.joint.name] = values[-1]
+        bodies[link] = body
+        placed[link] = Pose(parent.point(tuple(local.position)), parent.rotation @ local.rotation)
+    for name, (link, point) in mechanism.points.items():
+        bodies[link].add_site(name=name, pos=point)
+    _close(spec, mechanism, tree, bodies)
+    _mesh_gears(spec, mechanism, coordinates)
+    if acting is not None:
+        add_forces(spec, mechanism, tree, bodies, acting)
+    return spec
+
+
+def _options(spec: mujoco.MjSpec, scene: Scene) -> None:
+    """Set what the scene needs; constraint settings from validation/choices/constraint_settings.py."""
+    option = spec.option
+    option.gravity = scene.forces.gravity if scene.holds("dynamics") else (0.0, 0.0, 0.0)
+    option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    option.timestep = 1e-4
+    option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    option.tolerance = 0.0
+    disable = mujoco.mjtDisableBit
+    option.disableflags = int(disable.mjDSBL_CONTACT | disable.mjDSBL_ISLAND | disable.mjDSBL_REFSAFE)
+
+
+def _add_joints(
+    body: mujoco.MjsBody,
+    mechanism: Mechanism,
+    branch: Branch,
+    local: Pose,
+    values: tuple[float, ...],
+    scene: Scene,
+) -> None:
+    """Add a tree joint to its child body; `ref` makes MuJoCo's coordinate that of the mechanism."""
+    joint, end = branch.joint, branch.child
+    hinge, slide = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
+    own = branch.sense * np.asarray(end.axis)
+    # the other side's axis, seen from the child
+    other = branch.sense * (local.rotation.T @ np.asarray(branch.parent.axis))
+    first, second = (other, own) if branch.sense > 0 else (own, other)
+    if joint.kind == "spherical":
+        body.add_joint(name=joint.name, type=mujoco.mjtJoint.mjJNT_BALL, pos=end.point)
+        return
+    if joint.kind == "universal":
+        order = [(f"{joint.name}.1", hinge, first, values[0]), (f"{joint.name}.2", hinge, second, values[1])]
+        # the axis fixed in the parent comes first, that fixed in the child last
+        parts = order if branch.sense > 0 else order[::-1]
+    elif joint.kind == "cylindrical":
+        parts = [(f"{joint.name}.way", slide, own, values[0]), (f"{joint.name}.turn", hinge, own, values[1])]
+    else:
+        name = "crank" if joint.name == mechanism.driver else joint.name
+        parts = [(name, hinge if joint.kind == "revolute" else slide, own, values[0])]
+    for name, kind, axis, value in parts:
+        made = body.add_joint(name=name, type=kind, pos=end.point, axis=axis, ref=value)
+        # at level dynamics the crank is free, or driven by its motor
+        if name == "crank" and scene.holds("motion") and scene.level != "dynamics":
+            made.armature = FLYWHEEL * PLACEHOLDER * mechanism.size
+
+
+def _close(
+    spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Mapping[str, mujoco.MjsBody]
+) -> None:
+    """Close each cut: point on point, and for a revolute joint in space a second point along its axis."""
+    planar = is_planar(mechanism, tree)
+    for joint in tree.cuts:
+        arms = {"": 0.0}
+        if joint.kind == "revolute" and not planar:
+            arms["+"] = mechanism.size
+        for suffix, arm in arms.items():
+            names = []
+            for end in (joint.a, joint.b):
+                name = f"{joint.name}@{end.link}{suffix}"
+                place = np.asarray(end.point) + arm * np.asarray(end.axis)
+                bodies[end.link].add_site(name=name, pos=place)
+                names.append(name)
+            spec.add_equality(
+                name=joint.name + suffix,
+                type=mujoco.mjtEq.mjEQ_CONNECT,
+                objtype=mujoco.mjtObj.mjOBJ_SITE,
+                name1=names[0],
+                name2=names[1],
+                solref=(20 * spec.option.timestep, 1.0),
+                solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
+            )
+
+
+def _mesh_gears(spec: mujoco.MjSpec, mechanism: Mechanism, coordinates: Mapping[str, float]) -> None:
+    """Couple geared joints; MuJoCo counts both angles from the reference configuration."""
+    for gear in mechanism.gears:
+        first, second = coordinates.get(gear.driver, 0.0), coordinates.get(gear.driven, 0.0)
+        offset = gear.ratio * first + gear.phase - second
+        offset -= 2.0 * np.pi * np.round(offset / (2.0 * np.pi))
+        names = ["crank" if name == mechanism.driver else name for name in (gear.driven, gear.driver)]
+        made = spec.add_equality(
+            name=f"{gear.driver}-{gear.driven}",
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            name1=names[0],
+            name2=names[1],
+            solref=(20 * spec.option.timestep, 1.0),
+            solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
+        )
+        made.data[:5] = offset, gear.ratio, 0.0, 0.0, 0.0

@@ -1,0 +1,395 @@
+"""The loops of a compiled model: how far they stand open, for many states at once, and closing them.
+
+MuJoCo gives the kinematics and the Jacobians; the equations solved are the model's own equality
+constraints. No closed form is near.
+"""
+
+import copy
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco import batch
+from numpy.typing import NDArray
+
+from mechsim.errors import AssemblyError, InputError
+
+Array = NDArray[np.float64]
+# body and points of it, (n, 3) -> the points' Jacobian, (n, 3, nv)
+Slope = Callable[[int, Array], Array]
+
+FREE, BALL, SLIDE, HINGE = (
+    int(kind)
+    for kind in (
+        mujoco.mjtJoint.mjJNT_FREE,
+        mujoco.mjtJoint.mjJNT_BALL,
+        mujoco.mjtJoint.mjJNT_SLIDE,
+        mujoco.mjtJoint.mjJNT_HINGE,
+    )
+)
+
+# closed to rounding: what Newton's method leaves on a well-conditioned loop, with a margin of a few
+CLOSED = 1e-14
+# singular values below this part of the largest count as zero
+RANK_TOLERANCE = 1e-9
+# states up to which one thread is as fast as two: below a few milliseconds of work
+ONE_THREAD = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class PointPair:
+    """A `connect` constraint: two points, each fixed in a body, that should coincide."""
+
+    bodies: tuple[int, int]
+    local: tuple[Array, Array]
+
+    @property
+    def ends(self) -> tuple[tuple[int, Array], tuple[int, Array]]:
+        """Body and point, twice."""
+        return (self.bodies[0], self.local[0]), (self.bodies[1], self.local[1])
+
+
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """A `joint` constraint: one coordinate is a polynomial of another, both counted from qpos0."""
+
+    dofs: tuple[int, int]
+    places: tuple[int, int]
+    zeros: tuple[float, float]
+    polynomial: Array
+
+
+class ModelLoops:
+    """The equality constraints of a model with a crank, evaluated and solved in batches.
+
+    Attributes:
+        model: the compiled model.
+        crank: index of the crank among the degrees of freedom.
+        crank_place: its index in qpos.
+        free: indices of all other degrees of freedom.
+        size: yardstick of lengths in the model, in [m].
+        hinges: for each number of qpos whether it is the angle of a hinge.
+        quaternions: where quaternions begin in qpos.
+        turning: for each number of qpos whether it is one of a quaternion's.
+        looking: a copy of the model as it was given, reduced to its kinematics; not to be changed.
+    """
+
+    def __init__(self, model: mujoco.MjModel):
+        self.model = model
+        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "crank")
+        if joint < 0 or model.jnt_type[joint] != HINGE:
+            names = [model.joint(i).name for i in range(model.njnt)]
+            raise InputError(
+                f"the model has no hinge joint called 'crank' (it has {', '.join(names) or 'none'}); "
+                "name the driven hinge 'crank'"
+            )
+        self.crank = int(model.jnt_dofadr[joint])
+        self.crank_place = int(model.jnt_qposadr[joint])
+        self.pairs, self.couplings = _constraints(model)
+        self.name = model.names.split(b"\0", 1)[0].decode() or "model"
+        self.free = np.array([i for i in range(model.nv) if i != self.crank], dtype=np.int64)
+        self._angular = _is_angle(model)[self.free]
+        reach = [np.linalg.norm(local) for pair in self.pairs for local in pair.local]
+        steps = np.linalg.norm(model.body_pos[1:], axis=1)
+        self.size = float(max([*reach, *steps, 1e-300]))
+        self.quaternions = [
+            int(place) + (3 if kind == FREE else 0)
+            for kind, place in zip(model.jnt_type, model.jnt_qposadr, strict=True)
+            if kind in (BALL, FREE)
+        ]
+        self.turning = np.zeros(model.nq, dtype=np.bool_)
+        for place in self.quaternions:
+            self.turning[place : place + 4] = True
+        self.hinges = np.zeros(model.nq, dtype=np.bool_)
+        self.hinges[model.jnt_qposadr[model.jnt_type == HINGE]] = True
+        self.looking = _only_kinematics(model)
+        self._data = mujoco.MjData(self.looking)
+        self._batches: dict[int, batch.Batch] = {}
+        self._basis: tuple[Array, Array, Array] | None = None
+
+    def residual(self, qpos: Array) -> Array:
+        """Return how far the constraints stand open, (n, m) in [m] or [rad]."""
+        return self._look(qpos)[0]
+
+    def linearise(self, qpos: Array) -> tuple[Array, Array]:
+        """Return the constraint residuals, (n, m) in [m] or [rad], and their Jacobian, (n, m, nv)."""
+        residual, jacobian = self._look(qpos)
+        return residual, jacobian()
+
+    def _look(self, qpos: Array) -> tuple[Array, Callable[[], Array]]:
+        """Return the residuals, and what computes their Jacobian as long as nothing else is looked at."""
+        position, rotation, slope = self._one(qpos) if len(qpos) == 1 else self._many(qpos)
+        n, nv = len(qpos), self.model.nv
+        ends = [
+            [(body, position[:, body] + rotation[:, body] @ local) for body, local in pair.ends]
+            for pair in self.pairs
+        ]
+        coupled = [self._coupled(coupling, qpos) for coupling in self.couplings]
+        residual = np.concatenate(
+            [np.zeros((n, 0)), *(a[1] - b[1] for a, b in ends), *(value[:, None] for value, _ in coupled)], 1
+        )
+
+        def jacobian() -> Array:
+            parts = [np.zeros((n, 0, nv))]
+            for (a, at_a), (b, at_b) in ends:
+                parts.append((slope(a, at_a) if a else 0.0) - (slope(b, at_b) if b else np.zeros((n, 3, nv))))
+            return np.concatenate([*parts, *(turn[:, None] for _, turn in coupled)], 1)
+
+        return residual, jacobian
+
+    def _one(self, qpos: Array) -> tuple[Array, Array, Slope]:
+        """Return places and rotations of all bodies at one state; a batch of one costs three times this."""
+        model, data = self.looking, self._data
+        data.qpos[:] = qpos[0]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+
+        def slope(body: int, point: Array) -> Array:
+            jacobian = np.empty((3, model.nv))
+            mujoco.mj_jac(model, data, jacobian, None, point[0], body)
+            return jacobian[None]
+
+        return data.xpos[None], data.xmat.reshape(1, -1, 3, 3), slope
+
+    def _many(self, qpos: Array) -> tuple[Array, Array, Slope]:
+        """Return places and rotations of all bodies at n states."""
+        sims = self._batch(len(qpos))
+        position, matrix = sims.bind("xpos"), sims.bind("xmat")
+        sims.bind("qpos")[:] = qpos
+        sims.forward(stage=int(mujoco.mjtStage.mjSTAGE_POS))
+        return position, matrix.reshape(*matrix.shape[:2], 3, 3), lambda body, at: sims.jac(body, at)[0]
+
+    def _batch(self, n: int) -> batch.Batch:
+        """Return a batch of n simulations of the model, made once for each n."""
+        if n not in self._batches:
+            if len(self._batches) > 8:
+                self._batches.clear()
+            threads = 1 if n <= ONE_THREAD else 0
+            self._batches[n] = batch.Batch(self.looking, n, nthread=threads)
+        return self._batches[n]
+
+    def sites(self, qpos: Array) -> Array:
+        """Return the places of all sites at n states, (n, nsite, 3) in [m]."""
+        position, rotation, _ = self._many(qpos)
+        bodies = self.model.site_bodyid
+        return position[:, bodies] + (rotation[:, bodies] @ self.model.site_pos[..., None])[..., 0]
+
+    def places(self, qpos: Array) -> Array:
+        """Return the places of all sites and of all points that close loops at n states, (n, k, 3) in [m]."""
+        position, rotation, _ = self._many(qpos)
+        ends = [end for pair in self.pairs for end in pair.ends]
+        points = [position[:, body] + rotation[:, body] @ local for body, local in ends]
+        return np.concatenate([np.stack(points, 1) if points else position[:, :0], self.sites(qpos)], 1)
+
+    def _coupled(self, coupling: Coupling, qpos: Array) -> tuple[Array, Array]:
+        (y, x), (y0, x0) = coupling.places, coupling.zeros
+        slope = np.zeros((len(qpos), self.model.nv))
+        slope[:, coupling.dofs[0]] = 1.0
+        if x < 0:
+            return qpos[:, y] - y0 - coupling.polynomial[0], slope
+        turned = qpos[:, x] - x0
+        polynomial = np.polynomial.Polynomial(coupling.polynomial)
+        slope[:, coupling.dofs[1]] = -polynomial.deriv()(turned)
+        return qpos[:, y] - y0 - polynomial(turned), slope
+
+    def gap(self, residual: Array) -> Array:
+        """Return the worst opening of each state in units of the model's size and in [rad], (n,)."""
+        scale = np.ones(residual.shape[1])
+        scale[: 3 * len(self.pairs)] /= self.size
+        return np.abs(residual * scale).max(1, initial=0.0)
+
+    def solve(self, jacobian: Array, right: Array) -> Array:
+        """Return the least-norm x (n, nv - 1, k) of J x = right (n, m, k) in all freedoms but the crank."""
+        held = jacobian[:, :, self.free]
+        rows = self._independent(held)
+        if rows is None:
+            return np.linalg.pinv(held, rcond=RANK_TOLERANCE) @ right
+        if rows.shape[1] < rows.shape[0]:
+            held, right = rows.T @ held, rows.T @ right
+        if held.shape[1] == held.shape[2]:
+            return np.asarray(np.linalg.solve(held, right), dtype=np.float64)
+        turned = np.swapaxes(held, -1, -2)
+        return turned @ np.linalg.solve(held @ turned, right)
+
+    def _independent(self, held: Array) -> Array | None:
+        """Return a basis, (m, rank), of the rows that say something new; None if it changes with the pose.
+
+        A planar loop's third row says nothing anywhere; in an overconstrained loop such as Bennett's
+        every row counts, and which repeat others changes from pose to pose.
+        """
+        if self._basis is None:
+            left, values, right = np.linalg.svd(held[0])
+            rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
+            self._basis = left[:, :rank], left[:, rank:], right[rank:]
+        rows, idle, _ = self._basis
+        if idle.shape[1] and np.abs(idle.T @ held).max(initial=0.0) > RANK_TOLERANCE * np.abs(held).max():
+            return None
+        return rows
+
+    def side(self, jacobian: Array) -> Array:
+        """Return on which side of the dead centres states lie, (n,): +1 or -1; 0 where that is not known.
+
+        It is the sign of the Jacobian's determinant with the crank held: two assemblies that meet at a
+        dead centre have opposite signs, and on the way from one dead centre to the next it stays.
+        """
+        held = jacobian[:, :, self.free]
+        rows = self._independent(held)
+        if rows is None or self._basis is None:
+            return np.zeros(len(held))
+        # freedoms that no row holds (a passive spin) stand in for the rows that are missing
+        spare = np.broadcast_to(self._basis[2], (len(held), *self._basis[2].shape))
+        square = np.concatenate([rows.T @ held, spare], 1)
+        return np.linalg.slogdet(square)[0]
+
+    def tangent(self, jacobian: Array) -> Array:
+        """Return the rates of all freedoms per radian of the crank, (n, nv), that keep the loops closed."""
+        pull = -jacobian[:, :, [self.crank]]
+        rates = self.solve(jacobian, pull)
+        # least norm comes by normal equations, which square the condition; what they left undone mends that
+        rates += self.solve(jacobian, pull - jacobian[:, :, self.free] @ rates)
+        return self._spread(rates[..., 0], 1.0)
+
+    def newton(self, residual: Array, jacobian: Array) -> tuple[Array, Array]:
+        """Return the step that closes the linearised loops, the crank held, and the tangent; (n, nv) each."""
+        both = self.solve(jacobian, np.stack([-residual, -jacobian[:, :, self.crank]], -1))
+        step = both[..., 0]
+        # a turn of more than half a radian at once is beyond the linear model
+        longest = np.abs(step).max(1, initial=0.0, where=self._angular)
+        step *= (0.5 / np.maximum(0.5, longest))[:, None]
+        return self._spread(step, 0.0), self._spread(both[..., 1], 1.0)
+
+    def _spread(self, held: Array, crank: float) -> Array:
+        """Return rates of all freedoms from those of all but the crank."""
+        rates = np.empty((len(held), self.model.nv))
+        rates[:, self.crank], rates[:, self.free] = crank, held
+        return rates
+
+    def close(self, qpos: Array, *, most_steps: int = 50) -> Array:
+        """Return n states with their loops closed, their cranks held, by Newton's method.
+
+        Args:
+            qpos: rough states, (n, nq).
+            most_steps: Newton steps before giving up.
+
+        Raises:
+            AssemblyError: where a loop does not close.
+        """
+        return self.closed(qpos, most_steps)[0]
+
+    def closed(self, qpos: Array, most_steps: int = 50) -> tuple[Array, Array | None]:
+        """Return n states closed as `close` does, and the Jacobian of the last Newton step, (n, m, nv).
+
+        None for the Jacobian where the states came closed.
+        """
+        qpos, before, slope = qpos.copy(), np.inf, None
+        gap = np.full(len(qpos), np.inf)
+        for _ in range(most_steps):
+            residual, jacobian = self._look(qpos)
+            gap = self.gap(residual)
+            worst = gap.max(initial=0.0)
+            # stop at rounding: below the bound, or no better than the step before
+            if worst <= CLOSED or (worst < 1e-11 and worst >= 0.5 * before):
+                return qpos, slope
+            before, slope = worst, jacobian()
+            try:
+                step, _ = self.newton(residual, slope)
+            except np.linalg.LinAlgError:
+                break
+            qpos = self.moved(qpos, step)
+            if not np.isfinite(qpos).all():
+                break
+        worst = int(np.argmax(gap))
+        raise AssemblyError(
+            f"{self.name}: the loops do not close at crank angle "
+            f"{qpos[worst, self.crank_place]:.6g} rad: a gap of {gap[worst]:.3g} of the longest link "
+            "is left; change the dimensions, the crank angle or the start"
+        )
+
+    def moved(self, qpos: Array, step: Array) -> Array:
+        """Return states displaced by a step in the freedoms, (n, nq): mj_integratePos for many at once."""
+        model, out = self.model, qpos.copy()
+        if len(out) == 1:
+            mujoco.mj_integratePos(model, out[0], step[0], 1.0)
+            return out
+        for kind, place, dof in zip(model.jnt_type, model.jnt_qposadr, model.jnt_dofadr, strict=True):
+            if kind in (HINGE, SLIDE):
+                out[:, place] += step[:, dof]
+                continue
+            if kind == FREE:
+                out[:, place : place + 3] += step[:, dof : dof + 3]
+                place, dof = place + 3, dof + 3
+            turned = _quaternion_turned(out[:, place : place + 4], step[:, dof : dof + 3])
+            out[:, place : place + 4] = turned
+        return out
+
+
+def _quaternion_turned(quaternion: Array, vector: Array) -> Array:
+    """Return unit quaternions turned by rotation vectors given in their own frames, (n, 4)."""
+    angle = np.sqrt((vector * vector).sum(1))
+    half = 0.5 * angle
+    factor = np.where(angle > 1e-8, np.sin(half) / np.where(angle > 1e-8, angle, 1.0), 0.5)
+    w, x, y, z = quaternion.T
+    a, (b, c, d) = np.cos(half), (factor[:, None] * vector).T
+    turned = np.stack(
+        [
+            w * a - x * b - y * c - z * d,
+            w * b + x * a + y * d - z * c,
+            w * c - x * d + y * a + z * b,
+            w * d + x * c - y * b + z * a,
+        ],
+        1,
+    )
+    return turned / np.sqrt((turned * turned).sum(1))[:, None]
+
+
+def _only_kinematics(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Return a copy of a model that computes places and no more than it must beside them."""
+    looking = copy.copy(model)
+    off = mujoco.mjtDisableBit
+    looking.opt.disableflags |= int(off.mjDSBL_CONSTRAINT | off.mjDSBL_CONTACT | off.mjDSBL_SENSOR)
+    return looking
+
+
+def _is_angle(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Say of each freedom whether it is an angle; of the six of a free joint the first three are lengths."""
+    kinds = model.jnt_type[model.dof_jntid]
+    order = np.arange(model.nv) - model.jnt_dofadr[model.dof_jntid]
+    return (kinds != SLIDE) & ~((kinds == FREE) & (order < 3))
+
+
+def _constraints(model: mujoco.MjModel) -> tuple[Sequence[PointPair], Sequence[Coupling]]:
+    pairs: list[PointPair] = []
+    couplings: list[Coupling] = []
+    for i in range(model.neq):
+        if not model.eq_active0[i]:
+            continue
+        first, second = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
+        if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_CONNECT):
+            pairs.append(_point_pair(model, i, first, second))
+        elif model.eq_type[i] == int(mujoco.mjtEq.mjEQ_JOINT):
+            couplings.append(_coupling(model, i, first, second))
+        else:
+            raise InputError(
+                f"equality {model.equality(i).name or i!r} is of a kind that closes no loop here; "
+                "close loops by connect constraints, gears by joint constraints"
+            )
+    return pairs, couplings
+
+
+def _point_pair(model: mujoco.MjModel, i: int, first: int, second: int) -> PointPair:
+    if model.eq_objtype[i] == int(mujoco.mjtObj.mjOBJ_SITE):
+        bodies = int(model.site_bodyid[first]), int(model.site_bodyid[second])
+        return PointPair(bodies, (model.site_pos[first].copy(), model.site_pos[second].copy()))
+    data = model.eq_data[i]
+    return PointPair((first, max(second, 0)), (data[0:3].copy(), data[3:6].copy()))
+
+
+def _coupling(model: mujoco.MjModel, i: int, first: int, second: int) -> Coupling:
+    place, dof = int(model.jnt_qposadr[first]), int(model.jnt_dofadr[first])
+    polynomial = model.eq_data[i, :5].copy()
+    if second < 0:
+        return Coupling((dof, -1), (place, -1), (float(model.qpos0[place]), 0.0), polynomial)
+    other = int(model.jnt_qposadr[second])
+    zeros = float(model.qpos0[place]), float(model.qpos0[other])
+    return Coupling((dof, int(model.jnt_dofadr[second])), (place, other), zeros, polynomial)

@@ -1,0 +1,127 @@
+"""Motion by solving poses: no time, no integration, every crank angle to rounding."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.poses.rough_steps import ASTRAY, sprint
+from mechsim.simulation.poses.spline_path import AssemblyPath
+from mechsim.simulation.poses.strides import SHORTEST, STRIDE, walk
+
+Array = NDArray[np.float64]
+TURN = 2.0 * np.pi
+# from a closed state to a crank angle: states on the way, or None where it is not certain
+Steps = Callable[[ModelLoops, Array, float], Sequence[Array] | Array | None]
+
+# how far from its start a state may be after a turn to count as the same: rounding of a walk, squared up
+SAME = 1e-9
+# where so many poses are asked for each knot, the way is first given so many times the knots: then one
+# Newton step closes a pose, or none
+REFINED = ((32, 8), (4, 2))
+# poses closed in one go: their arrays stay in the cache, and a long run needs little memory
+CHUNK = 2048
+
+
+def follow(loops: ModelLoops, start: Array, angles: ArrayLike) -> Array:
+    """Return the states at crank angles in the assembly of a closed start state, (n, nq).
+
+    A sprint over the range, or a walk where that strays, keeps the assembly; splines through its
+    poses give the rest to within a Newton step or two, all solved together. Where a turn of the
+    crank leads back to the start, one turn is made however many are asked for.
+
+    Args:
+        loops: of the model.
+        start: closed state, (nq,).
+        angles: crank angles in any order, (n,) in [rad].
+
+    Raises:
+        AssemblyError: at the crank angle beyond which the loops cannot close in this assembly.
+    """
+    angles = np.asarray(angles, dtype=np.float64)
+    sprinted = _sprinted(loops, start, angles)
+    if sprinted is not None:
+        states, sure = _along(sprinted, angles)
+        if sure.all():
+            return states
+    walked = _walked(loops, start, angles)
+    states, sure = _along(walked, angles)
+    for i in np.flatnonzero(~sure):
+        states[i] = _walked_to(walked, angles[i : i + 1])
+    return states
+
+
+def _along(way: AssemblyPath, angles: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return closed states at crank angles, and of which it is sure that they are of the way."""
+    for many, times in REFINED:
+        if len(angles) > many * len(way.knots):
+            way = way.refined(times)
+            break
+    parts = [way.at(angles[i : i + CHUNK]) for i in range(0, len(angles), CHUNK)]
+    return np.concatenate([states for states, _ in parts]), np.concatenate([sure for _, sure in parts])
+
+
+def _sprinted(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath | None:
+    """Return the way over the range of crank angles by stepping; None where that is not certain."""
+    if float(angles.max() - angles.min()) < STRIDE:
+        reach = np.abs(angles - start[loops.crank_place]).max()
+        if reach < STRIDE:
+            return None
+    jacobian = loops.linearise(start[None])[1]
+    found = _knots(loops, start, angles, partial(sprint, jacobian=jacobian))
+    if found is None:
+        return None
+    return AssemblyPath(loops, *found, float(loops.side(jacobian)[0]), near=0.0, far=ASTRAY)
+
+
+def _walked(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath:
+    """Return the way over the range of crank angles by strides."""
+    found = _knots(loops, start, angles, walk)
+    assert found is not None
+    knots, gain = loops.close(found[0]), found[1]
+    # most of the knots: at a dead centre, where a way may begin or end, rounding settles the sign
+    side = float(np.sign(loops.side(loops.linearise(knots)[1]).sum()))
+    return AssemblyPath(loops, knots, gain, side)
+
+
+def _knots(loops: ModelLoops, start: Array, angles: Array, steps: Steps) -> tuple[Array, Array | None] | None:
+    """Return states over the range of crank angles, rising, and what a turn adds where one is enough."""
+    here = float(start[loops.crank_place])
+    low, high = min(here, float(angles.min())), max(here, float(angles.max()))
+    if high - low > 1.5 * TURN:
+        lap = _both_ways(loops, start, here, here + TURN, steps)
+        gain = None if lap is None else _gain(loops, lap)
+        if lap is not None and gain is not None:
+            return lap, gain
+    knots = _both_ways(loops, start, low, high, steps)
+    return None if knots is None else (knots, None)
+
+
+def _both_ways(loops: ModelLoops, start: Array, low: float, high: float, steps: Steps) -> Array | None:
+    here = float(start[loops.crank_place])
+    before = steps(loops, start, low) if here - low > SHORTEST else []
+    after = steps(loops, start, high) if high - here > SHORTEST else []
+    return None if before is None or after is None else np.stack([*before[::-1], start, *after])
+
+
+def _gain(loops: ModelLoops, lap: Array) -> Array | None:
+    """Return what a turn of the crank adds to a state, (nq,); None where it does not lead back."""
+    ends = loops.close(lap[[0, -1]])
+    gain = np.where(loops.turning, 0.0, ends[1] - ends[0])
+    whole = np.where(loops.hinges, TURN * np.round(gain / TURN), 0.0)
+    # a passive spin of a ball joint's link need not come back, but whatever lies on its line must
+    places = loops.places(ends)
+    back = np.abs(places[1] - places[0]).max(initial=0.0) < SAME * loops.size
+    return whole if back and np.abs(gain - whole).max() < SAME else None
+
+
+def _walked_to(way: AssemblyPath, angle: Array) -> Array:
+    """Return the closed state at a crank angle, (1,), walked to from the nearest knot, (nq,)."""
+    loops, place = way.loops, way.loops.crank_place
+    knots = way.knots if way.gain is None else way.knots + way.laps(angle) * way.gain
+    nearest = knots[np.argmin(np.abs(knots[:, place] - angle))]
+    there = [nearest, *walk(loops, nearest, float(angle[0]))][-1].copy()
+    there[place] = angle[0]
+    return loops.close(there[None])[0]

@@ -1,0 +1,270 @@
+"""States of a model to a Motion: places, rates and accelerations of one and the same instant."""
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco import batch
+from numpy.typing import NDArray
+
+from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join
+from mechsim.simulation.model_loops import HINGE, ONE_THREAD, SLIDE, ModelLoops
+
+Array = NDArray[np.float64]
+
+# states evaluated in one go, so that a long run needs little memory
+CHUNK = 2048
+RATES = {
+    "linvel": mujoco.mjtSensor.mjSENS_FRAMELINVEL,
+    "angvel": mujoco.mjtSensor.mjSENS_FRAMEANGVEL,
+    "linacc": mujoco.mjtSensor.mjSENS_FRAMELINACC,
+    "angacc": mujoco.mjtSensor.mjSENS_FRAMEANGACC,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """What to record of a model: sites as points, bodies as links."""
+
+    points: tuple[str, ...]
+    links: tuple[str, ...]
+
+
+def add_sensors(spec: mujoco.MjSpec, points: tuple[str, ...]) -> Track:
+    """Add to a specification the sensors that `evaluate` reads; they are off while the model is stepped.
+
+    Args:
+        spec: of the model; bodies without a name get one.
+        points: names of the sites to track.
+    """
+    links = []
+    for i, body in enumerate(spec.bodies[1:]):
+        body.name = body.name or f"body{i + 1}"
+        links.append(body.name)
+        for rate, kind in RATES.items():
+            spec.add_sensor(
+                name=f"{body.name}:{rate}", type=kind, objtype=mujoco.mjtObj.mjOBJ_XBODY, objname=body.name
+            )
+    for point in points:
+        for rate in ("linvel", "linacc"):
+            spec.add_sensor(
+                name=f"{point}.{rate}", type=RATES[rate], objtype=mujoco.mjtObj.mjOBJ_SITE, objname=point
+            )
+    return Track(points, tuple(links))
+
+
+@dataclass(frozen=True, slots=True)
+class States:
+    """Recorded states: time (n,), qpos (n, nq), qvel (n, nv)."""
+
+    time: Array
+    qpos: Array
+    qvel: Array
+
+    def at(self, first: int) -> "States":
+        """Return one chunk of them."""
+        part = slice(first, first + CHUNK)
+        return States(self.time[part], self.qpos[part], self.qvel[part])
+
+
+def evaluate(
+    loops: ModelLoops,
+    track: Track,
+    states: States,
+    source: Source,
+    *,
+    crank_acceleration: Array | None = None,
+    force: Array | None = None,
+) -> Motion:
+    """Return the motion at recorded states.
+
+    Args:
+        loops: of the model the states belong to.
+        track: what to record.
+        states: n of them.
+        source: the road they came by.
+        crank_acceleration: (n,) in [rad/s2]: accelerations are then those that keep the loops closed
+            exactly. None reports what MuJoCo's own dynamics gives at the state.
+        force: generalised force on the crank at each state, (n,) in [N m].
+    """
+    n = len(states.time)
+
+    def part(of: Array | None, i: int) -> Array | None:
+        return None if of is None else of[i : i + CHUNK]
+
+    return join(
+        [
+            _evaluated(loops, track, states.at(i), source, part(crank_acceleration, i), part(force, i))
+            for i in range(0, n, CHUNK)
+        ]
+    )
+
+
+def _evaluated(
+    loops: ModelLoops,
+    track: Track,
+    states: States,
+    source: Source,
+    crank_acceleration: Array | None,
+    force: Array | None,
+) -> Motion:
+    # where the loops settle the accelerations, MuJoCo's soft constraints need not be solved first
+    model = _with_sensors(loops.model, constrained=crank_acceleration is None)
+    n = len(states.time)
+    sims = batch.Batch(model, n, *([1] if n <= ONE_THREAD else []))
+    sims.bind("qpos")[:] = states.qpos
+    sims.bind("qvel")[:] = states.qvel
+    if force is not None:
+        sims.bind("qfrc_applied")[:, loops.crank] = force
+    names = ("xpos", "xmat", "site_xpos", "sensordata", "qacc")
+    fields = {name: sims.bind(name) for name in names}
+    sims.forward()
+    sensors = {
+        model.sensor(i).name: fields["sensordata"][:, adr : adr + 3] for i, adr in enumerate(model.sensor_adr)
+    }
+    gravity = _gravity(model)
+    links = link_motions(model, track, fields)
+    points = {
+        name: PointMotion(
+            fields["site_xpos"][:, model.site(name).id],
+            sensors[f"{name}.linvel"],
+            sensors[f"{name}.linacc"] + gravity,
+        )
+        for name in track.points
+    }
+    qacc = fields["qacc"].copy()
+    residual = loops.residual(states.qpos)
+    if crank_acceleration is not None:
+        _, jacobian = loops.linearise(states.qpos)
+        change = _correction(loops, jacobian, states, qacc, links, crank_acceleration)
+        qacc += change
+        links = {name: _moved_link(sims, model, name, link, change) for name, link in links.items()}
+        points = {name: _moved_point(sims, model, name, point, change) for name, point in points.items()}
+    return Motion(
+        source,
+        states.qpos[:, loops.crank_place],
+        states.qvel[:, loops.crank],
+        qacc[:, loops.crank],
+        points,
+        links,
+        _joints(model, states, qacc),
+        time=states.time,
+        closure=np.abs(residual[:, : 3 * len(loops.pairs)]).max(1, initial=0.0),
+    )
+
+
+def link_motions(model: mujoco.MjModel, track: Track, fields: Mapping[str, Array]) -> dict[str, LinkMotion]:
+    """Return the motion of each link from fields xpos, xmat and sensordata of a batch at n states."""
+    sensors = {
+        model.sensor(i).name: fields["sensordata"][:, adr : adr + 3] for i, adr in enumerate(model.sensor_adr)
+    }
+    gravity = _gravity(model)
+    return {
+        name: LinkMotion(
+            fields["xpos"][:, model.body(name).id],
+            fields["xmat"][:, model.body(name).id].reshape(-1, 3, 3),
+            sensors[f"{name}:linvel"],
+            sensors[f"{name}:angvel"],
+            # MuJoCo's accelerometers feel gravity as an upward acceleration of the world
+            sensors[f"{name}:linacc"] + gravity,
+            sensors[f"{name}:angacc"],
+        )
+        for name in track.links
+    }
+
+
+def _gravity(model: mujoco.MjModel) -> Array:
+    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
+        return np.zeros(3)
+    return np.asarray(model.opt.gravity)
+
+
+def _with_sensors(model: mujoco.MjModel, *, constrained: bool) -> mujoco.MjModel:
+    seeing = copy.copy(model)
+    seeing.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+    if not constrained:
+        seeing.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    return seeing
+
+
+def _correction(
+    loops: ModelLoops,
+    jacobian: Array,
+    states: States,
+    qacc: Array,
+    links: dict[str, LinkMotion],
+    wanted: Array,
+) -> Array:
+    """Return the change of MuJoCo's accelerations after which the loops stay closed exactly, (n, nv)."""
+    opened = opening(loops, states, qacc, links)
+    change = np.zeros_like(qacc)
+    change[:, loops.crank] = wanted - qacc[:, loops.crank]
+    if opened.shape[1]:
+        right = opened + jacobian[:, :, loops.crank] * change[:, [loops.crank]]
+        change[:, loops.free] = loops.solve(jacobian, -right[..., None])[..., 0]
+    return change
+
+
+def opening(loops: ModelLoops, states: States, qacc: Array, links: Mapping[str, LinkMotion]) -> Array:
+    """Return the second rate at which the loops open under given accelerations, (n, m)."""
+    model = loops.model
+    rates: list[Array] = [np.zeros((len(qacc), 0))]
+    for pair in loops.pairs:
+        ends = []
+        for body, local in zip(pair.bodies, pair.local, strict=True):
+            if body == 0:
+                ends.append(np.zeros((len(qacc), 3)))
+                continue
+            link = links[model.body(body).name]
+            arm = link.rotation @ local
+            spin = link.angular_velocity
+            swing = np.cross(link.angular_acceleration, arm) + np.cross(spin, np.cross(spin, arm))
+            ends.append(link.acceleration + swing)
+        rates.append(ends[0] - ends[1])
+    for coupling in loops.couplings:
+        (y, x), place = coupling.dofs, coupling.places[1]
+        gap = qacc[:, y].copy()
+        if x >= 0:
+            curve = np.polynomial.Polynomial(coupling.polynomial)
+            turned = states.qpos[:, place] - coupling.zeros[1]
+            gap -= curve.deriv()(turned) * qacc[:, x] + curve.deriv(2)(turned) * states.qvel[:, x] ** 2
+        rates.append(gap[:, None])
+    return np.concatenate(rates, 1)
+
+
+def _moved_link(
+    sims: batch.Batch, model: mujoco.MjModel, name: str, link: LinkMotion, change: Array
+) -> LinkMotion:
+    linear, angular = sims.jac(model.body(name).id, link.position)
+    return LinkMotion(
+        link.position,
+        link.rotation,
+        link.velocity,
+        link.angular_velocity,
+        link.acceleration + (linear @ change[..., None])[..., 0],
+        link.angular_acceleration + (angular @ change[..., None])[..., 0],
+    )
+
+
+def _moved_point(
+    sims: batch.Batch, model: mujoco.MjModel, name: str, point: PointMotion, change: Array
+) -> PointMotion:
+    linear, _ = sims.jac(int(model.site_bodyid[model.site(name).id]), point.position)
+    pulled = point.acceleration + (linear @ change[..., None])[..., 0]
+    return PointMotion(point.position, point.velocity, pulled)
+
+
+def _joints(model: mujoco.MjModel, states: States, qacc: Array) -> dict[str, JointMotion]:
+    joints = {}
+    for i in range(model.njnt):
+        if model.jnt_type[i] in (HINGE, SLIDE) and model.joint(i).name:
+            place, dof = model.jnt_qposadr[i], model.jnt_dofadr[i]
+            joints[model.joint(i).name] = JointMotion(
+                states.qpos[:, place],
+                states.qvel[:, dof],
+                qacc[:, dof],
+                "rad" if model.jnt_type[i] == HINGE else "m",
+            )
+    return joints

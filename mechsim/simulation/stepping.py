@@ -1,0 +1,149 @@
+"""Motion by stepping MuJoCo in time under a driven crank."""
+
+import time as clock
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco import batch
+from numpy.typing import NDArray
+
+from mechsim.errors import InputError
+from mechsim.model.crank_profile import CrankProfile
+from mechsim.simulation.mjcf import quiet
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.recorded_motion import States
+from mechsim.simulation.settings import Settings
+
+Array = NDArray[np.float64]
+# is told in words how far a run has come
+Watch = Callable[[str], None]
+
+# steps in one call into C: long enough that the call costs nothing, short enough for memory
+BLOCK = 4096
+# of a run: at about 10 us a step, more would take hours
+MOST_STEPS = 1_000_000_000
+TIME = int(mujoco.mjtState.mjSTATE_TIME)
+CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """The recorded states of a stepped run.
+
+    Attributes:
+        states: at time zero and after every `stride` steps, up to where the run ended.
+        force: on the crank at each state, (n,) in [N m]; None at constant speed.
+        count: steps taken.
+        seconds: time spent stepping.
+        timestep: in [s].
+        diverged: whether MuJoCo warned of a bad state or a number was not finite.
+        settings: as they were used: what was left to choose is named.
+        processor: processor time spent stepping, in [s]; other programs' share is not in it.
+    """
+
+    states: States
+    force: Array | None
+    count: int
+    seconds: float
+    timestep: float
+    diverged: bool
+    settings: Settings
+    processor: float = 0.0
+
+
+def unwatched(_: str) -> None:
+    """Take no notice."""
+
+
+@quiet()
+def step(
+    loops: ModelLoops,
+    settings: Settings,
+    profile: CrankProfile,
+    start: tuple[Array, Array],
+    total: int,
+    stride: int,
+    controls: Array | None = None,
+    watch: Watch = unwatched,
+) -> Steps:
+    """Step a model along a crank profile.
+
+    The crank carries a flywheel so heavy that no reaction of the linkage changes its speed; a changing
+    speed is made by a torque on it, constant over each step, that gives the wanted speed at its end.
+    How this drive was chosen: validation/choices/drive.py.
+
+    Args:
+        loops: of the model; its settings are replaced.
+        settings: how to step.
+        profile: the crank's motion.
+        start: closed state and rates at time zero, (nq,) and (nv,).
+        total: steps to take over the whole profile.
+        stride: steps from one record to the next; the last step is recorded too.
+        controls: of the model's actuators at the beginning of each step, (total, nu); None is none.
+        watch: told after every block how far the run has come.
+    """
+    timestep = profile.duration / total
+    used = settings.apply(loops, timestep)
+    model = loops.model
+    sims = batch.Batch(model, 1, 1)
+    sims.bind("qpos")[:], sims.bind("qvel")[:] = start
+    records = [(np.zeros(1, dtype=np.int64), start[0][None], start[1][None])]
+    torque = (
+        None if profile.steady else _torque(profile, float(model.dof_armature[loops.crank]), timestep, total)
+    )
+    done, spent, processor, diverged = 0, 0.0, 0.0, False
+    while done < total and not diverged:
+        count = min(BLOCK, total - done)
+        control = None
+        if torque is not None or controls is not None:
+            control = np.zeros((1, count, model.nu + model.nv))
+            if controls is not None:
+                control[0, :, : model.nu] = controls[done : done + count]
+            if torque is not None:
+                control[0, :, model.nu + loops.crank] = torque[done : done + count]
+        begin, busy = clock.perf_counter(), clock.process_time()
+        out = sims.rollout(
+            count,
+            control=control,
+            control_spec=CONTROL,
+            record=("qpos", "qvel", TIME),
+        )
+        spent += clock.perf_counter() - begin
+        processor += clock.process_time() - busy
+        number = np.arange(done + 1, done + count + 1)
+        kept = np.flatnonzero((number % stride == 0) | (number == total))
+        number, (qpos, qvel, time) = number[kept], (values[0, kept] for values in out.values())
+        # MuJoCo sets a bad state back to time zero
+        good = np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1) & (time[:, 0] > timestep * (number - 0.5))
+        records.append((number[good], qpos[good], qvel[good]))
+        diverged = bool(not good.all() or sims.warning[..., 1].any())
+        done += count
+        watch(f"{done:,} of {total:,} steps")
+    at, qpos, qvel = (np.concatenate(parts) for parts in zip(*records, strict=True))
+    force = None if torque is None else torque[np.minimum(at, total - 1)]
+    return Steps(States(timestep * at, qpos, qvel), force, done, spent, timestep, diverged, used, processor)
+
+
+def _torque(profile: CrankProfile, flywheel: float, timestep: float, steps: int) -> Array:
+    speed = profile.state(timestep * np.arange(steps + 1.0))[1]
+    return flywheel * np.diff(speed) / timestep
+
+
+def check_step(timestep: float, profile: CrankProfile) -> int:
+    """Return the steps a turn that a time step makes, or say that it is too large or too small."""
+    if not 0.0 < timestep < np.inf:
+        raise InputError(f"time step is {timestep} s; give a finite time above 0")
+    turn = 2.0 * np.pi / profile.fastest
+    if timestep > turn / 4.0:
+        raise InputError(
+            f"time step is {timestep:g} s, but a turn of the crank takes {turn:.6g} s; "
+            f"take {turn / 4.0:.3g} s at the most"
+        )
+    if timestep < turn / MOST_STEPS:
+        raise InputError(
+            f"time step is {timestep:g} s, but a turn of the crank takes {turn:.6g} s; "
+            f"take {turn / MOST_STEPS:.3g} s at the least"
+        )
+    return int(np.ceil(turn / timestep - 1e-9))

@@ -1,0 +1,1 @@
+"""Validation, trade-off and extremes: many runs and their judgements."""

@@ -1,0 +1,76 @@
+"""Maps of a study of extremes: the error along each axis, and how each run ended."""
+
+import math
+from typing import TYPE_CHECKING
+
+from mechsim.pictures.plots.figure import COLOURS, Format, canvas
+
+if TYPE_CHECKING:
+    from mechsim.studies.extremes import StabilityMap
+
+# outcome -> where it is drawn (None: at its error), mark and colour
+MARKS: dict[str, tuple[float | None, str, str]] = {
+    "met": (None, "o", "#1b7f5c"),
+    "missed": (None, "s", "#c77700"),
+    "changed assembly": (None, "D", "#8e44ad"),
+    "diverged": (1e2, "x", "#b00020"),
+    "cannot assemble": (1e3, "^", "#5b6470"),
+}
+FLOOR = 1e-17
+
+
+def extremes_map(study: "StabilityMap", *, form: Format = "svg") -> bytes:
+    """Draw one panel an axis: the error in units of the size, a line a mechanism, a mark an outcome.
+
+    Borders found by bisection are thin upright lines; the bound is dashed.
+    """
+    from mechsim.studies.extremes.stability_map import AXES
+    from mechsim.studies.extremes.trial import PLACE
+
+    names = [axis for axis in AXES if any(trial.axis == axis for trial in study.trials)]
+    rows = math.ceil(len(names) / 2)
+    mechanisms = sorted({trial.mechanism for trial in study.trials})
+    with canvas(form, rows, 2, (11.0, 2.6 * rows + 0.6)) as (figure, axes, out):
+        for ax, name in zip(axes.flat, names, strict=False):
+            _panel(ax, study, name, mechanisms)
+            ax.axhline(PLACE, color="#b00020", lw=1.0, ls="--")
+            ax.set_xlabel(AXES[name])
+            ax.set_ylabel("error / size")
+            ax.set_title(name)
+        for ax in list(axes.flat)[len(names) :]:
+            ax.set_axis_off()
+        _legend(figure)
+    return out.getvalue()
+
+
+def _panel(ax, study: "StabilityMap", name: str, mechanisms: list[str]) -> None:  # pyright: ignore
+    trials = [trial for trial in study.trials if trial.axis == name]
+    for i, mechanism in enumerate(mechanisms):
+        own = sorted((t for t in trials if t.mechanism == mechanism), key=lambda t: t.value)
+        line = [(t.value, max(t.error, FLOOR)) for t in own if t.error is not None and t.value > 0.0]
+        if line:
+            ax.loglog(*zip(*line, strict=True), lw=0.8, color=COLOURS[i % 6], alpha=0.5)
+    for outcome, (level, mark, colour) in MARKS.items():
+        at = [
+            (t.value, level or max(t.error or FLOOR, FLOOR))
+            for t in trials
+            if t.outcome == outcome and t.value > 0.0
+        ]
+        if at:
+            ax.loglog(*zip(*at, strict=True), mark, ms=3.5, color=colour, mfc="none", mew=0.9)
+    for border in study.borders:
+        if border.axis == name and border.outside > 0.0:
+            ax.axvline((border.inside * border.outside) ** 0.5, color="#9aa3ad", lw=0.6)
+    ax.set_ylim(FLOOR / 3.0, 1e4)
+    if name in ("dead centre", "beyond dead centre", "near tangent"):
+        ax.invert_xaxis()
+
+
+def _legend(figure) -> None:  # pyright: ignore
+    from matplotlib.lines import Line2D
+
+    marks = [
+        Line2D([], [], ls="", marker=mark, color=colour, mfc="none", label=outcome)
+        for outcome, (_, mark, colour) in MARKS.items()
+    ]
+    figure.legend(handles=marks, loc="outside lower center", ncols=len(marks))

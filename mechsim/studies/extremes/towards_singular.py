@@ -1,0 +1,168 @@
+"""Axes towards poses in which a linkage is no longer sure of itself."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mechsim.analytic.catalog import FourBar, Rrsrr, Rssr, SliderCrank
+from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
+from mechsim.errors import AssemblyError
+from mechsim.model.crank_profile import CrankProfile, swing
+from mechsim.model.mechanism import Mechanism, Pose
+from mechsim.simulation import Settings
+from mechsim.studies.extremes.trial import Trial, attempt
+
+# cranks that only swing, one of each kind
+SWINGING: dict[str, TwoBranchForm] = {
+    "four_bar": FourBar(rocker=0.035),
+    "slider_crank": SliderCrank(rod=0.045),
+    "rssr": Rssr(rocker=0.009),
+    "rrsrr": Rrsrr(link=0.055),
+}
+# cranks that turn fully by as much as a length is moved from the brink
+CRITICAL = {"four_bar": "coupler", "slider_crank": "rod", "rssr": "coupler", "rrsrr": "link"}
+# poses in which two bars lie on each other and both assemblies meet
+CHANGE_POINTS: dict[str, FourBar] = {
+    "parallelogram": FourBar(ground=0.1, coupler=0.1, crank=0.04, rocker=0.04),
+    "kite": FourBar(ground=0.1, rocker=0.1, crank=0.04, coupler=0.04),
+}
+SPEED = 10.0
+
+
+def dead_centre(drive: ClosedForm, value: float, method: str, beyond: bool) -> Trial:
+    """A crank that swings to `value` in [rad] from its dead centres, or as far beyond them."""
+    swinging = SWINGING[drive.name]
+    low, high = swinging.crank_range().arcs[0]
+    start = swinging.mechanism.start
+    turn = 2.0 * np.pi * np.round((0.5 * (low + high) - start) / (2.0 * np.pi))
+    way = 0.5 * (high - low) + (value if beyond else -value)
+    profile = swing(0.5 * (low + high) - turn, way, SPEED)
+    return attempt(
+        "beyond dead centre" if beyond else "dead centre",
+        swinging,
+        value,
+        swinging.mechanism,
+        profile=profile,
+        method=method,
+        settings=Settings(steps_per_turn=2000),
+        note="" if beyond else f"by {method}",
+        reachable=not beyond,
+        foretold="cannot assemble" if beyond else "met" if method == "pose" else None,
+    )
+
+
+def tangent(drive: ClosedForm, value: float, method: str) -> Trial:
+    """A crank that just turns: a length is `value` of itself from where the crank would stop."""
+    near = on_the_brink(drive, value)
+    closest = np.linspace(-np.pi, np.pi, 4001)
+    angle = float(closest[np.argmin(near.margin(closest))]) + np.pi
+    return attempt(
+        "near tangent",
+        near,
+        value,
+        started(near, angle),
+        speed=SPEED,
+        method=method,
+        note=f"by {method}",
+        reachable=True,
+        foretold="met" if method == "pose" and value >= 1e-10 else None,
+    )
+
+
+def change_point(which: str, swing_only: bool) -> Trial:
+    """A linkage whose assemblies meet: on one side of the change point, then through it.
+
+    Through it, what follows is nobody's choice: any outcome will do that is true of the run.
+    """
+    drive = CHANGE_POINTS[which]
+    start, near = drive.mechanism.start, 0.1
+    profile: CrankProfile | None = None
+    if swing_only:
+        # from one change point, at 0, to the other, at a half turn
+        middle = 0.5 * np.pi * np.sign(start)
+        profile = swing(float(middle), 0.5 * np.pi - near, SPEED)
+    made = attempt(
+        "change point",
+        drive,
+        near if swing_only else 0.0,
+        drive.mechanism,
+        profile=profile,
+        speed=None if profile else SPEED,
+        note=which,
+        foretold="met" if swing_only else None,
+    )
+    return replace(made, mechanism=which)
+
+
+def far_start(drive: ClosedForm, value: float, seed: int) -> Trial:
+    """Assembly from a guess thrown off by `value` of the size and, in [rad], in every link's direction.
+
+    Whatever it is assembled in, the judge must say so; the truth is the nearest of all assemblies.
+    """
+    random = np.random.default_rng([seed, round(1e3 * value)])
+    mechanism = drive.mechanism
+    thrown = {name: _thrown(pose, value, mechanism.size, random) for name, pose in mechanism.guess.items()}
+    made = Trial(
+        axis="far start",
+        mechanism=drive.name,
+        value=value,
+        outcome="cannot assemble",
+        right="cannot assemble",
+        foretold="met" if value <= 0.01 else None,
+    )
+    return _assembled(made, drive, mechanism.with_guess(thrown, mechanism.start))
+
+
+def _assembled(made: Trial, drive: ClosedForm, mechanism: Mechanism) -> Trial:
+    from mechsim.simulation import simulate
+    from mechsim.verdict.judge import crosscheck
+
+    try:
+        run = simulate(mechanism, speed=SPEED, method="pose", samples=12)
+    except AssemblyError:
+        return made
+    judged = crosscheck(run.motion, drive)
+    begun, own = run.motion, drive.solve(run.motion.angle[:1])
+    off = {name: begun.points[name].position[0] - point.position[0] for name, point in own.points.items()}
+    apart = max(float(np.linalg.norm(gap)) for gap in off.values()) / mechanism.size
+    # a hinge put together the other way round may leave every point in its place and turn only links
+    turned = any(
+        np.abs(begun.links[name].rotation[0] - link.rotation[0]).max() > 1e-6
+        for name, link in own.links.items()
+        if name in begun.links and name not in own.spinning
+    )
+    right = "changed assembly" if apart > 1e-9 else "missed" if turned else "met"
+    return replace(made, outcome=judged.outcome, right=right, error=apart)
+
+
+def _thrown(pose: Pose, value: float, size: float, random: np.random.Generator) -> Pose:
+    from mechsim.analytic.closure import turned_by
+
+    shift, turn = value * size * random.normal(size=3), value * random.normal(size=3)
+    return Pose(pose.position + shift, turned_by(pose.rotation[None], turn[None])[0])
+
+
+def on_the_brink(drive: ClosedForm, slack: float) -> TwoBranchForm:
+    """Return a drive with one length moved until its crank turns fully by that part of it only."""
+    assert isinstance(drive, TwoBranchForm)
+    name = CRITICAL[drive.name]
+    length = getattr(drive, name)
+
+    def at(factor: float) -> TwoBranchForm:
+        return replace(drive, **{name: factor * length})
+
+    inside, outside = (
+        1.0,
+        next(factor for factor in (0.5, 2.0, 0.1, 10.0) if not at(factor).crank_range().full),
+    )
+    for _ in range(60):
+        middle = 0.5 * (inside + outside)
+        inside, outside = (middle, outside) if at(middle).crank_range().full else (inside, middle)
+    return at(inside * (1.0 + slack * float(np.sign(1.0 - outside))))
+
+
+def started(drive: ClosedForm, angle: float) -> Mechanism:
+    """Return the mechanism with assembly begun at a crank angle in [rad]."""
+    motion = drive.solve([angle])
+    guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in motion.links.items()}
+    return drive.mechanism.with_guess(guess, angle)

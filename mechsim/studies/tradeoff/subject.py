@@ -1,0 +1,184 @@
+"""Trial runs: one crank motion under many settings, each against a reference, its time measured apart."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.errors import InputError
+from mechsim.maths.convergence import half_extent, richardson
+from mechsim.maths.norms import worst
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import Motion
+from mechsim.simulation import Settings
+from mechsim.simulation.run import Source
+from mechsim.studies.tradeoff.rig import Rig
+from mechsim.studies.validate import crank_profile
+
+Array = NDArray[np.float64]
+QUANTITIES = ("position", "velocity", "acceleration", "angle", "loop", "drive")
+# steps a turn of the runs that make the reference of a model without a closed form
+FINE = (3600, 7200, 14400)
+# orders of convergence believed, and changes below which two runs are the same
+ORDERS, TINY = (1.0, 4.0), 1e-300
+# places of a point that differ by less than this part of the mechanism's size are the same
+SAME = 1e-9
+# a crank this many times faster than it should be has left all sense, though no number is infinite yet
+LOST = 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """What a trial is compared with.
+
+    Attributes:
+        what: in words.
+        at: simulated motion -> the true one at the same instants.
+        bar: its own error by quantity, in the units of the errors; rounding for a closed form.
+    """
+
+    what: str
+    at: Callable[[Motion], Motion]
+    bar: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """What the trade-off is measured on.
+
+    Attributes:
+        name: of the mechanism or file.
+        source: the mechanism, or the model of one's own.
+        rig: with the loops cut as the generator chooses.
+        reference: what the trials are compared with.
+        stroke: half the largest extent of a point's path, in [m].
+        speed: largest crank speed, in [rad/s].
+        variants: of the mechanism whose tracked points move the same way, by name.
+    """
+
+    name: str
+    source: Source
+    rig: Rig
+    reference: Reference
+    stroke: float
+    speed: float
+    variants: Mapping[str, Mechanism] = field(default_factory=dict[str, Mechanism])
+
+    @property
+    def mechanism(self) -> Mechanism | None:
+        """The mechanism, where its joints are known."""
+        return self.source if isinstance(self.source, Mechanism) else None
+
+    def errors(self, motion: Motion | None) -> dict[str, float]:
+        """Return worst errors by quantity.
+
+        Position and loop residual are in units of the stroke, velocity and acceleration of stroke and
+        crank speed, angle and drive in [rad]; a motion that diverged has infinite ones. All but the
+        drive's, which is how far the crank is from where it should be, are at the crank angle reached.
+        """
+        if motion is None or not worst(motion.speed) <= LOST * self.speed:
+            return dict.fromkeys(QUANTITIES, np.inf)
+        found = differences(motion, self.reference.at(motion), self.stroke, self.speed)
+        assert motion.time is not None
+        return found | {"drive": worst(motion.angle - self.rig.profile.state(motion.time)[0])}
+
+
+def differences(motion: Motion, exact: Motion, stroke: float, speed: float) -> dict[str, float]:
+    """Return the worst differences of two motions at the same instants, as in `Subject.errors`."""
+    found = {
+        kind: max(
+            worst(np.linalg.norm(getattr(motion.points[name], kind) - getattr(point, kind), axis=1))
+            for name, point in exact.points.items()
+        )
+        / (stroke * speed**power)
+        for power, kind in enumerate(QUANTITIES[:3])
+    }
+    gaps = [
+        motion.joints[name].value - joint.value
+        for name, joint in exact.joints.items()
+        if joint.unit == "rad" and name in motion.joints and name != "crank"
+    ]
+    turn = 2.0 * np.pi
+    found["angle"] = max((worst(gap - turn * np.round(gap / turn)) for gap in gaps), default=0.0)
+    found["loop"] = 0.0 if motion.closure is None else worst(motion.closure) / stroke
+    return found
+
+
+def subject_of(drive: ClosedForm, speed: float) -> Subject:
+    """Return a catalogue mechanism as a subject: its reference is the closed form."""
+    profile = crank_profile(drive, speed)
+    angles = profile.state(np.linspace(0.0, profile.duration, 361))[0]
+    stroke = half_extent(drive.positions(angles).values())
+    mechanism = drive.mechanism
+    reference = Reference(
+        "closed form", lambda motion: drive.solve(motion.angle, motion.speed, motion.acceleration)
+    )
+    rig = Rig(mechanism, profile, speed)
+    return Subject(drive.name, mechanism, rig, reference, stroke, abs(speed), _variants(drive, angles))
+
+
+def _variants(drive: ClosedForm, angles: Array) -> dict[str, Mechanism]:
+    """Return the variants of a mechanism whose tracked points are at the same places at crank angles."""
+    places = drive.positions(angles)
+    found: dict[str, Mechanism] = {}
+    for name, variant in drive.variants().items():
+        others = variant.positions(angles)
+        gap = max(worst(others[point] - place) for point, place in places.items())
+        if gap <= SAME * drive.mechanism.size:
+            found[name] = variant.mechanism
+    return found
+
+
+def subject_of_model(source: Source, name: str, speed: float) -> Subject:
+    """Return a model of one's own as a subject: its reference is a much finer run, with an error bar.
+
+    Raises:
+        AssemblyError: if the crank cannot make a whole turn.
+    """
+    rig = Rig(source, None, speed)
+    runs = [motion for steps in FINE if (motion := rig.motion(Settings(steps_per_turn=steps))[0]) is not None]
+    if len(runs) < len(FINE):
+        raise InputError(f"{name} diverges at {FINE[-1]} steps a turn: no reference run can be made")
+    fine = runs[-1]
+    stroke = half_extent(point.position for point in fine.points.values())
+    if not stroke > 0.0:
+        raise InputError(f"no tracked point of {name} moves; put a named site on a moving body")
+
+    def at(motion: Motion) -> Motion:
+        return _every(fine, (len(fine) - 1) // (len(motion) - 1))
+
+    changes = [differences(a, b, stroke, abs(speed)) for a, b in pairwise(runs)]
+    bar = {
+        kind: _bar(*(change[kind] for change in changes)) for kind in ("position", "velocity", "acceleration")
+    }
+    # how far its loops stand open says what no halving of the step can
+    bar["position"] = max(bar["position"], differences(fine, fine, stroke, abs(speed))["loop"])
+    reference = Reference(f"a run of {FINE[-1]} steps a turn", at, bar)
+    return Subject(name, source, rig, reference, stroke, abs(speed))
+
+
+def _bar(before: float, last: float) -> float:
+    """Return the error left after the last halving of the step, from what the two halvings changed."""
+    order = np.clip(np.log2(max(before, TINY) / max(last, TINY)), *ORDERS)
+    return richardson(np.zeros(1), np.array([last]), 2.0, float(order))[1]
+
+
+def _every(motion: Motion, stride: int) -> Motion:
+    """Return every so many instants of a motion's points and joints."""
+
+    def part(of: Any) -> Any:
+        values = (getattr(of, field.name) for field in fields(of))
+        return type(of)(*(one[::stride] if isinstance(one, np.ndarray) else one for one in values))
+
+    return Motion(
+        motion.source,
+        motion.angle[::stride],
+        motion.speed[::stride],
+        motion.acceleration[::stride],
+        {name: part(point) for name, point in motion.points.items()},
+        joints={name: part(joint) for name, joint in motion.joints.items()},
+    )

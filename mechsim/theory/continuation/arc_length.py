@@ -1,0 +1,251 @@
+"""Walking along a curve by arc length: tangent, adaptive step, correction, and knowing when it has closed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import DOP853
+from scipy.optimize import root_scalar
+
+from mechsim.errors import AssemblyError, InputError
+
+Array = NDArray[np.float64]
+
+# singular values below this part of the largest count as zero: then more than one direction is free
+SINGULAR = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A traced curve.
+
+    Attributes:
+        points: on the curve to rounding, (n, dim); a closed curve ends where it started, up to whole
+            periods of its coordinates.
+        arc: length along the curve from the start, (n,).
+        tangents: unit tangents, (n, dim).
+        closed: whether the curve came back to its start.
+        length: of the curve, arc[-1].
+        steps: of the integration.
+        newton: Newton iterations that brought the steps back onto the curve.
+    """
+
+    points: Array
+    arc: Array
+    tangents: Array
+    closed: bool
+    length: float
+    steps: int
+    newton: int
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """The linearised system at a point.
+
+    Attributes:
+        tangent: unit tangent in the coordinates of the road, (dim,).
+        jacobian: (m, k) by local coordinates.
+        local: the tangent in local coordinates, (k,).
+        rows: orthonormal combinations of equations that are independent here, (m, r).
+        free: orthonormal local directions that count, (k, r + 1).
+        mark_rate: rate of the road's marks along the curve.
+    """
+
+    tangent: Array
+    jacobian: Array
+    local: Array
+    rows: Array
+    free: Array
+    mark_rate: Array
+
+
+class Road(Protocol):
+    """What can be walked along: a manifold of one dimension."""
+
+    @property
+    def name(self) -> str:
+        """What messages call the curve."""
+        ...
+
+    @property
+    def size(self) -> float:
+        """Typical size of the curve, in the unit of its coordinates."""
+        ...
+
+    def frame(self, y: Array, along: Array | None) -> Frame:
+        """Linearise at y, the tangent pointing the way of `along`."""
+        ...
+
+    def corrected(self, y: Array) -> tuple[Array, int]:
+        """Return the nearest point of the curve by Newton's method, and the iterations it took."""
+        ...
+
+    def gap(self, y: Array, other: Array) -> Array:
+        """Return by how much the marks of two points differ: zero where they are the same place."""
+        ...
+
+
+def walk(
+    road: Road,
+    start: Array,
+    *,
+    direction: ArrayLike | None = None,
+    length: float | None = None,
+    tolerance: float = 1e-10,
+    longest: float | None = None,
+    most_steps: int = 10_000,
+) -> Curve:
+    """Trace a curve from a point of it until it closes or is as long as asked.
+
+    Args:
+        road: the curve.
+        start: a point of it, to within 1e-6 of its size.
+        direction: which of the two ways to go, (dim,); None takes the road's own choice.
+        length: where to stop if the curve has not closed; None asks for a closed curve.
+        tolerance: of the integration, in units of the curve's size: it sets the step and the error
+            of the arc length; points are on the curve to rounding whatever it is.
+        longest: longest step; None is a quarter of the size.
+        most_steps: steps before giving up.
+
+    Raises:
+        InputError: if the start is not on the curve, or more than one direction is free there.
+        AssemblyError: where branches cross, or if the curve has not closed after `most_steps`.
+    """
+    y, first, newton = _begin(road, start, direction)
+    size = road.size
+    points, arc, frames = [y], [0.0], [first]
+    solver = DOP853(
+        lambda _, y: road.frame(y, frames[-1].tangent).tangent,
+        0.0,
+        y,
+        np.inf if length is None else length,
+        first_step=min(1e-3 * size, np.inf if length is None else length),
+        max_step=0.25 * size if longest is None else longest,
+        rtol=tolerance,
+        atol=tolerance * size,
+    )
+    plane = first.mark_rate / (first.mark_rate @ first.mark_rate)
+    while str(solver.status) == "running":
+        if len(arc) > most_steps:
+            raise AssemblyError(
+                f"{road.name}: the curve has not closed after {most_steps} steps over a length of "
+                f"{arc[-1]:.6g}; give the length at which to stop, or allow more steps"
+            )
+        solver.step()
+        if str(solver.status) == "failed":
+            raise AssemblyError(
+                f"{road.name}: no step is short enough at {points[-1].tolist()}; "
+                "the curve is not smooth there"
+            )
+        before, after = (float(plane @ road.gap(at, y)) for at in (points[-1], solver.y))
+        if before < 0.0 <= after:
+            home = _homecoming(road, solver, y, plane, first)
+            if home is not None:
+                end, total, iterations = home
+                frames.append(road.frame(end, frames[-1].tangent))
+                return _curve([*points, end], [*arc, total], frames, True, newton + iterations)
+        here, iterations = road.corrected(solver.y)
+        newton += iterations
+        frame = road.frame(here, frames[-1].tangent)
+        if _crossed(frames[-1], frame):
+            raise AssemblyError(
+                f"{road.name}: branches of the curve cross between {points[-1].tolist()} and "
+                f"{here.tolist()}; which one goes on is not determined there; change the dimensions a little"
+            )
+        # the solver goes on from the corrected point
+        solver.y, solver.f = here, frame.tangent
+        points.append(here)
+        arc.append(float(solver.t))
+        frames.append(frame)
+    return _curve(points, arc, frames, False, newton)
+
+
+def turns(road: Road, curve: Curve, rate: Callable[[Frame], float]) -> Array:
+    """Return the points of a curve at which a rate along it vanishes, (k, dim).
+
+    Args:
+        road: what was walked.
+        curve: the result.
+        rate: of the coordinate that turns back there.
+
+    Accuracy: the root is sought on points brought back onto the curve, so that it is exact to rounding.
+    """
+    found: list[Array] = []
+    rates = np.array([rate(road.frame(y, t)) for y, t in zip(curve.points, curve.tangents, strict=True)])
+    for i in np.flatnonzero((rates[:-1] < 0.0) != (rates[1:] < 0.0)).tolist():
+
+        def between(part: float, i: int = i) -> tuple[Array, float]:
+            y = road.corrected(_hermite(curve, i, part))[0]
+            return y, rate(road.frame(y, curve.tangents[i]))
+
+        root = _root(lambda part: between(part)[1], 0.0, 1.0)
+        found.append(between(root)[0])
+    return np.array(found).reshape(len(found), curve.points.shape[1])
+
+
+def _begin(road: Road, start: Array, direction: ArrayLike | None) -> tuple[Array, Frame, int]:
+    try:
+        y, newton = road.corrected(start)
+        moved = float(np.linalg.norm(y - start))
+    except AssemblyError as error:
+        raise InputError(f"{road.name}: no point of the curve is near the start; {error}") from error
+    if not moved <= 1e-6 * road.size:
+        raise InputError(
+            f"{road.name}: the start is {moved:.3g} off the curve; the nearest point of it is {y.tolist()}"
+        )
+    try:
+        along = None if direction is None else np.asarray(direction, dtype=np.float64)
+        return y, road.frame(y, along), newton
+    except AssemblyError as error:
+        raise InputError(f"{error}; start somewhere else") from error
+
+
+def _homecoming(
+    road: Road, solver: DOP853, start: Array, plane: Array, first: Frame
+) -> tuple[Array, float, int] | None:
+    """Return the start met again, the length of the curve and the iterations, if the last step passed it."""
+    dense = solver.dense_output()
+    at = _root(
+        lambda s: float(plane @ road.gap(dense(s), start)), float(solver.t_old or 0.0), float(solver.t)
+    )
+    if not np.linalg.norm(road.gap(dense(at), start)) <= 1e-3 * road.size:
+        return None
+    y, once = road.corrected(dense(at))
+    frame = road.frame(y, first.tangent)
+    gap, turned = road.gap(y, start), frame.mark_rate - first.mark_rate
+    same_way = np.linalg.norm(turned) <= 1e-3 * np.linalg.norm(first.mark_rate)
+    if not (np.linalg.norm(gap) <= 1e-6 * road.size and same_way):
+        return None
+    beyond = float(plane @ gap)
+    end, again = road.corrected(y - beyond * frame.tangent)
+    return end, at - beyond, once + again
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    return float(root_scalar(function, bracket=(low, high), method="brentq", xtol=1e-15, rtol=1e-15).root)
+
+
+def _crossed(old: Frame, new: Frame) -> bool:
+    """Say whether the system changed its sense of rotation about the curve: a branch point was passed."""
+
+    def sense(frame: Frame) -> float:
+        across = old.rows.T @ frame.jacobian @ old.free
+        return float(np.linalg.det(np.vstack([across, frame.local @ old.free])))
+
+    return not sense(old) * sense(new) > 0.0
+
+
+def _hermite(curve: Curve, i: int, part: float) -> Array:
+    step = curve.arc[i + 1] - curve.arc[i]
+    p, q = curve.points[i], curve.points[i + 1]
+    a, b = step * curve.tangents[i], step * curve.tangents[i + 1]
+    rest = 1.0 - part
+    return rest**2 * ((1.0 + 2.0 * part) * p + part * a) + part**2 * ((3.0 - 2.0 * part) * q - rest * b)
+
+
+def _curve(points: list[Array], arc: list[float], frames: list[Frame], closed: bool, newton: int) -> Curve:
+    tangents = np.array([frame.tangent for frame in frames])
+    return Curve(np.array(points), np.array(arc), tangents, closed, float(arc[-1]), len(arc) - 1, newton)

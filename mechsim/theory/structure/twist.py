@@ -1,0 +1,82 @@
+"""The motion of a body at an instant, and its description by the joints it turns about."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.model.mechanism import End, Joint, Mechanism, Pose
+
+Array = NDArray[np.float64]
+
+# parts of a null vector below this are rounding: singular vectors come to about 1e-16 over the gap
+# of RANK_TOLERANCE between zero and nonzero singular values
+NOTHING = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Twist:
+    """Velocity of the point at the ground's origin, (3,) in [m/s], and angular velocity, (3,) in [rad/s]."""
+
+    velocity: Array
+    spin: Array
+
+    def at(self, point: Array) -> Array:
+        return self.velocity + np.cross(self.spin, point)
+
+
+def motion_words(
+    mechanism: Mechanism, poses: Mapping[str, Pose], body: tuple[str, ...], twist: Twist
+) -> str | None:
+    """Say about or along which joints a body moves; None if no joint tells."""
+    size = mechanism.size
+    ends = [
+        (joint, end)
+        for joint in joints_of(mechanism, set(body))
+        for end in (joint.a, joint.b)
+        if end.link in body
+    ]
+    places = {joint.name: poses[end.link].point(end.point)[0] for joint, end in ends}
+    speed = float(np.linalg.norm(twist.spin))
+    if speed <= NOTHING:
+        along = _along(poses, ends, twist.velocity, ("prismatic", "cylindrical"))
+        return f"slides along the axis of joint {along[0]}" if along else None
+    direction = twist.spin / speed
+    pitch = float(twist.velocity @ direction) / speed
+    verb = "spins" if abs(pitch) <= NOTHING * size else "screws"
+    foot = np.cross(direction, twist.velocity) / speed
+    on_axis = [
+        name
+        for name, place in places.items()
+        if np.linalg.norm(np.cross(place - foot, direction)) <= NOTHING * size
+    ]
+    along = _along(poses, ends, direction, ("revolute", "cylindrical", "universal"))
+    for name in along:
+        if name in on_axis:
+            return f"{verb} about the axis of joint {name}"
+    for first, second in combinations(on_axis, 2):
+        if np.linalg.norm(places[first] - places[second]) > NOTHING * size:
+            return f"{verb} about the line through {first} and {second}"
+    if on_axis:
+        return f"{verb} about a line through {on_axis[0]} along ({', '.join(f'{x:.3g}' for x in direction)})"
+    return None
+
+
+def _along(
+    poses: Mapping[str, Pose], ends: list[tuple[Joint, End]], direction: Array, kinds: tuple[str, ...]
+) -> list[str]:
+    """Return the joints of some kinds whose axes lie along a direction."""
+    unit = direction / np.linalg.norm(direction)
+    return [
+        joint.name
+        for joint, end in ends
+        if joint.kind in kinds
+        and np.linalg.norm(np.cross(poses[end.link].rotation[0] @ np.asarray(end.axis), unit)) <= NOTHING
+    ]
+
+
+def joints_of(mechanism: Mechanism, links: set[str]) -> list[Joint]:
+    """Return the joints between some links and the rest."""
+    return [joint for joint in mechanism.joints if (joint.a.link in links) != (joint.b.link in links)]

@@ -1,0 +1,204 @@
+"""How a looper's C passes a curve: the dyad that carries C along it, and where a whole linkage leaves it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.catalog.looper import Looper
+from mechsim.analytic.vector_method.vectors import Sign
+from mechsim.errors import AssemblyError, InputError
+
+Array = NDArray[np.float64]
+
+# step of the crank for the speed of C, in [rad]: a central difference good to 1e-10
+STEP = 1e-5
+# three or four as a rule, more where C turns back just behind an end of the curve
+ROUNDS = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Passage:
+    """Where the path of C crosses the normals of a curve.
+
+    Attributes:
+        angles: crank angle there, (n,) in [rad].
+        error: distance from the curve along its normal, signed, (n,) in [m].
+        b: places of B there, (n, 2) in [m].
+        levers: how the error changes for a change of one in |B - O2|2 - c2, (n,) in [1/m].
+    """
+
+    angles: Array
+    error: Array
+    b: Array
+    levers: Array
+
+
+def depth(y: Array, base: Looper) -> Array:
+    """Return how far from the plane C is on its cylinder at height y, the nearer of two, (n,) in [m].
+
+    NaN where y is beyond the cylinder.
+    """
+    with np.errstate(invalid="ignore"):
+        half = np.sqrt((base.follower - (y - base.axis_y)) * (base.follower + (y - base.axis_y)))
+    return base.axis_z - np.copysign(half, base.axis_z)
+
+
+def dyad(curve: Array, base: Looper, bend: Sign, *, in_space: bool = False) -> tuple[Array, Array]:
+    """Return crank angles, (n,) in [rad], and places of B, (n, 2) in [m], that put C on a curve.
+
+    Args:
+        curve: places of C, (n, 2) in [m].
+        base: gives crank a, coupler b, arm k and arm angle; in space also the cylinder.
+        bend: side of A on the way from O1 to C, +1 for left.
+        in_space: the curve is that of C on the cylinder, seen along Z; then arm and arm angle are what
+            the plane shows of them, k' and omega' of the paper.
+
+    Raises:
+        InputError: where C is out of reach.
+    """
+    z = depth(curve[:, 1], base) if in_space else np.zeros(len(curve))
+    k, cosine, sine = _shown(z, base)
+    if not np.isfinite(sine).all():
+        raise InputError("the cylinder takes C farther from the plane than its arm reaches; move its axis")
+    a, reach = base.crank, np.hypot(curve[:, 0], curve[:, 1])
+    if not ((reach >= np.abs(k - a)) & (reach <= k + a)).all():
+        raise InputError(
+            f"the curve runs {reach.min():.6g} to {reach.max():.6g} m from the crank's shaft, but crank and "
+            f"arm reach {abs(base.arm - a):.6g} to {base.arm + a:.6g} m; shorten or move the curve or change "
+            "the arm"
+        )
+    inner = np.arccos(np.clip((a * a + (reach - k) * (reach + k)) / (2.0 * a * reach), -1.0, 1.0))
+    angles = np.unwrap(np.arctan2(curve[:, 1], curve[:, 0]) + bend * inner)
+    pin = crank_pin(angles, base)
+    return angles, pin + _rod(curve - pin, k, cosine, sine, base)
+
+
+def crank_pin(angles: Array, base: Looper) -> Array:
+    """Return places of A, (n, 2) in [m]."""
+    return base.crank * np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def passage(design: Looper, curve: Array, angles: Array, *, in_space: bool = False) -> Passage:
+    """Return where the C of a linkage crosses the normals of a curve, found by Newton's iteration.
+
+    Args:
+        design: the whole linkage.
+        curve: points in the order they are passed, (n, 2) in [m].
+        angles: crank angles near which C passes them, (n,) in [rad].
+        in_space: take the C of the spatial linkage, seen along Z, rather than that of the planar four-bar.
+
+    Raises:
+        AssemblyError: where the linkage does not close, or C turns back or never comes by.
+
+    Accuracy: the error to 1e-16 of the arm; the levers to 1e-9.
+    """
+    tangents = _tangents(curve)
+    normals = np.column_stack([tangents[:, 1], -tangents[:, 0]])
+    angles, places, speed = _crossings(design, curve, tangents, angles, in_space)
+    pace, off = (speed * tangents).sum(1), places[:, :2] - curve
+    b, moved = _response(design, places, angles, in_space)
+    # C is held on the normal: the crank makes up for what the turn moves it along the curve
+    slope = (speed * normals).sum(1) / pace
+    levers = (moved * normals).sum(1) - slope * (moved * tangents).sum(1)
+    return Passage(angles, (off * normals).sum(1), b, levers)
+
+
+def levers_on(design: Looper, curve: Array, angles: Array, *, in_space: bool = False) -> Array:
+    """Return the levers of a linkage as if its C were on a curve and went along it, (n,) in [1/m].
+
+    Args:
+        design, curve, in_space: as for `passage`.
+        angles: crank angles of the dyad that holds C on the curve, (n,) in [rad].
+    """
+    z = depth(curve[:, 1], design) if in_space else np.zeros(len(curve))
+    tangents = _tangents(curve)
+    normals = np.column_stack([tangents[:, 1], -tangents[:, 0]])
+    return (_response(design, np.column_stack([curve, z]), angles, in_space)[1] * normals).sum(1)
+
+
+def _crossings(
+    design: Looper, curve: Array, tangents: Array, angles: Array, in_space: bool
+) -> tuple[Array, Array, Array]:
+    """Return crank angles, (n,), places of C, (n, 3), and speeds, (n, 2), where C crosses the normals."""
+    middle = len(curve) // 2
+    for _ in range(ROUNDS):
+        places, speed = _path(design, angles, in_space)
+        along, pace = ((places[:, :2] - curve) * tangents).sum(1), (speed * tangents).sum(1)
+        if not np.isfinite(along + pace).all():
+            break
+        turned = pace * pace[middle] <= 0.0
+        if not turned.any() and np.abs(along).max() <= 1e-14 * design.arm and _one_way(angles):
+            return angles, places, speed
+        # beyond a place where C turns back the way to go is inwards; a longer step might lead there
+        inwards = np.sign(angles - angles[middle])
+        step = np.divide(along, pace, out=inwards.copy(), where=~turned)
+        angles = angles - np.clip(step, -0.1, 0.1)
+    raise AssemblyError("the linkage does not close, or C turns back, while C is on the curve")
+
+
+def wedge(u: Array, v: Array) -> Array:
+    """Return the cross product of vectors in the plane, (n,) for (n, 2)."""
+    return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+
+
+def _response(design: Looper, places: Array, angles: Array, in_space: bool) -> tuple[Array, Array]:
+    """Return B, and how C moves for a change of one in |B - O2|2 - c2 with the crank held, (n, 2) each.
+
+    The coupler then turns about A until B is on its circle again.
+    """
+    pin = crank_pin(angles, design)
+    to_b = _rod(places[:, :2] - pin, *_shown(places[:, 2], design), design)
+    closed = 2.0 * wedge(to_b, pin + to_b - design.pivot[:2, 0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        moved = -_sweep(design, places, pin, to_b, in_space) / closed[:, None]
+    if not np.isfinite(moved).all():
+        raise AssemblyError("coupler and rocker stretch out while C is on the curve")
+    return pin + to_b, moved
+
+
+def _one_way(angles: Array) -> bool:
+    steps = np.diff(angles)
+    return bool((steps > 0.0).all() or (steps < 0.0).all()) and abs(angles[-1] - angles[0]) < 2.0 * np.pi
+
+
+def _path(design: Looper, angles: Array, in_space: bool) -> tuple[Array, Array]:
+    """Return places of C, (n, 3) in [m], and how they change with the crank angle, (n, 2) in [m/rad]."""
+    around = np.concatenate([angles, angles + STEP, angles - STEP])
+    with np.errstate(invalid="ignore"):
+        places = design.positions(around)["C"] if in_space else design.planar_point(around)
+    here, ahead, behind = np.split(places, 3)
+    return here, (ahead - behind)[:, :2] / (2.0 * STEP)
+
+
+def _shown(z: Array, base: Looper) -> tuple[Array, Array, Array]:
+    """Return arm, and cosine and sine of arm angle, as the plane shows them with C at a depth, (n,) each."""
+    with np.errstate(invalid="ignore"):
+        k = np.sqrt((base.arm - z) * (base.arm + z))
+        cosine = base.arm * np.cos(base.arm_angle) / k
+        return k, cosine, np.sign(np.sin(base.arm_angle)) * np.sqrt((1.0 - cosine) * (1.0 + cosine))
+
+
+def _rod(to_c: Array, k: Array, cosine: Array, sine: Array, base: Looper) -> Array:
+    """Return AB from AC as the plane shows it, (n, 2) each in [m]."""
+    x, y = (to_c / k[:, None]).T
+    return base.coupler * np.column_stack([cosine * x + sine * y, cosine * y - sine * x])
+
+
+def _sweep(design: Looper, places: Array, pin: Array, to_b: Array, in_space: bool) -> Array:
+    """Return how C moves, seen along Z, where B turns about A by one radian, (n, 2) in [m]."""
+    to_c = places[:, :2] - pin
+    if not in_space:
+        return np.column_stack([-to_c[:, 1], to_c[:, 0]])
+    # AC keeps its length and its angle to AB, and C stays on the cylinder
+    z = places[:, 2]
+    arm, rod = np.column_stack([to_c, z]), np.column_stack([to_b, np.zeros_like(z)])
+    lever = np.column_stack([np.zeros_like(z), places[:, 1] - design.axis_y, z - design.axis_z])
+    volume = (np.cross(arm, rod) * lever).sum(1)
+    return (-wedge(to_b, to_c) / volume)[:, None] * np.cross(lever, arm)[:, :2]
+
+
+def _tangents(curve: Array) -> Array:
+    """Return unit tangents of a curve given by points, (n, 2)."""
+    along = np.gradient(curve, axis=0)
+    return along / np.hypot(along[:, 0], along[:, 1])[:, None]

@@ -1,0 +1,157 @@
+"""Velocity plans of the two-crank warp-knitting mechanism, built as paper 003 builds them.
+
+One crank is stopped in thought and a rod made the driver instead of the other crank: the class III
+group falls apart into class II groups, and the plan can be drawn from the pole, vector by vector,
+from a first vector of any length. The crank that really drives then gives the scale, and the two
+plans, one a crank, add up.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.catalog.warp_knitter import WarpKnitter
+from mechsim.analytic.vector_method.plane import cross, flat
+from mechsim.errors import AssemblyError
+
+Array = NDArray[np.float64]
+
+# sine below which two lines of a plan count as parallel: their crossing keeps too few digits
+PARALLEL = 1e-9
+# lines of a plan: (from, to) joins two ends of vectors and stands for a relative velocity
+LINES = {
+    "crank2": (("c", "k"), ("c", "b"), ("b", "k"), ("b", "a")),
+    "crank1": (("b", "k"), ("b", "c"), ("c", "k"), ("c", "d")),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The velocity plan with one crank stopped.
+
+    Attributes:
+        stopped: the crank that stands still, "crank1" or "crank2".
+        driver: the rod that drives the drawing.
+        pole: where all vectors begin, (2,), in plan units.
+        vectors: end of each point's vector as seen from the pole, (2,), in plan units.
+        lines: (from, to) ends of vectors joined by a line: a relative velocity.
+        scale: velocity in [m/s] of one plan unit.
+    """
+
+    stopped: str
+    driver: str
+    pole: Array
+    vectors: Mapping[str, Array]
+    lines: tuple[tuple[str, str], ...]
+    scale: float
+
+    @property
+    def velocities(self) -> dict[str, Array]:
+        """Velocity of each point with this crank stopped: A, B, C, D, K -> (3,) in [m/s]."""
+        return {point.upper(): np.append(self.scale * vector, 0.0) for point, vector in self.vectors.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class VelocityPlan:
+    """Both plans at one crank angle and what they add up to.
+
+    Attributes:
+        angle: of crank 1 in [rad].
+        speeds: of crank 1 and crank 2 in [rad/s].
+        crank2_stopped: plan of crank 1 driving alone; its scale is eq. (3).
+        crank1_stopped: plan of crank 2 driving alone; its scale is eq. (5).
+        velocities: absolute velocities, A, B, C, D, K -> (3,) in [m/s]; eqs (6)-(8).
+    """
+
+    angle: float
+    speeds: tuple[float, float]
+    crank2_stopped: Plan
+    crank1_stopped: Plan
+    velocities: Mapping[str, Array]
+
+
+def velocity_plan(
+    drive: WarpKnitter, angle: float, speed: float, speed2: float | None = None, *, first: float = 1.0
+) -> VelocityPlan:
+    """Build the velocity plans at a crank angle.
+
+    Args:
+        drive: the mechanism.
+        angle: of crank 1 in [rad]; crank 2 stands where the gears put it.
+        speed: of crank 1 in [rad/s].
+        speed2: of crank 2 in [rad/s]; None takes what the gears make of `speed`.
+        first: length of the first vector drawn, pc or pb, in plan units; any but zero.
+
+    Returns:
+        The plans, their scales and the velocities.
+
+    Raises:
+        AssemblyError: where a plan cannot be drawn: KC or KB lies along KE, or the rod that drives
+            the drawing cannot move the crank.
+
+    Accuracy: relative error a few ulp divided by the sine of the angle at which lines of the plan
+        cross.
+
+    Source: paper 003, eqs (1)-(8).
+    """
+    points = drive.positions([angle])
+    at = {name: complex(flat(place)[0]) for name, place in points.items()}
+    at |= {"O1": 0j, "O2": complex(*drive.pivot2), "E": complex(*drive.pivot_rocker)}
+    speed2 = drive.gear_ratio * speed if speed2 is None else speed2
+    one = _plan(at, "crank2", "rod5", ("C", "D"), ("B", "A", "O1"), speed, first)
+    two = _plan(at, "crank1", "rod3", ("B", "A"), ("C", "D", "O2"), speed2, first)
+    velocities = {name: one.velocities[name] + two.velocities[name] for name in "ABCDK"}
+    return VelocityPlan(float(angle), (float(speed), float(speed2)), one, two, velocities)
+
+
+def _plan(
+    at: Mapping[str, complex],
+    stopped: str,
+    driver: str,
+    driving: tuple[str, str],
+    driven: tuple[str, str, str],
+    speed: float,
+    first: float,
+) -> Plan:
+    """Draw the plan with one crank stopped.
+
+    `driving` names the point of the base link on the driving rod, then the rod's standing end;
+    `driven` the point of the base link on the other rod, that rod's crank pin, the crank's pivot.
+    """
+    (p, stand), (q, pin, pivot) = driving, driven
+    # the first vector is drawn to one side; should the crank then turn the wrong way, to the other
+    for sense in (1.0, -1.0):
+        vector = {stand: 0j, p: sense * first * 1j * (at[p] - at[stand]) / abs(at[p] - at[stand])}
+        # V_K = V_C + V_KC with V_KC across KC, and V_K across KE: eq. (1), in eq. (4) from B
+        vector["K"] = _crossing(vector[p], 1j * (at["K"] - at[p]), 1j * (at["K"] - at["E"]), f"K{p}", "KE")
+        # the plan holds a figure similar to the base link
+        vector[q] = vector[p] + (vector["K"] - vector[p]) * (at[q] - at[p]) / (at["K"] - at[p])
+        # V_A = V_B + V_AB with V_AB across AB, and V_A across O1A: eq. (2), in eq. (4) D from C
+        vector[pin] = _crossing(
+            vector[q], 1j * (at[pin] - at[q]), 1j * (at[pin] - at[pivot]), f"{pin}{q}", f"{pin}{pivot}"
+        )
+        turned = cross(at[pin] - at[pivot], vector[pin])
+        if turned * speed >= 0.0:
+            break
+    if abs(vector[pin]) <= PARALLEL * abs(first):
+        raise AssemblyError(
+            f"no velocity plan with {stopped} stopped: {driver} cannot move the other crank in this pose, "
+            f"so p{pin.lower()} is a point; choose another crank angle"
+        )
+    # eqs (3) and (5)
+    scale = abs(speed) * abs(at[pin] - at[pivot]) / abs(vector[pin])
+    ends = {name.lower(): np.array([v.real, v.imag]) for name, v in sorted(vector.items())}
+    return Plan(stopped, driver, np.zeros(2), ends, LINES[stopped], float(scale))
+
+
+def _crossing(start: complex, along: complex, ray: complex, line1: str, line2: str) -> complex:
+    """Return where the line from `start` along `along` meets the line from the pole along `ray`."""
+    sine = cross(along, ray) / (abs(along) * abs(ray))
+    if not abs(sine) > PARALLEL:
+        raise AssemblyError(
+            f"no velocity plan: {line1} lies along {line2}, so that their velocities do not cross; "
+            "choose another crank angle"
+        )
+    return ray * (cross(along, start) / cross(along, ray))

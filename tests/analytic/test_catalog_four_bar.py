@@ -1,0 +1,169 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from exact import four_bar_b
+from hypothesis import given, settings
+from strategies import CLOSED, EPS, angles_of, four_bars
+
+from mechsim import closure
+from mechsim.analytic.catalog.four_bar import FourBar
+from mechsim.errors import AssemblyError
+from mechsim.model.mechanism import Pose
+
+
+def longest(drive: FourBar) -> float:
+    return max(drive.ground, drive.crank, drive.coupler, drive.rocker, drive.arm)
+
+
+@given(four_bars())
+def test_links_keep_their_lengths_and_the_coupler_triangle_its_shape(drive):
+    points = drive.positions(angles_of(drive))
+    a, b, c = (points[name] for name in "ABC")
+    for vectors, length in (
+        (a, drive.crank),
+        (b - a, drive.coupler),
+        (b - [drive.ground, 0.0, 0.0], drive.rocker),
+        (c - a, drive.arm),
+    ):
+        assert np.abs(np.linalg.norm(vectors, axis=1) - length).max() <= CLOSED * longest(drive)
+    # the law of cosines, in squares: a short side of a flat triangle has few digits of its own
+    square = drive.arm**2 + drive.coupler**2 - 2 * drive.arm * drive.coupler * np.cos(drive.arm_angle)
+    assert np.abs(((c - b) ** 2).sum(1) - square).max() <= 4 * CLOSED * longest(drive) ** 2
+    assert all((points[name][:, 2] == 0.0).all() for name in "ABC")
+
+
+@given(four_bars())
+def test_the_coupler_point_lies_on_the_side_its_angle_says(drive):
+    points = drive.positions(angles_of(drive))
+    along, arm = points["B"] - points["A"], points["C"] - points["A"]
+    sine = np.cross(along, arm)[:, 2] / (drive.coupler * drive.arm)
+    assert np.abs(sine - np.sin(drive.arm_angle)).max() <= 32 * EPS * longest(drive) / drive.coupler
+
+
+@given(four_bars())
+def test_mirror_image_across_the_frame_gives_the_other_branch(drive):
+    angles = angles_of(drive)
+    mirrored = replace(drive, branch=-drive.branch, arm_angle=-drive.arm_angle)
+    here, there = drive.positions(angles), mirrored.positions(-angles)
+    for name in "ABC":
+        assert (here[name] * [1.0, -1.0, 1.0] == there[name]).all()
+
+
+@given(four_bars())
+def test_branch_says_on_which_side_of_the_line_from_pin_to_pivot_the_rocker_is(drive):
+    points = drive.positions(angles_of(drive))
+    line = np.array([drive.ground, 0.0, 0.0]) - points["A"]
+    left = np.cross(line, points["B"] - points["A"])[:, 2]
+    assert (np.sign(left) == drive.branch).all()
+    assert (drive.assembly_sign(points) > 0.0).all()
+
+
+@given(four_bars())
+def test_scaling_all_lengths_scales_the_motion(drive):
+    angles = angles_of(drive, lowest_transmission=1e-2)
+    names = ("ground", "crank", "coupler", "rocker", "arm")
+    larger = replace(drive, **{name: 8.0 * getattr(drive, name) for name in names})
+    here, there = drive.solve(angles, 3.0, 2.0), larger.solve(angles, 3.0, 2.0)
+    for name in "ABC":
+        for part in ("position", "velocity", "acceleration"):
+            assert (8.0 * getattr(here.points[name], part) == getattr(there.points[name], part)).all()
+
+
+@settings(max_examples=25)
+@given(four_bars())
+def test_position_velocity_and_acceleration_agree_with_fifty_digits(drive):
+    speed, acceleration = 11.0, -70.0
+    angles = angles_of(drive, count=3, lowest_transmission=0.05)
+    point = drive.solve(angles, speed, acceleration).points["B"]
+    for i, f in enumerate(angles):
+        p, first, second = four_bar_b(drive, f)
+        assert np.linalg.norm(point.position[i] - p) <= 1e-13 * longest(drive) / 0.05
+        v, a = speed * first, acceleration * first + speed**2 * second
+        scale = speed * longest(drive)
+        assert np.linalg.norm(point.velocity[i] - v) <= 1e-10 * max(np.linalg.norm(v), scale)
+        scale *= speed
+        assert np.linalg.norm(point.acceleration[i] - a) <= 1e-10 * max(np.linalg.norm(a), scale)
+
+
+@settings(max_examples=20)
+@given(four_bars())
+def test_motion_of_every_link_satisfies_the_loop_equations_and_their_rates(drive):
+    angles = angles_of(drive, count=4, lowest_transmission=0.1)
+    motion = drive.solve(angles, 7.0, -3.0)
+    mechanism = drive.mechanism
+    poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
+    open_by, turned_by = closure.residual_norms(mechanism, poses, angles)
+    assert open_by.max() <= CLOSED * longest(drive)
+    assert turned_by.max() <= 32 * EPS
+    exact = closure.rates(mechanism, poses, angles, 7.0, -3.0)
+    for kind in ("points", "links"):
+        for name, measured in getattr(motion, kind).items():
+            expected = getattr(exact, kind)[name]
+            parts = ["velocity", "acceleration"]
+            parts += ["angular_velocity", "angular_acceleration"] if kind == "links" else []
+            for part in parts:
+                scale = max(np.abs(getattr(expected, part)).max(), 49.0 * longest(drive))
+                assert np.abs(getattr(measured, part) - getattr(expected, part)).max() <= 1e-10 * scale
+    for name in ("A", "rocker"):
+        for part in ("rate", "acceleration"):
+            measured, expected = getattr(motion.joints[name], part), getattr(exact.joints[name], part)
+            assert np.abs(measured - expected).max() <= 1e-10 * max(np.abs(expected).max(), 49.0)
+
+
+@given(four_bars())
+def test_dead_centres_are_where_coupler_and_rocker_stretch_or_fold(drive):
+    ends = []
+    for reach in (drive.coupler + drive.rocker, abs(drive.coupler - drive.rocker)):
+        cosine = (drive.ground**2 + drive.crank**2 - reach**2) / (2 * drive.ground * drive.crank)
+        if abs(cosine) < 1.0:
+            ends += [np.arccos(cosine), -np.arccos(cosine)]
+    found = [(f + np.pi) % (2 * np.pi) - np.pi for f in drive.dead_centres()]
+    assert len(found) == len(ends)
+    for end in ends:
+        # the cosine is known to a few ulp of the squares, the angle to that over its sine
+        slack = 64 * EPS * (longest(drive) ** 2 / (drive.ground * drive.crank)) / abs(np.sin(end))
+        assert min(abs((f - end + np.pi) % (2 * np.pi) - np.pi) for f in found) <= slack
+
+
+def test_grashof_crank_turns_fully():
+    assert FourBar().crank_range().full
+    assert FourBar().dead_centres() == ()
+
+
+@given(four_bars())
+def test_both_assemblies_share_the_pin_and_differ_in_the_rocker(drive):
+    f = float(angles_of(drive, count=3, lowest_transmission=0.05)[0])
+    first, second = (each.positions([f]) for each in drive.assemblies(f))
+    assert (first["A"] == second["A"]).all()
+    assert np.linalg.norm(first["B"] - second["B"]) > 0.0
+
+
+def test_a_loop_that_cannot_close_says_where_it_can():
+    drive = replace(FourBar(), crank=0.08)
+    (low, high), *_ = drive.crank_range().arcs
+    with pytest.raises(
+        AssemblyError, match=r"does not close at crank angle .* it can stand from .* to .* rad"
+    ):
+        drive.positions([high + 0.1])
+    assert np.isfinite(drive.positions([low + 1e-9, high - 1e-9])["B"]).all()
+
+
+@pytest.mark.parametrize("branch", [1, -1])
+@pytest.mark.parametrize(
+    "lengths",
+    [(0.1, 0.04, 0.1, 0.04), (0.1, 0.04, 0.04, 0.1), (0.05, 0.05, 0.05, 0.05), (0.05, 0.05, 0.08, 0.08)],
+    ids=["parallelogram", "kite", "rhombus", "galloway"],
+)
+def test_equal_links_that_fold_flat_start_where_the_assemblies_differ(lengths, branch):
+    drive = FourBar(
+        **dict(zip(("ground", "crank", "coupler", "rocker"), lengths, strict=True)), branch=branch
+    )
+    mechanism = drive.mechanism
+    poses = closure.assemble(mechanism, [mechanism.start])
+    tip = poses["rocker"].point((drive.rocker, 0.0, 0.0))
+    assert np.abs(tip - drive.positions([mechanism.start])["B"]).max() <= CLOSED * longest(drive)
+    held = closure.equations(mechanism, poses, mechanism.start).jacobian
+    # of 24 + 1 rows three repeat others in a planar loop
+    values = np.linalg.svd(held[0] * np.tile([0.1] * 3 + [1.0] * 3, 3), compute_uv=False)
+    assert values[17] > 1e-3 * values[0]

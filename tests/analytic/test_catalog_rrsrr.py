@@ -1,0 +1,315 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from mpmath import mp
+from strategies import CLOSED, EPS, angles_of, branches, lengths, offsets, turns
+
+from mechsim import catalog, closure
+from mechsim.analytic.catalog.rrsrr import Rrsrr
+from mechsim.errors import AssemblyError, InputError
+from mechsim.model.mechanism import Pose
+from mechsim.theory.continuation.torus_sphere import sphere, start_points, torus, trace_path
+
+SWINGING = Rrsrr(pivot=(-0.024, -0.008, 0.040))
+
+
+def longest(drive: Rrsrr) -> float:
+    return max(drive.crank, drive.coupler, drive.link, float(np.linalg.norm(drive.pivot)))
+
+
+@st.composite
+def rrsrrs(draw: st.DrawFn) -> Rrsrr:
+    """A five-link whose connecting link fits at one crank and one coupler angle."""
+    f, v = draw(turns), draw(turns)
+    crank, coupler, pivot = draw(lengths), draw(lengths), tuple(draw(offsets) for _ in range(3))
+    reach = crank + coupler * np.cos(v)
+    s = np.array([coupler * np.sin(v), reach * np.cos(f), reach * np.sin(f)])
+    link = float(np.linalg.norm(s - pivot))
+    assume(link > 0.005)
+    axis = {"gamma1": draw(turns), "gamma2": draw(turns)}
+    return Rrsrr(crank=crank, coupler=coupler, link=link, pivot=pivot, branch=draw(branches), **axis)
+
+
+def exact(drive: Rrsrr, f: float) -> np.ndarray:
+    """S, u2, v2 by the half-angle roots of A cos v + B sin v = K in 50 digits, two derivatives, (3, 5)."""
+    with mp.workdps(50):
+        r1, r, link = (mp.mpf(x) for x in (drive.crank, drive.coupler, drive.link))
+        px, py, pz = (mp.mpf(x) for x in drive.pivot)
+        g1, g2 = mp.mpf(drive.gamma1), mp.mpf(drive.gamma2)
+        x0 = [mp.cos(g1), mp.mpf(0), -mp.sin(g1)]
+        y0 = [mp.sin(g1) * mp.sin(g2), mp.cos(g2), mp.cos(g1) * mp.sin(g2)]
+        z0 = [mp.sin(g1) * mp.cos(g2), -mp.sin(g2), mp.cos(g1) * mp.cos(g2)]
+
+        def everything(angle):
+            c, s = mp.cos(angle), mp.sin(angle)
+            a = 2 * r * (r1 - py * c - pz * s)
+            b = -2 * r * px
+            k = link**2 - r**2 - px**2 - (r1 * c - py) ** 2 - (r1 * s - pz) ** 2
+            root = mp.sqrt(a * a + b * b - k * k)
+            v = next(
+                v
+                for v in (2 * mp.atan2(b + sign * root, a + k) for sign in (1, -1))
+                if drive.branch * (a * mp.sin(v) - b * mp.cos(v)) > 0
+            )
+            reach = r1 + r * mp.cos(v)
+            place = [r * mp.sin(v), reach * c, reach * s]
+            arm = [p - q for p, q in zip(place, (px, py, pz), strict=True)]
+            turned = [mp.fdot(arm, axis) for axis in (x0, y0, z0)]
+            return [*place, mp.atan2(turned[1], turned[0]), mp.asin(turned[2] / link)]
+
+        columns = [mp.taylor(lambda angle, i=i: everything(angle)[i], mp.mpf(float(f)), 2) for i in range(5)]
+        taylor = np.array([[float(value) for value in column] for column in columns]).T
+        return taylor * np.array([[1.0], [1.0], [2.0]])
+
+
+@given(rrsrrs())
+def test_links_keep_their_lengths_and_the_coupler_stays_in_the_plane_of_the_shaft(drive):
+    points = drive.positions(angles_of(drive))
+    c, s = points["C"], points["S"]
+    bound = CLOSED * longest(drive)
+    for vectors, length in ((c, drive.crank), (s - c, drive.coupler), (s - drive.pivot, drive.link)):
+        assert np.abs(np.linalg.norm(vectors, axis=1) - length).max() <= bound
+    tangent = np.stack([np.zeros(len(c)), -c[:, 2], c[:, 1]], 1) / drive.crank
+    assert np.abs(((s - c) * tangent).sum(1)).max() <= bound
+
+
+@given(rrsrrs())
+def test_branch_is_the_side_of_the_coupler_and_both_assemblies_exist_together(drive):
+    angles = angles_of(drive)
+    assert (drive.assembly_sign(drive.positions(angles)) > 0.0).all()
+    other = replace(drive, branch=-drive.branch)
+    assert (drive.assembly_sign(other.positions(angles)) < 0.0).all()
+    assert [twin.branch for twin in drive.assemblies(angles[0])] == [1, -1]
+
+
+@given(rrsrrs())
+def test_mirror_image_across_the_crank_circle_gives_the_other_branch(drive):
+    angles = angles_of(drive)
+    x, y, z = drive.pivot
+    mirrored = replace(drive, pivot=(-x, y, z), gamma1=-drive.gamma1, branch=-drive.branch)
+    here, there = drive.positions(angles)["S"], mirrored.positions(angles)["S"]
+    assert np.abs(here * [-1.0, 1.0, 1.0] - there).max() <= CLOSED * longest(drive)
+
+
+@given(rrsrrs(), st.sampled_from([2.0**-7, 2.0**5]))
+def test_scaling_all_lengths_by_a_power_of_two_scales_the_motion_to_the_last_bit(drive, scale):
+    angles = angles_of(drive)
+    larger = replace(
+        drive,
+        **{name: scale * getattr(drive, name) for name in ("crank", "coupler", "link")},
+        pivot=tuple(scale * value for value in drive.pivot),
+    )
+    here, there = (d.solve(angles, 3.0, 2.0, links=False).points["S"] for d in (drive, larger))
+    for part in ("position", "velocity", "acceleration"):
+        assert (scale * getattr(here, part) == getattr(there, part)).all()
+
+
+@settings(max_examples=20)
+@given(rrsrrs(), st.floats(1.0, 300.0), st.floats(-500.0, 500.0))
+def test_path_and_rocker_side_agree_with_fifty_digits(drive, speed, acceleration):
+    angles = angles_of(drive, count=3, lowest_transmission=0.1)
+    motion = drive.solve(angles, speed, acceleration)
+    second_hinge = motion.joints["link"].value
+    assume(np.cos(second_hinge).min() > 0.1)
+    for i, f in enumerate(angles):
+        place, first, second = exact(drive, f)
+        first, second = speed * first, acceleration * first + speed**2 * second
+        s, hinges = motion.points["S"], (motion.joints["rocker"], motion.joints["link"])
+        measured = np.array(
+            [
+                [*s.position[i], *(joint.value[i] for joint in hinges)],
+                [*s.velocity[i], *(joint.rate[i] for joint in hinges)],
+                [*s.acceleration[i], *(joint.acceleration[i] for joint in hinges)],
+            ]
+        )
+        unit = np.array([longest(drive)] * 3 + [1.0] * 2)
+        assert (np.abs(measured[0] - place) <= 1e-12 * unit).all()
+        for row, expected, power in ((1, first, speed), (2, second, speed**2)):
+            scale = np.maximum(np.abs(expected).max(), power * unit)
+            assert (np.abs(measured[row] - expected) <= 1e-10 * scale).all()
+
+
+@settings(max_examples=20)
+@given(rrsrrs())
+def test_motion_of_every_link_and_hinge_satisfies_the_loop_equations_and_their_rates(drive):
+    angles = angles_of(drive, count=4, lowest_transmission=0.1)
+    motion = drive.solve(angles, 7.0, -3.0)
+    assume(np.cos(motion.joints["link"].value).min() > 0.1)
+    mechanism = drive.mechanism
+    poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
+    gaps, turned = closure.residual_norms(mechanism, poses, angles)
+    assert gaps.max() <= CLOSED * mechanism.size
+    assert turned.max() <= 32 * EPS
+    loops = closure.rates(mechanism, poses, motion.angle, motion.speed, motion.acceleration)
+    for name, link in motion.links.items():
+        for part in ("velocity", "angular_velocity", "acceleration", "angular_acceleration"):
+            expected = getattr(loops.links[name], part)
+            unit = 1.0 if part.startswith("angular") else mechanism.size
+            scale = max(np.abs(expected).max(), unit * 49.0)
+            assert np.abs(getattr(link, part) - expected).max() <= 1e-10 * scale, (name, part)
+    assert motion.joints.keys() == loops.joints.keys() == {"crank", "C", "link", "rocker"}
+    for name, joint in motion.joints.items():
+        around = np.exp(1j * joint.value) - np.exp(1j * loops.joints[name].value)
+        assert np.abs(around).max() <= 1e-13
+        for part in ("rate", "acceleration"):
+            expected = getattr(loops.joints[name], part)
+            error = np.abs(getattr(joint, part) - expected).max()
+            assert error <= 1e-10 * max(np.abs(expected).max(), 49.0), (name, part)
+
+
+@pytest.mark.parametrize("drive", [Rrsrr(), Rrsrr(branch=-1), SWINGING], ids=["full", "other", "swinging"])
+def test_loop_equations_assembled_from_the_guess_find_the_same_assembly(drive):
+    angles = drive.mechanism.start + np.linspace(-0.5, 0.5, 5)
+    found, closed = closure.solve(drive.mechanism, angles, 5.0, 2.0), drive.solve(angles, 5.0, 2.0)
+    for name, link in closed.links.items():
+        assert np.abs(found.links[name].position - link.position).max() <= 1e-15
+        assert np.abs(found.links[name].rotation - link.rotation).max() <= 1e-13
+    assert closure.freedom(drive.mechanism, closure.assemble(drive.mechanism, angles[:1])).mobility == 1
+
+
+def test_default_layout_swings_as_the_digest_says():
+    motion = Rrsrr().solve(np.linspace(0.0, 2 * np.pi, 3601))
+    assert Rrsrr().crank_range().full
+    assert abs(np.rad2deg(np.ptp(motion.joints["rocker"].value)) - 42.2) <= 0.05
+    second = np.rad2deg(motion.joints["link"].value)
+    assert abs(second.min() + 10.4) <= 0.05
+    assert abs(second.max() - 30.3) <= 0.05
+
+
+@settings(max_examples=30)
+@given(rrsrrs())
+def test_dead_centres_are_where_both_assemblies_meet_and_the_output_locks(drive):
+    for end in drive.dead_centres():
+        before, after = drive.margin(np.array([end - 1e-6, end + 1e-6]))
+        assert before * after < 0.0
+    for low, high in drive.crank_range().arcs if not drive.crank_range().full else ():
+        near = np.array([low + 1e-8 * (high - low), high - 1e-8 * (high - low)])
+        first, second = (replace(drive, branch=branch).positions(near)["S"] for branch in (1, -1))
+        assert np.abs(first - second).max() <= 0.02 * longest(drive)
+
+
+def test_transmission_angle_is_that_of_the_only_force_the_hinges_pass():
+    drive = SWINGING
+    low, high = drive.crank_range().arcs[0]
+    angles = low + (high - low) * (np.arange(9) + 0.37) / 9
+    motion = drive.solve(angles)
+    for i, angle in enumerate(drive.transmission_angle(angles)):
+        coupler, link = (motion.links[name] for name in ("coupler", "link"))
+        rod, arm = coupler.rotation[i][:, 0], link.rotation[i][:, 0]
+        # no moment about either hinge: force . (hinge x arm) = 0 twice
+        swings = np.stack([np.cross(coupler.rotation[i][:, 2], rod), np.cross(link.rotation[i][:, 2], arm)])
+        force = np.linalg.svd(swings)[2][2]
+        pushed = np.cross(drive.rocker_frame[:, 2], arm)
+        assert abs(np.sin(angle) - abs(force @ pushed) / np.linalg.norm(pushed)) <= 1e-12
+    assert drive.transmission_angle([low + 1e-9, high - 1e-9]).max() <= 1e-3
+
+
+def test_a_crank_that_only_swings_has_its_range_and_its_guess_inside():
+    arcs = SWINGING.crank_range()
+    assert not arcs.full
+    assert any(low < SWINGING.mechanism.start < high for low, high in arcs.arcs)
+    outside = arcs.arcs[0][1] + 1e-3
+    with pytest.raises(AssemblyError, match="does not close at crank angle"):
+        SWINGING.positions([outside])
+    assert SWINGING.assemblies(outside) == []
+
+
+def test_a_rocker_axis_through_the_spherical_centre_is_reported_and_the_path_still_known():
+    rough, f = Rrsrr(), 0.7
+    x, y, z = (rough.positions([f])["S"][0] - rough.pivot) / rough.link
+    # the axis TY(gamma1) TX(gamma2) eZ along P02S
+    drive = replace(rough, gamma1=np.arctan2(x, z), gamma2=np.arcsin(-y))
+    assert np.isfinite(drive.positions([f])["S"]).all()
+    for asked in (drive.solve, drive.transmission_angle):
+        with pytest.raises(AssemblyError, match="S lies on the rocker axis"):
+            asked([0.1, f, 1.0])
+    assert abs(drive.solve([f + 1e-3]).joints["link"].value[0]) < np.pi / 2
+
+
+def test_a_flipped_sign_of_gamma2_leaves_the_path_but_not_the_rocker():
+    angles = np.linspace(0.0, 6.0, 13)
+    right, wrong = (Rrsrr(gamma2=sign * np.deg2rad(15.0)).solve(angles) for sign in (1, -1))
+    assert (right.points["S"].position == wrong.points["S"].position).all()
+    assert np.abs(right.joints["rocker"].value - wrong.joints["rocker"].value).max() > np.deg2rad(5.0)
+    assert np.abs(right.links["link"].rotation - wrong.links["link"].rotation).max() > 0.05
+
+
+@pytest.mark.parametrize("name", ["crank", "coupler", "link"])
+def test_a_link_a_thousandth_long_moves_the_path_by_far_more_than_any_tolerance(name):
+    angles = np.linspace(0.0, 6.0, 13)
+    longer = replace(Rrsrr(), **{name: 1.001 * getattr(Rrsrr(), name)})
+    moved = np.abs(Rrsrr().positions(angles)["S"] - longer.positions(angles)["S"]).max()
+    assert 1e-6 < moved < 1e-3
+
+
+def test_the_catalogue_makes_it_by_name_and_refuses_what_it_has_not():
+    assert catalog.make("rrsrr", branch=-1) == Rrsrr(branch=-1)
+    with pytest.raises(InputError, match="no parameter 'rocker'"):
+        catalog.make("rrsrr", rocker=0.1)
+    with pytest.raises(InputError, match="length above 0"):
+        Rrsrr(link=-0.039)
+
+
+@settings(max_examples=30)
+@given(rrsrrs())
+def test_start_points_lie_on_both_surfaces_and_none_is_missed(drive):
+    found = start_points(drive)
+    for u in found:
+        apart = torus(drive, u[0], u[1])[0] - sphere(drive, u[2], u[3])[0]
+        assert np.linalg.norm(apart) <= 1e-9 * longest(drive)
+    u2 = np.linspace(0.0, 2 * np.pi, 20001)
+    m = sphere(drive, u2, np.zeros_like(u2))[0]
+    section = np.hypot(np.hypot(m[1], m[2]) - drive.crank, m[0])
+    # only the outer sheet of the torus has this simple distance; the inner one comes with -reach
+    inner = np.hypot(-np.hypot(m[1], m[2]) - drive.crank, m[0])
+    crossings = sum(int((np.diff(np.sign(d - drive.coupler)) != 0).sum()) for d in (section, inner))
+    assume(min(np.abs(d - drive.coupler).min() for d in (section, inner)) > 1e-7 * drive.coupler or crossings)
+    assert len(found) == crossings
+
+
+@pytest.mark.parametrize("drive", [Rrsrr(), Rrsrr(branch=-1), SWINGING], ids=["full", "other", "swinging"])
+def test_the_paper_s_arc_length_road_agrees_with_the_closed_form_and_closes(drive):
+    path = trace_path(drive)
+    u1 = path.parameters[:, 0]
+    assert path.gap <= 1e-10 * drive.crank
+    assert np.abs(path.on_torus - path.on_sphere).max() <= 1e-10 * drive.crank
+    full = drive.crank_range().full
+    assert abs(path.turns) == (1 if full else 0)
+    best = np.full(len(u1), np.inf)
+    kinds = (drive,) if full else (drive, replace(drive, branch=-drive.branch))
+    # at a dead centre the crank angle does not determine S to that many digits
+    clear = drive.margin(u1) > 1e-2 * drive.margin(u1).max()
+    for kind in kinds:
+        gap = np.linalg.norm(kind.positions(u1[clear])["S"] - path.on_torus[clear], axis=1)
+        best[clear] = np.minimum(best[clear], gap)
+        assert full or (gap <= 1e-10 * drive.crank).any()
+    assert best[clear].max() <= 1e-10 * drive.crank
+    assert clear.mean() > 0.6
+    if not full:
+        own = next(arc for arc in drive.crank_range().arcs if arc[0] < u1[0] < arc[1])
+        assert own[0] - 1e-9 <= u1.min() < own[0] + 0.05
+        assert own[1] - 0.05 < u1.max() <= own[1] + 1e-9
+
+
+def test_the_arc_length_road_tells_a_link_a_thousandth_long_from_the_right_one():
+    path = trace_path(replace(Rrsrr(), coupler=1.001 * Rrsrr().coupler))
+    gap = np.linalg.norm(Rrsrr().positions(path.parameters[:, 0])["S"] - path.on_torus, axis=1)
+    assert gap.min() > 1e-6
+
+
+def test_the_length_of_the_path_is_that_of_the_closed_form():
+    speed = np.linalg.norm(Rrsrr().solve(np.linspace(0.0, 2 * np.pi, 400)[:-1]).points["S"].velocity, axis=1)
+    # the rectangle rule on a periodic function is exact to rounding
+    assert abs(trace_path(Rrsrr()).arc[-1] - 2 * np.pi * speed.mean()) <= 1e-12
+
+
+def test_a_start_off_the_curve_or_a_path_without_one_is_refused():
+    with pytest.raises(InputError, match="off the curve"):
+        trace_path(Rrsrr(), np.array([0.1, 0.2, 0.3, 0.4]))
+    without = replace(Rrsrr(), gamma1=1.0, gamma2=-1.0)
+    assert np.abs(without.solve(np.linspace(0, 6, 50)).joints["link"].value).min() > 0.1
+    with pytest.raises(AssemblyError, match="never crosses the circle"):
+        trace_path(without)

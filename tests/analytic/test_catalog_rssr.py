@@ -1,0 +1,286 @@
+from dataclasses import replace
+
+import mpmath
+import numpy as np
+import pytest
+from exact import rssr_p3
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from strategies import CLOSED, EPS, angles_of, rssrs, turns
+
+from mechsim import catalog, closure
+from mechsim.analytic.catalog.four_bar import FourBar
+from mechsim.analytic.catalog.rssr import Rssr
+from mechsim.errors import AssemblyError
+from mechsim.model.mechanism import Pose
+
+LAYOUTS = {
+    "general": Rssr(),
+    "looper": Rssr(
+        crank=0.014, coupler=0.048, rocker=0.024, pivot=(0.039, -0.008, 0.004), gamma1=0.0, gamma2=0.0
+    ),
+    "needle": Rssr(
+        crank=0.014,
+        coupler=0.063,
+        rocker=0.024,
+        pivot=(0.058, -0.015, 0.029),
+        gamma1=0.0,
+        gamma2=np.deg2rad(-60),
+    ),
+}
+# swing of the rocker over a turn in degrees, in the assembly -1, known to one decimal from outside
+SWINGS = {"general": 47.7, "looper": 51.1, "needle": 51.7}
+
+
+def longest(drive: Rssr) -> float:
+    return max(drive.crank, drive.coupler, drive.rocker, float(np.linalg.norm(drive.pivot)))
+
+
+@given(rssrs())
+def test_links_keep_their_lengths_and_the_rocker_stays_across_its_axis(drive):
+    points = drive.positions(angles_of(drive))
+    arm = points["P3"] - np.array(drive.pivot)
+    bound = CLOSED * longest(drive)
+    for vectors, length in (
+        (points["P2"], drive.crank),
+        (points["P3"] - points["P2"], drive.coupler),
+        (arm, drive.rocker),
+    ):
+        assert np.abs(np.linalg.norm(vectors, axis=1) - length).max() <= bound
+    assert np.abs(arm @ drive.rocker_frame[:, 2]).max() <= bound
+
+
+@given(rssrs())
+def test_branch_is_the_sign_of_rocker_against_the_plane_of_crank_pin_and_axis(drive):
+    assert (drive.assembly_sign(drive.positions(angles_of(drive))) > 0.0).all()
+
+
+@given(rssrs())
+def test_mirror_image_across_the_shaft_gives_the_other_branch(drive):
+    angles = angles_of(drive)
+    x, y, z = drive.pivot
+    mirrored = replace(drive, pivot=(-x, y, z), gamma1=-drive.gamma1, branch=-drive.branch)
+    here, there = drive.positions(angles)["P3"], mirrored.positions(angles)["P3"]
+    assert np.abs(here * [-1.0, 1.0, 1.0] - there).max() <= CLOSED * longest(drive)
+
+
+@given(rssrs(), st.sampled_from([2.0**-7, 2.0**5]))
+def test_scaling_all_lengths_by_a_power_of_two_scales_the_motion_to_the_last_bit(drive, scale):
+    angles = angles_of(drive, lowest_transmission=1e-3)
+    lengths = {name: scale * getattr(drive, name) for name in ("crank", "coupler", "rocker")}
+    larger = replace(drive, **lengths, pivot=tuple(scale * value for value in drive.pivot))
+    here, there = drive.solve(angles, 3.0, 2.0).points["P3"], larger.solve(angles, 3.0, 2.0).points["P3"]
+    for part in ("position", "velocity", "acceleration"):
+        assert (scale * getattr(here, part) == getattr(there, part)).all()
+
+
+@settings(max_examples=25)
+@given(rssrs(), st.floats(1.0, 300.0), st.floats(-500.0, 500.0))
+def test_position_velocity_and_acceleration_agree_with_fifty_digits(drive, speed, acceleration):
+    angles = angles_of(drive, count=3, lowest_transmission=0.05)
+    point = drive.solve(angles, speed, acceleration).points["P3"]
+    for i, f in enumerate(angles):
+        p, first, second = rssr_p3(drive, f)
+        assert np.linalg.norm(point.position[i] - p) <= 1e-13 * longest(drive) / 0.05
+        v, a = speed * first, acceleration * first + speed**2 * second
+        scale_v = speed * longest(drive)
+        assert np.linalg.norm(point.velocity[i] - v) <= 1e-10 * max(np.linalg.norm(v), scale_v)
+        scale_a = speed**2 * longest(drive)
+        assert np.linalg.norm(point.acceleration[i] - a) <= 1e-10 * max(np.linalg.norm(a), scale_a)
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_layouts_of_the_paper_agree_with_fifty_digits_and_swing_as_they_should(name):
+    drive = LAYOUTS[name]
+    angles = np.linspace(0.0, 2 * np.pi, 7)[:-1] + 0.1
+    point = drive.solve(angles, 2.0).points["P3"]
+    for i, f in enumerate(angles):
+        p, first, second = rssr_p3(drive, f)
+        for measured, exact in (
+            (point.position[i], p),
+            (point.velocity[i], 2.0 * first),
+            (point.acceleration[i], 4.0 * second),
+        ):
+            assert np.linalg.norm(measured - exact) <= 1e-12 * np.linalg.norm(exact)
+    other = replace(drive, branch=-1).solve(np.linspace(0.0, 2 * np.pi, 721))
+    swing = np.rad2deg(np.ptp(np.unwrap(other.joints["rocker"].value)))
+    assert abs(swing - SWINGS[name]) <= 0.05
+    assert drive.crank_range().full
+
+
+@settings(max_examples=20)
+@given(rssrs())
+def test_motion_of_every_link_satisfies_the_loop_equations_and_their_rates(drive):
+    angles = angles_of(drive, count=4, lowest_transmission=0.1)
+    speed, acceleration = 7.0, -3.0
+    try:
+        motion = drive.solve(angles, speed, acceleration)
+    except AssemblyError as error:
+        assert "nothing can hold link" in str(error)
+        assume(False)
+    agrees_with_loop_equations(drive, motion, passive=("coupler",))
+
+
+def agrees_with_loop_equations(drive, motion, passive=()):
+    mechanism = drive.mechanism
+    poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
+    lengths, angles = closure.residual_norms(mechanism, poses, motion.angle)
+    assert lengths.max() <= CLOSED * mechanism.size
+    assert angles.max() <= 32 * EPS
+    exact = closure.rates(mechanism, poses, motion.angle, motion.speed, motion.acceleration)
+    for name, link in motion.links.items():
+        for part in ("velocity", "angular_velocity", "acceleration", "angular_acceleration"):
+            if name in passive and part.startswith("angular"):
+                continue  # its spin about itself is nobody's
+            measured, expected = getattr(link, part), getattr(exact.links[name], part)
+            unit = 1.0 if part.startswith("angular") else mechanism.size
+            scale = max(np.abs(expected).max(), unit * motion.speed.max() ** 2)
+            assert np.abs(measured - expected).max() <= 1e-10 * scale, (name, part)
+
+
+@settings(max_examples=20)
+@given(
+    rssrs(),
+    turns,
+    turns,
+    st.integers(1000, 2100).map(lambda value: value * 1e-3),
+    st.integers(1000, 2100).map(lambda value: value * 1e-3),
+    st.sampled_from([1, -1]),
+)
+def test_guided_coupler_keeps_the_angles_of_pin_and_rod_and_its_side(
+    drive, psi1, psi2, beta1, beta2, guide_branch
+):
+    guide = {"psi1": psi1, "psi2": psi2, "beta1": beta1, "beta2": beta2, "guide_branch": guide_branch}
+    drive = replace(drive, guide=True, **guide)
+    angles = angles_of(drive, count=4, lowest_transmission=0.1)
+    try:
+        motion = drive.solve(angles, 7.0, -3.0)
+    except AssemblyError as error:
+        assert "nothing can hold link 'coupler'" in str(error)
+        assume(False)
+    # the paper's words: a pin fixed in the crank, a direction fixed in the coupler
+    c1, s1, c2, s2 = np.cos(psi1), np.sin(psi1), np.cos(psi2), np.sin(psi2)
+    pin_at_zero = np.array([-s1 * c2, c1 * c2, s2])
+    c, s = np.cos(angles), np.sin(angles)
+    pin = np.stack(
+        [
+            np.full_like(c, pin_at_zero[0]),
+            pin_at_zero[1] * c - pin_at_zero[2] * s,
+            pin_at_zero[1] * s + pin_at_zero[2] * c,
+        ],
+        1,
+    )
+    direction = motion.links["coupler"].rotation @ np.array([np.cos(beta2), 0.0, np.sin(beta2)])
+    rod = (motion.points["P2"].position - motion.points["P3"].position) / drive.coupler
+    side = (direction * np.cross(pin, rod)).sum(1)
+    assume(np.abs(side).min() > 0.05)
+    assert np.abs((pin * direction).sum(1) - np.cos(beta1)).max() <= 100 * EPS
+    assert np.abs((rod * direction).sum(1) - np.cos(beta2)).max() <= 100 * EPS
+    assert (np.sign(side) == guide_branch).all()
+    agrees_with_loop_equations(drive, motion)
+
+
+def test_guide_does_not_change_the_rocker():
+    angles = np.linspace(0.0, 6.0, 20)
+    free, guided = (Rssr(guide=guide).solve(angles).points["P3"] for guide in (False, True))
+    assert (free.position == guided.position).all()
+
+
+@settings(max_examples=30)
+@given(rssrs())
+def test_dead_centres_are_where_fifty_digits_put_them(drive):
+    def gap(f):
+        """cos2 - 1 of the angle between rocker and P4P2, times what never vanishes."""
+        x, y, _ = ([mpmath.mpf(float(v)) for v in column] for column in drive.rocker_frame.T)
+        p2 = [0, drive.crank * mpmath.cos(f), drive.crank * mpmath.sin(f)]
+        d = [p - mpmath.mpf(q) for p, q in zip(p2, drive.pivot, strict=True)]
+        a, b = (2 * mpmath.mpf(drive.rocker) * mpmath.fdot(d, u) for u in (x, y))
+        k = mpmath.fdot(d, d) + mpmath.mpf(drive.rocker) ** 2 - mpmath.mpf(drive.coupler) ** 2
+        return (a * a + b * b - k * k) / mpmath.mpf(longest(drive)) ** 4
+
+    found = drive.dead_centres()
+    scan = np.linspace(-np.pi, np.pi, 181)
+    with mpmath.workdps(40):
+        values = [gap(mpmath.mpf(float(f))) for f in scan]
+        changes = [i for i in range(180) if values[i] * values[i + 1] < 0]
+        # two dead centres within one step of the scan are not looked for here
+        assume(min(abs(value) for value in values) > 1e-6 and len(changes) == len(found))
+        for i in changes:
+            root = float(mpmath.findroot(gap, (scan[i], scan[i + 1]), solver="anderson", tol=1e-30))
+            slope = abs(float(mpmath.diff(gap, root)))
+            miss = min(abs((f - root + np.pi) % (2 * np.pi) - np.pi) for f in found)
+            assert miss <= 1e-13 / min(slope, 1.0)
+        assert drive.crank_range().full == (not changes and values[0] > 0)
+
+
+@given(rssrs())
+def test_both_assemblies_are_listed_and_are_all_there_are(drive):
+    f = float(angles_of(drive, count=3, lowest_transmission=0.05)[1 if drive.crank_range().full else 0])
+    listed = [each.positions([f])["P3"][0] for each in drive.assemblies(f)]
+    # brute force: swing the rocker through a turn and count where the coupler fits
+    swing = np.linspace(0.0, 2 * np.pi, 20001)
+    x, y, _ = drive.rocker_frame.T
+    rim = np.array(drive.pivot) + drive.rocker * (np.cos(swing)[:, None] * x + np.sin(swing)[:, None] * y)
+    miss = np.linalg.norm(rim - drive.positions([f])["P2"], axis=1) - drive.coupler
+    fits = rim[:-1][miss[:-1] * miss[1:] <= 0.0]
+    assert len(listed) == len(fits) == 2
+    for place in fits:
+        assert min(np.linalg.norm(place - point) for point in listed) <= 4e-4 * drive.rocker
+
+
+def test_with_parallel_shafts_it_is_the_planar_four_bar():
+    planar = FourBar()
+    spatial = Rssr(
+        crank=planar.crank,
+        coupler=planar.coupler,
+        rocker=planar.rocker,
+        pivot=(0.0, planar.ground, 0.0),
+        gamma1=np.pi / 2,
+        gamma2=0.0,
+        branch=1,
+    )
+    angles = np.linspace(0.0, 6.0, 40)
+    flat, solid = planar.solve(angles, 3.0, 2.0).points["B"], spatial.solve(angles, 3.0, 2.0).points["P3"]
+    for part in ("position", "velocity", "acceleration"):
+        expected, measured = getattr(flat, part), getattr(solid, part)
+        assert np.abs(measured[:, [1, 2, 0]] - expected).max() <= 1e-14 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("step", [0.0, 1e-9, -1e-9, 1e-13])
+def test_nothing_happens_where_the_published_form_breaks(step):
+    drive = LAYOUTS["looper"]
+    f = np.arccos(drive.pivot[1] / drive.crank) + step  # P4P2 x axis has no X-component there
+    point = drive.solve([f]).points["P3"]
+    for measured, exact in zip(
+        (point.position[0], point.velocity[0], point.acceleration[0]), rssr_p3(drive, f), strict=True
+    ):
+        assert np.linalg.norm(measured - exact) <= 1e-13 * np.linalg.norm(exact)
+
+
+def test_a_loop_that_cannot_close_says_where_it_can():
+    drive = catalog.make("rssr", coupler=0.030)
+    low, high = drive.crank_range().arcs[0]
+    with pytest.raises(
+        AssemblyError, match=r"does not close at crank angle .* it can stand from .* to .* rad"
+    ):
+        drive.positions([high + 0.1])
+    assert np.isfinite(drive.positions([low + 1e-12, high - 1e-12])["P3"]).all()
+
+
+def test_rates_at_a_dead_centre_are_refused_or_huge_but_never_no_number():
+    drive = catalog.make("rssr", coupler=0.030)
+    for end in drive.dead_centres():
+        for f in (end, np.nextafter(end, 10), np.nextafter(end, -10)):
+            try:
+                motion = drive.solve([f])
+            except AssemblyError as error:
+                assert "dead centre" in str(error) or "does not close" in str(error)
+            else:
+                assert np.isfinite(motion.points["P3"].acceleration).all()
+
+
+def test_a_loop_that_closes_nowhere_says_so():
+    drive = catalog.make("rssr", coupler=0.001)
+    assert drive.assemblies(0.3) == []
+    with pytest.raises(AssemblyError, match="can close nowhere in the turn"):
+        drive.positions([0.3])

@@ -1,0 +1,391 @@
+"""The analytic road to forces against other formulas, 50 digits, and the laws of energy and momentum."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from exact import DIGITS, four_bar_b, rssr_p3
+from mpmath import mp
+
+from mechsim import catalog, course, dynamics
+from mechsim.analytic.dynamics.reduced_equation import kinetic_energy
+from mechsim.errors import AssemblyError, InputError
+from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
+from mechsim.model.inertia import Inertia
+from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
+from mechsim.model.rod_inertia import slender_rod, with_inertia
+
+GRAVITY = (0.3, -9.81, 2.1)
+TURN = 2.0 * np.pi
+FULL = [name for name in catalog.DRIVES if catalog.make(name).crank_range().full]
+ANGLES = np.linspace(0.1, 6.4, 41)
+
+
+def with_inertias(mechanism, **inertias):
+    links = tuple(replace(link, inertia=inertias.get(link.name, link.inertia)) for link in mechanism.links)
+    return replace(mechanism, links=links)
+
+
+def busy(drive):
+    """Forces of every kind that the mechanism can bear."""
+    mechanism = drive.mechanism
+    point = list(mechanism.points)[-1]
+    slot = [joint.name for joint in mechanism.joints if joint.kind in ("revolute", "prismatic")][-1]
+    return Forces(
+        gravity=GRAVITY,
+        flywheel=2e-5,
+        friction=(Friction(slot, 1e-3, 2e-2), Friction("crank", 1e-4, 1e-3)),
+        springs=(Spring((GROUND, (0.02, 0.03, 0.11)), point, 50.0, 0.03, 0.2),),
+        joint_springs=(JointSpring(slot, 0.3, 0.1),),
+        loads=(Load(point, course.function(lambda x: np.stack([np.cos(x), x, 1.0 + 0.0 * x], 1), width=3)),),
+        crank_torque=course.harmonics([0.01, 0.02], [0.03]),
+    )
+
+
+@pytest.fixture(scope="module", params=FULL)
+def drive(request):
+    return catalog.make(request.param)
+
+
+def test_drive_torque_by_virtual_power_is_that_of_newton_and_euler(drive):
+    study = dynamics.prescribed(dynamics.machine(drive, busy(drive)), ANGLES, 80.0, 900.0)
+    size = np.abs(study.torque).max()
+    assert np.abs(study.balance.drive - study.torque).max() <= 1e-12 * size
+    assert study.balance.residual.max() <= 1e-12
+
+
+def test_powers_balance_and_kinetic_energy_is_the_sum_over_the_links(drive):
+    machine = dynamics.machine(drive, busy(drive))
+    study = dynamics.prescribed(machine, ANGLES, 80.0, 900.0)
+    parts = study.power_in + study.power_loads - study.power_lost - study.power_stored
+    assert np.abs(parts).max() <= 1e-12 * np.abs(study.power_in).max()
+    assert np.allclose(study.kinetic, 0.5 * study.reduced.inertia * 80.0**2, rtol=1e-13)
+    assert (study.power_lost >= 0.0).all()
+
+
+def test_derivatives_of_inertia_and_energy_are_those_of_their_fourier_series(drive):
+    machine = dynamics.machine(drive, Forces(gravity=GRAVITY, springs=busy(drive).springs))
+    part = dynamics.reduced(machine, np.arange(256) * (TURN / 256))
+
+    def slope(values):
+        waves = np.fft.rfft(values)
+        waves[np.abs(waves) < 1e-15 * np.abs(waves).max()] = 0.0
+        return np.fft.irfft(1j * np.arange(129) * waves)
+
+    assert np.abs(slope(part.inertia) - part.slope).max() <= 1e-9 * np.abs(part.slope).max()
+    assert np.abs(slope(part.energy) + part.static).max() <= 1e-9 * np.abs(part.static).max()
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rssr", "rrsrr", "looper"])
+def test_closed_form_and_loop_equations_give_the_same_forces(name):
+    drive = catalog.make(name)
+    angles = np.linspace(0.2, 2.0, 7)
+    closed = dynamics.prescribed(dynamics.machine(drive, busy(drive)), angles, 80.0)
+    loops = dynamics.prescribed(dynamics.machine(drive.mechanism, busy(drive)), angles, 80.0)
+    assert np.abs(closed.torque - loops.torque).max() <= 1e-11 * np.abs(closed.torque).max()
+    most = max(np.abs(one.force).max() for one in closed.balance.reactions.values())
+    for joint, one in closed.balance.reactions.items():
+        assert np.abs(one.force - loops.balance.reactions[joint].force).max() <= 1e-10 * most
+
+
+def slender(drive, masses):
+    return with_inertias(
+        drive.mechanism,
+        **{
+            link: slender_rod((0.0, 0.0, 0.0), end, mass)
+            for (link, end), mass in zip(RODS[drive.name](drive).items(), masses, strict=True)
+        },
+    )
+
+
+RODS = {
+    "rssr": lambda d: {
+        "crank": (0.0, d.crank, 0.0),
+        "coupler": (-d.coupler, 0.0, 0.0),
+        "rocker": (d.rocker, 0.0, 0.0),
+    },
+    "four_bar": lambda d: {
+        "crank": (d.crank, 0.0, 0.0),
+        "coupler": (d.coupler, 0.0, 0.0),
+        "rocker": (d.rocker, 0.0, 0.0),
+    },
+}
+
+
+@pytest.mark.parametrize(("name", "tip"), [("rssr", rssr_p3), ("four_bar", four_bar_b)])
+def test_inertia_of_thin_rods_is_that_of_their_end_points_to_50_digits(name, tip):
+    """J = m (u.u + u.v + v.v) / 3 for a thin rod whose ends move at u, v: no centre, no angular velocity."""
+    drive, (m1, m2, m3) = catalog.make(name), (0.3, 0.7, 0.5)
+    machine = dynamics.machine(drive, mechanism=slender(drive, (m1, m2, m3)))
+    for f in (0.3, 1.9, 4.4):
+        part, c = dynamics.reduced(machine, [f]), drive.crank
+        _, v, a = tip(drive, f)
+        cos, sin = np.cos(f), np.sin(f)
+        u, w = (
+            ((0.0, -c * sin, c * cos), (0.0, -c * cos, -c * sin))
+            if name == "rssr"
+            else ((-c * sin, c * cos, 0.0), (-c * cos, -c * sin, 0.0))
+        )
+        u, w = np.array(u), np.array(w)
+        inertia = m1 * c**2 / 3.0 + m2 * (u @ u + u @ v + v @ v) / 3.0 + m3 * (v @ v) / 3.0
+        slope = m2 * (2.0 * u @ w + w @ v + u @ a + 2.0 * v @ a) / 3.0 + 2.0 * m3 * (v @ a) / 3.0
+        assert part.inertia[0] == pytest.approx(inertia, rel=1e-13)
+        assert part.slope[0] == pytest.approx(slope, rel=1e-11)
+
+
+def loop_acceleration(drive, f, w, torque, gravity):
+    """Crank acceleration of a planar slider-crank from its loop equations with 50 digits.
+
+    Coordinates x, y, angle of crank and rod and x of the slider; no reduced equation, no closed form of
+    rates: [M J'; J 0] [a; -lambda] = [Q; -bias], velocities from J v = 0 with the crank's speed.
+    """
+    inertias = {link.name: link.inertia for link in with_inertia(drive.mechanism).links}
+    with mp.workdps(DIGITS):
+        r, rod, e = mp.mpf(drive.crank), mp.mpf(drive.rod), mp.mpf(drive.offset)
+        m1, m2, m3 = (mp.mpf(inertias[name].mass) for name in ("crank", "rod", "slider"))
+        i1, i2 = (mp.mpf(inertias[name].moments[2][2]) for name in ("crank", "rod"))
+        f, w = mp.mpf(f), mp.mpf(w)
+        t = mp.asin((e - r * mp.sin(f)) / rod)
+        s1, c1, s2, c2 = mp.sin(f), mp.cos(f), mp.sin(t), mp.cos(t)
+        # rows: crank pivot at O (2), pin A (2), pin B (2)
+        jac = mp.matrix(6, 7)
+        for i, (row, values) in enumerate(
+            [
+                (0, {0: 1, 2: r * s1 / 2}),
+                (1, {1: 1, 2: -r * c1 / 2}),
+                (2, {0: 1, 2: -r * s1 / 2, 3: -1, 5: -rod * s2 / 2}),
+                (3, {1: 1, 2: r * c1 / 2, 4: -1, 5: rod * c2 / 2}),
+                (4, {3: 1, 5: -rod * s2 / 2, 6: -1}),
+                (5, {4: 1, 5: rod * c2 / 2}),
+            ]
+        ):
+            assert row == i
+            for column, value in values.items():
+                jac[row, column] = value
+        q = -w * r * c1 / (rod * c2)
+        bias = mp.matrix(
+            [
+                r * c1 * w**2 / 2,
+                r * s1 * w**2 / 2,
+                -r * c1 * w**2 / 2 - rod * c2 * q**2 / 2,
+                -r * s1 * w**2 / 2 - rod * s2 * q**2 / 2,
+                -rod * c2 * q**2 / 2,
+                -rod * s2 * q**2 / 2,
+            ]
+        )
+        mass = [m1, m1, i1, m2, m2, i2, m3]
+        force = (
+            [m1 * g for g in gravity[:2]] + [torque] + [m2 * g for g in gravity[:2]] + [0, m3 * gravity[0]]
+        )
+        whole, right = mp.zeros(13), mp.matrix(13, 1)
+        for i in range(7):
+            whole[i, i], right[i] = mass[i], force[i]
+            for k in range(6):
+                whole[i, 7 + k] = whole[7 + k, i] = jac[k, i]
+        for k in range(6):
+            right[7 + k] = -bias[k]
+        return float(mp.lu_solve(whole, right)[2])
+
+
+def test_reduced_equation_gives_the_acceleration_of_the_loop_equations_with_50_digits():
+    drive = catalog.make("slider_crank")
+    machine = dynamics.machine(drive, Forces(gravity=GRAVITY))
+    for f, w in ((0.4, 12.0), (2.7, -35.0), (5.1, 0.0)):
+        part = dynamics.reduced(machine, [f])
+        found = (part.force(w) + 0.7 - 0.5 * part.slope * w**2) / part.inertia
+        assert found[0] == pytest.approx(loop_acceleration(drive, f, w, 0.7, GRAVITY), rel=1e-11)
+
+
+def test_slider_crank_with_a_heavy_slider_has_the_torque_and_side_force_of_textbooks():
+    """Piston force F, rod angle b: torque F r sin(f + b) / cos b, side force F tan b, rod force F / cos b.
+
+    Source: Shigley & Uicker, Theory of Machines and Mechanisms, section on gas and inertia forces.
+    """
+    drive = catalog.make("slider_crank", offset=0.0)
+    tiny = Inertia(1e-12, (0.0, 0.0, 0.0), (1e-16, 1e-16, 1e-16))
+    block = Inertia(2.0, (0.0, 0.0, 0.0), (1e-3, 1e-3, 1e-3))
+    mechanism = with_inertias(drive.mechanism, crank=tiny, rod=tiny, slider=block)
+    pressure = course.function(lambda x: np.stack([-30.0 + 5.0 * np.cos(x), 0.0 * x, 0.0 * x], 1), width=3)
+    machine = dynamics.machine(drive, Forces(loads=(Load("B", pressure),)), mechanism=mechanism)
+    f = np.linspace(0.2, 6.0, 30)
+    study = dynamics.prescribed(machine, f, 40.0)
+    r, rod = drive.crank, drive.rod
+    b = np.arcsin(r / rod * np.sin(f))
+    pull = drive.solve(f, 40.0).points["B"].acceleration[:, 0]
+    # what pushes the rod at B, along X; the slide pushes the slider the other way than the rod does
+    piston = -30.0 + 5.0 * np.cos(f) - 2.0 * pull
+    torque = piston * r * np.sin(f + b) / np.cos(b)
+    assert np.allclose(study.torque, torque, rtol=0.0, atol=1e-9 * np.abs(torque).max())
+    side = study.balance.reactions["slide"].force[:, 1]
+    assert np.allclose(side, -piston * np.tan(b), rtol=0.0, atol=1e-9 * np.abs(piston).max())
+    rod_force = np.linalg.norm(study.balance.reactions["A"].force[:, :2], axis=1)
+    assert np.allclose(rod_force, np.abs(piston / np.cos(b)), rtol=0.0, atol=1e-9 * np.abs(piston).max())
+
+
+def test_frame_feels_what_the_links_lose_in_momentum(drive):
+    """Shaking force and moment about the origin from linear and angular momentum, differenced."""
+    machine = dynamics.machine(drive, Forces(gravity=GRAVITY))
+    f, w, h = np.array([0.7, 2.3]), 30.0, 1e-4
+    study = dynamics.prescribed(machine, f, w)
+
+    def momentum(angle):
+        unit = machine.unit_motion(angle)
+        twist = w * unit.twist
+        velocity = twist[..., :3] + np.cross(twist[..., 3:], unit.centres)
+        linear = unit.masses[:, None] * velocity
+        turning = (unit.moments @ twist[..., 3:, None])[..., 0]
+        angular = turning + np.cross(unit.position + unit.centres, linear)
+        return linear.sum(1), angular.sum(1)
+
+    weights = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
+    lost = [sum(weights[k] * momentum(f + k * h)[i] for k in weights) * (-w / h) for i in (0, 1)]
+    unit = machine.unit_motion(f)
+    weight = unit.masses[:, None] * np.array(GRAVITY)
+    lost[0] = lost[0] + weight.sum(0)
+    lost[1] = lost[1] + np.cross(unit.position + unit.centres, weight).sum(1)
+    assert np.allclose(study.shaking_force, lost[0], atol=1e-8 * np.abs(lost[0]).max())
+    assert np.allclose(study.shaking_moment, lost[1], atol=1e-8 * np.abs(lost[1]).max())
+    assert kinetic_energy(unit, np.full(2, w)) == pytest.approx(study.kinetic, rel=1e-14)
+
+
+def test_frame_feels_the_sum_of_the_reactions_of_its_joints(drive):
+    machine = dynamics.machine(drive, Forces(gravity=GRAVITY))
+    study = dynamics.prescribed(machine, ANGLES, 50.0, 100.0)
+    force, moment = np.zeros((2, len(ANGLES), 3))
+    for joint in machine.mechanism.joints:
+        if joint.a.link == GROUND:
+            one = study.balance.reactions[joint.name]
+            force, moment = force - one.force, moment - one.moment - np.cross(one.point, one.force)
+            if joint.name == machine.mechanism.driver:
+                axis = np.array(joint.a.axis)
+                moment = moment - study.torque[:, None] * axis
+    assert np.allclose(force, study.shaking_force, atol=1e-11 * np.abs(force).max())
+    gears = machine.mechanism.gears
+    if not gears:
+        assert np.allclose(moment, study.shaking_moment, atol=1e-11 * np.abs(moment).max())
+
+
+def test_a_planar_mechanism_leaves_forces_across_its_plane_open_and_a_spatial_one_nothing():
+    planar = dynamics.prescribed(dynamics.machine(catalog.make("four_bar")), [0.5], 10.0).balance
+    assert planar.indeterminacy == 3
+    assert all(one.open == ("fz", "mx", "my") for one in planar.reactions.values())
+    for name in ("rssr", "rrsrr", "looper"):
+        spatial = dynamics.prescribed(dynamics.machine(catalog.make(name)), [0.5], 10.0).balance
+        assert spatial.indeterminacy == 0
+        assert all(one.open == () for one in spatial.reactions.values())
+
+
+def test_a_coupler_that_spins_by_itself_carries_what_a_guided_one_does_at_both_ends():
+    """The spin of a round rod changes nothing: neither torque nor forces, up to its tiny moment."""
+    free = catalog.make("rssr")
+    guided = replace(free, guide=True)
+    thin = {}
+    for drive in (free, guided):
+        machine = dynamics.machine(drive, Forces(gravity=GRAVITY), mechanism=slender(drive, (0.3, 0.7, 0.5)))
+        thin[drive.guide] = dynamics.prescribed(machine, ANGLES, 30.0)
+    assert np.allclose(
+        thin[True].torque, thin[False].torque, rtol=0.0, atol=1e-5 * np.abs(thin[False].torque).max()
+    )
+    force = thin[False].balance.reactions["P3"].force
+    assert np.allclose(thin[True].balance.reactions["P3"].force, force, atol=1e-5 * np.abs(force).max())
+
+
+def test_a_spinning_coupler_that_is_not_round_or_that_friction_turns_is_refused():
+    drive = catalog.make("rssr")
+    flat = Inertia(0.1, (-0.02, 0.0, 0.0), (1e-6, 2e-5, 2.05e-5))
+    with pytest.raises(InputError, match=r"spin of link 'coupler'.*not round about its line"):
+        dynamics.prescribed(
+            dynamics.machine(drive, mechanism=with_inertias(drive.mechanism, coupler=flat)), [0.5], 1.0
+        )
+    rubbing = dynamics.machine(drive, Forces(friction=(Friction("P2", 1e-3),)))
+    with pytest.raises(InputError, match="would spin a link whose spin nothing determines"):
+        dynamics.prescribed(rubbing, [0.5], 1.0)
+    aside = dynamics.machine(
+        drive, Forces(loads=(Load(("coupler", (0.0, 0.01, 0.0)), course.constant((1.0, 2.0, 3.0))),))
+    )
+    with pytest.raises(InputError, match="a load would spin"):
+        dynamics.prescribed(aside, [0.5], 1.0)
+
+
+def test_viscous_friction_in_a_universal_joint_takes_the_power_of_both_its_angles():
+    drive = catalog.make("rssr", guide=True)
+    machine = dynamics.machine(drive, Forces(friction=(Friction("P2", 1e-3),)))
+    f, w, h = np.array([0.6, 3.1]), 20.0, 1e-4
+    study = dynamics.prescribed(machine, f, w)
+    from mechsim.model.mechanism import joint_coordinate
+
+    def angles(at):
+        poses = machine.unit_motion(at).poses()
+        return joint_coordinate(drive.mechanism.joint("P2"), poses["crank"], poses["coupler"])
+
+    rates = w * (8.0 * (angles(f + h) - angles(f - h)) - angles(f + 2 * h) + angles(f - 2 * h)) / (12.0 * h)
+    assert study.power_lost == pytest.approx(1e-3 * (rates**2).sum(1), rel=1e-8)
+
+
+def test_a_flywheel_takes_torque_only_where_the_crank_gains_speed():
+    drive = catalog.make("four_bar")
+    bare, heavy = (dynamics.machine(drive, Forces(flywheel=j)) for j in (0.0, 0.01))
+    steady = [dynamics.prescribed(machine, ANGLES, 10.0).torque for machine in (bare, heavy)]
+    assert np.allclose(*steady, atol=1e-15)
+    gaining = [dynamics.prescribed(machine, ANGLES, 10.0, 5.0).torque for machine in (bare, heavy)]
+    assert gaining[1] - gaining[0] == pytest.approx(np.full(len(ANGLES), 0.05), rel=1e-10)
+
+
+def test_flywheel_found_keeps_the_speed_as_even_as_asked_and_agrees_with_the_rule_of_excess_energy():
+    machine = dynamics.machine(catalog.make("four_bar"), Forces(gravity=GRAVITY))
+    even = dynamics.flywheel_for(machine, 20.0, 1e-3)
+    kept = dynamics.fluctuation(machine.with_forces(replace(machine.forces, flywheel=even.flywheel)), 20.0)
+    assert kept.coefficient == pytest.approx(1e-3, rel=1e-10)
+    assert 1.0 / np.mean(1.0 / kept.speed) == pytest.approx(20.0, rel=1e-12)
+    # the textbook's flywheel, from the drive torque at constant speed: excess energy over delta w2
+    torque = dynamics.prescribed(machine, kept.angle, 20.0).torque
+    gained = np.cumsum(torque - torque.mean()) * (TURN / len(torque))
+    rule = np.ptp(gained) / (1e-3 * 20.0**2)
+    assert even.flywheel + machine_mean_inertia(machine) == pytest.approx(rule, rel=5e-3)
+    assert dynamics.flywheel_for(machine, 20.0, 5.0).flywheel == 0.0
+
+
+def machine_mean_inertia(machine):
+    return dynamics.reduced(machine, np.arange(64) * (TURN / 64)).inertia.mean()
+
+
+def test_speed_fluctuation_is_that_of_a_free_run_under_the_constant_torque():
+    machine = dynamics.machine(catalog.make("slider_crank"), Forces(gravity=GRAVITY))
+    turn = dynamics.fluctuation(machine, 25.0)
+    assert turn.torque == pytest.approx(0.0, abs=1e-12)
+    run = dynamics.free_run(machine, angle=0.0, speed=float(turn.speed[0]), turns=1.0, samples=101)
+    assert run.time[-1] == pytest.approx(TURN / 25.0, rel=1e-10)
+    assert np.ptp(run.speed) / 25.0 == pytest.approx(turn.coefficient, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda m: dynamics.prescribed(m, [0.0, 1.0], [1.0, 2.0, 3.0]), "crank speed must be"),
+        (lambda m: dynamics.prescribed(m, [0.0], np.nan), "crank speed must be"),
+        (lambda m: dynamics.fluctuation(m, 0.0), "mean crank speed is 0.0"),
+        (lambda m: dynamics.flywheel_for(m, 10.0, -0.1), "coefficient of speed fluctuation is -0.1"),
+        (lambda m: dynamics.free_run(m), "needs turns of the crank, or a duration"),
+        (lambda m: dynamics.free_run(m, times=[0.0, 2.0, 1.0]), "two or more that rise from 0"),
+        (lambda m: dynamics.free_run(m, duration=np.inf), "duration of a free run is inf"),
+    ],
+)
+def test_numbers_that_cannot_be_used_are_refused(call, said):
+    machine = dynamics.machine(catalog.make("four_bar"), Forces(gravity=GRAVITY))
+    with pytest.raises(InputError, match=said):
+        call(machine)
+
+
+def test_a_flywheel_needs_a_crank_on_the_frame_and_a_crank_that_turns_fully_has_a_fluctuation():
+    links = (Link("arm"), Link("hand"))
+    joints = (
+        Joint("shoulder", "spherical", End(GROUND), End("arm")),
+        Joint("crank", "revolute", End("arm", (0.1, 0.0, 0.0)), End("hand")),
+    )
+    loose = Mechanism("loose", links, joints, "crank", {"tip": ("hand", (0.1, 0.0, 0.0))})
+    with pytest.raises(InputError, match="first link is 'arm', not the frame"):
+        dynamics.machine(loose, Forces(flywheel=1.0))
+    rocking = catalog.make("four_bar", crank=0.2, rocker=0.19, coupler=0.05, ground=0.1)
+    assert not rocking.crank_range().full
+    with pytest.raises(AssemblyError):
+        dynamics.fluctuation(dynamics.machine(rocking), 10.0)

@@ -1,0 +1,212 @@
+"""Free running against elliptic functions, the law of energy, and machines that end in every way there is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpmath import mp
+
+from mechsim import catalog, closure, course, dynamics, motors
+from mechsim.analytic.dynamics.crank_table import CrankTable, columns
+from mechsim.model.forces import Forces, Friction, JointSpring, Load
+from mechsim.model.inertia import Inertia
+from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
+
+DOWN = (0.0, -9.81, 0.0)
+PERIOD = 2.367841947576237  # IFToMM benchmark A01: 1 m, released level, g = 9.81
+
+
+def pendulum(**forces):
+    """A01: a point mass of 1 kg on 1 m; angle zero is level."""
+    bob = Inertia(1.0, (1.0, 0.0, 0.0), (1e-14, 1e-14, 1e-14))
+    arm = Mechanism(
+        "pendulum",
+        (Link("bob", inertia=bob),),
+        (Joint("crank", "revolute", End(GROUND), End("bob")),),
+        "crank",
+        {"B": ("bob", (1.0, 0.0, 0.0))},
+    )
+    return dynamics.machine(arm, Forces(**forces))
+
+
+def test_pendulum_released_level_swings_as_elliptic_functions_say():
+    times = np.linspace(0.0, 2.3 * PERIOD, 47)
+    run = dynamics.free_run(pendulum(gravity=DOWN), angle=0.0, times=times)
+    with mp.workdps(30):
+        k2, w = mp.mpf(1) / 2, mp.sqrt(mp.mpf("9.81"))
+        assert float(4 * mp.ellipk(k2) / w) == pytest.approx(PERIOD, rel=1e-15)
+        # sin(t/2) = k cd(w t, k), counted from straight down
+        sine = [mp.sqrt(k2) * mp.ellipfun("cd", w * mp.mpf(float(t)), m=k2) for t in times]
+        exact = np.array([float(2 * mp.asin(value) - mp.pi / 2) for value in sine])
+    # released at angle 0, which is a quarter turn from straight down on the right
+    assert np.abs(run.angle - exact).max() <= 2e-11
+    assert run.energy_error <= 1e-11
+    assert run.outcome == "done"
+
+
+def test_pendulum_carries_three_times_its_weight_at_the_bottom():
+    machine = pendulum(gravity=DOWN)
+    run = dynamics.free_run(machine, angle=0.0, times=np.linspace(0.0, PERIOD / 4.0, 5))
+    study = dynamics.prescribed(machine, run.angle, run.speed, run.acceleration)
+    # what moves freely needs no drive
+    assert np.abs(study.torque).max() <= 1e-10
+    assert np.abs(study.balance.drive).max() <= 1e-10
+    assert study.balance.reactions["crank"].force[-1] == pytest.approx([0.0, 3 * 9.81, 0.0], abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rssr", "warp_knitter"])
+def test_a_machine_without_losses_keeps_its_energy_over_twenty_turns(name):
+    machine = dynamics.machine(catalog.make(name), Forces(gravity=DOWN))
+    run = dynamics.free_run(machine, angle=0.3, speed=40.0, turns=20.0, samples=201)
+    assert run.outcome == "done"
+    assert run.energy_error <= 1e-10
+    assert run.angle[-1] - run.angle[0] == pytest.approx(40.0 * np.pi, rel=1e-12)
+
+
+def test_without_forces_the_time_of_a_turn_is_the_integral_of_the_root_of_inertia():
+    machine = dynamics.machine(catalog.make("rrsrr"))
+    angle = np.arange(512) * (2.0 * np.pi / 512)
+    inertia = dynamics.reduced(machine, angle).inertia
+    run = dynamics.free_run(machine, angle=0.0, speed=30.0, turns=2.0, samples=3)
+    exact = 2.0 * 2.0 * np.pi * np.mean(np.sqrt(inertia / inertia[0])) / 30.0
+    assert run.time[-1] == pytest.approx(exact, rel=1e-11)
+    assert run.speed[-1] == pytest.approx(30.0, rel=1e-11)
+
+
+def test_closed_form_and_loop_equations_run_freely_alike():
+    drive = catalog.make("four_bar")
+    forces = Forces(gravity=DOWN, motor=motors.TorqueSpeedLine(0.01, 50.0), friction=(Friction("B", 1e-5),))
+    times = np.linspace(0.0, 0.1, 5)
+    closed, loops = (
+        dynamics.free_run(dynamics.machine(source, forces), angle=drive.mechanism.start, times=times)
+        for source in (drive, drive.mechanism)
+    )
+    assert np.abs(closed.angle - loops.angle).max() <= 1e-9
+    assert closed.motion().points["B"].velocity[-1] == pytest.approx(
+        closure.rates(
+            drive.mechanism,
+            closure.follow(drive.mechanism, closed.angle[-1:]),
+            closed.angle[-1:],
+            closed.speed[-1:],
+        )
+        .points["B"]
+        .velocity[0],
+        rel=1e-9,
+    )
+
+
+def test_a_damped_wheel_slows_down_exponentially_and_a_dc_motor_brings_it_to_its_speed():
+    drag = (Friction("crank", 0.2),)
+    wheel = pendulum(friction=drag)
+    run = dynamics.free_run(wheel, angle=0.0, speed=5.0, duration=8.0, samples=17)
+    assert run.speed == pytest.approx(5.0 * np.exp(-0.2 * run.time), rel=1e-10)
+    motor = motors.DCMotor(12.0, 1.0, 0.5)
+    driven = dynamics.free_run(pendulum(friction=drag, motor=motor), angle=0.0, duration=30.0, samples=5)
+    assert driven.speed[-1] == pytest.approx(0.5 * 12.0 / (0.25 + 0.2), rel=1e-5)
+    assert driven.speed == pytest.approx(6.0 / 0.45 * (1.0 - np.exp(-0.45 * driven.time)), rel=1e-9)
+
+
+def test_dry_friction_stops_a_wheel_after_the_time_of_a_constant_braking_torque_and_holds_it():
+    wheel = pendulum(friction=(Friction("crank", 0.0, 2.0),))
+    run = dynamics.free_run(wheel, angle=0.0, speed=5.0, duration=4.0, samples=41)
+    assert run.outcome == "stopped"
+    assert run.speed == pytest.approx(np.maximum(5.0 - 2.0 * run.time, 0.0), abs=1e-9)
+    assert run.angle[-1] == pytest.approx(25.0 / 4.0, rel=1e-11)
+    assert run.lost[-1] == pytest.approx(12.5, rel=1e-11)
+
+
+def test_a_spring_against_dry_friction_loses_twice_its_band_with_each_swing():
+    """x'' = -k x - T sign x': every half swing ends 2 T / k nearer, until it sticks within T / k."""
+    machine = pendulum(friction=(Friction("crank", 0.0, 0.3),), joint_springs=(JointSpring("crank", 4.0),))
+    run = dynamics.free_run(machine, angle=1.0, duration=12.0, samples=2401)
+    assert run.outcome == "stopped"
+    half = np.pi / 2.0
+    peaks = [float(np.interp(half * k, run.time, run.angle)) for k in range(5)]
+    assert peaks == pytest.approx([1.0, -0.85, 0.70, -0.55, 0.40], abs=1e-5)
+    assert abs(run.angle[-1]) <= 0.3 / 4.0
+    assert run.energy_error <= 1e-9
+
+
+@pytest.mark.parametrize(
+    ("forces", "said"),
+    [
+        (
+            Forces(motor=motors.ConstantTorque(1e-3), friction=(Friction("crank", 0.0, 0.1),)),
+            "dry friction holds",
+        ),
+        (Forces(gravity=DOWN, motor=motors.DCMotor(0.1, 10.0, 0.01)), "turns back"),
+        (Forces(), "the drive and loads give 0 N m"),
+        (Forces(motor=motors.ConstantTorque(-1.0)), "3 turns the other way round"),
+    ],
+)
+def test_a_motor_that_cannot_start_its_machine_is_told_so(forces, said):
+    run = dynamics.free_run(dynamics.machine(catalog.make("four_bar"), forces), turns=3.0)
+    assert run.outcome == "cannot start"
+    assert said in run.reason
+
+
+def test_runs_that_do_not_make_their_turns_say_how_they_end():
+    rising = dynamics.free_run(pendulum(gravity=DOWN), angle=-np.pi / 2, speed=6.0, turns=1.0)
+    assert rising.outcome == "turned back"
+    # v2 = 4 g l at the top is needed; 36 = 2 g (1 - cos t) is where it turns
+    assert rising.angle[-1] + np.pi / 2 == pytest.approx(np.arccos(1.0 - 36.0 / (2.0 * 9.81)), rel=1e-10)
+    braked = dynamics.free_run(
+        pendulum(friction=(Friction("crank", 0.0, 1.0),)), angle=0.0, speed=2.0, turns=1.0
+    )
+    assert braked.outcome == "stopped"
+    creeping = dynamics.free_run(
+        pendulum(friction=(Friction("crank", 1.0),)), angle=0.0, speed=2.0, turns=1.0
+    )
+    assert creeping.outcome in ("time over", "stopped")
+    short = dynamics.free_run(pendulum(), angle=0.0, speed=1.0, turns=1.0, duration=1.0)
+    assert short.outcome == "time over"
+    assert short.reason.startswith("0.159155 of 1 turns")
+
+
+def test_a_crank_that_runs_into_its_dead_centre_ends_there():
+    drive = catalog.make("four_bar", crank=0.2, rocker=0.19, coupler=0.05, ground=0.1)
+    start = drive.mechanism.start
+    run = dynamics.free_run(dynamics.machine(drive), angle=start, speed=5.0, turns=1.0, samples=5)
+    assert run.outcome == "dead centre"
+    ahead = min((end - start) % (2.0 * np.pi) for end in drive.dead_centres())
+    assert run.angle[-1] - start == pytest.approx(ahead, abs=1e-3)
+    assert run.angle[-1] - start < ahead
+    assert np.isfinite(run.speed).all()
+    assert run.energy_error <= 1e-9
+
+
+def test_a_load_over_time_wakes_a_machine_that_friction_held():
+    push = course.table([0.0, 1.0, 2.0], [0.0, 0.0, 4.0], over="time")
+    wheel = pendulum(friction=(Friction("crank", 0.0, 1.0),), crank_torque=push)
+    run = dynamics.free_run(wheel, angle=0.0, times=[0.0, 1.0, 1.24, 1.5, 2.0])
+    # the torque passes 1 N m at 1.25 s; from there x'' = 4 (t - 1.25)
+    late = np.maximum(run.time - 1.25, 0.0)
+    assert run.speed == pytest.approx(2.0 * late**2, abs=1e-9)
+    assert run.angle == pytest.approx(2.0 / 3.0 * late**3, abs=1e-9)
+
+
+def test_a_load_on_a_point_does_the_work_it_should():
+    drive = catalog.make("slider_crank")
+    against = course.constant((-3.0, 0.0, 0.0))
+    machine = dynamics.machine(drive, Forces(loads=(Load("B", against),)))
+    run = dynamics.free_run(machine, angle=0.2, speed=30.0, turns=1.3, samples=50)
+    path = drive.solve(run.angle).points["B"].position[:, 0]
+    assert run.work == pytest.approx(-3.0 * (path - path[0]), abs=1e-10)
+    assert run.energy_error <= 1e-10
+
+
+def test_the_chart_of_coefficients_is_exact_to_rounding_between_its_points():
+    drive = catalog.make("looper")
+    machine = dynamics.machine(drive, Forces(gravity=DOWN, friction=(Friction("rocker", 1e-3, 1e-3),)))
+    chart, angles = CrankTable(machine), np.random.default_rng(3).uniform(-7.0, 7.0, 60)
+    found, exact = np.array([chart.at(angle) for angle in angles]), columns(machine, angles)
+    assert (np.abs(found - exact).max(0) <= 1e-12 * np.abs(exact).max(0)).all()
+    assert chart.periodic
+
+
+def test_a_run_backwards_is_the_mirror_of_the_run_in_the_mirrored_world():
+    machine = pendulum(gravity=DOWN, motor=motors.ConstantTorque(12.0))
+    mirrored = machine.with_forces(replace(machine.forces, motor=motors.ConstantTorque(-12.0)))
+    one = dynamics.free_run(machine, angle=-np.pi / 2 + 0.4, times=np.linspace(0.0, 2.0, 9))
+    other = dynamics.free_run(mirrored, angle=-np.pi / 2 - 0.4, times=np.linspace(0.0, 2.0, 9))
+    assert one.angle + np.pi / 2 == pytest.approx(-(other.angle + np.pi / 2), rel=1e-9)

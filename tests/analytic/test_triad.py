@@ -1,0 +1,176 @@
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mechsim.analytic.vector_method import triad_assemblies
+
+EPS = np.finfo(np.float64).eps
+# angles of poses within one turn of the reference poses, as printed
+REFERENCE = np.array(
+    [
+        (-15.150496, 5.144167, -0.378489),
+        (-3.623487, 15.584298, -0.637971),
+        (3.233389, -15.669882, -0.055809),
+        (15.045358, -5.444005, 0.228719),
+        (15.137333, 5.182774, -0.073656),
+        (15.296369, 4.692663, -0.120310),
+    ]
+)
+
+
+def load_study():
+    path = Path(__file__).parents[2] / "validation" / "papers" / "triad_assemblies.py"
+    spec = importlib.util.spec_from_file_location("triad_assemblies", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["triad_assemblies"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+study = load_study()
+
+
+def plane(points: np.ndarray) -> np.ndarray:
+    return points @ np.array([1.0, 1j])
+
+
+def real(poses: np.ndarray) -> np.ndarray:
+    return poses[np.isfinite(poses[..., 0])]
+
+
+def same_poses(here: np.ndarray, there: np.ndarray, bound: float) -> bool:
+    """Say whether two lists of poses (n, 6, 3) hold the same ones in any order."""
+    return len(study.disagreements(here, [real(poses) for poses in there], bound)) == 0
+
+
+def test_the_reference_triad_has_its_six_printed_poses():
+    poses = triad_assemblies.assemblies(
+        [(0, 0), (52, 0), (49, 42)], [(0, 0), (58, 0), (38, 49)], [16, 21, 12]
+    )
+    wrapped = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    order = np.lexsort((poses[:, 1], poses[:, 0]))
+    found = np.column_stack([poses[:, :2], wrapped])[order]
+    # printed with six decimals
+    assert np.abs(found - REFERENCE).max() <= 1e-6
+
+
+def test_legs_of_every_assembly_close_to_rounding():
+    pivots, platform, legs = study.random_triads(2000, seed=1)
+    poses = triad_assemblies.assemblies(pivots, platform, legs)
+    ends = plane(poses[..., :2])[..., None] + np.exp(1j * poses[..., 2:]) * plane(platform)[:, None]
+    gaps = abs(abs(ends - plane(pivots)[:, None]) - legs[:, None])
+    # pose angle and place are rounded once more on the way out; the triads are of size 3 at most
+    assert np.nanmax(gaps) <= 16 * EPS * 3.0
+    assert np.isfinite(gaps).any()
+
+
+def test_assemblies_come_by_rising_angle_of_the_link_in_one_turn():
+    poses = triad_assemblies.assemblies(*study.random_triads(500, seed=2))
+    for angles in poses[..., 2]:
+        angles = angles[np.isfinite(angles)]
+        assert ((angles >= 0.0) & (angles < 2 * np.pi)).all()
+        assert (np.diff(angles) >= 0.0).all()
+
+
+def test_no_assembly_is_missed_or_invented_against_coupler_curves():
+    problems = study.random_triads(1000, seed=3)
+    poses = triad_assemblies.assemblies(*problems)
+    assert study.disagreements(poses, study.CouplerCurves(*problems).roots()).size == 0
+    counts = np.bincount(np.isfinite(poses[..., 0]).sum(1), minlength=7)
+    assert counts[[1, 3, 5]].sum() == 0
+    assert (counts[[0, 2, 4, 6]] > 0).all()
+
+
+def test_sixty_digits_count_the_same_assemblies():
+    problems = study.random_triads(30, seed=4)
+    poses = triad_assemblies.assemblies(*problems)
+    for pose, *problem in zip(poses, *problems, strict=True):
+        assert len(real(pose)) == study.exact_count(*problem)
+
+
+@pytest.mark.parametrize("fault", ["missed", "invented", "moved"])
+def test_the_comparison_of_methods_condemns_a_wrong_list_of_poses(fault):
+    problems = study.random_triads(40, seed=5)
+    poses = triad_assemblies.assemblies(*problems)
+    others = [real(pose) for pose in poses]
+    wrong = next(j for j, other in enumerate(others) if 2 <= len(other) < 6)
+    if fault == "missed":
+        poses[wrong, 0] = np.nan
+    elif fault == "invented":
+        poses[wrong, -1] = poses[wrong, 0] + 0.1
+    else:
+        poses[wrong, 0, 1] += 1e-5
+    assert study.disagreements(poses, others).tolist() == [wrong]
+
+
+def test_the_study_reports_no_missed_or_invented_assembly(capsys):
+    assert study.main(100) == 0
+    assert "disagreements: 0" in capsys.readouterr().out
+
+
+def test_legs_in_another_order_give_the_same_poses():
+    pivots, platform, legs = study.random_triads(300, seed=6)
+    turned = [part[:, [2, 0, 1]] for part in (pivots, platform, legs)]
+    assert same_poses(
+        triad_assemblies.assemblies(pivots, platform, legs), triad_assemblies.assemblies(*turned), 1e-9
+    )
+
+
+def test_the_mirror_image_has_mirrored_poses():
+    pivots, platform, legs = study.random_triads(300, seed=7)
+    mirror = np.array([1.0, -1.0])
+    there = triad_assemblies.assemblies(pivots * mirror, platform * mirror, legs)
+    there = there * np.array([1.0, -1.0, -1.0])
+    assert same_poses(triad_assemblies.assemblies(pivots, platform, legs), there, 1e-9)
+
+
+def test_moving_and_scaling_the_pivots_moves_and_scales_the_poses():
+    pivots, platform, legs = study.random_triads(300, seed=8)
+    poses = triad_assemblies.assemblies(pivots, platform, legs)
+    scale, turn, shift = 1e-6, np.exp(0.7j), 3e-6 - 5e-6j
+    moved = scale * turn * plane(pivots) + shift
+    there = triad_assemblies.assemblies(
+        np.stack([moved.real, moved.imag], -1), scale * platform, scale * legs
+    )
+    back = (plane(there[..., :2]) - shift) / turn / scale
+    there = np.stack([back.real, back.imag, there[..., 2] - 0.7], -1)
+    assert same_poses(poses, there, 1e-9)
+
+
+def test_two_poses_with_one_angle_are_both_found():
+    # a platform similar to its pivots, all on one line: every pose has a twin of the same angle, and
+    # the sextic has double roots only
+    pivots = np.array([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
+    platform, legs = 0.7 * pivots, [0.5, 0.6, 0.81]
+    poses = real(triad_assemblies.assemblies(pivots, platform, legs))
+    assert len(poses) == 4
+    assert np.abs(poses[0, 2] - poses[1, 2]) < 1e-7
+    assert np.abs(poses[2, 2] - poses[3, 2]) < 1e-7
+    assert np.abs(poses[0, :2] - poses[1, :2]).max() > 0.5
+    ends = plane(poses[:, :2])[:, None] + np.exp(1j * poses[:, 2:]) * plane(platform)
+    assert np.abs(abs(ends - plane(pivots)) - legs).max() <= 16 * EPS
+
+
+def test_legs_too_short_or_too_long_give_no_assembly():
+    pivots, platform = [(0, 0), (1, 0.1), (0.3, 0.9)], [(0, 0), (3, 0.2), (1.1, 2.7)]
+    assert np.isnan(triad_assemblies.assemblies(pivots, platform, [0.2, 0.3, 0.25])).all()
+    assert np.isnan(triad_assemblies.assemblies(pivots, platform, [0.2, 0.3, 9.0])).all()
+
+
+def test_a_double_root_counts_as_two_poses_before_and_none_behind_the_dead_centre():
+    pivots, platform, legs = (part[0] for part in study.random_triads(1, seed=11))
+
+    def count(longer: float) -> int:
+        return len(real(triad_assemblies.assemblies(pivots, platform, [legs[0], legs[1], legs[2] + longer])))
+
+    low, high = 0.0, 3.0
+    assert count(low) > 0
+    assert count(high) == 0
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if count(middle) else (low, middle)
+    assert count(low - 1e-9) == 2
+    assert count(low + 1e-12) == 0

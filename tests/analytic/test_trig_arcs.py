@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from strategies import turns
+
+from mechsim.analytic.vector_method.trig_arcs import TURN, Arcs, reachable_arcs
+
+
+def with_roots(roots, scale=1.0):
+    """A trigonometric polynomial of degree len(roots) / 2 with these roots and no others."""
+    return lambda f: scale * np.prod([2.0 * np.sin((np.asarray(f) - root) / 2.0) for root in roots], axis=0)
+
+
+def apart(roots):
+    ordered = np.sort(roots)
+    return np.diff(np.append(ordered, ordered[0] + TURN)).min()
+
+
+@given(
+    st.lists(turns, min_size=2, max_size=4).filter(lambda roots: len(roots) != 3),
+    st.sampled_from([1e-9, -1e6]),
+)
+def test_arcs_end_at_the_roots_and_hold_only_what_is_positive(roots, scale):
+    assume(apart(roots) > 0.05)
+    margin = with_roots(roots, scale)
+    arcs = reachable_arcs(margin, 2 if len(roots) == 4 else 1)
+    assert not arcs.full
+    assert len(arcs.arcs) == len(roots) // 2
+    ends = [end for arc in arcs.arcs for end in arc]
+    for root in roots:
+        assert min(abs((end - root + np.pi) % TURN - np.pi) for end in ends) <= 1e-12
+    for low, high in arcs.arcs:
+        assert -np.pi <= low < np.pi
+        inside = np.linspace(low, high, 9)[1:-1]
+        assert (margin(inside) > 0.0).all()
+
+
+@given(turns)
+def test_a_double_root_is_no_end(double):
+    arcs = reachable_arcs(with_roots([double, double]), 1)
+    assert arcs.full
+    assert arcs.arcs == ((-np.pi, np.pi),)
+    assert reachable_arcs(with_roots([double, double], -1.0), 1).arcs == ()
+
+
+@given(turns, turns, turns)
+def test_a_double_root_beside_two_simple_ones_is_no_end(double, low, high):
+    assume(apart([double, low, high]) > 0.1)
+    arcs = reachable_arcs(with_roots([double, double, low, high]), 2)
+    assert len(arcs.arcs) == 1
+    for root in (low, high):
+        assert min(abs((end - root + np.pi) % TURN - np.pi) for end in arcs.arcs[0]) <= 1e-9
+
+
+@pytest.mark.parametrize("degree", [1, 2, 4])
+@pytest.mark.parametrize("level", [3.0, 1e-12, 1e12])
+def test_a_constant_is_full_or_nothing(degree, level):
+    assert reachable_arcs(lambda f: np.full_like(f, level), degree).full
+    assert reachable_arcs(lambda f: np.full_like(f, -level), degree).arcs == ()
+
+
+def test_a_degree_too_high_for_the_polynomial_does_no_harm():
+    arcs = reachable_arcs(with_roots([-0.5, 1.25]), 4)
+    assert len(arcs.arcs) == 1
+    assert sorted(end % TURN for end in arcs.arcs[0]) == pytest.approx(sorted([1.25, TURN - 0.5]), abs=1e-12)
+
+
+def test_start_is_zero_where_the_crank_can_stand_there_else_amid_the_longest_arc():
+    assert Arcs(True, ((-np.pi, np.pi),)).start() == 0.0
+    assert Arcs(False, ((-0.2, 0.1),)).start() == 0.0
+    assert Arcs(False, ((3.0, 7.0),)).start() == 0.0  # wraps past a whole turn
+    assert Arcs(False, ((0.5, 0.6), (1.0, 2.0))).start() == 1.5
+    assert Arcs(False, ()).start() == 0.0
+
+
+def test_arcs_read_as_a_sentence():
+    assert str(Arcs(True, ((-np.pi, np.pi),))) == "anywhere in the turn"
+    assert str(Arcs(False, ((0.25, 1.5),))) == "from 0.25 to 1.5 rad"

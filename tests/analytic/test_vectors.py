@@ -1,0 +1,122 @@
+import exact
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from strategies import EPS, branches, lengths, offsets, turns
+
+from mechsim.analytic.vector_method import vectors
+
+triples = st.tuples(offsets, offsets, offsets).map(lambda v: 100.0 * np.array(v))
+
+
+@given(triples, triples, turns)
+def test_turning_keeps_length_and_the_part_along_the_axis(v, axis, angle):
+    turned = vectors.turn(v, axis, angle)
+    assert abs(np.linalg.norm(turned) - np.linalg.norm(v)) <= 8 * EPS * np.linalg.norm(v)
+    assert abs((turned - v) @ axis) <= 8 * EPS * np.linalg.norm(v) * np.linalg.norm(axis)
+
+
+@given(triples, triples, turns, turns)
+def test_two_turns_are_one_turn_by_the_sum(v, axis, first, second):
+    twice = vectors.turn(vectors.turn(v, axis, first), axis, second)
+    assert np.abs(twice - vectors.turn(v, axis, first + second)).max() <= 16 * EPS * np.linalg.norm(v)
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_turning_about_a_coordinate_axis_is_its_matrix(axis):
+    v, unit = np.array([0.3, -0.7, 1.1]), np.eye(3)["xyz".index(axis)]
+    assert np.abs(vectors.turn(v, unit, 0.83) - vectors.rotation(axis, 0.83) @ v).max() <= 4 * EPS
+
+
+def test_turning_rescales_to_the_length_asked_for_and_takes_many_angles():
+    angles = np.linspace(0.0, 6.0, 7)
+    turned = vectors.turn(np.array([[0.0], [2.0], [0.0]]), np.array([[5.0], [0.0], [0.0]]), angles, 0.013)
+    assert (
+        np.abs(turned - 0.013 * np.stack([0 * angles, np.cos(angles), np.sin(angles)])).max()
+        <= 4 * EPS * 0.013
+    )
+
+
+@given(lengths, lengths, turns)
+def test_triangle_angle_agrees_with_fifty_digits_also_for_needles(l1, l2, angle):
+    l3 = abs(l1 - l2 * np.exp(1j * angle))
+    assume(l3 > 1e-6)
+    with mpmath.workdps(50):
+        a, b, c = mpmath.mpf(l1), mpmath.mpf(l2), mpmath.mpf(float(l3))
+        cosine = (a * a + b * b - c * c) / (2 * a * b)
+        assume(abs(cosine) < 1)
+        expected = float(mpmath.acos(cosine))
+    measured = float(vectors.triangle_angle(l1, l2, l3))
+    # Kahan's bound holds where the lengths themselves determine the angle: not for a flat triangle
+    conditioned = min(expected, np.pi - expected) > 1e-6
+    assert abs(measured - expected) <= (8 * EPS if conditioned else 1e-9) * np.pi
+    assert abs(np.cos(expected) - vectors.triangle_cosine(l1, l2, l3)) <= 64 * EPS * max(l1 / l2, l2 / l1)
+
+
+def test_three_lengths_that_make_no_triangle_have_no_angle():
+    assert np.isnan(vectors.triangle_angle([1.0, 1.0, 5.0], [1.0, 5.0, 1.0], [3.0, 1.0, 1.0])).all()
+    assert vectors.triangle_angle(1.0, 2.0, 3.0) == np.pi
+    assert vectors.triangle_angle(3.0, 2.0, 1.0) == 0.0
+
+
+@given(triples, triples, turns, turns, branches)
+def test_unit_vector_keeps_both_angles_and_its_side(v1, v2, first, second, sign):
+    angle1, angle2 = abs(first), abs(second)
+    between = np.linalg.norm(np.cross(v1, v2)) / (np.linalg.norm(v1) * np.linalg.norm(v2))
+    assume(between > 1e-3)
+    p = vectors.unit_at_angles(v1, v2, angle1, angle2, sign)
+    assume(np.isfinite(p).all())
+    bound = 32 * EPS / between
+    assert abs(np.linalg.norm(p) - 1.0) <= bound / between
+    for v, angle in ((v1, angle1), (v2, angle2)):
+        assert abs(p @ v / np.linalg.norm(v) - np.cos(angle)) <= bound
+    assert sign * (p @ np.cross(v1, v2)) >= -bound * np.linalg.norm(v1) * np.linalg.norm(v2)
+
+
+@given(triples, triples, st.integers(300, 1200), st.integers(300, 1200), branches)
+def test_unit_vector_agrees_with_fifty_digits_where_no_coordinate_frame_is_special(
+    v1, v2, first, second, sign
+):
+    angle1, angle2 = first * 1e-3, second * 1e-3
+    g = v1 @ v2 / (np.linalg.norm(v1) * np.linalg.norm(v2))
+    assume(abs(g) < 0.99)
+    p = vectors.unit_at_angles(v1, v2, angle1, angle2, sign)
+    assume(np.isfinite(p).all() and abs(p @ np.cross(v1, v2)) > 0.1 * np.linalg.norm(v1) * np.linalg.norm(v2))
+    assert np.abs(p - exact.unit_at_angles(v1, v2, angle1, angle2, sign)).max() <= 1e-13
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-9, -1e-9, 1e-5])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_unit_vector_is_exact_where_the_published_form_divides_by_nothing(gap, sign):
+    v1, v2 = np.array([1.3, 0.4, 0.0]), np.array([-0.2, 0.9, gap])  # v1 x v2 along Z but for the gap
+    p = vectors.unit_at_angles(v1, v2, 0.9, 0.7, sign)
+    assert np.abs(p - exact.unit_at_angles(v1, v2, 0.9, 0.7, sign)).max() <= 4 * EPS
+
+
+def test_angles_that_no_vector_has_give_no_number():
+    x, y = np.array([1.0, 0.1, 0.0]), np.array([0.2, 1.0, 0.0])
+    with np.errstate(invalid="ignore"):
+        assert np.isnan(vectors.unit_at_angles(x, y, 0.1, 0.1, 1)).all()
+
+
+@given(triples, turns, turns, lengths, lengths, triples, branches)
+def test_circle_meets_sphere_on_both(centre, first, second, radius, reach, away, sign):
+    radius, reach = 100 * radius, 100 * reach
+    frame = vectors.rotation("y", first) @ vectors.rotation("x", second)
+    column, axis = vectors.column, vectors.column(frame[:, 2])
+    other = column(centre + away)
+    with np.errstate(invalid="ignore"):
+        p = vectors.circle_sphere(column(centre), axis, radius, other, reach, sign)
+    assume(np.isfinite(p).all())
+    size = max(radius, reach, np.linalg.norm(centre), np.linalg.norm(away))
+    assert abs(np.linalg.norm(p) - 1.0) <= 8 * EPS * size / radius
+    gap = other - column(centre)
+    beside = vectors.norm(gap - vectors.dot(gap, axis) * axis)[0]
+    assume(beside > 1e-3 * size)
+    assert abs(vectors.dot(p, axis)[0]) <= 8 * EPS * max(1.0, size / beside)
+    place = column(centre) + radius * p
+    assert abs(vectors.norm(place - other)[0] - reach) <= 16 * EPS * size * max(1.0, size / reach)
+    side = vectors.dot(p, vectors.cross(gap, axis))[0]
+    assert sign * side >= -16 * EPS * size

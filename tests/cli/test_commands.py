@@ -1,0 +1,325 @@
+"""The command line as people and scripts meet it: outputs, exit codes, one clear line for bad input."""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from mechsim import catalog, files
+from mechsim.cli import main
+
+
+class Answer(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+Call = Callable[..., Answer]
+
+
+@pytest.fixture
+def mechsim(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Call:
+    monkeypatch.chdir(tmp_path)
+
+    def call(*words: str) -> Answer:
+        monkeypatch.setattr(sys, "argv", ["mechsim", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return Answer(int(ended.value.code or 0), said.out, said.err)
+
+    return call
+
+
+# what is typed, and words the one line must hold: the thing, the value, the remedy
+BAD = {
+    "unknown mechanism": ("solve rsr", ["'rsr'", "did you mean 'rssr'"]),
+    "unknown parameter": ("solve rssr --set crnk=3mm", ["'crnk'", "did you mean 'crank'"]),
+    "no equals sign": ("solve rssr --set crank", ["--set crank=13mm"]),
+    "wrong dimension": ("solve rssr --set crank=3deg", ["crank", "3deg", "a length"]),
+    "unknown unit": ("solve rssr --set crank=3parrots", ["parrots"]),
+    "negative length": ("solve rssr --set crank=-3mm", ["crank", "-0.003", "above 0"]),
+    "zero length": ("solve rssr --set crank=0", ["crank", "above 0"]),
+    "nan length": ("solve rssr --set crank=nan", ["crank", "nan"]),
+    "infinite length": ("solve rssr --set crank=inf", ["crank", "inf"]),
+    "nan angle": ("solve rssr --set gamma1=nan", ["gamma1", "nan"]),
+    "vector too short": ("solve rssr --set pivot=1,2mm", ["pivot", "give 3"]),
+    "no such branch": ("solve rssr --set branch=2", ["branch", "1 or -1"]),
+    "guide neither on nor off": ("solve rssr --set guide=maybe", ["guide", "on or off"]),
+    "closes nowhere": ("solve rssr --set coupler=1mm", ["close", "change the dimensions"]),
+    "closes nowhere, simulated": ("simulate rssr --set coupler=1mm", ["close", "change the dimensions"]),
+    "closes over part of the turn": ("solve rssr --set rocker=9mm", ["from 2.3", "to 6.39"]),
+    "part of the turn, simulated": ("simulate rssr --set rocker=9mm", ["from 2.3", "to 6.39"]),
+    "speed zero": ("solve rssr --speed 0rpm", ["0rpm", "other than 0"]),
+    "speed no shaft has": ("simulate rssr --speed 1e300rpm", ["1e300rpm", "1e+09"]),
+    "speed of a turn in years": ("validate rssr --speed 1e-300rpm", ["1e-300rpm", "0.0001"]),
+    "speed is a length": ("solve rssr --speed 3mm", ["3mm", "600 rpm"]),
+    "step larger than the turn": ("simulate rssr --timestep 1s", ["1 s", "0.1 s"]),
+    "step that never ends": ("simulate rssr --timestep 1e-300", ["1e-300 s", "at the least"]),
+    "steps that never end": ("simulate rssr --steps-per-turn 1000000000000", ["1e+12", "at the most"]),
+    "turns that never end": ("simulate rssr --turns 1e9", ["1e+09 turns", "at the most"]),
+    "records that fill the disk": ("simulate rssr --every 1e-12deg", ["3.6e+14", "at the most"]),
+    "step zero": ("simulate rssr --timestep 0", ["time step"]),
+    "two steps a turn": ("simulate rssr --steps-per-turn 2", ["at least 4"]),
+    "both kinds of step": ("simulate rssr --steps-per-turn 100 --timestep 1ms", ["one of them"]),
+    "tolerance with step": ("simulate rssr --tolerance 1um --timestep 1ms", ["leave out"]),
+    "tolerance zero": ("simulate rssr --tolerance 0", ["tolerance", "above 0"]),
+    "unknown integrator": ("simulate rssr --integrator verlet", ["verlet", "RK4"]),
+    "solref of one number": ("simulate rssr --solref 1", ["--solref", "give 2"]),
+    "no turns": ("simulate rssr --turns 0", ["turns", "above 0"]),
+    "turns no number": ("simulate rssr --turns many", ["--turns"]),
+    "unknown method": ("simulate rssr --method guess", ["guess", "pose"]),
+    "unknown scene": ("export rssr --scene sea", ["sea", "motion"]),
+    "joint that cannot be cut": ("export rssr --cut Q", ["'Q'", "P2, P3"]),
+    "unknown extension": ("solve rssr -o out.xls", [".xls", ".csv"]),
+    "unknown model extension": ("export rssr -o out.urdf", [".urdf", ".xml"]),
+    "unknown picture extension": ("render rssr -o out.bmp", [".bmp", ".png"]),
+    "folder that is not there": ("solve rssr -o nowhere/out.csv", ["nowhere"]),
+    "output is a folder": ("solve rssr -o .", ["'.'", "is a folder", "file name"]),
+    "report into a file": (f"validate rssr --report {__file__}", [__file__, "name a folder"]),
+    "extremes into a file": (f"extremes rssr --report {__file__}", [__file__, "name a folder"]),
+    "report in a folder that is not there": ("validate rssr --report no/out", ["'no'", "make it first"]),
+    "models into a file": (f"export --all {__file__}", [__file__, "name a folder"]),
+    "profile that is not there": ("simulate rssr --profile no.csv", ["no.csv"]),
+    "angle step of zero": ("solve rssr --angles 0:360:0deg", ["0:360:0deg"]),
+    "angles that are no numbers": ("solve rssr --angles a:b:c", ["a:b:c"]),
+    "unknown command": ("solv rssr", ["solv"]),
+    "unknown option": ("solve rssr --colour red", ["--colour"]),
+    "nothing to solve": ("solve", ["NAME"]),
+    "export of nothing": ("export", ["NAME", "--all"]),
+    "set without a name": ("validate --set crank=1mm", ["name it"]),
+    "unknown camera": ("render rssr -o a.png --camera up", ["up", "iso"]),
+    "size that is none": ("render rssr -o a.png --size big", ["big", "960x720"]),
+    "unknown driver": ("show four_bar --driver engine", ["engine"]),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_ends_in_one_clear_line_and_leaves_nothing_behind(
+    case: str, mechsim: Call, tmp_path: Path
+) -> None:
+    typed, words = BAD[case]
+    answer = mechsim(*typed.split())
+    assert answer.code == 2
+    assert answer.out == ""
+    assert len(answer.err.strip().splitlines()) == 1
+    assert "Traceback" not in answer.err
+    for word in words:
+        assert word in answer.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_table_that_is_none_is_refused_by_line_and_column(mechsim: Call, tmp_path: Path) -> None:
+    for text, words in {
+        "time,angle\n0,0\n1,x\n": ["'x'", "line 3", "'angle'"],
+        "time,angle\n0,0\n1\n": ["line 3", "1 values", "2 names"],
+        "time,angle,angle\n0,0,0\n1,1,1\n": ["'angle'", "twice"],
+    }.items():
+        (tmp_path / "profile.csv").write_text(text)
+        answer = mechsim("simulate", "rssr", "--profile", "profile.csv")
+        assert answer.code == 2
+        assert len(answer.err.strip().splitlines()) == 1
+        assert all(word in answer.err for word in words)
+    (tmp_path / "profile.csv").write_bytes(b"\xff\xfe\x00")
+    assert "it is no text" in mechsim("simulate", "rssr", "--profile", "profile.csv").err
+
+
+def test_settings_that_tear_the_loops_open_are_missed_though_no_tolerance_was_asked_for(
+    mechsim: Call,
+) -> None:
+    mujoco_defaults = ["--solref", "0.02,1", "--solimp", "0.9,0.95,0.001,0.5,2", "--hardness", "1"]
+    answer = mechsim("simulate", "rssr", "--integrator", "Euler", "--timestep", "20ms", *mujoco_defaults)
+    assert answer.code == 1
+    assert answer.out.startswith("missed: places within")
+    answer = mechsim("simulate", "rssr", "--method", "step", "--json")
+    assert answer.code == 0
+    # a thousandth of the longest link, the coupler or the way between the shafts
+    assert 4e-5 < json.loads(answer.out)["tolerance"] < 1e-4
+
+
+def test_a_crank_that_stands_in_two_ranges_has_both_told(mechsim: Call) -> None:
+    typed = ["show", "four_bar", "--set", "crank=90mm"]
+    first, second = json.loads(mechsim(*typed, "--json").out)["crank_range"]
+    assert first[0] < first[1] < second[0] < second[1]
+    assert "no assembly at crank angle 180 deg" in mechsim(*typed, "--angle", "180deg").out
+
+
+def test_no_command_shows_the_help(mechsim: Call) -> None:
+    answer = mechsim()
+    assert answer.code == 0
+    assert "simulate" in answer.out
+
+
+def test_list_names_every_mechanism(mechsim: Call) -> None:
+    assert set(json.loads(mechsim("list", "--json").out)["mechanisms"]) == set(catalog.DRIVES)
+    for name in catalog.DRIVES:
+        assert name in mechsim("list").out
+
+
+@pytest.mark.parametrize("name", catalog.DRIVES)
+def test_show_lists_every_assembly_and_says_what_is_known(name: str, mechsim: Call) -> None:
+    found = json.loads(mechsim("show", name, "--angle", "30deg", "--json").out)
+    assert found["mobility"] == (2 if name == "rssr" else 1)
+    assert found["crank_range"] == "full turn"
+    # a Bennett linkage closes in one way only
+    assert len(found["assemblies"]) >= (1 if name == "bennett" else 2)
+    chosen = catalog.make(name).positions([np.deg2rad(30.0)])
+    gaps = [
+        max(float(np.abs(np.array(one["points"][point]) - place[0]).max()) for point, place in chosen.items())
+        for one in found["assemblies"]
+    ]
+    # the assembly selected is among them, once
+    assert sum(gap < 1e-12 for gap in gaps) == 1
+    assert found["name"] in mechsim("show", name).out
+
+
+def test_show_takes_a_planar_chain_apart_for_the_driver_asked_for(mechsim: Call) -> None:
+    groups = json.loads(mechsim("show", "warp_knitter", "--json").out)["assur_groups"]
+    assert [(group["class"], group["order"]) for group in groups] == [(3, 3)]
+    groups = json.loads(mechsim("show", "warp_knitter", "--driver", "rod5", "--json").out)["assur_groups"]
+    assert {group["class"] for group in groups} == {2}
+
+
+def test_a_crank_that_only_swings_is_shown_with_its_range(mechsim: Call) -> None:
+    found = json.loads(mechsim("show", "rssr", "--set", "rocker=9mm", "--json").out)
+    low, high = found["crank_range"]
+    assert 2.30 < low < 2.31
+    assert 6.39 < high < 6.40
+    assert found["dead_centres"] == [low, high]
+
+
+@pytest.mark.parametrize("extension", [".csv", ".npz"])
+def test_solve_writes_the_columns_of_the_contract_in_si(
+    extension: str, mechsim: Call, tmp_path: Path
+) -> None:
+    words = ["solve", "rssr", "--angles", "0:360:5deg", "--speed", "600rpm", "--set", "crank=14mm"]
+    assert mechsim(*words, "-o", f"out{extension}").code == 0
+    table = files.read(tmp_path / f"out{extension}")
+    points = ("P2", "P3")
+    wanted = [f"{p}.{k}{axis}" for p in points for k in ("", "v", "a") for axis in "xyz"]
+    assert list(table) == ["angle", *wanted]
+    assert len(table["angle"]) == 73
+    np.testing.assert_allclose(np.hypot(table["P2.y"], table["P2.z"]), 0.014, rtol=1e-15)
+    np.testing.assert_allclose(np.hypot(table["P2.vy"], table["P2.vz"]), 0.014 * 20.0 * np.pi, rtol=1e-14)
+
+
+def test_simulate_answers_with_one_json_object_and_writes_time_too(mechsim: Call, tmp_path: Path) -> None:
+    words = ["simulate", "rssr", "--speed", "600rpm", "--turns", "2", "--tolerance", "1e-6", "--json"]
+    answer = mechsim(*words, "-o", "run.npz")
+    assert answer.code == 0
+    said = json.loads(answer.out)
+    assert said["outcome"] == "met"
+    assert said["tolerance"] == 1e-6
+    assert 0.0 < said["estimate"] <= 1e-6
+    assert said["steps"] > 0
+    assert said["seconds"] > 0.0
+    assert said["settings"]["integrator"] == "RK4"
+    table = files.read(tmp_path / "run.npz")
+    assert next(iter(table)) == "time"
+    exact = catalog.make("rssr").positions(table["angle"])["P3"]
+    gap = np.stack([table[f"P3.{axis}"] for axis in "xyz"], 1) - exact
+    assert np.linalg.norm(gap, axis=1).max() <= 1e-6
+
+
+def test_simulate_with_mujocos_own_settings_misses_and_says_so_by_its_exit_code(mechsim: Call) -> None:
+    words = ["simulate", "rssr", "--integrator", "Euler", "--timestep", "1ms", "--hardness", "1"]
+    answer = mechsim(*words, "--solref", "0.02,1", "--solimp", "0.9,0.95,0.001", "--json")
+    said = json.loads(answer.out)
+    # without a tolerance nothing can be missed, but the estimate tells: a tenth of a millimetre and more
+    assert said["estimate"] > 1e-4
+    assert said["settings"]["timestep"] == 1e-3
+
+
+def test_simulate_by_poses_is_exact_to_rounding(mechsim: Call, tmp_path: Path) -> None:
+    assert mechsim("simulate", "rssr", "--method", "pose", "--every", "5deg", "-o", "run.csv").code == 0
+    table = files.read(tmp_path / "run.csv")
+    assert len(table["angle"]) == 73
+    exact = catalog.make("rssr").positions(table["angle"])["P3"]
+    gap = np.stack([table[f"P3.{axis}"] for axis in "xyz"], 1) - exact
+    # 1e-12 of the crank length
+    assert np.abs(gap).max() <= 1e-12 * 0.013
+
+
+def test_a_profile_drives_the_crank_along_it(mechsim: Call, tmp_path: Path) -> None:
+    time = np.linspace(0.0, 0.2, 41)
+    np.savez(tmp_path / "crank.npz", time=time, angle=0.5 * np.sin(30.0 * time))
+    assert mechsim("simulate", "rssr", "--profile", "crank.npz", "-o", "run.npz").code == 0
+    table = files.read(tmp_path / "run.npz")
+    assert np.abs(table["angle"] - 0.5 * np.sin(30.0 * table["time"])).max() < 1e-4
+
+
+def test_validate_prints_the_contracts_json_and_nothing_else(mechsim: Call) -> None:
+    answer = mechsim("validate", "rssr", "four_bar", "--json")
+    assert answer.code == 0
+    said = json.loads(answer.out)
+    assert said["passed"] is True
+    assert list(said["mechanisms"]) == ["rssr", "four_bar"]
+    for case in said["mechanisms"].values():
+        assert case["outcome"] == "met"
+        assert case["steps"] > 0
+        for check in case["checks"]:
+            assert set(check) >= {"quantity", "unit", "worst", "at_angle", "bound", "why", "passed"}
+            assert check["passed"] is (check["worst"] <= check["bound"])
+
+
+def test_validate_swings_a_crank_that_cannot_turn_fully(mechsim: Call) -> None:
+    answer = mechsim("validate", "rssr", "--set", "rocker=9mm", "--json")
+    assert answer.code == 0
+    assert json.loads(answer.out)["mechanisms"]["rssr"]["outcome"] == "met"
+
+
+def test_validate_of_what_cannot_be_assembled_says_so_in_json_and_in_one_line(mechsim: Call) -> None:
+    answer = mechsim("validate", "rssr", "--set", "coupler=1mm", "--json")
+    assert answer.code == 2
+    assert json.loads(answer.out)["mechanisms"]["rssr"]["outcome"] == "cannot assemble"
+    assert len(answer.err.strip().splitlines()) == 1
+
+
+def test_synthesize_finds_the_papers_own_design(mechsim: Call) -> None:
+    words = ["--through", "12.8751,29.9574mm", "--tilt", "1.3905deg", "--length", "4mm", "--json"]
+    said = json.loads(mechsim("synthesize", "looper", *words).out)
+    assert round(said["frame"] * 1e3, 1) == 35.4
+    assert round(np.rad2deg(said["frame_angle"]), 1) == 45.0
+    assert round(said["rocker"] * 1e3, 1) == 32.0
+
+
+def test_doctor_names_versions_back_ends_and_ffmpeg(mechsim: Call) -> None:
+    said = json.loads(mechsim("doctor", "--json").out)
+    assert said["versions"]["mujoco"]
+    assert {row["name"] for row in said["opengl"]} >= {"egl", "osmesa"}
+    assert said["ffmpeg"]
+
+
+def test_help_loads_nothing_heavy() -> None:
+    # how long it takes is a benchmark; what makes it short is asserted here
+    code = (
+        "import sys; sys.argv = ['mechsim', '--help']\n"
+        "from mechsim.cli import main\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "heavy = {'numpy', 'scipy', 'mujoco', 'matplotlib', 'mediapy', 'pint', 'networkx'}\n"
+        "heavy &= set(sys.modules)\n"
+        "sys.exit(f'loaded {heavy}' if heavy else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_killed_run_leaves_no_half_written_file(tmp_path: Path) -> None:
+    code = "from mechsim.cli import main; import sys; sys.argv = ['mechsim', *sys.argv[1:]]; main()"
+    words = ["solve", "rssr", "--angles", "0:3600:0.01deg", "-o", str(tmp_path / "out.csv")]
+    process = subprocess.Popen([sys.executable, "-c", code, *words])
+    while process.poll() is None and not any(tmp_path.iterdir()):
+        time.sleep(0.005)
+    process.kill()
+    process.wait()
+    # the file is there whole, or not at all
+    if (tmp_path / "out.csv").exists():
+        assert len(files.read(tmp_path / "out.csv")["angle"]) == 360_001

@@ -1,0 +1,179 @@
+"""The command line of dynamics: JSON alone on stdout, files, exit codes, one clear line for bad input."""
+
+import json
+
+import numpy as np
+import pytest
+
+from mechsim import cli, files
+
+
+def run(capsys, monkeypatch, *words):
+    monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", *words])
+    with np.errstate(all="ignore"), pytest.raises(SystemExit) as ended:
+        cli.main()
+    out, err = capsys.readouterr()
+    return ended.value.code, out, err
+
+
+def test_a_prescribed_crank_is_told_as_json_with_a_verdict_and_written_as_a_table(
+    capsys, monkeypatch, tmp_path
+):
+    csv, plot = tmp_path / "out.csv", tmp_path / "out.svg"
+    words = ("--speed", "3000rpm", "--samples", "36", "--json", "--csv", str(csv), "--plot", str(plot))
+    code, out, _ = run(capsys, monkeypatch, "four_bar", *words, "--coefficient", "0.02")
+    told = json.loads(out)
+    assert code == 0
+    assert told["outcome"] == "met"
+    assert told["reactions"]["A"]["not_determined"] == ["fz", "mx", "my"]
+    assert told["with_flywheel"]["coefficient"] == pytest.approx(0.02)
+    table = files.read(csv)
+    assert np.abs(table["torque"]).max() == pytest.approx(abs(told["torque"]["largest"]), rel=1e-15)
+    assert {"crank.fx", "rocker.mz", "frame.fx", "kinetic", "power_lost"} <= set(table)
+    assert plot.read_bytes().startswith(b"<?xml")
+
+
+def test_friction_flywheel_and_a_load_table_change_the_torque(capsys, monkeypatch, tmp_path):
+    load = tmp_path / "load.csv"
+    turn = repr(2.0 * np.pi)
+    load.write_text(f"angle,P3.fx,P3.fz,crank\n0,0,1,0\n2,3,0,0.01\n{turn},0,1,0\n")
+    plain = run(capsys, monkeypatch, "rssr", "--method", "none", "--json", "--samples", "12")
+    busy = run(
+        capsys,
+        monkeypatch,
+        *("rssr", "--method", "none", "--json", "--samples", "12", "--load", str(load)),
+        *("--friction", "rocker=1e-4,1e-3", "--flywheel", "1e-4", "--gravity", "0,0,-9.81"),
+    )
+    assert (plain[0], busy[0]) == (0, 0)
+    one, other = json.loads(plain[1]), json.loads(busy[1])
+    assert one["outcome"] is None
+    assert other["torque"]["largest"] != one["torque"]["largest"]
+    assert other["power_balance"] <= 1e-12
+
+
+def test_a_motor_runs_the_machine_or_says_that_it_cannot(capsys, monkeypatch, tmp_path):
+    plot = tmp_path / "free.png"
+    motor = ("--motor", "line:0.05,3000rpm", "--turns", "2", "--samples", "60", "--method", "none")
+    code, out, _ = run(capsys, monkeypatch, "rssr", *motor, "--json", "--plot", str(plot))
+    told = json.loads(out)["free"]
+    assert code == 0
+    assert told["outcome"] == "done"
+    assert told["turns"] == pytest.approx(2.0)
+    assert told["energy_error"] <= 1e-9
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    code, out, _ = run(capsys, monkeypatch, "four_bar", "--motor", "constant:1e-5")
+    assert code == 1
+    assert out.startswith("four_bar: cannot start: ")
+
+
+def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
+    words = ("--set", "crank=0.2", "--set", "rocker=0.19", "--set", "coupler=0.05", "--samples", "24")
+    code, out, _ = run(capsys, monkeypatch, "four_bar", *words, "--json")
+    told = json.loads(out)
+    assert told["fluctuation"] is None
+    assert (code, told["outcome"]) == (0, "met")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--motor", "dc:12,1"), "--motor is 'dc:12,1'; write constant:TORQUE"),
+        (("--motor", "steam:1"), "--motor is 'steam:1'"),
+        (("--motor", "dc:12,-1,0.1"), "motor resistance is -1.0 ohm"),
+        (("--friction", "crank"), "--friction is 'crank'; write JOINT="),
+        (("--friction", "elbow=1"), "there are only crank"),
+        (("--gravity", "1,2"), "--gravity is '1,2', 2 numbers"),
+        (("--method", "guess"), "there is no method 'guess'"),
+        (("--spring", "P3:P2"), "--spring is 'P3:P2'; write A:B=STIFFNESS,REST"),
+        (("--spring", "P3:ground@1,2=5"), "has a place 'ground@1,2'; write LINK@X,Y,Z"),
+        (("--spring", "P3:P9=5"), "no point 'P9'"),
+        (("--spring", "P3:ground@0,1,0=-5"), "stiffness of the spring"),
+        (("--damper", "rocker=1,2"), "--damper is 'rocker=1,2'; write A:B=DAMPING"),
+        (("--gear", "2"), "--gear is the gear of a motor"),
+        (("--gear", "0", "--motor", "constant:1"), "gear ratio of the motor is 0.0"),
+        (("--turns", "0"), "0 turns of 360 instants"),
+        (("--tolerance", "0"), "tolerance of torque is 0.0"),
+        (("--tolerance", "1", "--method", "none"), "--method none leaves them out"),
+        (("--density", "-1"), "density of the rods is -1.0"),
+        (("--coefficient", "-1"), "coefficient of speed fluctuation is -1.0"),
+        (("--flywheel", "-1"), "moment of inertia of the flywheel"),
+        (("--csv", "out.txt"), "ends in .txt"),
+        (("--plot", "out.bmp"), "ends in .bmp"),
+        (("--load", "missing.csv"), "there is no file missing.csv"),
+        (("--motor", "constant:1e300"), "1e+300; give a finite number, below 1e+30"),
+        (("--density", "1e300"), "1e+300 kg/m3; give a finite number above 0, below 1e+30"),
+        (("--coefficient", "1e-300"), "1e-300; give 1e-09 or more"),
+        (("--speed", "1e300rpm"), "1e300rpm; give one other than 0"),
+    ],
+)
+def test_bad_input_is_one_clear_line_and_exit_code_2(capsys, monkeypatch, words, said):
+    code, out, err = run(capsys, monkeypatch, "rssr", *words)
+    assert code == 2
+    assert out == ""
+    assert said in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("angle,P3.fz\n0,1\n3,2\n6,1\n", "does not cover the turn"),
+        ("angle,P3.fz\n0,1\n3,2\n2,1\n", "does not rise"),
+        ("P3.fz\n0\n1\n", "has no column angle [rad] or time [s]"),
+        ("angle,P9.fz\n0,1\n6.283185307179586,1\n", "no point 'P9'"),
+        ("angle,force\n0,1\n6.283185307179586,1\n", "has columns force"),
+        ("angle\n0\n6.283185307179586\n", "holds no load"),
+    ],
+)
+def test_a_load_table_that_is_none_is_refused(capsys, monkeypatch, tmp_path, text, said):
+    load = tmp_path / "load.csv"
+    load.write_text(text)
+    code, _, err = run(capsys, monkeypatch, "rssr", "--load", str(load))
+    assert code == 2
+    assert said in err
+
+
+def test_springs_dampers_couples_and_a_gear_are_options_too(capsys, monkeypatch, tmp_path):
+    load = tmp_path / "load.csv"
+    turn = repr(2.0 * np.pi)
+    load.write_text(f"angle,rocker.mx,rocker.mz\n0,0.01,0\n3,0,0.02\n{turn},0.01,0\n")
+    words = ("rssr", "--json", "--samples", "12")
+    said = [
+        json.loads(run(capsys, monkeypatch, *words, *more)[1])
+        for more in (
+            (),
+            ("--spring", "P3:ground@0,50,0mm=200,0.01"),
+            ("--spring", "rocker=0.2,0.1"),
+            ("--damper", "P3:P2=3"),
+            ("--damper", "P3 : ground@0,0.05,0 = 3"),
+            ("--damper", "rocker=1e-3"),
+            ("--load", str(load)),
+        )
+    ]
+    assert all(one["outcome"] == "met" for one in said)
+    # a damper along a rigid link does nothing, all others change the torque
+    torques = [one["torque"]["rms"] for one in said]
+    assert torques[3] == pytest.approx(torques[0], rel=1e-9)
+    assert len({round(one / torques[0], 6) for one in torques}) == 6
+    geared = ("--motor", "line:0.005,30000rpm", "--gear", "10", "--method", "none", "--turns", "2")
+    plain = ("--motor", "line:0.05,3000rpm", "--method", "none", "--turns", "2")
+    ends = [json.loads(run(capsys, monkeypatch, *words, *more)[1])["free"] for more in (geared, plain)]
+    assert ends[0]["seconds"] == pytest.approx(ends[1]["seconds"], rel=1e-9)
+
+
+def test_a_tolerance_is_kept_or_missed_with_exit_code_1_and_says_by_what_settings(capsys, monkeypatch):
+    code, out, _ = run(capsys, monkeypatch, "rssr", "--tolerance", "1e-5", "--json")
+    told = json.loads(out)["promise"]
+    assert code == 0
+    assert told["met"]
+    assert told["estimate"] <= 1e-5
+    assert told["margin"] == pytest.approx(1e-5 / told["estimate"])
+    assert told["settings"]["integrator"] == "RK4"
+    code, out, _ = run(capsys, monkeypatch, "warp_knitter", "--tolerance", "1e-9")
+    assert code == 1
+    assert "tolerance 1e-09 of torque and reactions MISSED by" in out
+    code, out, _ = run(capsys, monkeypatch, "rssr", "--free", "--tolerance", "1e-4", "--json")
+    told = json.loads(out)
+    assert code == 0
+    assert (told["outcome"], told["promise"]["met"]) == ("met", True)
+    assert told["free"]["speed"] == pytest.approx(20.0 * np.pi, rel=1e-6)

@@ -1,0 +1,133 @@
+import shutil
+import sys
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from mechsim.cli import main, plot
+from mechsim.errors import MissingToolError
+from mechsim.pictures.render import gl_backend
+from mechsim.studies.extremes import scaled, stability_map
+
+try:
+    gl_backend.choose()
+except MissingToolError as missing:
+    WHY = str(missing)
+else:
+    WHY = ""
+draws = pytest.mark.skipif(bool(WHY), reason=WHY or "OpenGL works")
+SMALL = ("--size", "96x72")
+
+
+@pytest.fixture
+def mechsim(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["mechsim", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return ended.value.code or 0, said.out, said.err
+
+    return run
+
+
+@draws
+@pytest.mark.parametrize("angle", ["60deg", "-60deg", "119deg"])
+def test_a_crank_that_only_swings_is_drawn_wherever_it_can_stand(mechsim, tmp_path, angle):
+    words = ("render", "four_bar", "--set", "crank=90mm", "--angle", angle)
+    code, _, err = mechsim(*words, "-o", "a.png", *SMALL)
+    assert code == 0, err
+    code, _, err = mechsim(*words[:-1], "160deg", "-o", "b.png", *SMALL)
+    assert code == 2
+    assert "it can stand from -2.10243" in err
+    assert not (tmp_path / "b.png").exists()
+
+
+@draws
+@pytest.mark.parametrize("road", ["closed", "simulated", "both"])
+def test_pictures_come_from_either_road_or_both(mechsim, tmp_path, road):
+    code, out, err = mechsim("render", "rssr", "--from", road, "--angle", "40deg", "-o", "a.png", *SMALL)
+    assert (code, out) == (0, "wrote a.png\n"), err
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+@draws
+def test_slow_motion_has_as_many_frames_as_it_takes(mechsim):
+    # 600 rpm: a turn in 0.1 s, ten times slower in 1 s
+    words = ("--slow", "10", "--fps", "6", "--set", "rocker=30mm", *SMALL)
+    assert mechsim("render", "rssr", "-o", "a.gif", *words)[:2] == (0, "wrote 6 frames to a.gif\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--from", "nowhere"), "there is no road 'nowhere'"),
+        (("--slow", "10", "--frames-per-turn", "12"), "leave out --frames-per-turn"),
+        (("--slow", "-1"), "give numbers above 0"),
+        (("--frames-per-turn", "0"), "0 frames or samples"),
+        (("--turns", "nan"), "nan turns"),
+        (("--arrows", "speed"), "no arrow 'speed'"),
+        (("--from", "both", "--magnify", "0"), "give a finite factor above 0"),
+        (("--magnify", "30"), "add --from both"),
+        (("--angle", "30deg"), "for a still picture"),
+        (("--from", "foo"), "closed, simulated and, to draw, both"),
+        (("--turns", "1e9"), "fewer than 10000"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_in_one_line(mechsim, tmp_path, words, says):
+    code, _, err = mechsim("render", "rssr", "-o", "a.gif", *words, *SMALL)
+    assert code == 2
+    assert says in err
+    assert len(err.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_video_of_a_size_that_no_codec_takes_is_refused(mechsim, tmp_path):
+    code, _, err = mechsim("render", "rssr", "-o", "a.mp4", "--size", "321x241")
+    assert code == 2
+    assert "'321x241', but videos have even sizes" in err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("kind", ["curve", "space", "transmission", "reactions", "power"])
+def test_plots_are_drawings(mechsim, tmp_path, kind):
+    assert mechsim("plot", "rssr", "--kind", kind, "-o", "a.svg")[0] == 0
+    assert ET.parse(tmp_path / "a.svg").getroot().tag.endswith("svg")
+
+
+def test_a_torque_plot_carries_both_roads(mechsim, tmp_path):
+    for road in ("closed", "simulated"):
+        assert mechsim("plot", "four_bar", "--kind", "torque", "--from", road, "-o", f"{road}.svg")[0] == 0
+    closed, both = ((tmp_path / f"{road}.svg").read_text() for road in ("closed", "simulated"))
+    assert "MuJoCo" not in closed
+    assert "MuJoCo" in both
+
+
+def test_studies_are_drawn_as_they_are_measured(mechsim, tmp_path, monkeypatch):
+    monkeypatch.setattr(plot, "BUDGET", 0.5)
+    few = [("steps", scaled.steps, [100.0, 50.0])]
+    monkeypatch.setattr(stability_map, "_pushes", lambda drive, quick: few)
+    for kind in ("precision", "stability"):
+        code, _, err = mechsim("plot", "slider_crank", "--kind", kind, "-o", f"{kind}.svg")
+        assert code == 0, err
+        assert ET.parse(tmp_path / f"{kind}.svg").getroot().tag.endswith("svg")
+    code, _, err = mechsim("plot", "slider_crank", "--kind", "stability", "--set", "rod=0.3", "-o", "a.svg")
+    assert code == 2
+    assert "leave out --set" in err
+
+
+@draws
+def test_joint_forces_are_drawn_from_the_command_line(mechsim, tmp_path):
+    code, _, err = mechsim("render", "four_bar", "-o", "a.png", "--arrows", "force,moment", *SMALL)
+    assert code == 0, err
+    assert (tmp_path / "a.png").exists()
+
+
+def test_a_missing_ffmpeg_is_said_before_anything_is_drawn(mechsim, monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    code, _, err = mechsim("render", "rssr", "-o", "a.mp4", *SMALL)
+    assert code == 2
+    assert "imageio-ffmpeg" in err

@@ -1,0 +1,34 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+# what a reader is told at the end of each
+SAYS = {
+    "first_steps": "MuJoCo: met with",
+    "own_mechanism": "Freedom(mobility=1, passive=0, redundant=0, rank=17)",
+    "own_model": "stepped, ",
+}
+
+
+def test_every_example_is_run() -> None:
+    assert {path.stem for path in EXAMPLES.glob("*.py")} >= set(SAYS)
+
+
+@pytest.mark.parametrize("name", SAYS)
+def test_the_example_runs_without_a_warning_and_meets_its_bounds(name: str, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(EXAMPLES / f"{name}.py")],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    assert SAYS[name] in done.stdout
+    assert "missed" not in done.stdout
+    # nothing is left behind where the user stands
+    assert not list(tmp_path.iterdir())

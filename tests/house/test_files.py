@@ -1,0 +1,116 @@
+import time
+
+import numpy as np
+import pytest
+
+from mechsim import catalog, files
+from mechsim.errors import InputError, OutputError
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return catalog.make("rssr").solve(np.linspace(0.0, 7.0, 5001), speed=62.8)
+
+
+@pytest.mark.parametrize("extension", [".csv", ".npz", ".CSV"])
+def test_a_table_reads_back_to_the_last_bit(motion, tmp_path, extension):
+    path = tmp_path / f"table{extension}"
+    files.write(path, motion)
+    table = files.read(path)
+    assert list(table) == [name for name, _ in motion.columns()]
+    for name, column in motion.columns():
+        assert (table[name] == column).all()
+
+
+def test_the_header_names_angle_and_points(motion, tmp_path):
+    files.write(tmp_path / "table.csv", motion)
+    header = (tmp_path / "table.csv").read_text().splitlines()[0].split(",")
+    assert header[:10] == ["angle", *(f"P2.{part}{axis}" for part in ("", "v", "a") for axis in "xyz")]
+
+
+def test_a_table_of_one_row_keeps_its_shape(tmp_path):
+    files.write(tmp_path / "one.csv", catalog.make("four_bar").solve([0.3]))
+    assert files.read(tmp_path / "one.csv")["angle"].shape == (1,)
+
+
+def test_a_hundred_thousand_rows_take_seconds(tmp_path):
+    motion = catalog.make("slider_crank").solve(np.linspace(0.0, 6.0, 100_000), links=False)
+    began = time.perf_counter()
+    files.write(tmp_path / "long.csv", motion)
+    assert time.perf_counter() - began < 10.0  # about 0.5 s here; a loop over rows in Python takes longer
+
+
+@pytest.mark.parametrize("name", ["table.txt", "table"])
+def test_an_unknown_extension_is_refused_with_the_known_ones(motion, tmp_path, name):
+    with pytest.raises(InputError, match=r"\.csv or \.npz"):
+        files.write(tmp_path / name, motion)
+    with pytest.raises(InputError, match=r"\.csv or \.npz"):
+        files.read(tmp_path / name)
+
+
+def test_a_missing_directory_is_refused(motion, tmp_path):
+    with pytest.raises(OutputError, match=r"there is no directory .*nowhere; make it first"):
+        files.write(tmp_path / "nowhere" / "table.csv", motion)
+
+
+def test_a_directory_in_the_way_is_refused(motion, tmp_path):
+    (tmp_path / "table.csv").mkdir()
+    with pytest.raises(OutputError, match="it is a directory"):
+        files.write(tmp_path / "table.csv", motion)
+
+
+def test_a_place_that_takes_no_files_is_refused(motion):
+    with pytest.raises(OutputError, match=r"cannot write /proc/table\.csv"):
+        files.write("/proc/table.csv", motion)
+
+
+def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path):
+    path = tmp_path / "page.html"
+    path.write_text("old")
+
+    def half_way():
+        with files.written_beside(path) as beside:
+            beside.write_text("half")
+            raise RuntimeError("the writer broke")
+
+    with pytest.raises(RuntimeError):
+        half_way()
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_write_that_ends_well_replaces_the_old_file_and_can_be_read_by_others(tmp_path):
+    path = tmp_path / "page.html"
+    path.write_text("old")
+    with files.written_beside(path) as beside:
+        assert beside.suffix == ".html"
+        beside.write_text("new")
+        assert path.read_text() == "old"
+    assert path.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [path]
+    plain = tmp_path / "plain"
+    plain.touch()
+    assert path.stat().st_mode == plain.stat().st_mode
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.csv", b""),
+        ("b.csv", b"angle,P.x\n1.0\n"),
+        ("c.csv", b"angle\nnot a number\n"),
+        ("d.csv", b"\xff\xfe"),
+        ("e.npz", b"no zip file"),
+        ("f.npz", b""),
+    ],
+)
+def test_a_file_that_holds_no_table_is_refused_by_name(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=f"{name} holds no table"):
+        files.read(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["none.csv", "none.npz"])
+def test_a_file_that_is_not_there_is_refused(tmp_path, name):
+    with pytest.raises(InputError, match="there is no file"):
+        files.read(tmp_path / name)

@@ -1,0 +1,52 @@
+"""The README is true: its commands run, its Python runs, its picture is there."""
+
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+from mechsim.cli import main
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text()
+
+
+def blocks(kind: str) -> list[str]:
+    return re.findall(rf"^```{kind}\n(.*?)^```", README, re.DOTALL | re.MULTILINE)
+
+
+TOUR = [line for block in blocks("sh tour") for line in block.strip().splitlines()]
+
+
+@pytest.mark.parametrize("heading", ["Run", "Test"])
+def test_each_heading_holds_one_command_of_one_line(heading):
+    section = README.split(f"\n## {heading}\n")[1].split("\n## ")[0]
+    (block,) = re.findall(r"^```sh\n(.*?)^```", section, re.DOTALL | re.MULTILINE)
+    assert len(block.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("line", TOUR)
+def test_a_command_of_the_tour_does_its_work(line, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = shlex.split(line)
+    monkeypatch.setattr(sys, "argv", words)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = capsys.readouterr()
+    assert not ended.value.code, said.err
+    if "-o" in words:
+        assert (tmp_path / words[words.index("-o") + 1]).stat().st_size > 0
+    else:
+        assert said.out
+
+
+def test_the_python_of_the_tour_runs():
+    (code,) = blocks("python")
+    exec(compile(code, "README.md", "exec"), {})
+
+
+def test_every_file_and_folder_the_readme_names_is_there():
+    for name in re.findall(r"\]\(([^):]+)\)|`((?:docs|examples|[A-Z]+\.md)[\w./]*)`", README):
+        assert (ROOT / (name[0] or name[1])).exists(), name

@@ -1,0 +1,179 @@
+"""The house, read from its folders: who may import whom, no circles, one name for one thing."""
+
+import ast
+import importlib
+import sys
+from collections import Counter
+from types import ModuleType
+
+import house
+import pytest
+
+FILES = house.modules()
+GRAPH = house.import_graph()
+
+# room -> the rooms it may import, besides `errors`; what stands here is all there is
+MAY = {
+    "maths": set(),
+    "model": {"maths"},
+    "analytic": {"maths", "model"},
+    "simulation": {"maths", "model"},
+    "verdict": {"maths", "model"},
+    "shapes": {"maths", "model"},
+    "theory": {"maths", "model", "analytic"},
+    "pictures": {"maths", "model", "shapes", "simulation", "files", "units"},
+    "studies": {"maths", "model", "analytic", "simulation", "verdict", "pictures", "files", "units"},
+    "report": {"maths", "model", "analytic", "theory", "verdict", "pictures", "studies", "files", "units"},
+    "cli": {"maths", "model", "analytic", "simulation", "verdict", "shapes", "theory", "pictures", "studies"}
+    | {"report", "files", "units"},
+    "errors": set(),
+    "files": {"maths", "model"},
+    "units": set(),
+}
+# what the records of efforts will undo
+STILL = {
+    "mechsim.pictures.plots.dynamics imports mechsim.analytic.dynamics",
+    "mechsim.report.notebook imports mechsim.simulation",
+    "mechsim.verdict.dynamics imports mechsim.analytic.dynamics",
+    "mechsim.verdict.dynamics imports mechsim.simulation.dynamics.free_running",
+    "mechsim.verdict.dynamics imports mechsim.simulation.dynamics.prescribed_motion",
+}
+CIRCLES = [["mechsim.simulation.dynamics.prescribed_motion", "mechsim.simulation.dynamics.torque_tolerance"]]
+TWICE = {"FreeRun", "Promise"}
+EVERYWHERE = {"errors", "_version", ""}
+# library -> the modules that may import it, by the start of their names
+LIBRARIES = {
+    "mujoco": ("mechsim.simulation", "mechsim.pictures.render", "mechsim.studies", "mechsim.cli.doctor"),
+    "matplotlib": ("mechsim.pictures", "mechsim.studies.extremes.plot", "mechsim.studies.tradeoff.plot"),
+    "mediapy": ("mechsim.pictures.render",),
+    "jinja2": ("mechsim.report",),
+    "typer": ("mechsim.cli",),
+    "rich": ("mechsim.cli",),
+    "pint": ("mechsim.units",),
+    "IPython": ("mechsim.report",),
+}
+# imported at the top of a file these would slow every command down
+SLOW = {"matplotlib", "mediapy", "pint", "jinja2", "pandas", "xarray"}
+
+
+def breaches(graph=GRAPH):
+    """Return the imports from one room into another that the table does not allow."""
+    rooms = [(a, b, house.room_of(a), house.room_of(b)) for a, b in graph.edges]
+    return [f"{a} imports {b}" for a, b, one, other in rooms if one and not allowed(one, other)]
+
+
+def allowed(room, other):
+    return room == other or other in EVERYWHERE or other in MAY.get(room, set())
+
+
+def foreign(name, source):
+    """Return the libraries a module imports that are not for it."""
+    imported = {one.split(".")[0] for one in house.imports_of(source, name)}
+    return {one for one in imported if one in LIBRARIES and not name.startswith(LIBRARIES[one])}
+
+
+def test_the_package_is_seen_at_one_look():
+    folders = [path for path in house.PACKAGE.iterdir() if any(path.rglob("*.py"))]
+    assert len(folders) <= 12
+    assert len(list(house.PACKAGE.glob("*.py"))) <= 6
+    assert {house.room_of(name) for name in FILES} - {"", "_version"} == set(MAY)
+
+
+@pytest.mark.parametrize("room", [room for room in MAY if (house.PACKAGE / room).is_dir()])
+def test_a_room_says_in_one_sentence_what_it_is_for(room):
+    doc = ast.get_docstring(ast.parse((house.PACKAGE / room / "__init__.py").read_text()))
+    assert doc
+    assert doc.split("\n\n")[0].count(".") == 1
+
+
+def test_rooms_import_only_what_the_table_allows():
+    assert set(breaches()) <= STILL
+
+
+def test_no_files_import_each_other_in_a_circle():
+    assert house.circles(GRAPH) == CIRCLES
+    assert house.circles(house.rooms(GRAPH)) == []
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_library_is_imported_only_where_it_belongs(name):
+    assert not foreign(name, FILES[name].read_text())
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_slow_libraries_are_loaded_only_when_wanted(name):
+    top = [
+        node
+        for node in ast.parse(FILES[name].read_text()).body
+        if isinstance(node, ast.Import | ast.ImportFrom)
+    ]
+    imported = {one.split(".")[0] for node in top for one in house.imports_of(ast.unparse(node), name)}
+    assert not imported & SLOW
+
+
+def test_no_module_is_hidden_by_what_its_package_exports():
+    for name in FILES:
+        importlib.import_module(name)
+    hidden = [
+        name
+        for name in FILES
+        if "." in name
+        and not isinstance(
+            vars(sys.modules[name.rpartition(".")[0]]).get(name.rpartition(".")[2]), ModuleType
+        )
+    ]
+    assert hidden == []
+
+
+def test_no_two_classes_share_a_name():
+    found = Counter(
+        node.name
+        for path in FILES.values()
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ClassDef)
+    )
+    assert [name for name, count in found.items() if count > 1 and name not in TWICE] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "source"),
+    [
+        ("mechsim.analytic.catalog.rssr", "import mujoco"),
+        ("mechsim.analytic.closure.rank", "def f():\n    from mujoco import MjSpec"),
+        ("mechsim.analytic.closure.rank", "import importlib\nimportlib.import_module('mujoco')"),
+        ("mechsim.verdict.judge", "import mujoco"),
+        ("mechsim.model.motion", "import matplotlib.pyplot as plt"),
+        ("mechsim.units", "import mediapy"),
+        ("mechsim.simulation.run", "import typer"),
+    ],
+)
+def test_the_judge_sees_a_library_where_it_does_not_belong(name, source):
+    assert foreign(name, source)
+
+
+@pytest.mark.parametrize(
+    ("name", "source"),
+    [
+        ("mechsim.analytic.closure.rank", "from mechsim import simulation"),
+        ("mechsim.analytic.dynamics.machines", "from mechsim.simulation.mjcf.exact_text import to_xml"),
+        ("mechsim.analytic.catalog.rssr", "from ...simulation.mjcf import generator"),
+        ("mechsim.simulation.mjcf.generator", "def f():\n    from mechsim.analytic.catalog.rssr import Rssr"),
+        ("mechsim.simulation.run", "import mechsim.analytic.closure as c"),
+        ("mechsim.simulation.run", "from mechsim.pictures import render"),
+        ("mechsim.verdict.judge", "if TYPE_CHECKING:\n    from mechsim.simulation import Run"),
+        ("mechsim.model.mechanism", "from mechsim.verdict import judge"),
+    ],
+)
+def test_the_judge_sees_a_breach(name, source):
+    graph = GRAPH.copy()
+    for imported in house.imports_of(source, name.rpartition(".")[0]):
+        target = imported if imported in FILES else imported.rpartition(".")[0]
+        assert target in FILES, imported
+        graph.add_edge(name, target)
+    assert len(breaches(graph)) == len(breaches()) + 1
+
+
+def test_the_judge_sees_a_circle():
+    graph = GRAPH.copy()
+    graph.add_edge("mechsim.model.mechanism", "mechsim.analytic.catalog.rssr")
+    assert any("mechsim.analytic.catalog.rssr" in circle for circle in house.circles(graph))

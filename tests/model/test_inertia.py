@@ -1,0 +1,50 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mechsim.errors import InputError
+from mechsim.model.inertia import Inertia, combine
+
+CUBE = ((2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (0.0, 0.0, 2.0))
+
+
+@pytest.mark.parametrize("mass", [-1.0, 0.0, np.nan, np.inf])
+def test_a_mass_that_no_body_has_is_refused(mass):
+    with pytest.raises(InputError, match=r"mass of a link is .* kg; give"):
+        Inertia(mass, (0.0, 0.0, 0.0), CUBE)
+
+
+@pytest.mark.parametrize(
+    ("moments", "said"),
+    [
+        ((1.0, 1.0, 2.1), "no body has one above the sum of the others, 2 kg m2"),
+        ((1.0, 1.0, 0.0), "all must be above 0"),
+        ((1.0, -1.0, 1.0), "all must be above 0"),
+        (((2.0, 0.1, 0.0), (0.0, 2.0, 0.0), (0.0, 0.0, 2.0)), "differs from its transpose by 0.1"),
+        (((2.0, 0.0), (0.0, 2.0)), "not 3 x 3 finite numbers"),
+        ((np.nan, 1.0, 1.0), "not 3 x 3 finite numbers"),
+        # a product of inertia hides principal moments 0.5, 1.5 and 2.5
+        (((1.0, 0.5, 0.0), (0.5, 1.0, 0.0), (0.0, 0.0, 2.5)), "no body has one above the sum"),
+    ],
+)
+def test_an_inertia_that_no_body_has_is_refused(moments, said):
+    with pytest.raises(InputError, match=said):
+        Inertia(1.0, (0.0, 0.0, 0.0), moments)
+
+
+def test_a_centre_must_be_three_finite_numbers():
+    with pytest.raises(InputError, match="centre of mass"):
+        Inertia(1.0, (0.0, np.nan, 0.0), CUBE)
+
+
+places = st.tuples(*[st.integers(-999, 999).map(lambda value: (value + 0.37) * 1e-3)] * 3)
+
+
+@given(st.lists(st.tuples(st.floats(0.1, 5.0), places), min_size=1, max_size=4))
+def test_bodies_joined_have_the_moments_that_their_points_have_one_by_one(parts):
+    bodies = [Inertia(mass, place, (0.4, 0.5, 0.6)) for mass, place in parts]
+    whole = combine(bodies)
+    about = np.sum([body.about((0.3, -0.2, 0.7)) for body in bodies], axis=0)
+    assert np.allclose(whole.about((0.3, -0.2, 0.7)), about, rtol=1e-12, atol=1e-12)
+    assert whole.mass == pytest.approx(sum(mass for mass, _ in parts), rel=1e-14)

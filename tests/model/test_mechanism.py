@@ -1,0 +1,157 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from strategies import EPS, offsets, turns
+
+from mechsim.analytic.vector_method.vectors import rotation, turn
+from mechsim.errors import InputError
+from mechsim.model.mechanism import (
+    EX,
+    EY,
+    EZ,
+    FREEDOMS,
+    GROUND,
+    IDENTITY,
+    End,
+    Gear,
+    Joint,
+    Link,
+    Mechanism,
+    Pose,
+    joint_coordinate,
+    universal_zero,
+)
+
+
+def joint(kind, a=GROUND, b="arm", **more):
+    slanted = End(b, (0.01, 0.0, -0.02), axis=(1.0, 2.0, -2.0), mark=(0.0, 1.0, 1.0))
+    return Joint("hinge", kind, End(a, (0.03, 0.01, 0.0), axis=(0.2, -0.4, 1.0)), slanted, **more)
+
+
+def placed(joint, relative, way=0.0):
+    """Pose of b such that its joint frame stands at `relative` to a's, `way` along a's axis."""
+    frame = joint.a.frame
+    r = frame @ relative @ joint.b.frame.T
+    return Pose(np.array(joint.a.point) + way * frame[:, 2] - r @ np.array(joint.b.point), r)
+
+
+def test_an_end_makes_its_directions_unit_and_square():
+    end = End("arm", axis=(0.0, 3.0, 4.0), mark=(1.0, 1.0, 1.0))
+    assert np.abs(end.frame.T @ end.frame - np.eye(3)).max() <= 4 * EPS
+    assert np.linalg.det(end.frame) == pytest.approx(1.0)
+    assert end.axis == pytest.approx((0.0, 0.6, 0.8))
+    assert End("arm", axis=(2.0, 0.0, 0.0)).mark == EY
+    assert End("arm", axis=(0.0, 0.0, 2.0)).mark == EX
+
+
+@given(turns)
+def test_angle_of_a_revolute_joint_is_counted_from_mark_to_mark(angle):
+    hinge = joint("revolute")
+    pose = placed(hinge, rotation("z", angle))
+    assert abs(joint_coordinate(hinge, IDENTITY, pose)[0] - angle) <= 8 * EPS * np.pi
+
+
+@given(offsets)
+def test_way_of_a_prismatic_joint_is_counted_along_the_axis(way):
+    slide = joint("prismatic")
+    assert abs(joint_coordinate(slide, IDENTITY, placed(slide, np.eye(3), way))[0] - way) <= 8 * EPS * 0.1
+
+
+@given(offsets, turns)
+def test_a_cylindrical_joint_has_a_way_and_an_angle(way, angle):
+    sleeve = joint("cylindrical")
+    measured = joint_coordinate(sleeve, IDENTITY, placed(sleeve, rotation("z", angle), way))
+    assert np.abs(measured - [way, angle]).max() <= 8 * EPS * np.pi
+
+
+@given(turns, turns)
+def test_a_universal_joint_has_the_angles_about_its_two_axes(first, second):
+    cross = joint("universal", cross_angle=1.1)
+    relative = rotation("z", first) @ universal_zero(cross) @ rotation("z", second)
+    measured = joint_coordinate(cross, IDENTITY, placed(cross, relative))
+    assert np.abs(measured - [first, second]).max() <= 16 * EPS * np.pi
+
+
+def test_a_universal_joint_at_zero_has_its_axes_at_the_cross_angle():
+    zero = universal_zero(joint("universal", cross_angle=1.1))
+    assert np.abs(zero.T @ zero - np.eye(3)).max() <= 4 * EPS
+    assert zero[2, 2] == pytest.approx(np.cos(1.1))
+
+
+def test_a_spherical_joint_has_no_coordinate():
+    ball = joint("spherical")
+    poses = Pose(np.zeros((4, 3)), np.broadcast_to(np.eye(3), (4, 3, 3)))
+    assert joint_coordinate(ball, IDENTITY, poses).shape == (4, 0)
+    assert FREEDOMS["spherical"] == 3
+
+
+@given(turns, turns)
+def test_coordinates_do_not_depend_on_where_the_whole_stands(angle, whole):
+    hinge = joint("revolute")
+    b = placed(hinge, rotation("z", angle))
+    about = np.array([0.3, -1.0, 0.5])
+    turned = np.column_stack([turn(e, about, whole) for e in np.eye(3)])
+    shift = np.array([1.0, 2.0, 3.0])
+    moved = [Pose(shift + turned @ p.position, turned @ p.rotation) for p in (IDENTITY, b)]
+    assert abs(joint_coordinate(hinge, *moved)[0] - angle) <= 64 * EPS
+
+
+def chain(**changes):
+    given = {
+        "name": "chain",
+        "links": (Link("arm"), Link("tip")),
+        "joints": (
+            Joint("crank", "revolute", End(GROUND), End("arm")),
+            Joint("knee", "revolute", End("arm", (0.3, 0.0, 0.4)), End("tip")),
+        ),
+        "driver": "crank",
+        "points": {"P": ("tip", (0.1, 0.0, 0.0))},
+    }
+    return Mechanism(**{**given, **changes})
+
+
+def test_size_is_the_longest_distance_within_a_link():
+    assert chain().size == pytest.approx(0.5)
+    assert [end.link for end in chain().ends("arm")] == ["arm", "arm"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"links": (Link("arm"), Link("arm"))}, "more than one link called 'arm'"),
+        ({"links": (Link("ground"), Link("tip"))}, "more than one link called 'ground'"),
+        ({"links": (Link("arm"),)}, r"joint 'knee' names link 'tip', but there are only ground, arm"),
+        ({"driver": "motor"}, "names revolute joint 'motor', but there are only crank, knee"),
+        ({"points": {"P": ("leg", EX)}}, "point 'P' names link 'leg'"),
+        ({"guess": {"leg": IDENTITY}}, "guess names link 'leg'"),
+        ({"gears": (Gear("crank", "wheel", 2.0),)}, "gear names revolute joint 'wheel'"),
+        ({"gears": (Gear("crank", "knee", 0.0),)}, "ratio of gear 'crank'-'knee' is 0"),
+        ({"gears": (Gear("crank", "knee", float("nan")),)}, "ratio of gear 'crank'-'knee' is nan"),
+    ],
+)
+def test_a_mechanism_that_contradicts_itself_is_refused(changes, said):
+    with pytest.raises(InputError, match=said):
+        chain(**changes)
+
+
+def test_an_unknown_joint_is_refused_with_the_known_ones():
+    with pytest.raises(InputError, match="there are only crank, knee"):
+        chain().joint("elbow")
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: End("arm", axis=(0.0, 0.0, 0.0)), "zero vector"),
+        (lambda: End("arm", axis=EZ, mark=(0.0, 0.0, -2.0)), "lies along its axis"),
+        (lambda: End("arm", point=(0.0, float("nan"), 0.0)), "not three finite numbers"),
+        (lambda: End("arm", point=(0.0, 1.0)), "not three finite numbers"),
+        (lambda: joint("bolted"), "known are revolute, prismatic"),
+        (lambda: joint("revolute", a="arm"), "joins link 'arm' to itself"),
+        (lambda: joint("universal", cross_angle=float("nan")), "cross angle"),
+        (lambda: joint("universal", cross_angle=0.0), "cross angle"),
+    ],
+)
+def test_an_end_or_joint_that_cannot_be_is_refused(make, said):
+    with pytest.raises(InputError, match=said):
+        make()

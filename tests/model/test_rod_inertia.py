@@ -1,0 +1,88 @@
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.errors import InputError
+from mechsim.model.inertia import Inertia
+from mechsim.model.mechanism import EY, GROUND, End, Joint, Link, Mechanism
+from mechsim.model.rod_inertia import STEEL, THICKNESS, round_rod, slender_rod, with_inertia
+
+
+def test_a_round_rod_has_the_moments_of_its_points_summed_up():
+    start, end, diameter = (0.1, 0.2, -0.1), (0.4, -0.1, 0.3), 0.05
+    rod = round_rod(start, end, 2000.0, diameter)
+    rng = np.random.default_rng(5)
+    a, b = np.array(start), np.array(end)
+    line = (b - a) / np.linalg.norm(b - a)
+    across = np.linalg.svd(line[None])[2][1:]
+    disc = diameter / 2.0 * np.sqrt(rng.random(400_000))
+    around = 2.0 * np.pi * rng.random(400_000)
+    points = a + rng.random((400_000, 1)) * (b - a)
+    points += (disc * np.cos(around))[:, None] * across[0] + (disc * np.sin(around))[:, None] * across[1]
+    spread = points - np.array(rod.centre)
+    sampled = rod.mass * ((spread**2).sum(1).mean() * np.eye(3) - spread.T @ spread / len(spread))
+    assert rod.mass == pytest.approx(2000.0 * np.pi * 0.025**2 * np.linalg.norm(b - a), rel=1e-14)
+    assert np.allclose(sampled, rod.matrix, atol=5e-3 * rod.matrix.max())
+
+
+def test_a_slender_rod_is_the_limit_of_round_ones_of_the_same_mass():
+    start, end = (0.0, 0.0, 0.0), (0.3, 0.4, 0.0)
+    slender = slender_rod(start, end, 2.0)
+    thin = round_rod(start, end, 2.0 / (np.pi / 4.0 * 1e-6 * 0.5), 1e-3)
+    assert np.allclose(slender.matrix, thin.matrix, atol=1e-6)
+    assert np.linalg.eigvalsh(slender.matrix)[1:] == pytest.approx([2.0 * 0.25 / 12.0] * 2, rel=1e-13)
+
+
+def test_every_link_of_the_catalogue_gets_an_inertia_that_scales_with_density():
+    for name in catalog.DRIVES:
+        bare = catalog.make(name).mechanism
+        light, heavy = with_inertia(bare), with_inertia(bare, 2.0 * STEEL)
+        for a, b in zip(light.links, heavy.links, strict=True):
+            assert b.inertia.mass == pytest.approx(2.0 * a.inertia.mass, rel=1e-14)
+            assert np.allclose(b.inertia.matrix, 2.0 * a.inertia.matrix, rtol=1e-13, atol=0.0)
+
+
+def test_an_inertia_given_is_kept_unless_all_are_to_be_replaced():
+    own = Inertia(3.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    mechanism = Mechanism(
+        "arm",
+        (Link("arm", inertia=own), Link("pin")),
+        (
+            Joint("crank", "revolute", End(GROUND), End("arm")),
+            Joint("knee", "revolute", End("arm", (0.2, 0.0, 0.0), EY), End("pin", axis=EY)),
+        ),
+        "crank",
+        {},
+    )
+    kept = with_inertia(mechanism)
+    assert kept.links[0].inertia is own
+    assert with_inertia(mechanism, replace_all=True).links[0].inertia != own
+    # a link of one point is a pin along its joint's axis, twice as long as thick
+    thick = THICKNESS * 0.2
+    assert kept.links[1].inertia == round_rod((0.0, -thick, 0.0), (0.0, thick, 0.0), STEEL, thick)
+
+
+def test_three_points_in_a_line_are_one_rod_and_a_triangle_its_two_shorter_sides():
+    ends = [End("bar", point) for point in ((0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (0.1, 0.0, 0.0))]
+    joints = [
+        Joint("crank", "revolute", End(GROUND), ends[0]),
+        *(
+            Joint(f"j{i}", "spherical", End(GROUND, (0.1 * i, 0.0, 0.0)), end)
+            for i, end in enumerate(ends[1:])
+        ),
+    ]
+    straight = with_inertia(Mechanism("bar", (Link("bar"),), tuple(joints), "crank", {}), 1000.0, 0.01)
+    whole = round_rod((0.0, 0.0, 0.0), (0.3, 0.0, 0.0), 1000.0, 0.01)
+    assert straight.links[0].inertia.mass == pytest.approx(whole.mass, rel=1e-13)
+    assert straight.links[0].inertia.centre == pytest.approx(whole.centre, rel=1e-13)
+    bent = Mechanism("bar", (Link("bar", ((0.3, 0.4, 0.0),)),), (joints[0], joints[1]), "crank", {})
+    inertia = with_inertia(bent, 1000.0, 0.01).links[0].inertia
+    assert inertia.mass == pytest.approx(1000.0 * np.pi / 4.0 * 1e-4 * 0.7, rel=1e-13)
+
+
+@pytest.mark.parametrize(("density", "diameter"), [(-1.0, 0.01), (np.nan, 0.01), (1000.0, 0.0)])
+def test_rods_without_density_or_thickness_are_refused(density, diameter):
+    with pytest.raises(InputError, match="give a finite number above 0"):
+        with_inertia(catalog.make("rssr").mechanism, density, diameter)
+    with pytest.raises(InputError, match="two finite, distinct points"):
+        round_rod((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))

@@ -1,0 +1,81 @@
+import mujoco
+import numpy as np
+import pytest
+from colours import coloured, hues
+
+from mechsim import catalog
+from mechsim.errors import MissingToolError
+from mechsim.model.scene import Scene
+from mechsim.pictures import render
+from mechsim.pictures.render import gl_backend
+from mechsim.pictures.render.exported_scene import CAMERA, exported
+from mechsim.shapes import link_colours
+from mechsim.simulation import Settings, mjcf, simulate
+from mechsim.simulation.closed_model import assembled
+
+NAMES = list(catalog.DRIVES)
+
+
+def full_turn(name):
+    drive = catalog.make(name)
+    return drive if drive.crank_range().full else catalog.make("rssr", crank=0.014, rocker=0.03)
+
+
+def same(one, other):
+    for name, point in one.points.items():
+        for kind in ("position", "velocity", "acceleration"):
+            np.testing.assert_array_equal(getattr(point, kind), getattr(other.points[name], kind))
+
+
+@pytest.mark.parametrize("name", ["rssr", "warp_knitter", "looper"])
+def test_a_run_with_pictures_is_the_run_without_to_the_last_bit(name):
+    drive = full_turn(name)
+
+    def run(spec):
+        return simulate(spec, speed=60.0, settings=Settings(steps_per_turn=60)).motion
+
+    scene = Scene(level="picture")
+    same(run(exported(drive.mechanism, scene)), run(assembled(drive.mechanism, scene)))
+
+
+def test_drawing_a_run_does_not_touch_it():
+    drive = full_turn("rssr")
+    before = simulate(drive.mechanism, speed=60.0, settings=Settings(steps_per_turn=60)).motion
+    try:
+        render.still(drive.mechanism, before, size=(64, 48))
+    except MissingToolError as missing:
+        pytest.skip(str(missing))
+    same(before, simulate(drive.mechanism, speed=60.0, settings=Settings(steps_per_turn=60)).motion)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_geoms_neither_weigh_nor_collide(name):
+    mechanism = catalog.make(name).mechanism
+    drawn = exported(mechanism, Scene(level="picture")).compile()
+    plain = assembled(mechanism, Scene(level="picture")).compile()
+    assert plain.ngeom == 0
+    assert drawn.ngeom > len(mechanism.links)
+    assert not drawn.geom_contype.any()
+    assert not drawn.geom_conaffinity.any()
+    for array in ("body_mass", "body_inertia", "body_ipos", "body_invweight0", "dof_invweight0", "qpos0"):
+        np.testing.assert_array_equal(getattr(drawn, array), getattr(plain, array))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_exported_picture_shows_every_link_to_any_user_of_mujoco(name):
+    try:
+        found = gl_backend.choose()
+    except MissingToolError as missing:
+        pytest.skip(str(missing))
+    mechanism = catalog.make(name).mechanism
+    model = mujoco.MjModel.from_xml_string(mjcf.to_xml(exported(mechanism, Scene(level="picture"))))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    with gl_backend.renderer(model, (320, 240), found) as drawing:
+        drawing.update_scene(data, CAMERA)
+        picture = drawing.render()
+    for link, rgba in link_colours(mechanism).items():
+        assert coloured(picture, rgba).sum() > 25, link
+    _, saturation = hues(picture)
+    rim = [saturation[:5], saturation[-5:], saturation[:, :5].T, saturation[:, -5:].T]
+    assert max(edge.max() for edge in rim) < 0.2

@@ -1,0 +1,244 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.cli.motion_source import joint_loads, motion_of, profile_of
+from mechsim.errors import InputError, MissingToolError
+from mechsim.model.mechanism import Pose
+from mechsim.model.motion import Motion
+from mechsim.pictures import render
+from mechsim.pictures.render import arrows, ghost, gl_backend, numbers
+from mechsim.pictures.render.drawing import Source, draw
+from mechsim.pictures.render.drawn_model import GHOST
+from mechsim.pictures.render.frame_poses import track
+from mechsim.pictures.render.look import Look
+from mechsim.shapes import span
+
+TURN = np.linspace(0.0, 2.0 * np.pi, 25)
+SIZE = (320, 240)
+NONE: frozenset[str] = frozenset()
+
+try:
+    gl_backend.choose()
+except MissingToolError as missing:
+    WHY = str(missing)
+else:
+    WHY = ""
+draws = pytest.mark.skipif(bool(WHY), reason=WHY or "OpenGL works")
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return catalog.make("four_bar")
+
+
+@pytest.fixture(scope="module")
+def motion(drive):
+    return drive.solve(TURN, 60.0)
+
+
+def moved(motion: Motion, link: str, by: np.ndarray) -> Motion:
+    """The motion with one link out of place."""
+    other = replace(motion.links[link], position=motion.links[link].position + by)
+    return replace(motion, source="step", links={**motion.links, link: other})
+
+
+def test_an_error_is_found_and_magnified_by_the_factor(drive, motion):
+    off = np.array([2e-9, -1e-9, 0.0])
+    run = track(drive.mechanism, moved(motion, "rocker", off)).poses
+    exact = track(drive.mechanism, motion).poses
+    found = ghost.errors(drive.mechanism, run, exact, NONE)
+    np.testing.assert_allclose(found["rocker"][0], np.tile(-off, (25, 1)), atol=1e-15)
+    assert np.abs(found["crank"][0]).max() == 0.0
+    by = ghost.factor(drive.mechanism, found)
+    assert np.log10(by) == pytest.approx(round(np.log10(by)))
+    assert 0.1 * ghost.FARTHEST * span(drive.mechanism) < 2e-9 * by <= ghost.FARTHEST * span(drive.mechanism)
+    shown = ghost.magnified(drive.mechanism, run, found, by)["rocker"]
+    np.testing.assert_allclose(
+        shown.position - run["rocker"].position, np.tile(-off * by, (25, 1)), atol=1e-8
+    )
+
+
+@pytest.mark.parametrize("size", [1e-12, 1e-3, 1.0])
+def test_a_turn_is_magnified_about_its_own_axis(drive, motion, size):
+    axis = np.array([0.36, 0.48, 0.8])
+    poses = track(drive.mechanism, motion).poses
+    turned = {
+        name: Pose(pose.position, ghost.turned(np.tile(size * axis, (25, 1))) @ pose.rotation)
+        if name == "crank"
+        else pose
+        for name, pose in poses.items()
+    }
+    found = ghost.errors(drive.mechanism, poses, turned, NONE)
+    np.testing.assert_allclose(found["crank"][1], np.tile(size * axis, (25, 1)), rtol=1e-3, atol=1e-15)
+    twice = ghost.magnified(drive.mechanism, poses, found, 2.0)["crank"]
+    back = ghost.magnified(drive.mechanism, turned, found, 1.0)["crank"]
+    np.testing.assert_allclose(twice.rotation, back.rotation, atol=2e-3 * size + 1e-15)
+
+
+def test_spin_that_means_nothing_is_no_error():
+    drive = catalog.make("rssr")
+    motion = drive.solve(TURN, 60.0)
+    poses = track(drive.mechanism, motion).poses
+    assert motion.spinning == {"coupler"}
+    ends = [np.asarray(end.point) for end in drive.mechanism.ends("coupler")]
+    line = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+    spun = poses["coupler"].rotation @ ghost.turned(np.tile(0.7 * line, (25, 1)))
+    first = poses["coupler"].point(tuple(ends[0]))
+    other = {**poses, "coupler": Pose(first - spun @ ends[0], spun)}
+    assert np.abs(ghost.errors(drive.mechanism, poses, other, NONE)["coupler"][1]).max() > 0.5
+    way, turn = ghost.errors(drive.mechanism, poses, other, motion.spinning)["coupler"]
+    assert max(np.abs(way).max(), np.abs(turn).max()) < 1e-14
+
+
+@draws
+def test_the_ghost_is_seen_where_it_differs_and_only_there(drive, motion):
+    def picture(run):
+        return render.still(drive.mechanism, run, exact=motion, size=SIZE, notes=False, labels=False)
+
+    plain = render.still(drive.mechanism, motion, size=SIZE, notes=False, labels=False)
+    assert (np.abs(picture(motion).astype(int) - plain).max(2) > 60).mean() < 2e-3
+    off = moved(motion, "rocker", np.array([1e-9, 0.0, 0.0]))
+    # the framing holds the ghost too, so the whole picture may shift: count dark pixels instead
+    dark = [(one.max(2) < 110).sum() for one in (plain, picture(off))]
+    assert dark[1] > dark[0] + 60
+    assert GHOST[3] < 1.0
+
+
+def test_ghosts_that_cannot_be_compared_are_refused(drive, motion):
+    other = drive.solve(TURN + 0.1, 60.0)
+    with pytest.raises(InputError, match="other crank angles"):
+        Source(drive.mechanism, motion, other).stage(Look())
+    with pytest.raises(InputError, match="ask for one position"):
+        Source(drive.mechanism, motion, motion).stage(Look(overlay=4))
+
+
+def test_arrows_point_along_their_vectors_at_one_scale(drive, motion):
+    stage = Source(drive.mechanism, motion).stage(Look(size=SIZE, arrows=("velocity",), camera="shaft"))
+    (shown,) = stage.arrows
+    speeds = np.concatenate([np.linalg.norm(v, axis=1) for v in shown.vectors.values()])
+    assert shown.largest == pytest.approx(speeds.max())
+    room = arrows.LONGEST * float((stage.high - stage.low).max())
+    assert 0.32 * room < shown.largest * shown.scale <= room
+    tips = shown.tips(stage.track.starts)
+    assert ((stage.camera.pixel(tips) > 0.0) & (stage.camera.pixel(tips) < np.array(SIZE))).all()
+    assert shown.legend[0] == f"velocity: 20 mm = 2 m/s, at most {speeds.max():.3g} m/s"
+    assert shown.scale == pytest.approx(0.01)
+
+
+@draws
+@pytest.mark.parametrize("camera", ["shaft", "iso"])
+def test_an_arrow_ends_where_its_vector_points(drive, camera):
+    way = np.array([0.3, 2.0, 4.1])
+    motion = drive.solve(way, 60.0)
+    forces = {"A": 80.0 * np.column_stack([np.cos(3.0 * way), np.sin(3.0 * way), 0.0 * way])}
+    look = Look(size=SIZE, notes=False, labels=False, paths=False, arrows=("force",), camera=camera)
+    stage = Source(drive.mechanism, motion, forces=forces).stage(look)
+    (drawn,) = stage.arrows
+    pictures = []
+    for shown in ([drawn], []):
+        stage.arrows = shown
+        pictures.append([picture.astype(int) for picture in draw(stage, gl_backend.choose())])
+    for frame in range(3):
+        start = stage.track.points["A"][frame]
+        tip = start + drawn.scale * forces["A"][frame]
+        seen = np.argwhere(np.abs(pictures[0][frame] - pictures[1][frame]).max(2) > 40)[:, ::-1] + 0.5
+        # an arrow drawn before all else hides what it covers, and nothing else changes
+        start, tip = stage.camera.pixel(start), stage.camera.pixel(tip)
+        way = (tip - start) / np.linalg.norm(tip - start)
+        along, across = (seen - start) @ way, (seen - start) @ np.array([-way[1], way[0]])
+        assert along.max() == pytest.approx(np.linalg.norm(tip - start), abs=2.0)
+        assert along.min() > -4.0
+        assert abs(across.mean()) < 1.5
+
+
+def test_forces_are_given_by_the_caller(drive, motion):
+    forces = {"B": np.ones((25, 3))}
+    stage = Source(drive.mechanism, motion, forces=forces).stage(Look(arrows=("force",)))
+    assert stage.arrows[0].largest == pytest.approx(np.sqrt(3.0))
+    # a joint that is no tracked point: its place is on the link that it carries
+    held = Source(drive.mechanism, motion, moments={"rocker": np.ones((25, 3))}).stage(
+        Look(arrows=("moment",))
+    )
+    np.testing.assert_allclose(held.track.starts["rocker"], np.tile([drive.ground, 0.0, 0.0], (25, 1)))
+    assert held.arrows[0].legend[0].endswith("at most 1.73 N m")
+    with pytest.raises(InputError, match="holds NaN"):
+        Source(drive.mechanism, motion, forces={"B": np.full((25, 3), np.nan)}).stage(Look(arrows=("force",)))
+    with pytest.raises(InputError, match="no force to draw"):
+        Source(drive.mechanism, motion).stage(Look(arrows=("force",)))
+    with pytest.raises(InputError, match=r"give \(25, 3\) numbers"):
+        Source(drive.mechanism, motion, forces={"B": np.ones((3, 3))}).stage(Look(arrows=("force",)))
+
+
+@pytest.mark.parametrize("name", catalog.DRIVES)
+def test_points_and_joints_of_one_name_lie_in_one_place(name):
+    drive = catalog.make(name)
+    motion = drive.solve([drive.mechanism.start + 0.1], 60.0)
+    for joint in drive.mechanism.joints:
+        if joint.name in drive.mechanism.points:
+            pose = motion.links[joint.b.link]
+            place = pose.position + pose.rotation @ np.asarray(joint.b.point)
+            np.testing.assert_allclose(place, motion.points[joint.name].position, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["rssr", "four_bar"])
+def test_both_roads_put_the_same_forces_into_the_joints(name):
+    drive = catalog.make(name)
+    profile = profile_of(drive, 60.0, 1.0)
+    motion = motion_of(drive, "closed", profile, 12)
+    closed = joint_loads(drive, "closed", profile, motion)
+    simulated = joint_loads(drive, "simulated", profile, motion)
+    for kind, found in closed.items():
+        largest = max(np.abs(force).max() for force in found.values())
+        for joint, force in found.items():
+            # both solve the poses to rounding; out of a plane a force is not determined
+            np.testing.assert_allclose(
+                force[:, :2], simulated[kind][joint][:, :2], atol=1e-6 * largest + 1e-12
+            )
+
+
+def test_quantities_are_written_with_the_prefix_that_suits():
+    written = {
+        0.02: "20 mN",
+        0.99999: "1 N",
+        2.5e-7: "250 nN",
+        0.0: "0 N",
+        1234.0: "1.23 kN",
+        -3e-13: "-0.0003 nN",
+    }
+    for value, text in written.items():
+        assert numbers.prefixed(value, "N") == text
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [({"arrows": ("speed",)}, "no arrow 'speed'"), ({"magnify": float("nan")}, "magnify is nan")],
+)
+def test_unknown_looks_are_refused(options, says):
+    with pytest.raises(InputError, match=says):
+        Look(**options)
+
+
+@draws
+def test_every_frame_written_is_told(drive, motion, tmp_path):
+    told: list[int] = []
+    render.write_video(
+        tmp_path / "a.gif",
+        drive.mechanism,
+        motion,
+        angles=TURN[:3],
+        size=(64, 48),
+        done=lambda: told.append(1),
+    )
+    assert len(told) == 3
+
+
+@pytest.mark.parametrize(("name", "none"), [("four_bar", True), ("rssr", False)])
+def test_moments_that_are_rounding_are_none(name, none):
+    drive = catalog.make(name)
+    profile = profile_of(drive, 60.0, 1.0)
+    loads = joint_loads(drive, "closed", profile, motion_of(drive, "closed", profile, 24))
+    shown = arrows.arrows("moment", loads["moments"], drive.mechanism.size)
+    assert (shown.legend[0] == "moment: none") == none

@@ -1,0 +1,107 @@
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.errors import InputError, OutputError
+from mechsim.pictures import plots
+from mechsim.pictures.plots.figure import readable
+
+TURN = np.linspace(0.0, 2.0 * np.pi, 37)
+ERRORS = {"P2": 1e-9 * np.sin(TURN), "P3": 0.0 * TURN}
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return catalog.make("rssr")
+
+
+@pytest.fixture(scope="module")
+def motion(drive):
+    return drive.solve(TURN, 60.0)
+
+
+class SmallPlan:
+    pole = np.zeros(2)
+    vectors = {"a": np.array([1.0, 0.4]), "b": np.array([0.3, 0.9])}  # noqa: RUF012
+    lines = (("a", "b"),)
+    scale = 0.02
+
+
+def drawings(drive, motion, form):
+    yield plots.motion_plot(motion, form=form)
+    yield plots.coupler_curve(drive.mechanism, motion, form=form, other=drive.solve(TURN[::6], 60.0))
+    yield plots.space_curve(drive.mechanism, motion, form=form)
+    yield plots.transmission_plot(TURN, drive.transmission_angle(TURN), form=form)
+    yield plots.error_plot(TURN, ERRORS, unit="m", bound=1e-8, form=form)
+    yield plots.velocity_plan_plot(SmallPlan(), "crank 2 stopped", form=form)
+
+
+@pytest.fixture(scope="module")
+def vectors(drive, motion):
+    """Every plot as SVG; drawing takes its time."""
+    return list(drawings(drive, motion, "svg"))
+
+
+@pytest.mark.parametrize(("form", "start"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
+def test_every_plot_comes_in_every_format(drive, motion, vectors, form, start):
+    for drawing in vectors if form == "svg" else drawings(drive, motion, form):
+        assert drawing.startswith(start)
+        assert len(drawing) > 2000
+
+
+def test_plots_need_nothing_from_elsewhere_and_are_the_same_every_time(drive, motion, vectors):
+    # one of each module: what could differ, names and dates, is made in one place for all
+    again = (
+        plots.error_plot(TURN, ERRORS, unit="m", bound=1e-8),
+        plots.coupler_curve(drive.mechanism, motion, other=drive.solve(TURN[::6], 60.0)),
+    )
+    assert set(again) <= set(vectors)
+    for one in vectors:
+        for element in ET.fromstring(one).iter():
+            for name, link in element.attrib.items():
+                assert not name.endswith("href") or link.startswith("#")
+
+
+def test_units_suit_the_numbers():
+    assert readable([0.013], "m") == (1e-3, "mm")
+    assert readable([-3.0, np.nan], "m/s") == (1.0, "m/s")
+    assert readable([3e-6], "m") == (1e-6, "µm")
+    assert readable([0.0], "m") == (1.0, "m")
+
+
+def test_a_plane_curve_is_seen_once_and_a_space_curve_from_three_sides(drive, motion):
+    flat = catalog.make("four_bar")
+    one = plots.coupler_curve(flat.mechanism, flat.solve(TURN))
+    three = plots.coupler_curve(drive.mechanism, motion)
+    axes = [drawing.count(b'id="axes_') for drawing in (one, three)]
+    assert axes == [1, 3]
+
+
+def test_errors_that_are_not_numbers_leave_a_gap():
+    errors = np.full(37, np.nan)
+    assert plots.error_plot(TURN, {"P2": errors}, unit="m").startswith(b"<?xml")
+    errors[3:9] = 1e-7
+    assert plots.error_plot(TURN, {"P2": errors}, unit="m", bound=1e-6).startswith(b"<?xml")
+
+
+def test_what_cannot_be_plotted_is_refused(motion, tmp_path):
+    with pytest.raises(InputError, match="no point 'Q'"):
+        plots.motion_plot(motion, ["Q"])
+    with pytest.raises(InputError, match="no plot format 'bmp'"):
+        plots.motion_plot(motion, form="bmp")
+    with pytest.raises(InputError, match=r"not one of .svg, .png, .pdf"):
+        plots.form_of("plot.jpg")
+    assert plots.form_of(Path("plot.pdf")) == "pdf"
+    with pytest.raises(OutputError, match="no directory"):
+        plots.write(tmp_path / "missing" / "plot.svg", b"")
+
+
+def test_plotting_touches_no_global_state(motion):
+    import matplotlib
+
+    before = dict(matplotlib.rcParams)
+    plots.motion_plot(motion)
+    assert dict(matplotlib.rcParams) == before

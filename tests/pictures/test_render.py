@@ -1,0 +1,389 @@
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import islice, pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from colours import coloured, hues
+
+from mechsim import catalog
+from mechsim.errors import InputError, MissingToolError, OutputError
+from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
+from mechsim.model.motion import LinkMotion, Motion
+from mechsim.pictures import render
+from mechsim.pictures.render import gl_backend, lines, video
+from mechsim.pictures.render.drawn_model import DrawnModel
+from mechsim.pictures.render.frame_poses import track
+from mechsim.pictures.render.look import Look
+from mechsim.shapes import PALETTE, camera, link_colours
+
+NAMES = list(catalog.DRIVES)
+TURN = np.linspace(0.0, 2.0 * np.pi, 37)
+SIZE = (320, 240)
+
+try:
+    BACKEND = gl_backend.choose()
+except MissingToolError as missing:
+    BACKEND = None
+    WHY = str(missing)
+else:
+    WHY = ""
+
+draws = pytest.mark.skipif(BACKEND is None, reason=WHY or "OpenGL works")
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return catalog.make("rssr")
+
+
+@pytest.fixture(scope="module")
+def motion(drive):
+    return drive.solve(TURN, 60.0)
+
+
+def bare(mechanism, motion, **options):
+    """Frames without anything but the mechanism and the ground it stands on."""
+    plain = {"size": SIZE, "paths": False, "labels": False, "notes": False}
+    return render.frames(mechanism, motion, **{**plain, **options})
+
+
+def crank_motion(angles, axis=(0.0, 0.0, 1.0)):
+    tip = (0.03, 0.0, 0.0)
+    ends = End(GROUND, axis=axis), End("crank", axis=axis)
+    mechanism = Mechanism(
+        "lever",
+        (Link("crank", (tip,)),),
+        (Joint("crank", "revolute", *ends),),
+        "crank",
+        {"A": ("crank", tip)},
+    )
+    c, s, zero = np.cos(angles), np.sin(angles), np.zeros((len(angles), 3))
+    rotation = np.zeros((len(angles), 3, 3))
+    rotation[:, 0, 0], rotation[:, 0, 1], rotation[:, 1, 0], rotation[:, 1, 1], rotation[:, 2, 2] = (
+        c,
+        -s,
+        s,
+        c,
+        1.0,
+    )
+    link = LinkMotion(zero, rotation, zero, zero, zero, zero)
+    still = np.zeros(len(angles))
+    return mechanism, Motion("user", angles, still, still, {}, {"crank": link})
+
+
+def decoded(path, size):
+    """Frames of a video, read by ffmpeg itself: (n, height, width, 3)."""
+    command = [
+        render.find_ffmpeg(),
+        "-v",
+        "error",
+        "-i",
+        str(path),
+        "-f",
+        "rawvideo",
+        "-pix_fmt",
+        "rgb24",
+        "-",
+    ]
+    raw = subprocess.run(command, capture_output=True, check=True).stdout
+    return np.frombuffer(raw, np.uint8).reshape(-1, size[1], size[0], 3)
+
+
+@draws
+@pytest.mark.parametrize("name", NAMES)
+def test_every_link_is_seen_in_every_frame(name):
+    drive = catalog.make(name)
+    mechanism = drive.mechanism
+    for picture in bare(mechanism, drive.solve(TURN[::6], 60.0)):
+        for link, rgba in link_colours(mechanism).items():
+            assert coloured(picture, rgba).sum() > 25, link
+
+
+@draws
+@pytest.mark.parametrize("view", camera.PRESETS)
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_reaches_the_border(name, view):
+    drive = catalog.make(name)
+    for picture in bare(drive.mechanism, drive.solve(TURN[::9], 60.0), camera=view, paths="whole"):
+        _, saturation = hues(picture)
+        edge = np.concatenate([saturation[:5].ravel(), saturation[-5:].ravel(), saturation[:, :5].ravel()])
+        assert max(edge.max(), saturation[:, -5:].max()) < 0.2
+
+
+@draws
+def test_a_picture_is_neither_black_nor_blank(drive, motion):
+    picture = next(iter(bare(drive.mechanism, motion)))
+    assert picture.dtype == np.uint8
+    assert picture.shape == (240, 320, 3)
+    assert 140 < picture.mean() < 250
+    assert (picture.min(2) < 5).mean() < 0.05
+
+
+@draws
+def test_first_and_last_frame_of_a_full_turn_match(drive, motion):
+    some = TURN[[0, 9, 18, 27, 36]]
+    first, *_, half, _, last = bare(drive.mechanism, motion, angles=some, paths="tail")
+    assert (np.abs(first.astype(int) - last).max(2) > 40).mean() < 2e-3
+    assert (np.abs(first.astype(int) - half).max(2) > 40).mean() > 0.02
+
+
+@draws
+def test_a_moving_point_is_drawn_where_the_camera_says():
+    angles = np.linspace(0.0, 2.0 * np.pi, 9)
+    mechanism, motion = crank_motion(angles)
+    stage = DrawnModel(mechanism, track(mechanism, motion), Look(size=SIZE, camera="shaft"))
+    pictures = bare(mechanism, motion, camera="shaft")
+    for picture, pin, tip in zip(pictures, np.zeros((9, 3)), stage.track.points["A"], strict=True):
+        seen = np.argwhere(coloured(picture, PALETTE[0]))[:, ::-1] + 0.5  # pixel centres
+        start, end = stage.camera.pixel(pin), stage.camera.pixel(tip)
+        way = (end - start) / np.linalg.norm(end - start)
+        along = (seen - start) @ way
+        # the ball at the tip is 1.5 rod radii in radius
+        ball = 1.5 * stage.radius * stage.camera.scale
+        assert along.max() == pytest.approx(np.linalg.norm(end - start) + ball, abs=1.6)
+        near = seen[along > np.linalg.norm(end - start) - 0.5 * ball]
+        assert np.abs(near.mean(0) - end) @ np.abs([way[1], way[0]]) < 1.0
+
+
+@draws
+def test_paths_grow_behind_their_points(drive, motion):
+    plain = bare(drive.mechanism, motion, angles=TURN[::9])
+    grown = list(bare(drive.mechanism, motion, angles=TURN[::9], paths="grow"))
+    drawn = [(one != other).any(2).sum() for one, other in zip(plain, grown, strict=True)]
+    assert len(drawn) == 5
+    assert drawn[0] == 0
+    assert all(a < b for a, b in pairwise(drawn))
+
+
+@draws
+def test_labels_and_notes_leave_the_mechanism_alone(drive, motion):
+    plain = next(iter(bare(drive.mechanism, motion)))
+    marked = next(iter(bare(drive.mechanism, motion, labels=True, notes=True)))
+    changed = (plain != marked).any(2)
+    assert 0.002 < changed.mean() < 0.12
+
+
+@draws
+def test_size_of_the_mechanism_does_not_change_the_picture(drive):
+    lengths = ("crank", "coupler", "rocker")
+    pictures = []
+    for factor in (1e-3, 1.0, 1e3):
+        pivot = tuple(factor * part for part in drive.pivot)
+        scaled = replace(drive, pivot=pivot, **{name: factor * getattr(drive, name) for name in lengths})
+        pictures.append(next(iter(bare(scaled.mechanism, scaled.solve(TURN, 60.0)))).astype(int))
+    for other in (pictures[0], pictures[2]):
+        # the grid may fall on other lines; the mechanism may not
+        assert (np.abs(pictures[1] - other).max(2) > 60).mean() < 0.01
+
+
+@draws
+def test_overlaid_positions_show_the_crank_all_round(drive, motion):
+    crank = link_colours(drive.mechanism)["crank"]
+    one = render.still(drive.mechanism, motion, size=SIZE, camera="shaft", notes=False, paths=False)
+    many = render.still(
+        drive.mechanism, motion, size=SIZE, camera="shaft", notes=False, paths=False, overlay=12
+    )
+    assert coloured(many, crank).sum() > 3 * coloured(one, crank).sum()
+
+
+@draws
+def test_projections_appear_on_three_planes(drive, motion):
+    plain = render.still(drive.mechanism, motion, size=(640, 480), paths=False, projections=())
+    thrown = render.still(drive.mechanism, motion, size=(640, 480), paths=False, projections=("P2",))
+    assert thrown.shape == plain.shape
+    hits = coloured(thrown, link_colours(drive.mechanism)["crank"], least=0.4)
+    assert hits.sum() > 300
+    with pytest.raises(InputError, match="no point 'P9'"):
+        render.still(drive.mechanism, motion, projections=("P9",))
+
+
+@draws
+def test_a_still_stands_at_the_crank_angle_asked_for(drive, motion):
+    at = render.still(drive.mechanism, motion, size=SIZE, angle=float(TURN[2]), paths=False)
+    frame = next(islice(render.frames(drive.mechanism, motion, size=SIZE, paths=False), 2, None))
+    assert (np.abs(at.astype(int) - frame).max(2) > 30).mean() < 1e-3
+
+
+def test_frames_are_spread_evenly_and_a_loop_shows_no_frame_twice(motion):
+    angles = render.turn_angles(motion, 36)
+    assert len(angles) == 36
+    np.testing.assert_allclose(np.diff(angles), np.deg2rad(10.0))
+    assert len(render.turn_angles(motion, 7)) == 7
+    part = replace(motion, angle=motion.angle[:20])
+    assert len(render.turn_angles(part, 36)) == 20
+
+
+def test_frames_between_samples_hold_rigid_links(drive):
+    motion = drive.solve(TURN, 60.0)
+    between = track(drive.mechanism, motion, TURN[:-1] + 0.03)
+    exact = drive.solve(TURN[:-1] + 0.03, 60.0)
+    for name, pose in between.poses.items():
+        if name != GROUND:
+            np.testing.assert_allclose(
+                pose.rotation.swapaxes(1, 2) @ pose.rotation, np.tile(np.eye(3), (36, 1, 1)), atol=1e-12
+            )
+            assert np.abs(pose.position - exact.links[name].position).max() < 0.01 * drive.mechanism.size
+
+
+def test_motions_that_cannot_be_drawn_are_refused(drive, motion):
+    with pytest.raises(InputError, match="does not say where link 'crank' is"):
+        track(drive.mechanism, replace(motion, links={}))
+    broken = replace(motion.links["rocker"], position=np.full_like(motion.links["rocker"].position, np.nan))
+    with pytest.raises(InputError, match="'rocker' holds NaN"):
+        track(drive.mechanism, replace(motion, links={**motion.links, "rocker": broken}))
+    with pytest.raises(InputError, match="the motion goes only"):
+        track(drive.mechanism, motion, [7.0])
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"camera": "front"}, "no camera 'front'"),
+        ({"size": (0, 480)}, "give edges from 16"),
+        ({"paths": "dots"}, "paths is 'dots'"),
+        ({"overlay": 0}, "0 overlaid positions"),
+    ],
+)
+def test_unknown_looks_are_refused(options, says):
+    with pytest.raises(InputError, match=says):
+        Look(**options)
+
+
+def test_everything_of_the_whole_motion_is_inside_the_frame():
+    rng = np.random.default_rng(5)
+    for preset in camera.PRESETS:
+        mechanism = catalog.make("rssr").mechanism
+        back, up = camera.directions(mechanism, preset)
+        points, radii = rng.normal(size=(50, 3)), rng.uniform(0.0, 0.3, 50)
+        view = camera.framed(back, up, points, radii, (640, 360))
+        np.testing.assert_allclose(np.cross(view.right, view.up), view.back, atol=1e-12)
+        pixels, reach = view.pixel(points), (radii * view.scale)[:, None]
+        assert ((pixels - reach) >= np.array([640, 360]) * camera.MARGIN - 1e-6).all()
+        assert ((pixels + reach) <= np.array([640, 360]) * (1 - camera.MARGIN) + 1e-6).all()
+
+
+def test_rods_of_a_chain_join_the_points_of_a_path():
+    path = np.array([[0.0, 0, 0], [1, 0, 0], [1, 2, 0], [1, 2, 2], [0, 1, 1]])
+    rods = lines.chain(path, 0.1, np.ones(4))
+    along = rods.frames.reshape(-1, 3, 3)[:, :, 2]
+    np.testing.assert_allclose(np.linalg.det(rods.frames.reshape(-1, 3, 3)), 1.0)
+    half = (np.linalg.norm(np.diff(path, axis=0), axis=1) / 2.0)[:, None]
+    np.testing.assert_allclose(rods.centres + half * along, path[1:], atol=1e-12)
+
+
+@draws
+@pytest.mark.parametrize("name", gl_backend.ORDER)
+def test_each_back_end_draws_the_same_picture(name, drive, motion, tmp_path):
+    if gl_backend.probe(name) is None:
+        pytest.skip(
+            f"{name} does not work here; the system package {gl_backend.PACKAGES.get(name, '?')} brings it"
+        )
+    # mujoco is imported first and without MUJOCO_GL, as a user's program may have done
+    script = f"""
+import mujoco, sys
+import numpy as np
+from mechsim import catalog, render
+drive = catalog.make("rssr")
+motion = drive.solve(np.linspace(0.0, 2.0 * np.pi, 37), 60.0)
+picture = render.still(drive.mechanism, motion, size={SIZE}, backend="{name}")
+from OpenGL import GL
+np.save(sys.argv[1], picture)
+"""
+    environment = {
+        key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")
+    }
+    environment["PYTHONPATH"] = str(Path(render.__file__).parents[2])
+    saved = tmp_path / "picture.npy"
+    command = [sys.executable, "-W", "error", "-c", script, str(saved)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    here = render.still(drive.mechanism, motion, size=SIZE)
+    assert (np.abs(np.load(saved).astype(int) - here).max(2) > 60).mean() < 0.01
+
+
+def test_a_machine_without_opengl_names_the_packages(monkeypatch):
+    monkeypatch.setattr(gl_backend, "probe", lambda name: None)
+    monkeypatch.setattr(gl_backend, "_settled", lambda: None)
+    with pytest.raises(MissingToolError, match="libegl1 or libosmesa6"):
+        gl_backend.choose()
+    with pytest.raises(MissingToolError, match=r"package libosmesa6$"):
+        gl_backend.choose("osmesa")
+    assert [row["works"] for row in gl_backend.describe_backend()] == [False] * len(gl_backend.ORDER)
+
+
+def test_back_ends_that_cannot_be_had_are_refused(monkeypatch):
+    with pytest.raises(InputError, match="no OpenGL back end 'metal'"):
+        gl_backend.choose("metal")
+    monkeypatch.setattr(gl_backend, "_settled", lambda: "egl")
+    with pytest.raises(InputError, match="already draws with egl"):
+        gl_backend.choose("osmesa")
+
+
+def test_a_software_driver_is_told_from_hardware():
+    assert gl_backend.Backend("egl", "llvmpipe (LLVM 15.0.6, 256 bits)", "4.5").software
+    assert not gl_backend.Backend("egl", "NVIDIA H200/PCIe/SSE2", "4.6").software
+    assert str(gl_backend.Backend("egl", "NVIDIA H200", "4.6")) == "egl: NVIDIA H200, hardware"
+
+
+@draws
+@pytest.mark.parametrize("extension", video.VIDEOS)
+def test_videos_hold_every_frame_at_the_size_asked_for(extension, drive, motion, tmp_path):
+    path = tmp_path / f"turn{extension}"
+    angles = render.turn_angles(motion, 12)
+    count = render.write_video(path, drive.mechanism, motion, angles=angles, size=SIZE, fps=12.0)
+    assert count == 12
+    seen = decoded(path, SIZE)
+    assert len(seen) == 12
+    drawn = next(iter(render.frames(drive.mechanism, motion, angles=angles, size=SIZE)))
+    assert np.abs(seen[0].astype(int) - drawn).mean() < 6.0
+    assert [left.name for left in tmp_path.iterdir()] == [path.name]
+
+
+@draws
+def test_odd_edges_are_made_even_for_codecs(drive, motion, tmp_path):
+    path = tmp_path / "odd.mp4"
+    render.write_video(path, drive.mechanism, motion, angles=TURN[:2], size=(161, 121))
+    assert len(decoded(path, (160, 120))) == 2
+
+
+@draws
+def test_a_path_without_extension_becomes_a_directory_of_pictures(drive, motion, tmp_path):
+    from PIL import Image
+
+    assert render.write_video(tmp_path / "frames", drive.mechanism, motion, angles=TURN[:3], size=SIZE) == 3
+    names = sorted(path.name for path in (tmp_path / "frames").iterdir())
+    assert names == ["00000.png", "00001.png", "00002.png"]
+    with Image.open(tmp_path / "frames" / names[0]) as image:
+        assert image.size == SIZE
+    with pytest.raises(OutputError, match="not an empty directory"):
+        render.write_video(tmp_path / "frames", drive.mechanism, motion, size=SIZE)
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+@draws
+def test_a_picture_is_written_as_png(drive, motion, tmp_path):
+    render.write_picture(tmp_path / "a.png", drive.mechanism, motion, size=SIZE)
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(OutputError, match="no directory"):
+        render.write_picture(tmp_path / "missing" / "a.png", drive.mechanism, motion, size=SIZE)
+
+
+@pytest.mark.parametrize("name", ["turn.avi", "turn.txt", "turn.png"])
+def test_unknown_video_extensions_are_refused_before_drawing(name, drive, motion, tmp_path):
+    with pytest.raises(InputError, match=r"is not one of .mp4, .webm, .gif"):
+        render.write_video(tmp_path / name, drive.mechanism, motion)
+    with pytest.raises(InputError, match="frames per second"):
+        render.write_video(tmp_path / "a.mp4", drive.mechanism, motion, fps=float("nan"))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_missing_ffmpeg_is_named_before_the_first_frame(drive, motion, tmp_path, monkeypatch):
+    monkeypatch.setattr("shutil.which", lambda name: None)
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(MissingToolError, match="imageio-ffmpeg"):
+        render.write_video(tmp_path / "a.mp4", drive.mechanism, motion)
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,95 @@
+import mujoco
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.errors import MissingToolError
+from mechsim.pictures.render import gl_backend
+from mechsim.pictures.render.drawing import Source
+from mechsim.pictures.render.drawn_model import CAMERA
+from mechsim.pictures.render.look import Look
+from mechsim.pictures.render.shadow import DECOR, Shadow
+
+TURN = np.linspace(0.0, 2.0 * np.pi, 25)
+SIZE = (320, 240)
+PLAIN = {"size": SIZE, "labels": False, "notes": False, "paths": False}
+
+try:
+    BACKEND = gl_backend.choose()
+except MissingToolError as missing:
+    WHY = str(missing)
+else:
+    WHY = ""
+draws = pytest.mark.skipif(bool(WHY), reason=WHY or "OpenGL works")
+
+
+def stage_of(name, exact=False, **look):
+    drive = catalog.make(name)
+    motion = drive.solve(TURN, 60.0)
+    return Source(drive.mechanism, motion, motion if exact else None).stage(Look(**{**PLAIN, **look}))
+
+
+@draws
+@pytest.mark.parametrize("name", ["rssr", "warp_knitter"])
+def test_shadows_fall_where_a_shadow_map_has_them(name):
+    stage = stage_of(name)
+    shadow = Shadow(stage)
+    stage.place(4)
+    pictures = []
+    stage.model.vis.quality.shadowsize = 4096
+    # MuJoCo's own shadow map is the judge; its map is drawn only where it was asked for from the start
+    stage.model.light_castshadow[:] = True
+    with gl_backend.renderer(stage.model, SIZE, BACKEND) as drawing:
+        for flat, mapped in ((False, False), (True, False), (False, True)):
+            stage.model.light_castshadow[:] = mapped
+            drawing.update_scene(stage.data, CAMERA)
+            if flat:
+                shadow.put(drawing.scene)
+            pictures.append(drawing.render().astype(int).sum(2) / 3.0)
+        drawing.update_scene(stage.data, CAMERA)
+        drawing.enable_segmentation_rendering()
+        seen = drawing.render()[:, :, 0]
+    wall = stage.model.geom_type[seen] == mujoco.mjtGeom.mjGEOM_PLANE
+    bare, flat, mapped = pictures
+    ours, theirs = (bare - flat > 20.0) & wall, (bare - mapped > 20.0) & wall
+    assert theirs.sum() > 600
+    # our edges are soft: a pixel or two either way
+    assert (ours & theirs).sum() > 0.8 * (ours | theirs).sum()
+    assert np.median((bare - flat)[ours & theirs]) == pytest.approx(
+        np.median((bare - mapped)[ours & theirs]), rel=0.15
+    )
+    # solids keep their light, but for edges that share a pixel with the wall
+    assert (np.abs(bare - flat)[~wall] > 8.0).mean() < 0.1
+
+
+def test_a_ghost_throws_no_shadow():
+    plain, ghostly = (Shadow(stage_of("four_bar", exact=exact)) for exact in (False, True))
+    assert len(plain.geoms) == len(ghostly.geoms) > 0
+    assert ghostly.stage.model.ngeom > plain.stage.model.ngeom
+
+
+def test_shadows_lie_flat_just_before_the_wall_and_hold_their_layers_apart():
+    stage = stage_of("looper")
+    scene = mujoco.MjvScene(stage.model, 2000)
+    stage.place(0)
+    shadow = Shadow(stage)
+    shadow.put(scene)
+    assert scene.ngeom == 3 * len(shadow.geoms)
+    heights = np.array([(geom.pos - shadow.point) @ shadow.normal for geom in scene.geoms[: scene.ngeom]])
+    assert heights.min() > 0.0
+    assert heights.max() < 2e-3 * stage.camera.height
+    # the darkest lies on top of the others
+    by_height = np.argsort(heights, kind="stable").reshape(3, -1)
+    tones = [{float(scene.geoms[i].rgba[0]) for i in layer} for layer in by_height]
+    assert [len(tone) for tone in tones] == [1, 1, 1]
+    assert max(tones[2]) < max(tones[1]) < max(tones[0])
+    assert all(geom.category == DECOR for geom in scene.geoms[: scene.ngeom])
+    full = mujoco.MjvScene(stage.model, 7)
+    shadow.put(full)
+    assert full.ngeom == 7
+
+
+@pytest.mark.parametrize("look", [{"camera": "shaft"}, {"projections": ("P2",)}, {"overlay": 4}])
+def test_walls_that_carry_nothing_show_no_shadow(look):
+    assert not stage_of("rssr", **look).stands_on_wall
+    assert stage_of("rssr").stands_on_wall

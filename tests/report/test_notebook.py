@@ -1,0 +1,82 @@
+import ast
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.errors import MissingToolError
+from mechsim.pictures.render import gl_backend
+from mechsim.report import notebook
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "first_steps.ipynb"
+
+
+@pytest.fixture(scope="module")
+def run():
+    return ms.simulate(ms.catalog.make("rssr", rocker=0.03).mechanism, speed=60.0, tolerance=1e-6)
+
+
+def page_of(value):
+    """Return what IPython shows of a value, as registered with it."""
+    for (module, name), page in notebook.SHOWN.items():
+        if (type(value).__module__, type(value).__name__) == (module, name):
+            return page(value)
+    return value._repr_html_() if hasattr(value, "_repr_html_") else ""
+
+
+def shown(cell, names):
+    """Run a cell as a notebook does; return what its last line is worth."""
+    tree = ast.parse(cell)
+    last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
+    exec(compile(tree, "cell", "exec"), names)
+    if last is None:
+        return None
+    return eval(compile(ast.Expression(last.value), "cell", "eval"), names)
+
+
+def test_the_example_notebook_runs_and_everything_in_it_shows_itself(monkeypatch):
+    try:
+        gl_backend.choose()
+    except MissingToolError as missing:
+        pytest.skip(str(missing))
+    # films of full size take their time
+    plain = ms.show
+    monkeypatch.setattr(
+        ms,
+        "show",
+        lambda *args, **look: plain(*args, frames_per_turn=3, size=(96, 72), **look),
+        raising=False,
+    )
+    cells = json.loads(EXAMPLE.read_text(encoding="utf-8"))["cells"]
+    names: dict[str, object] = {}
+    values = [shown("".join(cell["source"]), names) for cell in cells if cell["cell_type"] == "code"]
+    pages = [page_of(value) for value in values if page_of(value)]
+    assert [page[:6] for page in pages] == ["<p sty", "<p sty", "<video", "<video"]
+    assert all(cell.get("outputs", []) == [] for cell in cells)
+
+
+def test_a_run_shows_its_outcome_its_settings_and_its_motion(run):
+    page = page_of(run)
+    assert "<svg" in page
+    for word in ("met", "RK4", "steps per turn"):
+        assert word in page
+    assert "#a8261a" in page_of(replace(run, outcome="missed"))
+
+
+def test_a_verdict_shows_every_check_and_condemns_in_red(run):
+    drive = ms.catalog.make("rssr", rocker=0.03)
+    good = ms.crosscheck(run.motion, drive)
+    assert page_of(good).count("<tr") == len(good.checks) + 1
+    bad = ms.crosscheck(run.motion, replace(drive, rocker=0.0301))
+    assert not bad.passed
+    assert "missed" in page_of(bad)
+    assert 'style="color:#a8261a"' in page_of(bad)
+
+
+def test_what_a_table_holds_cannot_smuggle_markup():
+    verdict = ms.Verdict("missed", (), "<script>")
+    assert "<script>" not in page_of(verdict)
+    assert np.isfinite(len(page_of(verdict)))

@@ -1,0 +1,293 @@
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from browser import PROGRAM, Browser
+
+from mechsim import catalog
+from mechsim.errors import OutputError
+from mechsim.pictures import plots
+from mechsim.pictures.render import find_ffmpeg
+from mechsim.report import page as report
+from mechsim.report.studies import studies_in
+
+TURN = np.linspace(0.0, 2.0 * np.pi, 37)
+# the smallest PNG there is
+PNG = bytes.fromhex(
+    "89504e470d0a1a0a0000000d49484452000000010000000108060000001f15c4890000000d49444154789c6360606060000000050001"
+    "a5f645400000000049454e44ae426082"
+)
+
+
+class Reader(HTMLParser):
+    def __init__(self, page):
+        super().__init__()
+        self.tags, self.links, self.text = [], [], ""
+        self.skip = False
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.skip = tag == "style"
+        self.links += [value for name, value in attrs if name in ("src", "href", "srcset", "poster", "data")]
+
+    def handle_endtag(self, tag):
+        self.skip = False
+
+    def handle_data(self, data):
+        self.text += "" if self.skip else data
+
+
+def check(passed=True, worst=3.2e-10, quantity="step: place of P3"):
+    return {
+        "quantity": quantity,
+        "unit": "m",
+        "worst": worst,
+        "at_angle": 1.2,
+        "rms": 1e-10,
+        "bound": 1e-9,
+        "why": "a twentieth of what a link 0.1 % long does",
+        "passed": passed,
+    }
+
+
+def results(**mechanisms):
+    return {"passed": all(one["passed"] for one in mechanisms.values()), "mechanisms": mechanisms}
+
+
+def good():
+    return {"passed": True, "outcome": "met", "checks": [check()], "steps": 1000, "seconds": np.float64(1.25)}
+
+
+def bad():
+    broken = check(False, float("nan"), "step: velocity of P2")
+    return {"passed": False, "outcome": "diverged", "reason": "MuJoCo warned", "checks": [check(), broken]}
+
+
+@pytest.fixture
+def section(tmp_path):
+    drive = catalog.make("rssr")
+    motion = drive.solve(TURN, 60.0)
+    return report.Section(
+        name="rssr",
+        title="Spatial four-bar",
+        facts={
+            "mobility": 1,
+            "crank_range": "full turn",
+            "links": ["crank", "coupler"],
+            "slack": {"a": 1e-9},
+        },
+        still=PNG,
+        plots=[
+            ("Motion", plots.motion_plot(motion)),
+            ("Paths", plots.coupler_curve(drive.mechanism, motion, form="png")),
+        ],
+        settings={"integrator": "RK4", "timestep": 1e-4},
+    )
+
+
+def test_the_page_needs_nothing_but_itself(section, tmp_path):
+    video = tmp_path / "turn.mp4"
+    video.write_bytes(b"not really a video")
+    section = replace(section, video=video)
+    page = report.write_report(tmp_path / "out", results(rssr=good()), [section]).read_text(encoding="utf-8")
+    seen = Reader(page)
+    assert all(link.startswith(("data:", "#")) or link == "validate.json" for link in seen.links)
+    assert sum(link.startswith("data:video/mp4;base64,") for link in seen.links) == 1
+    assert sum(link.startswith("data:image/") for link in seen.links) == 3
+    assert "script" not in seen.tags
+    assert "@import" not in page
+    assert not re.search(r"url\(", page)
+
+
+def test_the_numbers_lie_beside_the_page_as_json(section, tmp_path):
+    report.write_report(
+        tmp_path, results(rssr=good(), other=bad()), [section], command="mechsim validate", notes=["x"]
+    )
+    numbers = json.loads((tmp_path / "validate.json").read_text(encoding="utf-8"))
+    assert numbers["passed"] is False
+    assert numbers["mechanisms"]["rssr"]["checks"][0]["worst"] == 3.2e-10
+    assert numbers["mechanisms"]["rssr"]["seconds"] == 1.25
+    assert numbers["mechanisms"]["other"]["checks"][1]["worst"] is None
+    assert numbers["about"]["command"] == "mechsim validate"
+    assert {"mechsim", "python", "mujoco", "numpy"} <= set(numbers["about"]["versions"])
+
+
+def test_what_was_missed_stands_before_any_mechanism(section, tmp_path):
+    other = report.Section(name="other")
+    path = report.write_report(
+        tmp_path, results(rssr=good(), other=bad()), [section, other], notes=["no pictures: install libegl1"]
+    )
+    page = path.read_text(encoding="utf-8")
+    text = Reader(page).text
+    first = page.index("<section")
+    assert page.index("Not every bound met") < page.index("What was missed or refused") < first
+    assert page.index("velocity of P2") < first
+    assert page.index("install libegl1") < first
+    assert "not a number m at 68.8°, bound 1.00·10⁻⁹ m" in text
+    assert "MuJoCo warned" in text
+
+
+def test_a_good_page_says_so_and_shows_bound_and_reason(section, tmp_path):
+    text = Reader(
+        report.write_report(tmp_path, results(rssr=good()), [section]).read_text(encoding="utf-8")
+    ).text
+    for words in ("Every bound met", "1 of 1 mechanisms", "3.20·10⁻¹⁰ m", "0.32", "a link 0.1 % long", "RK4"):
+        assert words in text
+    assert "missed or refused" not in text
+
+
+def test_the_tightest_check_of_each_kind_comes_first_and_all_of_them_after(section, tmp_path):
+    points = {"P2": 1e-10, "P3": 7e-10, "P4": 2e-10}
+    checks = [check(worst=worst, quantity=f"step: position of {name}") for name, worst in points.items()]
+    lost = check(False, 5e-9, "step: position of P5")
+    for some, first in ((checks, ["P3"]), ([*checks, lost], ["P3", "P5"])):
+        result = {**good(), "checks": some, "passed": len(first) == 1}
+        page = report.write_report(tmp_path, results(rssr=result), [section]).read_text(encoding="utf-8")
+        short, long = page.split("<summary>")
+        short = short[short.index("<section") :]
+        assert [name for name in ("P2", "P3", "P4", "P5") if f"position of {name}" in short] == first
+        assert all(f"position of {name}" in long for name in points)
+        assert f"All {len(some)} quantities" in long
+
+
+def test_a_mechanism_without_pictures_is_reported_all_the_same(tmp_path):
+    page = report.write_report(tmp_path, results(rssr=good()), [report.Section(name="rssr")])
+    assert "step: place of P3" in Reader(page.read_text(encoding="utf-8")).text
+
+
+def test_names_cannot_smuggle_markup(tmp_path):
+    section = report.Section(name="rssr", title="<script>alert(1)</script>", facts={"<b>": "<i>"})
+    page = report.write_report(tmp_path, results(rssr=good()), [section]).read_text(encoding="utf-8")
+    assert {"script", "b", "i"}.isdisjoint(Reader(page).tags)
+
+
+@pytest.mark.parametrize(
+    ("x", "shown"),
+    [
+        (0.0, "0"),
+        (12000.0, "12\u202f000"),
+        (0.32, "0.32"),
+        (1.5e-7, "1.50·10⁻⁷"),
+        (np.nan, "not a number"),
+        (None, "not a number"),
+    ],
+)
+def test_numbers_are_short(x, shown):
+    assert report.number(x) == shown
+
+
+def test_values_are_shown_as_lines():
+    assert report.value(True) == ["yes"]
+    assert report.value(["a", "b"]) == ["a, b"]
+    assert report.value([{"class": 3, "links": ["a", "b"]}]) == ["class: 3, links: a, b"]
+    assert report.value(np.float64(0.5)) == ["0.5"]
+
+
+def test_what_cannot_be_written_or_read_is_one_sentence(tmp_path):
+    with pytest.raises(OutputError, match="cannot write a report to"):
+        report.write_report(tmp_path / "missing" / "out", results(), [])
+    lost = report.Section(name="rssr", video=tmp_path / "lost.mp4")
+    with pytest.raises(OutputError, match=r"lost\.mp4 into the report"):
+        report.write_report(tmp_path, results(rssr=good()), [lost])
+    assert not (tmp_path / "index.html").exists()
+
+
+def film_of(folder):
+    """A video of a few frames."""
+    import mediapy
+
+    mediapy.set_ffmpeg(find_ffmpeg())
+    rng = np.random.default_rng(3)
+    frames = rng.integers(0, 255, (12, 48, 64, 3), dtype=np.uint8)
+    mediapy.write_video(folder / "film.mp4", frames, fps=12.0, codec="h264")
+    return folder / "film.mp4"
+
+
+def test_studies_left_in_the_folder_become_part_of_the_page(tmp_path):
+    drawing = plots.error_plot(TURN, {"a": 1e-3 + 0.0 * TURN}, unit="m")
+    border = {"axis": "size", "mechanism": "rssr", "inside": 1e-9, "outside": 5e-10}
+    trial = {"passed": True}
+    numbers = {"borders": [{**border, "before": "met", "after": "cannot assemble"}], "trials": [trial, trial]}
+    assert studies_in(tmp_path) == []
+    (tmp_path / "extremes.svg").write_bytes(drawing)
+    (tmp_path / "extremes.json").write_text(json.dumps(numbers), encoding="utf-8")
+    (tmp_path / "tradeoff_rssr.svg").write_bytes(drawing)
+    page = report.write_report(tmp_path, results(rssr=good()), [], studies=studies_in(tmp_path))
+    seen = Reader(page.read_text(encoding="utf-8"))
+    assert sum(link.startswith("data:image/svg") for link in seen.links) == 2
+    for words in ("2 of 2 runs", "5e-10: cannot assemble", "Speed against accuracy"):
+        assert words in seen.text
+    (tmp_path / "extremes.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(OutputError, match="run it again or remove"):
+        studies_in(tmp_path)
+
+
+SURVEY = """(async () => {
+  for (const details of document.querySelectorAll("details")) details.open = true;
+  const played = [];
+  for (const video of document.querySelectorAll("video")) {
+    video.scrollIntoView();
+    try {
+      await video.play();
+      if (!video.currentTime) await new Promise(done => { video.ontimeupdate = done; });
+    } catch (error) { /* its time stays 0 */ }
+    played.push([video.videoWidth, video.currentTime > 0, video.error === null]);
+  }
+  scrollTo(0, 0);
+  const images = [...document.images];
+  const texts = [...document.querySelectorAll("td, th, dd, dt, p, h2, h3, li")];
+  const seen = texts.filter(one => one.getClientRects().length && !one.closest(".scroll"));
+  return {
+    played, images: images.length, across: document.documentElement.scrollWidth,
+    bare: images.filter(image => !image.complete || image.naturalWidth === 0).length,
+    cut: seen.filter(one => one.getBoundingClientRect().right > innerWidth + 1).map(one => one.textContent),
+    smallest: Math.min(...seen.map(one => parseFloat(getComputedStyle(one).fontSize))),
+  };
+})()"""
+
+browses = pytest.mark.skipif(PROGRAM is None, reason="no Chromium here; Debian's package chromium brings it")
+
+
+@browses
+def test_a_browser_shows_and_plays_everything_without_complaint(section, tmp_path):
+    section = replace(section, video=film_of(tmp_path))
+    page = report.write_report(tmp_path / "out", results(rssr=good(), other=bad()), [section])
+    with Browser(tmp_path / "profile") as browser:
+        for width, scheme in ((1280, "light"), (400, "dark")):
+            browser.open(page, width, scheme)
+            found = browser.run(SURVEY)
+            assert browser.complaints == []
+            assert found["bare"] == 0
+            assert found["images"] == 3
+            assert found["played"] == [[64, True, True]]
+            assert found["cut"] == []
+            assert found["across"] <= width
+            assert found["smallest"] >= 12.0
+            seen = browser.look()
+            assert seen.shape[1] == width
+            paper, ink = seen[3, 3], seen[: seen.shape[0] // 3].reshape(-1, 3)
+            assert (paper > 225).all() if scheme == "light" else (paper < 60).all()
+            assert ink.min() < 60 < 225 < ink.max()
+            assert len(np.unique(seen.reshape(-1, 3), axis=0)) > 100
+
+
+@browses
+def test_a_browser_finds_what_is_broken(section, tmp_path):
+    broken = tmp_path / "turn.mp4"
+    broken.write_bytes(b"not really a video")
+    section = replace(section, video=broken, still=b"\x89PNG\r\n\x1a\nbroken")
+    page = report.write_report(tmp_path / "out", results(rssr=good()), [section])
+    text = page.read_text(encoding="utf-8")
+    text = text.replace("<h3>Verdict", '<p style="width:700px">wide</p><script>lost()</script><h3>Verdict')
+    page.write_text(text, encoding="utf-8")
+    with Browser(tmp_path / "profile") as browser:
+        browser.open(page, 400, "light")
+        found = browser.run(SURVEY)
+        assert found["bare"] == 1
+        assert found["played"] == [[0, False, False]]
+        assert found["cut"] == ["wide"]
+        assert "lost is not defined" in str(browser.complaints)

@@ -1,0 +1,47 @@
+"""`mechsim validate --report` as a whole: what it writes, with OpenGL and without."""
+
+import json
+import sys
+
+import pytest
+
+from mechsim.cli import main
+from mechsim.pictures.render import gl_backend
+
+
+def validated(monkeypatch, tmp_path, capsys, *words):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["mechsim", "validate", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return ended.value.code, capsys.readouterr()
+
+
+def test_the_report_holds_page_numbers_plots_picture_and_video(monkeypatch, tmp_path, capsys):
+    code, said = validated(monkeypatch, tmp_path, capsys, "slider_crank", "--report", "out/", "--json")
+    assert not code, said.err
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"index.html", "validate.json", "slider_crank.png", "slider_crank.mp4"} <= names
+    assert any(name.endswith(".svg") for name in names)
+    beside = json.loads((tmp_path / "out" / "validate.json").read_text())
+    printed = json.loads(said.out)
+    assert beside["mechanisms"]["slider_crank"]["checks"] == printed["mechanisms"]["slider_crank"]["checks"]
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert "data:video/mp4" in page
+
+
+def test_without_opengl_validation_passes_and_one_line_names_the_package(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(gl_backend, "probe", lambda name: None)
+    code, said = validated(monkeypatch, tmp_path, capsys, "four_bar", "slider_crank", "--report", "out")
+    assert not code, said.err
+    lines = [line for line in said.err.splitlines() if "libegl1" in line or "libosmesa6" in line]
+    assert len(lines) == 1
+    assert (tmp_path / "out" / "index.html").exists()
+    assert not list((tmp_path / "out").glob("*.mp4"))
+
+
+def test_a_report_folder_that_cannot_be_made_is_refused_before_any_work(monkeypatch, tmp_path, capsys):
+    code, said = validated(monkeypatch, tmp_path, capsys, "four_bar", "--report", "no/such/folder")
+    assert code == 2
+    assert len(said.err.strip().splitlines()) == 1
+    assert "no/such" in said.err

@@ -1,0 +1,170 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, joint_coordinate
+from mechsim.model.mechanism import IDENTITY as STANDING
+from mechsim.shapes import PALETTE, Shape, free_sides, link_colours, link_shapes, planar_normals, rod_radius
+
+NAMES = list(catalog.DRIVES)
+TURN = np.linspace(0.0, 2.0 * np.pi, 73)
+
+
+def mechanism_of(name):
+    return catalog.make(name).mechanism
+
+
+def crank_only(axis=(0.0, 0.0, 1.0), tip=(0.03, 0.0, 0.0)):
+    end = End("crank", axis=axis)
+    return Mechanism(
+        name="crank",
+        links=(Link("crank", outline=(tip,)),),
+        joints=(Joint("crank", "revolute", End(GROUND, axis=axis), end),),
+        driver="crank",
+        points={"A": ("crank", tip)},
+    )
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_joint_lies_in_a_shape_of_both_its_links(name):
+    mechanism = mechanism_of(name)
+    shapes = link_shapes(mechanism)
+    normals = planar_normals(mechanism)
+    for joint in mechanism.joints:
+        for end in (joint.a, joint.b):
+            if end.link == GROUND:
+                continue
+            point = np.asarray(end.point)
+            gaps = []
+            for shape in shapes[end.link]:
+                start, way = np.asarray(shape.frm), np.subtract(shape.to, shape.frm)
+                off = point - start
+                if normals:  # layers stand apart along the normal, which nobody minds
+                    n = normals[end.link]
+                    off, way = off - n * (off @ n), way - n * (way @ n)
+                share = np.clip(off @ way / (way @ way), 0.0, 1.0) if way @ way > 0.0 else 0.0
+                gaps.append(np.linalg.norm(off - share * way))
+            assert min(gaps) <= 2.7 * rod_radius(mechanism)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_shapes_have_positive_finite_sizes_and_right_handed_frames(name):
+    for shapes in link_shapes(mechanism_of(name)).values():
+        assert shapes
+        for shape in shapes:
+            assert all(0.0 < size < np.inf for size in shape.half_sizes)
+            np.testing.assert_allclose(shape.frame.T @ shape.frame, np.eye(3), atol=1e-12)
+            assert np.linalg.det(shape.frame) == pytest.approx(1.0)
+
+
+def test_shapes_grow_with_the_mechanism():
+    small = catalog.make("four_bar")
+    lengths = {name: 250.0 * getattr(small, name) for name in ("ground", "crank", "coupler", "rocker", "arm")}
+    large = link_shapes(replace(small, **lengths).mechanism)
+    for link, shapes in link_shapes(small.mechanism).items():
+        for one, other in zip(shapes, large[link], strict=True):
+            np.testing.assert_allclose(np.multiply(250.0, one.half_sizes), other.half_sizes, rtol=1e-9)
+            np.testing.assert_allclose(250.0 * one.centre, other.centre, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_links_have_colours_of_their_own(name):
+    colours = link_colours(mechanism_of(name))
+    assert len(set(colours.values())) == len(colours) <= len(PALETTE)
+
+
+def test_planar_mechanisms_are_told_from_spatial_ones():
+    planar = {name for name in NAMES if planar_normals(mechanism_of(name))}
+    assert planar == {"four_bar", "slider_crank", "warp_knitter"} & set(NAMES)
+
+
+def test_a_plane_may_lie_anywhere():
+    normals = planar_normals(crank_only(axis=(0.0, 1.0, 0.0)))
+    assert normals is not None
+    np.testing.assert_allclose(normals["crank"], (0.0, 1.0, 0.0))
+
+
+def test_links_that_share_a_joint_lie_in_different_layers():
+    mechanism = mechanism_of("four_bar")
+    heights = {
+        link.name: {
+            round(float(s.centre[2]), 9) for s in link_shapes(mechanism)[link.name] if s.kind == "box"
+        }
+        for link in mechanism.links
+    }
+    assert all(len(height) == 1 for height in heights.values())
+    assert heights["crank"].isdisjoint(heights["coupler"])
+    assert heights["coupler"].isdisjoint(heights["rocker"])
+
+
+@pytest.mark.parametrize("branch", [1, -1])
+def test_a_rail_without_a_motion_is_long_enough_for_it(branch):
+    drive = catalog.make("slider_crank", branch=branch)
+    mechanism = drive.mechanism
+    rail = next(shape for shape in link_shapes(mechanism)[GROUND] if shape.kind == "box")
+    way = drive.solve(TURN).links["slider"].position[:, 0]
+    assert min(rail.frm[0], rail.to[0]) < way.min()
+    assert max(rail.frm[0], rail.to[0]) > way.max()
+
+
+def test_a_rail_is_as_long_as_a_known_motion_needs():
+    mechanism = mechanism_of("slider_crank")
+    rail = next(s for s in link_shapes(mechanism, {"slide": (0.1, 0.3)})[GROUND] if s.kind == "box")
+    margin = 4.0 * rod_radius(mechanism)
+    assert sorted((rail.frm[0], rail.to[0])) == pytest.approx([0.1 - margin, 0.3 + margin])
+
+
+def test_gears_touch_and_mesh_at_every_crank_angle():
+    if "warp_knitter" not in NAMES:
+        pytest.skip("the catalogue has no geared mechanism yet")
+    drive = catalog.make("warp_knitter")
+    mechanism = drive.mechanism
+    gear = mechanism.gears[0]
+    shapes, motion = link_shapes(mechanism), drive.solve(TURN)
+    first, second = mechanism.joint(gear.driver), mechanism.joint(gear.driven)
+    line = np.subtract(second.a.point, first.a.point)
+    phases = []
+    for joint, sign in ((first, 1.0), (second, -1.0)):
+        teeth = [s for s in shapes[joint.b.link] if s.kind == "box" and s.thickness == (0.0, 0.0, 1.0)]
+        reach = max(float(np.linalg.norm(np.subtract(s.to, joint.b.point)[:2])) for s in teeth)
+        teeth = [s for s in teeth if np.linalg.norm(np.subtract(s.to, joint.b.point)[:2]) > 0.999 * reach]
+        out = np.subtract(teeth[0].to, joint.b.point)
+        moved = motion.links[joint.b.link].rotation @ out
+        towards = np.arctan2(*(sign * line[:2])[::-1])
+        angle = np.arctan2(moved[:, 1], moved[:, 0]) - towards
+        phases.append((sign * angle * len(teeth) / (2.0 * np.pi), len(teeth)))
+    (a, n1), (b, n2) = phases
+    assert n1 / n2 == pytest.approx(abs(gear.ratio))
+    # a tooth of one stands where the other has a gap: half a pitch apart, whatever the angle
+    off = (a - b + 0.5) % 1.0
+    np.testing.assert_allclose(np.minimum(off, 1.0 - off), 0.0, atol=1e-6)
+
+
+def test_shafts_lead_to_the_side_that_the_links_keep_free():
+    drive = catalog.make("rssr")
+    motion = drive.solve(TURN)
+    sides = free_sides(drive.mechanism, {GROUND: STANDING, **motion.links})
+    # the coupler and rocker lie at positive x, where the crank shaft would be in their way
+    assert sides["crank"] == -1.0
+
+
+@pytest.mark.parametrize("kind", ["capsule", "cylinder", "box", "sphere"])
+def test_bounds_hold_the_shape(kind):
+    frm, to = (0.1, 0.2, -0.3), (0.4, -0.1, 0.2)
+    to = frm if kind == "sphere" else to
+    shape = Shape(kind, frm, to, (0.05, 0.02) if kind == "box" else (0.05,), PALETTE[0])
+    points, radius = shape.bounds
+    corners = shape.centre + (shape.frame @ np.diag(np.array([*shape.half_sizes, 0.0, 0.0])[:3])).T
+    for corner in corners:
+        assert ((points.min(0) - radius - 1e-12 <= corner) & (corner <= points.max(0) + radius + 1e-12)).all()
+
+
+def test_sliding_way_of_the_guess_is_that_of_the_joint():
+    drive = catalog.make("slider_crank")
+    mechanism = drive.mechanism
+    joint = mechanism.joint("slide")
+    guess = {GROUND: STANDING, **mechanism.guess}
+    way = joint_coordinate(joint, guess[joint.a.link], guess[joint.b.link])
+    assert float(way[0]) == pytest.approx(float(mechanism.guess["slider"].position[0]))

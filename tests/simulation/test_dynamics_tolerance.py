@@ -1,0 +1,129 @@
+"""A tolerance of torque, or of a free crank, is kept, by estimates that know no closed form."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim import catalog, dynamics
+from mechsim.errors import InputError
+from mechsim.model.forces import Forces, Friction
+from mechsim.model.motors import TorqueSpeedLine
+from mechsim.simulation import Settings, swing
+from mechsim.simulation.dynamics import angle_tolerance, torque_tolerance
+from mechsim.simulation.dynamics.determinacy import settled
+from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.loaded_model import LoadedModel
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.verdict.dynamics import crosscheck_driven, crosscheck_free
+
+GRAVITY = (0.3, -9.81, 0.5)
+
+
+def of(name, **forces):
+    return dynamics.machine(catalog.make(name), Forces(gravity=GRAVITY, **forces))
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+@pytest.mark.parametrize("name", ["rssr", "warp_knitter"])
+def test_torque_and_reactions_are_kept_within_the_tolerance_and_the_estimate_is_the_true_error(
+    name, tolerance
+):
+    machine = of(name)
+    run = driven(machine.mechanism, machine.forces, speed=60.0, turns=2.0, tolerance=tolerance)
+    exact = dynamics.prescribed(machine, run.motion.angle, run.motion.speed, run.motion.acceleration)
+    true = np.abs(run.efforts.torque - exact.torque).max() / np.sqrt(np.mean(exact.torque**2))
+    assert run.outcome == "met"
+    assert true <= tolerance
+    assert run.promise.torque == pytest.approx(true, rel=1e-3)
+    # halving measures the same error by another way
+    assert 0.1 < run.promise.halving / true < 10.0
+    assert crosscheck_driven(run, machine).passed
+
+
+def test_a_tolerance_of_rounding_is_missed_with_a_reason_and_kept_by_poses():
+    machine = of("warp_knitter")
+    run = driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-10)
+    assert run.outcome == "missed"
+    assert "are no better than fewer" in run.promise.reason
+    assert crosscheck_driven(run, machine).outcome == "missed"
+    poses = driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-8, method="pose")
+    assert poses.outcome == "met"
+    assert 0.0 < poses.promise.balance <= 1e-8
+
+
+def test_a_crank_that_swings_keeps_its_tolerance_too():
+    machine = of("four_bar", friction=(Friction("rocker", 1e-3, 1e-2),))
+    profile = swing(machine.mechanism.start + 0.3, 0.5, 30.0)
+    run = driven(machine.mechanism, machine.forces, profile=profile, tolerance=1e-5)
+    assert run.outcome == "met"
+    assert crosscheck_driven(run, machine).passed
+
+
+def test_each_of_the_two_estimates_sees_an_error_that_is_there(monkeypatch):
+    machine = of("rssr")
+
+    def asked():
+        return driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-6).promise
+
+    monkeypatch.setattr(torque_tolerance, "_against_poses", lambda *_: (1e-9, 1e-9))
+    monkeypatch.setattr(torque_tolerance, "_order", lambda *_: 4.0)
+    # poses that claim all is well let too few steps through, halving does not
+    assert asked().halving <= 1e-6
+    monkeypatch.setattr(torque_tolerance, "MOST", torque_tolerance.FEWEST)
+    blind = asked()
+    assert not blind.met
+    assert blind.halving > 1e-6
+
+
+def test_only_forces_that_the_loops_settle_are_compared():
+    known = settled(LoadedModel(catalog.make("four_bar").mechanism, Forces()))
+    assert known["crank"].tolist() == [True, True, False, False, False, True]
+    assert all(one.all() for one in settled(LoadedModel(catalog.make("rssr").mechanism, Forces())).values())
+    bennett = settled(LoadedModel(catalog.make("bennett").mechanism, Forces()))
+    assert not any(one.all() for one in bennett.values())
+
+
+@pytest.mark.parametrize(
+    ("name", "tolerance"), [("four_bar", 1e-3), ("four_bar", 1e-9), ("bennett", 1e-4), ("slider_crank", 1e-7)]
+)
+def test_a_free_crank_keeps_its_tolerance(name, tolerance):
+    motor = TorqueSpeedLine(0.5, 100.0)
+    machine = of(name, motor=motor, friction=(Friction("crank", 1e-4),), flywheel=1e-3)
+    run = free_run(machine.mechanism, machine.forces, speed=20.0, turns=1.0, tolerance=tolerance)
+    verdict = crosscheck_free(run, machine)
+    assert run.outcome == "done"
+    assert run.promise.met
+    assert verdict.passed, verdict
+    true = next(check.worst for check in verdict.checks if check.quantity == "crank angle")
+    # the reduced equation itself is good to 1e-11 rad a turn
+    assert true <= 1.5 * run.promise.estimate + 2e-11
+
+
+def test_a_free_run_of_given_time_keeps_its_tolerance_and_one_below_what_is_spent_is_missed(monkeypatch):
+    machine = of("four_bar")
+    run = free_run(machine.mechanism, machine.forces, speed=30.0, duration=0.2, tolerance=1e-6)
+    assert crosscheck_free(run, machine).passed
+    assert run.motion.time[-1] == pytest.approx(0.2, rel=1e-12)
+    monkeypatch.setattr(angle_tolerance, "MOST", 500)
+    below = free_run(machine.mechanism, machine.forces, speed=30.0, duration=0.05, tolerance=1e-14)
+    assert below.outcome == "missed"
+    assert "leave the crank angle off by" in below.reason
+
+
+def test_what_cannot_be_kept_is_bad_input():
+    mechanism = catalog.make("four_bar").mechanism
+    for wrong in (0.0, -1.0, np.nan):
+        with pytest.raises(InputError, match="tolerance of torque is"):
+            driven(mechanism, speed=1.0, tolerance=wrong)
+        with pytest.raises(InputError, match="tolerance of a free run is"):
+            free_run(mechanism, speed=1.0, turns=1.0, tolerance=wrong)
+    with pytest.raises(InputError, match="leave one of them out"):
+        free_run(mechanism, speed=1.0, turns=1.0, tolerance=1e-3, timestep=1e-3)
+
+
+def test_settings_given_are_kept_but_for_their_number_of_steps():
+    machine = of("rssr")
+    given = Settings(hardness=1e-6)
+    run = driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-4, settings=given)
+    assert replace(run.settings, steps_per_turn=given.steps_per_turn) == given

@@ -1,0 +1,153 @@
+import mechanisms
+import mujoco
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.errors import AssemblyError, InputError
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.scene import Scene
+from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.model_loops import ModelLoops
+
+EVERYTHING = [
+    *(catalog.make(name).mechanism for name in ("rssr", "four_bar", "slider_crank")),
+    catalog.make("rssr", guide=True).mechanism,
+    *mechanisms.everything(),
+]
+# central differences of step 1e-6: truncation 1e-12 and rounding 1e-10 of coordinates of order one
+DIFFERENCE = 1e-9
+
+
+def loops_of(mechanism: Mechanism) -> ModelLoops:
+    return ModelLoops(assembled(mechanism, Scene()).compile())
+
+
+def near(loops: ModelLoops, n: int, reach: float) -> np.ndarray:
+    rng = np.random.default_rng(11)
+    steps = reach * rng.normal(size=(n, loops.model.nv))
+    return loops.moved(np.repeat(loops.model.qpos0[None], n, 0), steps)
+
+
+@pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
+def test_the_jacobian_is_the_derivative_of_the_residual(mechanism: Mechanism) -> None:
+    loops = loops_of(mechanism)
+    states = near(loops, 3, 0.02)
+    _, jacobian = loops.linearise(states)
+    for dof in range(loops.model.nv):
+        step = np.zeros((3, loops.model.nv))
+        step[:, dof] = 1e-6
+        ahead, behind = (loops.residual(loops.moved(states, sign * step)) for sign in (1.0, -1.0))
+        assert np.abs((ahead - behind) / 2e-6 - jacobian[:, :, dof]).max() < DIFFERENCE
+
+
+@pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
+def test_one_state_alone_and_among_others_is_the_same(mechanism: Mechanism) -> None:
+    loops = loops_of(mechanism)
+    states = near(loops, 3, 0.02)
+    many, alone = loops.linearise(states), loops.linearise(states[1:2])
+    for several, single in zip(many, alone, strict=True):
+        # the same kinematics in C, summed in another order
+        assert np.abs(several[1] - single[0]).max() < 1e-15
+
+
+@pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
+def test_loops_opened_by_a_little_close_again_with_the_crank_held(mechanism: Mechanism) -> None:
+    loops = loops_of(mechanism)
+    rough = near(loops, 20, 1e-2)
+    closed = loops.close(rough)
+    assert np.array_equal(closed[:, loops.crank_place], rough[:, loops.crank_place])
+    # rounding of a Newton step, in units of the longest link
+    assert loops.gap(loops.residual(closed)).max() < 1e-14
+    for place in loops.quaternions:
+        assert np.abs(np.linalg.norm(closed[:, place : place + 4], axis=1) - 1.0).max() < 1e-15
+
+
+@pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
+def test_the_tangent_keeps_the_loops_closed_to_first_order(mechanism: Mechanism) -> None:
+    loops = loops_of(mechanism)
+    start = loops.model.qpos0[None]
+    residual, jacobian = loops.linearise(start)
+    tangent = loops.tangent(jacobian)
+    assert tangent[0, loops.crank] == 1.0
+    # a linear solve: rounding times the condition of the loop, below 100 here
+    assert np.abs(jacobian @ tangent[..., None]).max() < 1e-14
+    opened = [loops.gap(loops.residual(loops.moved(start, step * tangent)))[0] for step in (1e-3, 2e-3)]
+    # what is left is of second order
+    assert 3.5 < opened[1] / opened[0] < 4.5
+    assert loops.gap(residual)[0] < 1e-14
+
+
+def test_states_are_moved_as_mujoco_moves_them() -> None:
+    loops = loops_of(catalog.make("rssr").mechanism)
+    states = near(loops, 4, 0.3)
+    rng = np.random.default_rng(5)
+    steps = rng.normal(size=(4, loops.model.nv))
+    moved = loops.moved(states, steps)
+    for state, step, made in zip(states, steps, moved, strict=True):
+        expected = state.copy()
+        mujoco.mj_integratePos(loops.model, expected, step, 1.0)
+        # half angles and a norm: a few roundings
+        assert np.abs(made - expected).max() < 1e-15
+
+
+USER = """
+<mujoco>
+  <worldbody>
+    <body name="a"><joint name="{crank}" axis="0 0 1"/><geom size=".01"/>
+      <body name="b" pos=".1 0 0"><joint name="j" axis="0 0 1"/><geom size=".01"/></body></body>
+    <body name="c" pos=".3 0 0"><joint name="k" axis="0 0 1"/><geom size=".01"/></body>
+  </worldbody>
+  <equality>{equality}</equality>
+</mujoco>
+"""
+
+
+def user(equality: str, crank: str = "crank") -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_string(USER.format(equality=equality, crank=crank))
+
+
+def test_a_connect_between_bodies_is_read_with_its_anchor() -> None:
+    loops = ModelLoops(user('<connect body1="b" body2="c" anchor=".2 .05 0"/>'))
+    # MuJoCo puts the second point where the first is in the reference configuration
+    assert np.abs(loops.residual(loops.model.qpos0[None])).max() < 1e-15
+    turned = loops.model.qpos0[None].copy()
+    turned[0, 0] = 0.1
+    expected = np.linalg.norm([0.3, 0.05]) * 2.0 * np.sin(0.05)
+    assert np.linalg.norm(loops.residual(turned)) == pytest.approx(expected, rel=1e-14)
+
+
+def test_a_connect_to_the_world_is_read() -> None:
+    loops = ModelLoops(user('<connect body1="b" anchor=".2 .05 0"/>'))
+    assert np.abs(loops.residual(loops.model.qpos0[None])).max() < 1e-15
+
+
+def test_a_joint_equality_is_read_with_all_its_coefficients() -> None:
+    loops = ModelLoops(user('<joint joint1="j" joint2="crank" polycoef=".1 .2 .3 .4 .5"/>'))
+    state = np.array([[0.7, 1.1, 0.0]])
+    residual, jacobian = loops.linearise(state)
+    x = 0.7
+    assert residual[0, 0] == pytest.approx(1.1 - (0.1 + 0.2 * x + 0.3 * x**2 + 0.4 * x**3 + 0.5 * x**4))
+    assert jacobian[0, 0] == pytest.approx([-(0.2 + 0.6 * x + 1.2 * x**2 + 2.0 * x**3), 1.0, 0.0])
+
+
+def test_an_equality_that_is_switched_off_is_no_constraint() -> None:
+    assert ModelLoops(user('<connect body1="b" body2="c" anchor=".2 0 0" active="false"/>')).pairs == []
+
+
+def test_a_weld_is_refused_in_one_sentence() -> None:
+    with pytest.raises(InputError, match="close loops by connect constraints, gears by joint constraints"):
+        ModelLoops(user('<weld name="w" body1="b" body2="c"/>'))
+
+
+def test_a_model_without_a_crank_is_told_which_joints_it_has() -> None:
+    with pytest.raises(InputError, match=r"no hinge joint called 'crank' \(it has motor, j, k\)"):
+        ModelLoops(user("", crank="motor"))
+
+
+def test_states_that_cannot_be_closed_are_named_by_their_crank_angle() -> None:
+    loops = loops_of(catalog.make("four_bar", crank=0.06, ground=0.1, coupler=0.05, rocker=0.05).mechanism)
+    states = np.repeat(loops.model.qpos0[None], 2, 0)
+    states[1, loops.crank_place] = np.pi
+    with pytest.raises(AssemblyError, match=r"do not close at crank angle 3\.14159 rad: a gap of"):
+        loops.close(states)

@@ -1,0 +1,87 @@
+"""The number of steps for a tolerance: kept, and found without a whole run being lost."""
+
+from collections.abc import Iterator
+from unittest import mock
+
+import numpy as np
+import pytest
+
+from mechsim import catalog, units
+from mechsim.simulation import Settings, driven_run, place_tolerance, simulate
+from mechsim.simulation.place_tolerance import TRIAL_STEPS
+
+TURNS = 10.0
+SPEED = units.rpm(100.0)
+
+
+@pytest.fixture
+def stepped() -> Iterator[list[int]]:
+    """Give a list that takes the number of steps of every run stepped, trials too."""
+    counts: list[int] = []
+    step = driven_run.step
+
+    def counting(*given, **options):
+        steps = step(*given, **options)
+        counts.append(steps.count)
+        return steps
+
+    with mock.patch.object(driven_run, "step", counting):
+        yield counts
+
+
+def error(drive, motion) -> float:
+    exact = drive.positions(motion.angle)
+    return max(
+        float(np.linalg.norm(point.position - exact[name], axis=1).max())
+        for name, point in motion.points.items()
+    )
+
+
+def test_errors_that_grow_from_turn_to_turn_cost_a_short_trial_and_no_whole_run(stepped) -> None:
+    # at so loose a tolerance one turn of a Bennett linkage asks for some 50 steps, and there they do;
+    # over ten turns they end in another assembly
+    drive = catalog.make("bennett")
+    tolerance = 2e-4 * drive.length0
+    run = simulate(drive.mechanism, speed=SPEED, turns=TURNS, tolerance=tolerance)
+    assert run.outcome == "met"
+    assert error(drive, run.motion) <= tolerance
+    assert len(stepped) == 3
+    assert sum(stepped) <= 1.25 * run.steps
+    coarse = Settings(steps_per_turn=stepped[1] // 2)
+    short = simulate(drive.mechanism, speed=SPEED, turns=1.0, settings=coarse)
+    long = simulate(drive.mechanism, speed=SPEED, turns=TURNS, settings=coarse)
+    assert short.estimate <= tolerance
+    assert long.estimate > 100.0 * tolerance
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rrsrr", "looper"])
+@pytest.mark.parametrize("part", [1e-3, 3e-5])
+def test_a_loose_tolerance_takes_fewer_steps_than_the_trial_and_one_whole_run(name, part, stepped) -> None:
+    drive = catalog.make(name)
+    tolerance = part * drive.crank
+    run = simulate(drive.mechanism, speed=SPEED, turns=TURNS, tolerance=tolerance)
+    assert run.outcome == "met"
+    assert error(drive, run.motion) <= tolerance
+    assert sum(count > 5 * TRIAL_STEPS or count == run.steps for count in stepped) == 1
+    assert run.steps < TURNS * TRIAL_STEPS
+
+
+def test_a_short_run_is_not_tried_longer_than_it_is(stepped) -> None:
+    run = simulate(catalog.make("four_bar").mechanism, speed=SPEED, turns=1.0, tolerance=1e-5)
+    assert run.outcome == "met"
+    assert sum(stepped) <= TRIAL_STEPS + run.steps
+
+
+def test_no_error_at_all_asks_for_the_fewest_steps() -> None:
+    class Exact:
+        profile = type("Profile", (), {"turns": TURNS})
+
+        def first(self, turns):
+            part = Exact()
+            part.profile = type("Profile", (), {"turns": turns})
+            return part
+
+        def tried(self, _settings):
+            return np.zeros(max(1, round(self.profile.turns)))
+
+    assert place_tolerance._steps(Exact(), Settings(), 1e-6) == place_tolerance.LEAST_STEPS

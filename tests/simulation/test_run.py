@@ -1,0 +1,378 @@
+import tracemalloc
+from dataclasses import replace
+
+import mechanisms
+import mujoco
+import numpy as np
+import pytest
+
+from mechsim import catalog, closure, simulation
+from mechsim.errors import AssemblyError, InputError
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.scene import Scene
+from mechsim.simulation import Settings, simulate
+from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.poses import follow
+from mechsim.units import rpm
+
+CATALOGUE = ("rssr", "four_bar", "slider_crank")
+TURN = 2.0 * np.pi
+
+
+def worst(motion, exact, kind: str = "position") -> float:
+    return max(
+        float(np.abs(getattr(motion.points[name], kind) - getattr(point, kind)).max())
+        for name, point in exact.points.items()
+    )
+
+
+# poses
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+@pytest.mark.parametrize("branch", [1, -1])
+def test_solved_poses_are_the_closed_form_to_a_million_millionth_of_the_crank(name: str, branch: int) -> None:
+    drive = catalog.make(name, branch=branch)
+    run = simulate(drive.mechanism, speed=10.0, turns=2.0, method="pose", samples=500)
+    exact = drive.solve(run.motion.angle, 10.0)
+    assert len(run.motion) == 501
+    assert worst(run.motion, exact) < 1e-12 * drive.crank
+    # each rate adds a linear solve of condition below 100
+    assert worst(run.motion, exact, "velocity") < 1e-12 * drive.crank * 10.0
+    assert worst(run.motion, exact, "acceleration") < 1e-11 * drive.crank * 100.0
+
+
+@pytest.mark.parametrize("mechanism", mechanisms.everything(), ids=lambda m: m.name)
+def test_solved_poses_of_any_mechanism_are_those_of_the_loop_equations(mechanism: Mechanism) -> None:
+    exact = closure.solve(mechanism, mechanism.start + np.linspace(0.0, TURN, 25), 10.0)
+    for one in (mechanism, mechanisms.swapped(mechanism)):
+        motion = simulate(one, speed=10.0, method="pose", samples=24).motion
+        assert worst(motion, exact) < 1e-13  # rounding in lengths of a tenth of a metre
+        assert worst(motion, exact, "velocity") < 1e-11
+        assert worst(motion, exact, "acceleration") < 1e-9
+
+
+def test_a_gear_of_no_whole_ratio_is_not_taken_to_come_back_after_a_turn() -> None:
+    mechanism = mechanisms.geared_five_bar()
+    motion = simulate(mechanism, speed=1.0, turns=3.0, method="pose", samples=90).motion
+    first, second, third = (motion.points["C"].position[30 * k : 30 * k + 30] for k in range(3))
+    assert np.abs(first - second).max() > 1e-3  # half a turn of the second crank apart
+    assert np.abs(first - third).max() < 1e-14
+
+
+def test_a_thousand_turns_are_solved_as_well_as_one() -> None:
+    drive = catalog.make("rssr")
+    motion = simulate(drive.mechanism, speed=1.0, turns=1000.0, method="pose", samples=3001).motion
+    exact = drive.solve(motion.angle, 1.0)
+    # a crank angle of 6283 rad is itself known to 5e-13 rad
+    assert worst(motion, exact) < 2e-12 * drive.crank
+
+
+def test_poses_are_solved_in_any_order_and_at_single_angles() -> None:
+    drive = catalog.make("rssr")
+    loops = ModelLoops(assembled(drive.mechanism, Scene()).compile())
+    angles = np.array([3.0, 0.1, -7.0, 2.0, 2.0])
+    states = follow.follow(loops, loops.model.qpos0, angles)
+    for angle, state in zip(angles, states, strict=True):
+        alone = follow.follow(loops, loops.model.qpos0, [angle])[0]
+        assert alone[loops.crank_place] == state[loops.crank_place] == angle
+        assert np.abs(loops.sites(state[None]) - loops.sites(alone[None])).max() < 1e-15
+
+
+def test_an_almost_dead_centre_is_passed_in_the_same_assembly() -> None:
+    # the crank misses its dead centre by 1e-4 of its length: the assemblies nearly touch
+    drive = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.08, rocker=0.050003)
+    assert drive.crank_range().full
+    motion = simulate(drive.mechanism, speed=1.0, method="pose", samples=720).motion
+    exact = drive.solve(motion.angle, 1.0)
+    # near a dead centre an error grows by the inverse of the sine of the transmission angle, 70 here
+    assert worst(motion, exact) < 1e-12 * drive.crank
+
+
+# steps
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_the_steps_are_of_fourth_order(name: str) -> None:
+    drive, errors = catalog.make(name), []
+    for steps in (100, 200, 400, 800):
+        run = simulate(drive.mechanism, speed=TURN, settings=Settings(steps_per_turn=steps))
+        errors.append(worst(run.motion, drive.solve(run.motion.angle, run.motion.speed)))
+    orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+    # fourth order, and no better: 4.0 to 4.3 measured
+    assert ((orders > 3.7) & (orders < 4.6)).all(), orders
+    # rounding, 1e-13 of the crank after some hundred steps, is still far
+    assert errors[-1] > 1e-12 * drive.crank
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+@pytest.mark.parametrize("speed", [rpm(1.0), rpm(600.0), -rpm(600.0), rpm(20_000.0)])
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-7, 1e-9])
+def test_a_tolerance_is_kept_against_the_closed_form(name: str, speed: float, tolerance: float) -> None:
+    drive = catalog.make(name)
+    run = simulate(drive.mechanism, speed=speed, turns=1.5, tolerance=tolerance)
+    assert run.outcome == "met"
+    exact = drive.solve(run.motion.angle, run.motion.speed)
+    assert worst(run.motion, exact) <= tolerance
+    # the simulator's own account agrees with the closed form, sampled at the same instants
+    distance = max(
+        np.linalg.norm(run.motion.points[name].position - point.position, axis=1).max()
+        for name, point in exact.points.items()
+    )
+    assert run.estimate == pytest.approx(distance, rel=1e-3, abs=1e-15)
+    assert run.motion.angle[-1] - run.motion.angle[0] == pytest.approx(np.sign(speed) * 1.5 * TURN, abs=1e-7)
+
+
+def test_a_guided_coupler_keeps_its_tolerance_too() -> None:
+    drive = catalog.make("rssr", guide=True)
+    run = simulate(drive.mechanism, speed=10.0, tolerance=1e-8)
+    exact = drive.solve(run.motion.angle, run.motion.speed)
+    assert run.outcome == "met"
+    assert worst(run.motion, exact) <= 1e-8
+
+
+def test_a_tolerance_below_rounding_is_missed_and_says_by_how_much() -> None:
+    run = simulate(catalog.make("slider_crank").mechanism, speed=10.0, turns=0.05, tolerance=1e-19)
+    assert run.outcome == "missed"
+    assert 1e-19 < run.estimate < 1e-11
+
+
+def test_rates_belong_to_the_instant_of_their_places() -> None:
+    drive = catalog.make("rssr")
+    run = simulate(drive.mechanism, speed=100.0, settings=Settings(steps_per_turn=1000))
+    exact = drive.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
+    scale = drive.crank * 100.0
+    # one step of 6e-3 rad late would be 6e-3 of the speed; measured 1e-8 and 1e-7
+    assert worst(run.motion, exact, "velocity") < 1e-6 * scale
+    assert worst(run.motion, exact, "acceleration") < 1e-5 * scale * 100.0
+
+
+def test_a_profile_is_followed_in_angle_speed_and_acceleration() -> None:
+    drive = catalog.make("rssr")
+    time = np.linspace(0.0, 0.5, 101)
+    profile = simulation.table(time, 0.3 + 20.0 * time**2 - 4.0 * np.sin(6.0 * time))
+    for method, off in (("pose", 1e-12), ("step", 1e-4)):
+        run = simulate(drive.mechanism, profile=profile, method=method, samples=100)
+        wanted, speed, acceleration = profile.state(run.motion.time)
+        # in steps, torque is constant over each: the angle errs by the step squared, 1/8 x 2e-7 x 144 rad
+        assert np.abs(run.motion.angle - wanted).max() < off
+        assert np.abs(run.motion.speed - speed).max() < max(off, 1e-10) * 40.0
+        exact = drive.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
+        assert worst(run.motion, exact) < (1e-14 if method == "pose" else 1e-9)
+        assert worst(run.motion, exact, "velocity") < 1e-6
+        if method == "pose":
+            assert np.abs(run.motion.acceleration - acceleration).max() < 1e-9
+
+
+def test_a_crank_that_cannot_pass_is_refused_and_told_where() -> None:
+    drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
+    for method in ("step", "pose"):
+        with pytest.raises(AssemblyError, match="the crank cannot pass") as told:
+            simulate(drive.mechanism, speed=10.0, method=method)
+        said = float(str(told.value).split("cannot pass ")[1].split()[0])
+        # where the walk gives up lies within its shortest stride of a dead centre
+        nearest = min(abs(np.angle(np.exp(1j * (said - dead)))) for dead in drive.dead_centres())
+        assert nearest < 1e-4
+
+
+def test_a_crank_that_swings_within_its_range_is_stepped() -> None:
+    drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
+    ((low, high),) = drive.crank_range().arcs
+    profile = simulation.swing((low + high) / 2.0, 0.4 * (high - low), 10.0)
+    run = simulate(drive.mechanism, profile=profile, tolerance=1e-6)
+    assert run.outcome == "met"
+    assert worst(run.motion, drive.solve(run.motion.angle, run.motion.speed)) <= 1e-6
+
+
+def test_a_run_that_blows_up_is_diverged_and_its_motion_says_so() -> None:
+    run = simulate(
+        catalog.make("rssr").mechanism,
+        speed=62.0,
+        turns=5.0,
+        settings=Settings(integrator="Euler", steps_per_turn=100, constant_steps=0.1),
+    )
+    assert run.outcome == "diverged"
+    assert run.motion.broken
+    assert run.summary()["estimate"] is None
+    for point in run.motion.points.values():
+        assert np.isfinite(point.acceleration).all()
+    # what MuJoCo does after it sets a bad state back is no part of the motion
+    assert (np.diff(run.motion.time) > 0.0).all()
+
+
+def test_a_soft_loop_is_reported_by_its_true_error() -> None:
+    drive = catalog.make("rssr")
+    soft = Settings(integrator="Euler", steps_per_turn=100, solref=(0.02, 1.0), hardness=1.0, refsafe=True)
+    soft = replace(soft, solimp=(0.9, 0.95, 0.001, 0.5, 2.0))
+    run = simulate(drive.mechanism, speed=rpm(600.0), settings=soft)
+    error = worst(run.motion, drive.solve(run.motion.angle, run.motion.speed))
+    assert 1e-4 < error < 1e-2
+    assert 0.5 * error < run.estimate < 2.0 * error
+
+
+@pytest.mark.parametrize("samples", [1, 7, 36])
+def test_exactly_the_samples_asked_for_are_recorded_evenly(samples: int) -> None:
+    run = simulate(catalog.make("rssr").mechanism, speed=10.0, samples=samples, method="step")
+    assert len(run.motion) == samples + 1
+    spacing = np.diff(run.motion.angle)
+    assert np.abs(spacing - TURN / samples).max() < 1e-8
+
+
+def test_a_long_run_needs_memory_for_what_it_records_only() -> None:
+    mechanism = catalog.make("four_bar").mechanism
+    simulate(mechanism, speed=10.0, method="step")  # what is loaded once
+    tracemalloc.start()
+    run = simulate(mechanism, speed=10.0, turns=200.0, samples=10, settings=Settings(steps_per_turn=1000))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert run.steps == 200_000
+    assert len(run.motion) == 11
+    # all 200,000 states would be 10 MB; a block of 4,096 is 0.2 MB
+    assert peak < 3e6
+
+
+# models of one's own
+
+FOUR_BAR = """
+<mujoco>
+  <compiler angle="radian"/>
+  <option gravity="0 0 0"/>
+  <worldbody>
+    <body name="crank"><joint name="crank" axis="0 0 1" ref="{f}"/><geom type="sphere" size=".01"/>
+      <body name="coupler" pos=".04 0 0"><joint name="A" axis="0 0 1"/><geom type="sphere" size=".01"/>
+        <site name="C" pos=".05 .02 0"/></body></body>
+    <body name="rocker" pos=".1 0 0"><joint name="rocker" axis="0 0 1"/><geom type="sphere" size=".01"/>
+      <site name="B" pos="0 .08 0"/></body>
+  </worldbody>
+  <contact><exclude body1="crank" body2="coupler"/><exclude body1="crank" body2="rocker"/>
+    <exclude body1="coupler" body2="rocker"/></contact>
+  <equality>{closing}</equality>
+</mujoco>
+"""
+
+
+def test_a_users_file_with_a_connect_between_bodies_runs(tmp_path) -> None:
+    # in the reference configuration the coupler lies along x from (0.04, 0) and the rocker stands along y
+    coupler = float(np.hypot(0.06, 0.08))
+    closing = '<connect body1="coupler" body2="rocker" anchor=".06 .08 0"/>'
+    path = tmp_path / "own.xml"
+    path.write_text(FOUR_BAR.format(f=0.0, closing=closing))
+    drive = catalog.make(
+        "four_bar",
+        ground=0.1,
+        crank=0.04,
+        coupler=coupler,
+        rocker=0.08,
+        arm=float(np.hypot(0.05, 0.02)),
+        arm_angle=float(np.arctan2(0.02, 0.05) - np.arctan2(0.08, 0.06)),
+        branch=1,
+    )
+    for options in ({"method": "pose"}, {"tolerance": 1e-8}):
+        run = simulate(path, speed=10.0, **options)
+        assert run.outcome == "met"
+        exact = drive.solve(run.motion.angle, run.motion.speed)
+        for name in ("B", "C"):
+            off = np.abs(run.motion.points[name].position - exact.points[name].position).max()
+            assert off < options.get("tolerance", 1e-14)
+
+
+def test_a_users_joint_equality_couples_the_joints() -> None:
+    text = FOUR_BAR.format(f=0.2, closing='<joint joint1="rocker" joint2="crank" polycoef=".1 -2 0 0 0"/>')
+    for method in ("pose", "step"):
+        motion = simulate(text, speed=3.0, method=method).motion
+        follower = motion.joints["rocker"]
+        # MuJoCo counts both angles from the reference configuration
+        expected = 0.1 - 2.0 * (motion.angle - 0.2)
+        assert np.abs(follower.value - expected).max() < 1e-8
+        assert np.abs(follower.rate + 6.0).max() < 1e-6
+
+
+def test_a_users_spec_is_left_as_it_was() -> None:
+    spec = mujoco.MjSpec.from_string(FOUR_BAR.format(f=0.0, closing=""))
+    before = spec.to_xml()
+    simulate(spec, speed=1.0, method="pose", samples=3)
+    assert spec.to_xml() == before
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"speed": 0.0}, "crank speed is 0.0 rad/s"),
+        ({"speed": np.nan}, "crank speed is nan rad/s"),
+        ({"turns": 0.0}, "0.0 turns asked for"),
+        ({"tolerance": -1.0}, "tolerance is -1.0 m"),
+        ({"tolerance": np.nan}, "tolerance is nan m"),
+        ({"samples": 0}, "0 samples asked for"),
+        ({"method": "guess"}, "there is no method 'guess'"),
+        ({"speed": None}, "neither a crank speed nor a profile"),
+    ],
+)
+def test_values_that_cannot_be_used_are_refused_in_one_sentence(change: dict, sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence) as told:
+        simulate(catalog.make("four_bar").mechanism, **({"speed": 1.0} | change))
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"integrator": "euler"}, "there is no integrator 'euler'"),
+        ({"steps_per_turn": 3}, "take at least 4"),
+        ({"hardness": 0.0}, "hardness is 0.0"),
+        ({"constant_steps": np.nan}, "constant_steps is nan"),
+        ({"solref": (np.nan, 1.0)}, "solref is"),
+    ],
+)
+def test_settings_that_cannot_be_used_are_refused(change: dict, sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        Settings(**change)
+
+
+def test_a_file_that_is_not_there_and_a_text_that_is_no_model_are_refused() -> None:
+    with pytest.raises(InputError, match=r"there is no MJCF file 'nowhere\.xml'"):
+        simulate("nowhere.xml", speed=1.0)
+    with pytest.raises(InputError, match="MuJoCo cannot read the model"):
+        simulate("<mujoco><worldbody><bod/></worldbody></mujoco>", speed=1.0)
+
+
+def test_a_model_without_sites_is_told_to_name_some() -> None:
+    text = FOUR_BAR.format(f=0.0, closing="").replace("<site", "<!--").replace('0"/></body>', '0"--></body>')
+    with pytest.raises(InputError, match="put a named site at each point"):
+        simulate(text, speed=1.0)
+
+
+def test_the_method_is_what_is_asked_for_and_the_run_names_it() -> None:
+    mechanism = catalog.make("rssr").mechanism
+
+    def method(**asked) -> str:
+        run = simulate(mechanism, speed=10.0, turns=0.1, **asked)
+        assert run.summary()["method"] == run.method
+        assert bool(run.summary()["settings"]) == (run.method == "step")
+        return run.method
+
+    assert method() == "pose"
+    assert method(tolerance=1e-5) == "step"
+    assert method(settings=Settings()) == "step"
+    assert method(tolerance=1e-5, method="pose") == "pose"
+    assert method(method="step") == "step"
+
+
+def test_a_point_that_the_crank_leaves_free_is_stepped() -> None:
+    pendulum = """<mujoco><worldbody>
+      <body><joint name="crank" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+      <site name="A" pos="0.1 0 0"/>{hanging}</body></worldbody></mujoco>"""
+    link = """<body pos="0.1 0 0"><joint name="free" axis="{axis}"/>
+      <inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/><site name="B" pos="0.1 0 0"/></body>"""
+    settled = pendulum.format(hanging="")
+    spinning = pendulum.format(hanging=link.format(axis="1 0 0"))
+    swinging = pendulum.format(hanging=link.format(axis="0 0 1"))
+    for text, wanted in ((settled, "pose"), (spinning, "pose"), (swinging, "step")):
+        assert simulate(text, speed=10.0, turns=0.1).method == wanted
+
+
+def test_a_crank_that_its_drive_loses_is_a_diverged_run_and_says_where() -> None:
+    mechanism = catalog.make("rssr").mechanism
+    run = simulate(mechanism, speed=10.0, turns=20.0, settings=Settings(flywheel=1e-6))
+    assert run.outcome == "diverged"
+    assert "the crank stands at" in run.motion.broken

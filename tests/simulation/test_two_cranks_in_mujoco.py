@@ -1,0 +1,49 @@
+"""Velocities of the warp knitter in MuJoCo with one crank stopped, with the other, and with both."""
+
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.simulation import simulate
+from mechsim.theory.two_cranks import one_crank_stopped
+from mechsim.theory.velocity_plan import velocity_plan
+
+SPEED = 62.0
+
+
+def simulated_velocities(mechanism, speed):
+    """Velocities at the start by solved poses: no integration, so the instant is exact."""
+    points = simulate(mechanism, speed=speed, turns=1e-3, samples=1, method="pose").motion.points
+    return {name: points[name].velocity[0] for name in "ABCDK"}
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.9, 4.4])
+def test_crank_1_alone_and_crank_2_alone_add_up_to_both_in_mujoco_as_in_paper_003(angle):
+    drive = catalog.make("warp_knitter")
+    plan = velocity_plan(drive, angle, SPEED)
+    ratio = drive.gear_ratio
+    one = simulated_velocities(one_crank_stopped(drive, "crank2", angle), SPEED)
+    two = simulated_velocities(one_crank_stopped(drive, "crank1", angle), ratio * SPEED)
+    both = drive.solve([angle], SPEED).points
+    # rounding of a linear solve on velocities of about 0.6 m/s
+    for name in "ABCDK":
+        np.testing.assert_allclose(one[name], plan.crank2_stopped.velocities.get(name, 0.0), atol=1e-12)
+        np.testing.assert_allclose(two[name], plan.crank1_stopped.velocities.get(name, 0.0), atol=1e-12)
+        np.testing.assert_allclose(one[name] + two[name], both[name].velocity[0], atol=1e-12)
+        np.testing.assert_allclose(plan.velocities[name], both[name].velocity[0], atol=1e-12)
+
+
+def test_both_cranks_geared_move_in_mujoco_as_the_plans_add_up():
+    drive = catalog.make("warp_knitter")
+    run = simulate(drive.mechanism, speed=SPEED, samples=12, method="pose").motion
+    for i, angle in enumerate(run.angle):
+        plan = velocity_plan(drive, float(angle), SPEED)
+        for name in "BCK":
+            np.testing.assert_allclose(run.points[name].velocity[i], plan.velocities[name], atol=1e-12)
+
+
+def test_a_plan_with_the_wrong_crank_stopped_is_told_apart():
+    drive = catalog.make("warp_knitter")
+    plan = velocity_plan(drive, 0.3, SPEED)
+    two = simulated_velocities(one_crank_stopped(drive, "crank1", 0.3), drive.gear_ratio * SPEED)
+    assert np.abs(two["K"] - plan.crank2_stopped.velocities["K"]).max() > 1e-3

@@ -1,0 +1,132 @@
+"""Extremes: the same dimensionless problem gives the same result, and every run knows how it ended."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.errors import InputError
+from mechsim.model.scene import Scene
+from mechsim.simulation import simulate
+from mechsim.simulation.closed_model import assembled
+from mechsim.studies.extremes import long_runs, scaled, towards_singular
+from mechsim.studies.extremes.stability_map import StabilityMap
+from mechsim.studies.extremes.trial import Trial, pushed
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rssr", "warp_knitter", "bennett"])
+def test_the_same_problem_has_the_same_error_at_every_size(name):
+    drive = catalog.make(name)
+    trials = [scaled.size(drive, value) for value in (1e-5, 1e-1, 1e3)]
+    assert all(trial.passed for trial in trials)
+    errors = np.array([trial.error for trial in trials])
+    assert errors.max() <= 1.1 * errors.min()
+
+
+@pytest.mark.parametrize("name", ["slider_crank", "rrsrr"])
+def test_the_same_problem_has_the_same_error_at_every_speed(name):
+    trials = [scaled.speed(catalog.make(name), value) for value in (1.0, 1e5)]
+    assert all(trial.passed for trial in trials)
+    errors = np.array([trial.error for trial in trials])
+    assert errors.max() <= 1.05 * errors.min()
+
+
+def test_points_within_a_micrometre_of_a_bodys_origin_stay_where_they_are():
+    drive = scaled.resized(catalog.make("rssr"), 1e-6)
+    run = simulate(drive.mechanism, speed=10.0, method="pose")
+    exact = drive.positions(run.motion.angle)["P3"]
+    assert np.abs(run.motion.points["P3"].position - exact).max() <= 1e-12 * drive.rocker
+
+
+@pytest.mark.parametrize("ratio", [1e-6, 1e6])
+def test_a_coupler_a_million_times_lighter_or_heavier_moves_the_same(ratio):
+    trial = scaled.mass_ratio(catalog.make("rssr"), ratio)
+    assert trial.passed
+    assert trial.error < 1e-7
+
+
+def test_a_hinge_put_together_the_other_way_round_is_told_by_the_links_though_no_point_differs():
+    trial = towards_singular.far_start(catalog.make("rrsrr"), 1.32, seed=2)
+    assert trial.error < 1e-9
+    assert trial.outcome == trial.right == "missed"
+
+
+def test_a_massless_rod_is_refused_in_one_line():
+    assert scaled.mass_ratio(catalog.make("rssr"), 0.0).outcome == "cannot assemble"
+    spec = assembled(catalog.make("rssr").mechanism, Scene())
+    body = spec.body("coupler")
+    body.mass, body.inertia = 0.0, np.zeros(3)
+    with pytest.raises(InputError, match=r"MuJoCo refuses the model: .*coupler"):
+        simulate(spec, speed=10.0)
+
+
+@pytest.mark.parametrize("name", towards_singular.SWINGING)
+def test_poses_come_to_a_dead_centre_and_are_refused_as_little_beyond(name):
+    drive = catalog.make(name)
+    for value in (1e-3, 1e-12):
+        assert towards_singular.dead_centre(drive, value, "pose", False).passed
+        assert towards_singular.dead_centre(drive, 10.0 * value, "pose", True).outcome == "cannot assemble"
+
+
+@pytest.mark.parametrize("name", towards_singular.SWINGING)
+def test_a_crank_that_just_passes_is_followed_in_its_own_assembly(name):
+    trial = towards_singular.tangent(catalog.make(name), 1e-10, "pose")
+    assert trial.outcome == trial.right == "met"
+
+
+@pytest.mark.parametrize("which", towards_singular.CHANGE_POINTS)
+def test_beside_a_change_point_it_is_met_and_through_it_true(which):
+    assert towards_singular.change_point(which, True).outcome == "met"
+    assert towards_singular.change_point(which, False).passed
+
+
+@pytest.mark.parametrize("value", [1e-2, 0.3, 3.0])
+def test_a_far_start_is_told_for_what_it_leads_to(value):
+    assert all(towards_singular.far_start(catalog.make("four_bar"), value, seed).passed for seed in range(4))
+
+
+def test_gears_and_many_turns():
+    assert long_runs.gears(8.0).outcome == "met"
+    drift = long_runs.drift(catalog.make("four_bar"), 200.0)
+    assert drift.passed
+    assert drift.last == pytest.approx(drift.first, rel=0.05)
+
+
+def test_a_run_that_says_what_is_not_so_fails_the_study():
+    honest = Trial(axis="steps", mechanism="rssr", value=9.0, outcome="missed", right="missed")
+    assert StabilityMap([honest]).passed
+    assert not StabilityMap([replace(honest, outcome="met")]).passed
+    assert not StabilityMap([replace(honest, foretold="met")]).passed
+    assert not StabilityMap([], [], [long_runs.Drift("rssr", 1e4, 1e-7, 3e-7)]).passed
+    assert not StabilityMap([], [], [long_runs.Drift("rssr", 1e4, 1e-7, np.nan)]).passed
+
+
+def test_bisection_finds_a_border_that_is_known():
+    def attempted(value: float) -> Trial:
+        outcome = "met" if value < 300.0 else "missed"
+        return Trial(axis="steps", mechanism="rssr", value=value, outcome=outcome, right=outcome)
+
+    _, borders = pushed(attempted, [1.0, 1e3, 1e6], 20)
+    assert len(borders) == 1
+    assert borders[0].inside < 300.0 <= borders[0].outside
+    assert borders[0].outside / borders[0].inside < 1.0001
+
+
+@pytest.mark.slow
+def test_the_command_writes_map_and_numbers_and_answers_in_json(monkeypatch, capsys, tmp_path):
+    import json
+    import sys
+
+    from mechsim.cli import main
+
+    monkeypatch.setattr(sys, "argv", ["mechsim", "extremes", "bennett", "--quick", "--json", "--report", "x"])
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = json.loads(capsys.readouterr().out)
+    assert ended.value.code == 0
+    assert said["passed"]
+    assert {border["axis"] for border in said["borders"]} >= {"steps", "speed"}
+    assert json.loads((tmp_path / "x" / "extremes.json").read_text()) == said
+    assert (tmp_path / "x" / "extremes.svg").read_text().startswith("<?xml")

@@ -1,0 +1,258 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import ellipe
+
+from mechsim import closure
+from mechsim.analytic.catalog.four_bar import FourBar
+from mechsim.analytic.catalog.rrsrr import Rrsrr
+from mechsim.analytic.catalog.rssr import Rssr
+from mechsim.analytic.catalog.slider_crank import SliderCrank
+from mechsim.errors import AssemblyError, InputError
+from mechsim.model.mechanism import End, Joint, Link, Mechanism
+from mechsim.theory.continuation import System, trace, trace_mechanism, turning_points
+from mechsim.theory.continuation.torus_sphere import trace_path
+
+TURN = 2.0 * np.pi
+FOUR_BAR = FourBar(crank=0.09)
+SWINGING = {
+    "four_bar": FOUR_BAR,
+    "slider_crank": SliderCrank(rod=0.03),
+    "rssr": Rssr(coupler=0.03),
+    "rrsrr": Rrsrr(pivot=(-0.024, -0.008, 0.040)),
+}
+
+
+def ellipse(a: float, b: float) -> System:
+    return System(
+        lambda x: np.array([(x[0] / a) ** 2 + (x[1] / b) ** 2 - 1.0]),
+        lambda x: np.array([[2.0 * x[0] / a**2, 2.0 * x[1] / b**2]]),
+        size=min(a, b),
+    )
+
+
+def crank_and_rocker(drive: FourBar) -> System:
+    """|AB| = coupler in the angles of crank and rocker, in units of the crank."""
+
+    def residual(x):
+        gap = drive.ground + drive.rocker * np.exp(1j * x[1]) - drive.crank * np.exp(1j * x[0])
+        return np.array([abs(gap) ** 2 - drive.coupler**2]) / drive.crank**2
+
+    return System(residual, periods=(TURN, TURN), name="four-bar")
+
+
+@settings(max_examples=15)
+@given(st.floats(0.3, 3.0), st.floats(0.05, 1.0), st.sampled_from([1.0, -1.0]))
+def test_an_ellipse_closes_after_its_circumference_with_every_point_on_it(a, ratio, way):
+    b = a * ratio
+    curve = trace(ellipse(a, b), [a, 0.0], direction=[0.0, way])
+    assert curve.closed
+    assert abs(curve.length - 4.0 * a * ellipe(1.0 - ratio**2)) <= 1e-8 * a
+    x, y = curve.points.T
+    assert np.abs((x / a) ** 2 + (y / b) ** 2 - 1.0).max() <= 1e-14
+    assert np.sign(y[1]) == way
+    assert np.abs(curve.points[-1] - curve.points[0]).max() <= 1e-12 * a
+    assert np.abs(np.linalg.norm(curve.tangents, axis=1) - 1.0).max() <= 1e-14
+    assert curve.steps == len(curve.points) - 1 == len(curve.arc) - 1
+    assert curve.newton >= curve.steps
+    assert (np.diff(curve.arc) > 0.0).all()
+    assert curve.arc[-1] == curve.length
+
+
+def test_arc_length_error_follows_the_tolerance_and_points_do_not():
+    errors = []
+    for tolerance in (1e-4, 1e-7, 1e-10):
+        curve = trace(ellipse(3.0, 1.0), [3.0, 0.0], tolerance=tolerance)
+        errors.append(abs(curve.length - 12.0 * ellipe(1.0 - 1.0 / 9.0)))
+        assert errors[-1] <= 30.0 * tolerance
+        x, y = curve.points.T
+        assert np.abs((x / 3.0) ** 2 + y**2 - 1.0).max() <= 1e-14
+    assert errors[0] > 100.0 * errors[2]
+
+
+def test_differences_serve_where_no_jacobian_is_given_and_repeated_equations_do_no_harm():
+    def residual(x):
+        ball, height = x @ x - 1.0, x[2] - 0.3
+        return np.array([ball, 2.0 * ball + height, height, ball - 3.0 * height])
+
+    curve = trace(System(residual), [np.sqrt(0.91), 0.0, 0.3])
+    assert curve.closed
+    assert abs(curve.length - TURN * np.sqrt(0.91)) <= 1e-9
+
+
+def test_a_curve_that_runs_on_is_traced_as_far_as_asked():
+    parabola = System(lambda x: np.array([x[0] ** 2 - x[1]]))
+    curve = trace(parabola, [0.0, 0.0], direction=[1.0, 0.0], length=5.0)
+    x = curve.points[-1, 0]
+    assert not curve.closed
+    assert curve.length == 5.0
+    assert abs(0.5 * x * np.sqrt(1 + 4 * x * x) + 0.25 * np.arcsinh(2 * x) - 5.0) <= 1e-8
+
+
+def test_a_curve_that_only_comes_near_its_start_is_not_taken_for_closed():
+    # a spiral in three dimensions whose turns are a thousandth apart
+    spiral = System(
+        lambda x: np.array([x[0] - np.cos(1e3 * x[2]), x[1] - np.sin(1e3 * x[2])]),
+        lambda x: np.array([[1.0, 0.0, 1e3 * np.sin(1e3 * x[2])], [0.0, 1.0, -1e3 * np.cos(1e3 * x[2])]]),
+    )
+    curve = trace(spiral, [1.0, 0.0, 0.0], length=15.0)
+    assert not curve.closed
+    scaled = replace(spiral, periods=(0.0, 0.0, TURN / 1e3))
+    closed = trace(scaled, [1.0, 0.0, 0.0])
+    assert closed.closed
+    assert abs(closed.length - TURN * np.sqrt(1.0 + 1e-6)) <= 1e-8
+
+
+def test_both_assemblies_of_a_swinging_four_bar_are_one_curve_through_its_dead_centres():
+    system, dead = crank_and_rocker(FOUR_BAR), FOUR_BAR.dead_centres()
+    f = -1.0
+    rocker = float(FOUR_BAR.solve([f]).joints["rocker"].value[0])
+    curve = trace(system, [f, rocker])
+    assert curve.closed
+    turned = turning_points(system, curve, 0)
+    assert len(turned) == 2
+    # where the crank turns back its angle is known to the square of the error along the curve
+    assert np.abs(np.sort(turned[:, 0]) - np.sort([a for a in dead if a < 0])).max() <= 1e-12
+    seen = set()
+    for crank, angle in curve.points:
+        gaps = [
+            abs(
+                np.exp(1j * angle)
+                - np.exp(1j * replace(FOUR_BAR, branch=b).solve([crank]).joints["rocker"].value[0])
+            )
+            for b in (1, -1)
+        ]
+        seen.add(int(np.argmin(gaps)))
+        # near a dead centre the closed form keeps half the digits
+        assert min(gaps) <= 1e-7
+    assert seen == {0, 1}
+
+
+def test_a_crank_that_turns_fully_closes_a_whole_turn_on_and_never_turns_back():
+    drive = FourBar()
+    system = crank_and_rocker(drive)
+    start = [0.0, float(drive.solve([0.0]).joints["rocker"].value[0])]
+    curve = trace(system, start, direction=[1.0, 0.0])
+    assert curve.closed
+    assert np.abs(curve.points[-1] - curve.points[0] - [TURN, 0.0]).max() <= 1e-12
+    assert len(turning_points(system, curve, 0)) == 0
+    assert len(turning_points(system, curve, 1)) == 2
+
+
+def _on_closed_form(drive, walked):
+    """Assert that every pose is one of the two assemblies, and that all links stand as they say."""
+    both = (drive, replace(drive, branch=-drive.branch))
+    clear = drive.margin(walked.crank) > 1e-2 * drive.margin(walked.crank).max()
+    output = list(walked.points)[1]
+    gaps = np.array(
+        [
+            np.linalg.norm(kind.positions(walked.crank[clear])[output] - walked.points[output][clear], axis=1)
+            for kind in both
+        ]
+    )
+    assert gaps.min(0).max() <= 1e-12 * drive.mechanism.size
+    return {int(i) for i in gaps.argmin(0)}
+
+
+@pytest.mark.parametrize("name", SWINGING)
+def test_any_mechanism_whose_crank_swings_is_carried_through_both_dead_centres(name):
+    drive = SWINGING[name]
+    walked = trace_mechanism(drive, tolerance=1e-7)
+    assert walked.curve.closed
+    start = drive.mechanism.start
+    own = next(
+        (low + turn, high + turn)
+        for low, high in drive.crank_range().arcs
+        for turn in (-TURN, 0.0, TURN)
+        if low + turn < start < high + turn
+    )
+    assert np.abs(np.sort(walked.dead_centres) - own).max() <= 1e-11
+    assert own[0] - 1e-12 <= walked.crank.min() < walked.crank.max() <= own[1] + 1e-12
+    assert _on_closed_form(drive, walked) == {0, 1}
+    gaps, turned = closure.residual_norms(drive.mechanism, walked.poses, walked.crank)
+    assert gaps.max() <= 1e-13 * drive.mechanism.size
+    assert turned.max() <= 1e-13
+    for points in walked.points.values():
+        assert np.abs(points[-1] - points[0]).max() <= 1e-9 * drive.mechanism.size
+
+
+@pytest.mark.parametrize("drive", [Rssr(), Rrsrr()], ids=["idle spin", "none idle"])
+def test_a_mechanism_whose_crank_turns_stays_in_its_assembly_for_one_turn(drive):
+    walked = trace_mechanism(drive, tolerance=1e-7, direction=-1)
+    assert walked.curve.closed
+    assert abs(walked.crank[-1] - walked.crank[0] + TURN) <= 1e-8
+    assert len(walked.dead_centres) == 0
+    assert _on_closed_form(drive, walked) == {0}
+
+
+def test_length_of_a_walk_is_the_integral_of_the_twists_of_the_closed_form():
+    drive = Rrsrr()
+    motion = drive.solve(np.linspace(0.0, TURN, 400)[:-1])
+    squares = sum(
+        (link.velocity**2).sum(1) / drive.mechanism.size**2 + (link.angular_velocity**2).sum(1)
+        for link in motion.links.values()
+    )
+    assert abs(trace_mechanism(drive).curve.length - TURN * np.sqrt(squares).mean()) <= 1e-8
+
+
+@pytest.mark.parametrize("drive", [Rrsrr(), SWINGING["rrsrr"]], ids=["turning", "swinging"])
+def test_torus_and_sphere_as_plain_equations_give_the_paper_s_path(drive):
+    centre = np.array(drive.pivot)
+
+    def residual(x):
+        square = x @ x + drive.crank**2 - drive.coupler**2
+        off = x - centre
+        # lengths in units of the link
+        torus = square**2 - 4.0 * drive.crank**2 * (x[1] ** 2 + x[2] ** 2)
+        return np.array([torus / drive.link**4, (off @ off) / drive.link**2 - 1.0])
+
+    path = trace_path(drive)
+    system = System(residual, size=drive.link)
+    curve = trace(system, path.on_torus[0], direction=path.on_torus[1] - path.on_torus[0])
+    assert curve.closed
+    assert abs(curve.length - path.arc[-1]) <= 1e-9 * drive.link
+
+
+def test_what_cannot_be_traced_is_said_in_one_sentence():
+    circle = System(lambda x: np.array([x @ x - 1.0]), name="circle")
+    cross = System(lambda x: np.array([x[0] * x[1]]), lambda x: np.array([[x[1], x[0]]]), name="cross")
+    line = System(lambda x: np.array([x[0] - x[1]]))
+    nowhere = System(lambda x: np.array([x @ x + 1.0]))
+    with pytest.raises(InputError, match=r"circle: the start is 0\.1 off the curve; the nearest point"):
+        trace(circle, [1.1, 0.0])
+    with pytest.raises(InputError, match="no point of the curve is near"):
+        trace(nowhere, [0.4, 0.3])
+    with pytest.raises(InputError, match="more than one direction is free"):
+        trace(cross, [0.0, 0.0])
+    with pytest.raises(AssemblyError, match=r"cross: (branches of the curve cross|more than one direction)"):
+        trace(cross, [-1.0, 0.0], direction=[1.0, 0.0])
+    with pytest.raises(AssemblyError, match="not closed after 20 steps"):
+        trace(line, [0.0, 0.0], most_steps=20)
+    with pytest.raises(InputError, match=r"1 equations .* 3 unknowns"):
+        trace(circle, [1.0, 0.0, 0.0])
+    with pytest.raises(InputError, match="no finite number"):
+        trace(System(lambda x: np.array([x[0] * np.nan, 0.0])), [1.0, 0.0])
+
+
+def test_a_linkage_that_can_fold_flat_is_not_walked_through_in_silence():
+    kite = FourBar(ground=0.1, crank=0.1, coupler=0.07, rocker=0.07)
+    with pytest.raises(AssemblyError, match="cross"):
+        trace_mechanism(kite, tolerance=1e-7)
+
+
+def test_two_cranks_without_a_gear_are_refused():
+    arms = Mechanism(
+        "arms",
+        (Link("first"), Link("second")),
+        (
+            Joint("one", "revolute", End("ground"), End("first")),
+            Joint("two", "revolute", End("ground", (0.1, 0.0, 0.0)), End("second")),
+        ),
+        "one",
+        {"P": ("first", (0.05, 0.0, 0.0)), "Q": ("second", (0.05, 0.0, 0.0))},
+    )
+    with pytest.raises(InputError, match="2 directions are free"):
+        trace_mechanism(arms)

@@ -1,0 +1,38 @@
+"""The validation case of closed forms near dead centres, at a few distances."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+PATH = Path(__file__).parents[2] / "validation" / "robustness" / "closed_form_at_dead_centres.py"
+NEAR = np.array([1e-12, 1e-7, 1e-2])
+
+
+@pytest.fixture(scope="module")
+def case():
+    spec = importlib.util.spec_from_file_location("closed_form_at_dead_centres", PATH)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr", "rrsrr"])
+def test_errors_are_what_rounding_of_the_inputs_makes_them(name, case):
+    drive, point = case.DRIVES[name]
+    error, condition = case.errors(drive, point, case.angles_near(drive, NEAR))
+    assert (error <= case.MOST * case.EPS * condition).all()
+    # the square root of the distance: the condition is what it should be
+    assert condition[0] / condition[2] == pytest.approx(1e5, rel=0.5)
+
+
+def test_the_published_form_loses_two_digits_where_v3x_vanishes_at_a_dead_centre(case):
+    drive = case.dead_where_v3x_vanishes()
+    angles = case.angles_near(drive, case.DISTANCES)
+    error, condition = case.errors(drive, "P3", angles)
+    assert (error <= case.MOST * case.EPS * condition).all()
+    # 21 units at the worst, 100 times the sound form's error
+    other = case.published(drive, angles)
+    assert (other / condition).max() > 5.0 * case.EPS
+    assert np.median(other / error) > 20.0

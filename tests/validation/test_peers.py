@@ -1,0 +1,171 @@
+"""The comparison with other programs: its problem, its judge, its table and plot; peers where installed."""
+
+import csv
+import importlib
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mechsim.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "validation" / "peers"))
+
+import compare  # noqa: E402
+import picture  # noqa: E402
+import problem as problems  # noqa: E402
+import protocol  # noqa: E402
+
+# a setting of each peer and the place error it is bound to have: ten times what it measured
+BEST = {
+    "by_mechsim": ("mechsim, poses", 20, 1e-13),
+    "by_scipy": ("scipy DOP853, loop by hand", 0, 1e-2),
+    "by_exudyn": ("Exudyn index 3, full Newton", 20, 1e-11),
+    "by_pinocchio": ("Pinocchio (Python), RK4", 100, 3e-5),
+    "by_drake": ("Drake, inverse kinematics, tight", 20, 1e-5),
+    "by_pylinkage": ("pylinkage", 100, 1e-13),
+}
+
+
+@pytest.fixture(params=problems.NAMES)
+def asked(request):
+    return problems.problem(request.param)
+
+
+def solved(module: str, asked, family: str, steps: int):
+    peer = importlib.import_module(module)
+    setting = next(one for one in peer.settings(asked) if (one.family, one.steps) == (family, steps))
+    # what others' code does with tiny numbers is theirs
+    with np.errstate(all="ignore"):
+        _, found = peer.build(asked, setting).run()
+    return problems.judge(asked, asked.angles(setting.samples), found)
+
+
+def test_joint_angles_of_the_closed_form_put_the_points_where_it_says(asked):
+    angles = asked.angles(50)
+    joints = asked.drive.solve(angles).joints
+    found = asked.places(joints["crank"].value, joints["rocker"].value)
+    # rounding of a few additions of lengths
+    assert problems.judge(asked, angles, found).place < 1e-14
+
+
+def test_the_start_is_closed_and_its_rates_are_those_of_the_closed_form(asked):
+    step = 1e-6
+    before, after = (asked.drive.solve([asked.start + side * step]) for side in (-1.0, 1.0))
+    for link in ("crank", "rocker"):
+        rate = (after.joints[link].value - before.joints[link].value) / (2.0 * step) * asked.speed
+        assert asked.hinge(link).rate == pytest.approx(rate[0], rel=1e-8)
+    (at_crank, near), _ = asked.tips
+    coupler, crank = asked.link("coupler"), asked.hinge("crank")
+    tip = crank.carried(at_crank, np.array([crank.angle]))[0]
+    assert np.abs(coupler.position[0] + coupler.rotation[0] @ near - tip).max() < 1e-15
+
+
+def test_a_known_displacement_is_the_error_reported(asked):
+    angles = asked.angles(20)
+    found = {name: place.copy() for name, place in asked.drive.positions(angles).items()}
+    next(iter(found.values()))[7, 1] += 1e-6 * asked.crank
+    assert problems.judge(asked, angles, found).place == pytest.approx(1e-6, rel=1e-6)
+
+
+def test_a_coupler_a_thousandth_too_long_is_condemned(asked):
+    angles = asked.angles(20)
+    wrong = problems.problem(asked.name, coupler=1.001 * asked.drive.coupler)
+    errors = problems.judge(asked, angles, wrong.drive.positions(angles))
+    assert errors.place > 1e-3
+    assert errors.rocker > 1e-4
+
+
+def test_the_other_assembly_and_a_late_crank_are_condemned(asked):
+    angles = asked.angles(20)
+    other = problems.problem(asked.name, branch=-asked.drive.branch)
+    assert problems.judge(asked, angles, other.drive.positions(angles)).rocker > 0.1
+    late = asked.drive.positions(angles - 1e-3)
+    assert problems.judge(asked, angles, late).place > 0.9e-3
+
+
+def test_a_torque_a_thousandth_too_large_or_one_instant_late_is_condemned(asked):
+    angles = asked.angles(20)
+    exact = asked.torque(angles)
+    assert problems.judge_torque(asked, angles, exact) == 0.0
+    assert problems.judge_torque(asked, angles, 1.001 * exact) == pytest.approx(1e-3)
+    assert problems.judge_torque(asked, angles, np.roll(exact, 1)) > 0.1
+    assert problems.judge_torque(asked, angles, exact[1:]) == np.inf
+    assert np.isnan(problems.judge_torque(asked, angles, None))
+
+
+@pytest.mark.parametrize("broken", ["short", "missing", "not a number"])
+def test_a_turn_that_is_not_whole_errs_without_bound(asked, broken):
+    angles = asked.angles(20)
+    found = dict(asked.drive.positions(angles))
+    name = next(iter(found))
+    if broken == "short":
+        found[name] = found[name][:-1]
+    elif broken == "missing":
+        del found[name]
+    else:
+        found[name] = np.where(np.arange(21)[:, None] == 3, np.nan, found[name])
+    assert problems.judge(asked, angles, found) == problems.Errors(np.inf, np.inf)
+
+
+def test_stepping_errs_as_its_order_says_and_mujocos_defaults_err_by_per_cent(asked):
+    fewer, more = (solved("by_mechsim", asked, "mechsim, stepped (RK4)", n).place for n in (100, 200))
+    # 2^4 by the order; what the coarser run has not yet of it is a fifth at most
+    assert 12.0 < fewer / more < 20.0
+    assert solved("by_mechsim", asked, "MuJoCo's defaults (Euler)", 1000).place > 1e-3
+
+
+@pytest.mark.parametrize("module", protocol.PEERS)
+def test_each_peer_solves_the_same_problem(asked, module):
+    package = protocol.PEERS[module]
+    if package is not None:
+        pytest.importorskip(package, reason=f"{package} is not installed: {protocol.EXTRA}")
+    if not importlib.import_module(module).settings(asked):
+        pytest.skip(f"{module} cannot state {asked.name}")
+    family, steps, bound = BEST[module]
+    assert solved(module, asked, family, steps).place < bound
+
+
+def test_a_peer_that_is_not_installed_is_named_with_the_extra_and_the_others_run(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "exudyn", None)
+    monkeypatch.delitem(sys.modules, "by_exudyn", raising=False)
+    with pytest.raises(InputError, match=r"exudyn is not installed.*\[peers\]"):
+        protocol.load("by_exudyn")
+    monkeypatch.setattr(importlib.import_module("by_mechsim"), "STEPS", (20, 40))
+    rows = compare.measured(("by_exudyn", "by_mechsim"), names=("four_bar",), rounds=1)
+    assert "mechsim, poses" in {row.family for row in rows}
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1
+    assert ".[peers]" in said[0]
+
+
+def test_the_extra_brings_every_peer():
+    extra = " ".join(
+        tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]["peers"]
+    )
+    brought_by = {"pinocchio": "pin>", "pydrake": "drake"}
+    for package in filter(None, protocol.PEERS.values()):
+        assert brought_by.get(package, package) in extra
+
+
+def test_table_and_plot_hold_every_row_the_failed_ones_too(tmp_path):
+    rows = [
+        compare.Row("rssr", "mechsim, poses", 20, 1.0, 1e-14, 1e-14, 1e-12),
+        compare.Row("rssr", "scipy DOP853, loop by hand", 0, 2.0, 0.0, 0.0, np.nan, "tolerance 1e-13"),
+        compare.Row("four_bar", "Drake, discrete SAP", 20, 3.0, np.inf, np.inf, np.nan),
+    ]
+    compare.write_table(rows, tmp_path / "peers.csv")
+    with (tmp_path / "peers.csv").open() as file:
+        read = list(csv.DictReader(file))
+    assert [float(row["place"]) for row in read] == [row.place for row in rows]
+    head, _, *lines = compare.markdown(rows).splitlines()
+    assert "rssr: ms a turn" in head
+    assert "four_bar: ms a turn" in head
+    assert len(lines) == len(rows)
+    assert lines[0].split(" | ")[2:6] == ["1", "1.0e-14", "1.0e-14", "1.0e-12"]
+    assert "tolerance 1e-13" in lines[1]
+    assert "failed" in lines[2]
+    assert picture.work_precision(rows).startswith(b"\x89PNG")

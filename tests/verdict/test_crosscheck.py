@@ -1,0 +1,298 @@
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim import catalog, closure
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.errors import InputError
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import Motion, PointMotion
+from mechsim.simulation import Settings, simulate
+from mechsim.verdict.judge import Verdict, crosscheck
+from mechsim.verdict.tolerances import Tolerance
+
+SPEED = 62.8
+DRIVES: dict[str, ClosedForm] = {
+    "rssr": catalog.make("rssr"),
+    "guided rssr": catalog.make("rssr", guide=True),
+    "four_bar": catalog.make("four_bar"),
+    "slider_crank": catalog.make("slider_crank"),
+}
+ROADS = ("pose", "step")
+# what each mechanism's second and third link are called among its parameters
+LINKS = {
+    "rssr": ("coupler", "rocker"),
+    "guided rssr": ("coupler", "rocker"),
+    "four_bar": ("coupler", "rocker"),
+    "slider_crank": ("rod",),
+}
+
+
+def motion_of(mechanism: Mechanism, road: str = "step", speed: float = SPEED, **options) -> Motion:
+    return simulate(mechanism, speed=speed, method=road, **options).motion
+
+
+def named_as_the_points(drive: ClosedForm):
+    return lambda angles: drive.positions(angles)
+
+
+# right things pass
+
+
+@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("road", ROADS)
+def test_a_right_mechanism_passes_by_either_road(name: str, road: str) -> None:
+    drive = DRIVES[name]
+    verdict = crosscheck(motion_of(drive.mechanism, road), drive, speed=SPEED)
+    assert verdict.passed, verdict
+    assert verdict.outcome == "met"
+    assert all(check.worst <= check.bound for check in verdict.checks)
+    assert any("drive" in check.quantity for check in verdict.checks)
+
+
+@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("road", ROADS)
+def test_a_function_is_an_analytic_side(name: str, road: str) -> None:
+    drive = DRIVES[name]
+    verdict = crosscheck(motion_of(drive.mechanism, road), named_as_the_points(drive))
+    assert verdict.passed, verdict
+    assert {check.quantity.split()[0] for check in verdict.checks} >= {"position", "velocity", "acceleration"}
+
+
+@pytest.mark.parametrize("name", DRIVES)
+def test_the_loop_equations_are_an_analytic_side(name: str) -> None:
+    mechanism = DRIVES[name].mechanism
+    motion = motion_of(mechanism, samples=24)
+    exact = closure.solve(mechanism, motion.angle, motion.speed, motion.acceleration)
+    free = frozenset() if "guided" in name else DRIVES[name].solve([0.0]).spinning
+    assert crosscheck(motion, replace(exact, spinning=free)).passed
+
+
+def test_a_motion_at_other_angles_is_solved_again_at_the_simulated_ones() -> None:
+    drive = DRIVES["rssr"]
+    exact = drive.solve(np.linspace(0.0, 1.0, 5), SPEED)
+    verdict = crosscheck(motion_of(drive.mechanism, samples=50), exact)
+    assert verdict.passed
+    # the steady speed of the analytic side is taken as the one wanted
+    assert any(check.quantity == "drive: crank speed" for check in verdict.checks)
+
+
+def test_the_package_itself_is_called_by_the_modules_name() -> None:
+    drive = DRIVES["four_bar"]
+    for _ in range(2):
+        assert ms.crosscheck(motion_of(drive.mechanism, "pose"), drive).passed
+
+
+# wrong things are refused
+
+
+def refused(verdict: Verdict, outcome: str = "missed") -> None:
+    assert not verdict.passed
+    assert verdict.outcome == outcome, verdict
+    assert verdict.reason
+    assert "\n" not in verdict.reason
+
+
+@pytest.mark.parametrize(
+    ("name", "link"), [(n, link) for n, links in LINKS.items() for link in ("crank", *links)]
+)
+@pytest.mark.parametrize("road", ROADS)
+def test_a_link_a_thousandth_long_is_refused(name: str, link: str, road: str) -> None:
+    drive = DRIVES[name]
+    wrong = replace(drive, **{link: 1.001 * getattr(drive, link)})
+    refused(crosscheck(motion_of(wrong.mechanism, road), drive))
+
+
+@pytest.mark.parametrize("name", ["rssr", "guided rssr", "four_bar"])
+def test_two_links_swapped_are_refused(name: str) -> None:
+    drive = DRIVES[name]
+    wrong = replace(drive, coupler=drive.rocker, rocker=drive.coupler)
+    assert wrong.crank_range().full
+    assert not crosscheck(motion_of(wrong.mechanism), drive).passed
+
+
+@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("road", ROADS)
+def test_the_other_assembly_is_named_as_such(name: str, road: str) -> None:
+    drive = DRIVES[name]
+    wrong = replace(drive, branch=-drive.branch)
+    refused(crosscheck(motion_of(wrong.mechanism, road), drive), "changed assembly")
+
+
+@pytest.mark.parametrize("turned", ["gamma1", "gamma2"])
+@pytest.mark.parametrize("road", ROADS)
+def test_a_rocker_axis_turned_by_a_tenth_of_a_degree_is_refused(turned: str, road: str) -> None:
+    drive = DRIVES["rssr"]
+    wrong = replace(drive, **{turned: getattr(drive, turned) + np.deg2rad(0.1)})
+    refused(crosscheck(motion_of(wrong.mechanism, road), drive))
+
+
+@pytest.mark.parametrize("name", DRIVES)
+def test_a_crank_turned_the_wrong_way_is_refused_by_its_drive(name: str) -> None:
+    drive = DRIVES[name]
+    verdict = crosscheck(motion_of(drive.mechanism, speed=-SPEED), drive, speed=SPEED)
+    refused(verdict)
+    assert {check.quantity for check in verdict.checks if not check.passed} == {
+        "drive: crank speed",
+        "drive: crank angle",
+    }
+
+
+@pytest.mark.parametrize("name", DRIVES)
+def test_a_crank_whose_angle_counts_the_wrong_way_is_refused(name: str) -> None:
+    drive = DRIVES[name]
+    driver = drive.mechanism.driver
+    joints = tuple(
+        joint
+        if joint.name != driver
+        else replace(
+            joint,
+            a=replace(joint.a, axis=tuple(-c for c in joint.a.axis)),
+            b=replace(joint.b, axis=tuple(-c for c in joint.b.axis)),
+        )
+        for joint in drive.mechanism.joints
+    )
+    backwards = replace(drive.mechanism, joints=joints, start=-drive.mechanism.start)
+    assert not crosscheck(motion_of(backwards), drive).passed
+
+
+@pytest.mark.parametrize(
+    ("name", "points"), [("rssr", ("P2", "P3")), ("four_bar", ("A", "B")), ("four_bar", ("B", "C"))]
+)
+def test_two_points_swapped_are_refused(name: str, points: tuple[str, str]) -> None:
+    drive = DRIVES[name]
+    motion = motion_of(drive.mechanism)
+    one, other = points
+    swapped = dict(motion.points) | {one: motion.points[other], other: motion.points[one]}
+    assert not crosscheck(replace(motion, points=swapped), drive).passed
+
+
+@pytest.mark.parametrize("kind", ["position", "velocity", "acceleration"])
+def test_one_number_that_is_none_is_a_diverged_run(kind: str) -> None:
+    drive = DRIVES["rssr"]
+    motion = motion_of(drive.mechanism)
+    values = getattr(motion.points["P3"], kind).copy()
+    values[17, 1] = np.nan
+    bad = replace(motion, points={**motion.points, "P3": replace(motion.points["P3"], **{kind: values})})
+    refused(crosscheck(bad, drive), "diverged")
+
+
+def test_a_number_that_is_none_in_a_joint_or_a_loop_is_not_passed_over() -> None:
+    drive = DRIVES["four_bar"]
+    motion = motion_of(drive.mechanism)
+    values = motion.joints["rocker"].value.copy()
+    values[3] = np.nan
+    joints = {**motion.joints, "rocker": replace(motion.joints["rocker"], value=values)}
+    refused(crosscheck(replace(motion, joints=joints), drive), "diverged")
+    assert motion.closure is not None
+    open_loop = motion.closure.copy()
+    open_loop[-1] = np.nan
+    refused(crosscheck(replace(motion, closure=open_loop), drive), "diverged")
+
+
+def test_a_run_that_blew_up_is_refused_though_its_beginning_was_good() -> None:
+    drive = DRIVES["rssr"]
+    wild = Settings(integrator="Euler", steps_per_turn=100, constant_steps=0.1)
+    run = simulate(drive.mechanism, speed=SPEED, turns=5.0, settings=wild)
+    refused(crosscheck(run.motion, drive), "diverged")
+    # nor does a bound without end let it through
+    refused(crosscheck(run.motion, drive, tolerance=1e9), "diverged")
+
+
+def test_a_loose_run_is_missed_by_how_much() -> None:
+    drive = DRIVES["rssr"]
+    motion = motion_of(drive.mechanism, settings=Settings(steps_per_turn=30))
+    verdict = crosscheck(motion, drive, tolerance=1e-9)
+    refused(verdict)
+    assert "beyond the bound: position of P3 by" in verdict.reason
+
+
+def test_velocities_of_another_instant_are_refused() -> None:
+    drive = DRIVES["rssr"]
+    motion = motion_of(drive.mechanism, settings=Settings(steps_per_turn=1000), samples=1000)
+    point = motion.points["P3"]
+    late = PointMotion(point.position, np.roll(point.velocity, 1, 0), point.acceleration)
+    assert not crosscheck(replace(motion, points={**motion.points, "P3": late}), drive).passed
+
+
+def test_a_crank_a_thousandth_too_fast_is_refused_by_its_drive_only() -> None:
+    drive = DRIVES["slider_crank"]
+    verdict = crosscheck(motion_of(drive.mechanism, speed=1.001 * SPEED), drive, speed=SPEED)
+    refused(verdict)
+    assert all(check.quantity.startswith("drive") for check in verdict.checks if not check.passed)
+
+
+def test_a_closed_form_that_cannot_stand_where_the_simulation_did_says_so() -> None:
+    swinging = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
+    refused(crosscheck(motion_of(DRIVES["four_bar"].mechanism), swinging), "cannot assemble")
+
+
+def test_bounds_given_replace_the_usual_ones() -> None:
+    drive = DRIVES["four_bar"]
+    motion = motion_of(drive.mechanism, settings=Settings(steps_per_turn=100))
+    strict = {"acceleration": Tolerance(1e-12, "m/s2", "as asked")}
+    verdict = crosscheck(motion, drive, bounds=strict)
+    refused(verdict)
+    assert {check.quantity.split()[0] for check in verdict.checks if not check.passed} == {"acceleration"}
+
+
+# what cannot be compared
+
+
+def function(shape: str):
+    def points(angles: np.ndarray) -> Mapping[str, np.ndarray]:
+        right = DRIVES["four_bar"].positions(angles)
+        return {
+            "transposed": {"A": right["A"].T, "B": right["B"]},
+            "flat": {"A": right["A"][:, 0]},
+            "one": {"A": right["A"][0]},
+            "none": {},
+            "other": {"Q": right["A"]},
+            "nan": {"A": np.where(np.arange(len(angles))[:, None] == 5, np.nan, right["A"])},
+        }[shape]
+
+    return points
+
+
+@pytest.mark.parametrize(
+    ("shape", "sentence"),
+    [
+        ("transposed", r"gives point 'A' of shape \(3, 73\) for 73 crank angles; give \(73, 3\)"),
+        ("flat", r"gives point 'A' of shape \(73,\)"),
+        ("one", r"gives point 'A' of shape \(3,\)"),
+        ("none", "the analytic side gives no point"),
+        ("other", r"the simulation has no point Q \(it has A, B, C\)"),
+        ("nan", "gives no finite place for point 'A' at crank angle"),
+    ],
+)
+def test_a_function_of_the_wrong_kind_is_refused_in_one_sentence(shape: str, sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence) as told:
+        crosscheck(motion_of(DRIVES["four_bar"].mechanism, samples=72), function(shape))
+    assert "\n" not in str(told.value)
+
+
+def test_a_simulation_without_one_of_the_points_is_told_which() -> None:
+    drive = DRIVES["rssr"]
+    motion = motion_of(drive.mechanism)
+    with pytest.raises(InputError, match=r"has no point P3 \(it has P2\)"):
+        crosscheck(replace(motion, points={"P2": motion.points["P2"]}), drive)
+
+
+def test_a_motion_that_nothing_can_solve_again_must_stand_at_the_same_angles() -> None:
+    drive = DRIVES["rssr"]
+    exact = replace(drive.solve(np.linspace(0.0, 1.0, 73), SPEED), origin=None)
+    with pytest.raises(InputError, match="stands at other crank angles"):
+        crosscheck(motion_of(drive.mechanism), exact)
+
+
+def test_a_verdict_prints_a_line_for_each_quantity_and_reads_as_plain_data() -> None:
+    drive = DRIVES["four_bar"]
+    verdict = crosscheck(motion_of(drive.mechanism), drive)
+    lines = str(verdict).splitlines()
+    assert lines[0] == "met"
+    assert len(lines) == 1 + len(verdict.checks)
+    keys = {"quantity", "unit", "worst", "at_angle", "bound", "why", "passed"}
+    assert all(set(check.as_dict()) >= keys for check in verdict.checks)

@@ -1,0 +1,222 @@
+"""The verdict on dynamics: right machines pass on both roads, each wrong one is condemned."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from mechsim import catalog, course, dynamics
+from mechsim.errors import InputError
+from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
+from mechsim.model.inertia import Inertia
+from mechsim.model.motors import ConstantTorque, DCMotor, TorqueSpeedLine
+from mechsim.model.scene import Scene
+from mechsim.simulation import Settings, mjcf, swing
+from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.verdict.dynamics import crosscheck_driven, crosscheck_free
+
+SPEED = 20.0 * np.pi
+GRAVITY = (0.3, -9.81, 0.5)
+
+
+def push(angle):
+    return np.stack([np.sin(angle), np.cos(2.0 * angle), 1.0 + 0.0 * angle], 1)
+
+
+def everything(name: str) -> Forces:
+    """Return forces of every kind that the mechanism's joints take."""
+    mechanism = catalog.make(name).mechanism
+    tip = list(mechanism.points)[-1]
+    straight = [joint.name for joint in mechanism.joints if joint.kind in ("revolute", "prismatic")]
+    planar = name in ("four_bar", "slider_crank", "warp_knitter")
+    return Forces(
+        gravity=GRAVITY,
+        friction=tuple(Friction(joint, 1e-3, 1e-2 if planar else 0.0) for joint in straight),
+        springs=(Spring(tip, ("ground", (0.1, 0.2, 0.3)), 10.0, 0.01, 0.3),),
+        joint_springs=tuple(JointSpring(joint, 0.3, 0.12) for joint in straight),
+        loads=(Load(tip, course.function(push, width=3)),),
+        crank_torque=course.harmonics([0.1, 0.2]),
+        flywheel=1.2e-3,
+    )
+
+
+def of(name: str, forces: Forces) -> dynamics.Machine:
+    return dynamics.machine(catalog.make(name), forces)
+
+
+@pytest.mark.parametrize("method", ["pose", "step"])
+@pytest.mark.parametrize("name", catalog.DRIVES)
+def test_torque_reactions_and_energies_agree_under_every_kind_of_force(name, method):
+    machine = of(name, everything(name))
+    run = driven(machine.mechanism, machine.forces, speed=SPEED, method=method, samples=36)
+    verdict = crosscheck_driven(run, machine)
+    assert verdict.passed, verdict
+
+
+@pytest.mark.parametrize("name", ["rssr", "four_bar"])
+def test_a_crank_that_swings_needs_the_torque_of_its_acceleration_too(name):
+    machine = of(name, Forces(gravity=GRAVITY, flywheel=2e-3))
+    profile = swing(machine.mechanism.start + 0.3, 0.5, 30.0)
+    run = driven(machine.mechanism, machine.forces, profile=profile, samples=36)
+    verdict = crosscheck_driven(run, machine)
+    assert verdict.passed, verdict
+
+
+def test_the_torque_of_a_stepped_run_converges_with_fourth_order():
+    machine = of("rssr", Forces(gravity=GRAVITY))
+    errors = []
+    for steps in (144, 288):
+        settings = Settings(steps_per_turn=steps, constant_steps=steps / 10.0)
+        run = driven(machine.mechanism, machine.forces, speed=SPEED, method="step", settings=settings)
+        exact = dynamics.prescribed(machine, run.motion.angle, run.motion.speed, run.motion.acceleration)
+        errors.append(np.sqrt(np.mean((run.efforts.torque - exact.torque) ** 2)))
+    assert 3.5 < np.log2(errors[0] / errors[1]) < 5.5
+
+
+def heavier(machine: dynamics.Machine) -> dynamics.Machine:
+    last = machine.mechanism.links[-1]
+    more = replace(last.inertia, mass=1.001 * last.inertia.mass)
+    return _with_link(machine, replace(last, inertia=more))
+
+
+def turned(machine: dynamics.Machine) -> dynamics.Machine:
+    last = machine.mechanism.links[-1]
+    moments = last.inertia.matrix[[1, 2, 0]][:, [1, 2, 0]]
+    return _with_link(
+        machine, replace(last, inertia=Inertia(last.inertia.mass, last.inertia.centre, moments))
+    )
+
+
+def _with_link(machine: dynamics.Machine, link) -> dynamics.Machine:
+    links = (*machine.mechanism.links[:-1], link)
+    return replace(machine, mechanism=replace(machine.mechanism, links=links))
+
+
+def upside_down(machine: dynamics.Machine) -> dynamics.Machine:
+    x, y, z = machine.forces.gravity
+    return machine.with_forces(replace(machine.forces, gravity=(-x, -y, -z)))
+
+
+def load_next_door(machine: dynamics.Machine) -> dynamics.Machine:
+    other = list(machine.mechanism.points)[-2]
+    loads = tuple(replace(load, place=other) for load in machine.forces.loads)
+    return machine.with_forces(replace(machine.forces, loads=loads))
+
+
+def frictionless(machine: dynamics.Machine) -> dynamics.Machine:
+    return machine.with_forces(replace(machine.forces, friction=()))
+
+
+@pytest.mark.parametrize("method", ["pose", "step"])
+@pytest.mark.parametrize("wrong", [heavier, turned, upside_down, load_next_door, frictionless])
+@pytest.mark.parametrize("name", ["four_bar", "rssr"])
+def test_a_wrong_machine_is_condemned(name, wrong, method):
+    machine = of(name, everything(name))
+    run = driven(machine.mechanism, machine.forces, speed=SPEED, method=method, samples=24)
+    assert crosscheck_driven(run, wrong(machine)).outcome == "missed"
+
+
+@pytest.mark.parametrize("method", ["pose", "step"])
+def test_a_torque_of_the_wrong_sign_and_one_that_is_no_number_are_condemned(method):
+    machine = of("four_bar", Forces(gravity=GRAVITY))
+    run = driven(machine.mechanism, machine.forces, speed=SPEED, method=method, samples=24)
+    backwards = replace(run, efforts=replace(run.efforts, torque=-run.efforts.torque))
+    assert crosscheck_driven(backwards, machine).outcome == "missed"
+    lost = run.efforts.torque.copy()
+    lost[3] = np.nan
+    broken = replace(run, efforts=replace(run.efforts, torque=lost))
+    assert crosscheck_driven(broken, machine).outcome == "diverged"
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rssr"])
+def test_a_free_run_without_friction_follows_the_reduced_equation_over_ten_turns(name):
+    machine = of(name, Forces(gravity=GRAVITY))
+    run = free_run(machine.mechanism, machine.forces, speed=60.0, turns=10.0)
+    assert run.outcome == "done"
+    verdict = crosscheck_free(run, machine)
+    assert verdict.passed, verdict
+
+
+@pytest.mark.parametrize(
+    "motor",
+    [TorqueSpeedLine(5.0, 100.0), DCMotor(24.0, 0.5, 0.2), ConstantTorque(0.5)],
+    ids=["line", "dc", "constant"],
+)
+def test_a_motor_starts_the_machine_as_the_reduced_equation_says(motor):
+    machine = of("four_bar", Forces(gravity=GRAVITY, motor=motor, friction=(Friction("crank", 1e-3),)))
+    run = free_run(machine.mechanism, machine.forces, turns=2.0)
+    assert run.outcome == "done"
+    verdict = crosscheck_free(run, machine)
+    assert verdict.passed, verdict
+
+
+@pytest.mark.parametrize("wrong", [heavier, upside_down, frictionless])
+def test_a_wrong_machine_is_condemned_by_its_free_run(wrong):
+    forces = Forces(gravity=GRAVITY, motor=TorqueSpeedLine(5.0, 100.0), friction=(Friction("crank", 1e-3),))
+    machine = of("four_bar", forces)
+    run = free_run(machine.mechanism, machine.forces, turns=1.0)
+    assert crosscheck_free(run, wrong(machine)).outcome == "missed"
+
+
+def test_a_load_over_the_crank_angle_acts_at_every_stage_of_every_step():
+    forces = Forces(
+        motor=TorqueSpeedLine(5.0, 100.0), crank_torque=course.harmonics([-0.2, 0.1]), flywheel=0.01
+    )
+    machine = of("four_bar", forces)
+    run = free_run(machine.mechanism, machine.forces, turns=1.0, settings=Settings(steps_per_turn=500))
+    verdict = crosscheck_free(run, machine)
+    assert verdict.passed, verdict
+    assert mujoco.get_mjcb_control() is None
+
+
+def test_a_motor_weaker_than_friction_or_weight_cannot_start():
+    mechanism = catalog.make("four_bar").mechanism
+    held = Forces(motor=ConstantTorque(0.01), friction=(Friction("crank", 0.0, 0.02),))
+    assert free_run(mechanism, held, turns=1.0).outcome == "cannot start"
+    weak = Forces(gravity=(0.0, -9.81, 0.0), motor=ConstantTorque(1e-3))
+    run = free_run(mechanism, weak, turns=1.0)
+    assert run.outcome == "cannot start"
+    assert "turns back" in run.reason
+
+
+def test_a_free_run_without_an_end_is_bad_input():
+    with pytest.raises(InputError, match="needs turns of the crank, or a duration"):
+        free_run(catalog.make("four_bar").mechanism)
+    with pytest.raises(InputError, match="duration of a free run is 0"):
+        free_run(catalog.make("four_bar").mechanism, duration=0.0)
+
+
+@pytest.mark.parametrize("name", catalog.DRIVES)
+def test_a_model_with_all_forces_reads_back_from_its_text_bit_by_bit(name):
+    forces = replace(everything(name), motor=DCMotor(12.0, 1.3, 0.0123))
+    spec = assembled(catalog.make(name).mechanism, Scene(level="dynamics", forces=forces))
+    model = spec.compile()
+    back = mujoco.MjModel.from_xml_string(mjcf.to_xml(spec))
+    for field in dir(model):
+        made = getattr(model, field)
+        if isinstance(made, np.ndarray) and made.dtype == np.float64:
+            np.testing.assert_array_equal(getattr(back, field), made, err_msg=field)
+
+
+def test_the_exported_crank_carries_the_flywheel_of_the_machine_and_none_of_the_drive():
+    mechanism = catalog.make("rssr").mechanism
+    spec = assembled(mechanism, Scene(level="dynamics", forces=Forces(flywheel=0.02)))
+    model = spec.compile()
+    assert model.dof_armature[model.joint("crank").dofadr[0]] == 0.02
+
+
+def test_a_loop_in_space_is_cut_where_there_is_no_dry_friction_and_else_has_an_actuator_for_it():
+    mechanism = catalog.make("bennett").mechanism
+    names = [joint.name for joint in mechanism.joints]
+    for dry in names[1:]:
+        forces = Forces(friction=(Friction(dry, 0.0, 0.1),))
+        model = assembled(mechanism, Scene(level="dynamics", forces=forces)).compile()
+        assert model.dof_frictionloss.any()
+        assert model.nu == 0
+    everywhere = Forces(friction=tuple(Friction(name, 0.0, 0.1) for name in names))
+    model = assembled(mechanism, Scene(level="dynamics", forces=everywhere)).compile()
+    assert (model.dof_frictionloss > 0.0).sum() == 3
+    assert [model.actuator(i).name.split(" dry")[1] for i in range(model.nu)] == [".z"]

@@ -1,0 +1,118 @@
+"""The two roads to forces meet: MuJoCo agrees with the right machine, and the judge condemns wrong ones."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim import catalog, course, dynamics, motors
+from mechsim.model.forces import Forces, Friction, Load
+from mechsim.model.inertia import Inertia
+from mechsim.model.rod_inertia import with_inertia
+from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.verdict.dynamics import crosscheck_driven, crosscheck_free
+
+DRIVE = catalog.make("rrsrr")
+PUSH = course.table(
+    [0.0, 2.0, 4.0, 2.0 * np.pi], [[0.0, 0.5, 1.0], [1.0, 0.0, -1.0], [0.5, 2.0, 0.0], [0.0, 0.5, 1.0]]
+)
+FORCES = Forces(
+    gravity=(0.3, -9.81, 2.1),
+    friction=(Friction("rocker", 1e-4, 2e-3), Friction("C", 1e-5, 1e-4)),
+    loads=(Load("S", PUSH),),
+)
+RIGHT = with_inertia(DRIVE.mechanism)
+SPEED = 60.0
+
+
+def judged(method, mechanism=RIGHT, forces=FORCES):
+    """The verdict on MuJoCo's run of a machine, against the right machine's reduced equation."""
+    found = driven(mechanism, forces, speed=SPEED, method=method, samples=24)
+    return crosscheck_driven(found, dynamics.machine(DRIVE, FORCES, mechanism=RIGHT))
+
+
+def with_link(name, change):
+    links = tuple(
+        replace(link, inertia=change(link.inertia)) if link.name == name else link for link in RIGHT.links
+    )
+    return replace(RIGHT, links=links)
+
+
+def heavier(inertia):
+    return Inertia(1.001 * inertia.mass, inertia.centre, 1.001 * inertia.matrix)
+
+
+def swapped(inertia):
+    order = [1, 2, 0]
+    return Inertia(inertia.mass, inertia.centre, inertia.matrix[np.ix_(order, order)])
+
+
+WRONG = {
+    "mass 0.1 % off": {"mechanism": with_link("link", heavier)},
+    "inertia axes swapped": {"mechanism": with_link("coupler", swapped)},
+    "gravity reversed": {"forces": replace(FORCES, gravity=(-0.3, 9.81, -2.1))},
+    "load at the neighbour point": {"forces": replace(FORCES, loads=(Load("C", PUSH),))},
+    "friction left out": {"forces": replace(FORCES, friction=FORCES.friction[1:])},
+    "dry friction left out": {
+        "forces": replace(FORCES, friction=(Friction("rocker", 1e-4), FORCES.friction[1]))
+    },
+}
+
+
+@pytest.mark.parametrize("method", ["pose", "step"])
+def test_the_right_machine_is_met(method):
+    verdict = judged(method)
+    assert verdict.passed, verdict
+    assert len(verdict.checks) > 10
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+@pytest.mark.parametrize("method", ["pose", "step"])
+def test_a_wrong_machine_is_missed(method, wrong):
+    verdict = judged(method, **WRONG[wrong])
+    assert verdict.outcome == "missed", verdict
+    assert "drive torque" in verdict.reason or "force in" in verdict.reason
+
+
+def test_a_torque_of_the_wrong_sign_or_that_is_no_number_is_seen():
+    found = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
+    machine = dynamics.machine(DRIVE, FORCES, mechanism=RIGHT)
+    turned = replace(found, efforts=replace(found.efforts, torque=-found.efforts.torque))
+    assert crosscheck_driven(turned, machine).outcome == "missed"
+    torque = found.efforts.torque.copy()
+    torque[5] = np.nan
+    broken = replace(found, efforts=replace(found.efforts, torque=torque))
+    assert crosscheck_driven(broken, machine).outcome == "diverged"
+    assert crosscheck_driven(replace(found, outcome="diverged"), machine).outcome == "diverged"
+
+
+def test_a_reaction_on_the_other_link_is_seen():
+    found = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
+    machine = dynamics.machine(DRIVE, FORCES, mechanism=RIGHT)
+    one = found.efforts.reactions["S"]
+    other = found.efforts.reactions | {"S": replace(one, force=-one.force)}
+    verdict = crosscheck_driven(replace(found, efforts=replace(found.efforts, reactions=other)), machine)
+    assert [check.quantity for check in verdict.checks if not check.passed] == ["force in S"]
+
+
+def test_every_mechanism_of_the_catalogue_meets_its_reduced_equation_pose_by_pose():
+    for name in catalog.DRIVES:
+        drive = catalog.make(name)
+        if drive.crank_range().full:
+            machine = dynamics.machine(drive, Forces(gravity=(0.3, -9.81, 2.1)))
+            found = driven(machine.mechanism, machine.forces, speed=SPEED, method="pose", samples=12)
+            verdict = crosscheck_driven(found, machine)
+            assert verdict.passed, verdict
+
+
+def test_a_free_run_is_met_and_one_with_another_motor_missed():
+    drive = catalog.make("four_bar")
+    motor = motors.DCMotor(6.0, 2.0, 0.05)
+    machine = dynamics.machine(drive, Forces(gravity=(0.0, -9.81, 0.0), motor=motor))
+    found = free_run(machine.mechanism, machine.forces, angle=0.3, speed=20.0, duration=0.1, samples=20)
+    verdict = crosscheck_free(found, machine)
+    assert verdict.passed, verdict
+    weaker = machine.with_forces(replace(machine.forces, motor=motors.DCMotor(5.99, 2.0, 0.05)))
+    assert crosscheck_free(found, weaker).outcome == "missed"
+    assert crosscheck_free(replace(found, outcome="diverged"), machine).outcome == "diverged"

@@ -1,0 +1,142 @@
+"""Friction in joints of every kind, couples and geared motors: two roads, one answer, and wrong ones seen."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mechanisms import rscr, rsup
+
+from mechsim import catalog, course, dynamics
+from mechsim.errors import InputError
+from mechsim.model.forces import Couple, Forces, Friction
+from mechsim.model.motors import ConstantTorque, DCMotor, Geared, TorqueSpeedLine
+from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.verdict.dynamics import crosscheck_driven, crosscheck_free
+
+GRAVITY = (0.3, -9.81, 0.5)
+SLEEVE = Friction("sleeve", 0.2, 0.5, 1e-3, 4e-3)
+ALL = {
+    "cylindrical": (rscr(), SLEEVE),
+    "universal": (rsup(), Friction("cross", 1e-3, 3e-3)),
+    "cut in space": (catalog.make("bennett").mechanism, None),
+    "spherical, cut": (catalog.make("rrsrr").mechanism, Friction("S", 1e-5, 4e-4)),
+}
+
+
+def of(kind):
+    mechanism, friction = ALL[kind]
+    # a linkage with dry friction in every joint has to be cut at one of them
+    frictions = (friction,) if friction else tuple(Friction(j.name, 0.0, 2e-3) for j in mechanism.joints)
+    source = mechanism
+    for drive in map(catalog.make, ("bennett", "rrsrr")):
+        source = drive if drive.name == mechanism.name else source
+    return dynamics.machine(source, Forces(gravity=GRAVITY, friction=frictions))
+
+
+def without(machine, **parts):
+    friction = tuple(replace(one, **parts) for one in machine.forces.friction)
+    return machine.with_forces(replace(machine.forces, friction=friction))
+
+
+@pytest.mark.parametrize("method", ["pose", "step"])
+@pytest.mark.parametrize("kind", ALL)
+def test_torque_and_reactions_agree_under_friction_in_joints_of_every_kind(kind, method):
+    machine = of(kind)
+    run = driven(machine.mechanism, machine.forces, speed=30.0, turns=0.1, method=method, samples=12)
+    verdict = crosscheck_driven(run, machine)
+    assert verdict.passed, verdict
+    assert crosscheck_driven(run, without(machine, coulomb=0.0)).outcome == "missed"
+
+
+@pytest.mark.parametrize("part", ["viscous", "coulomb", "viscous_turn", "coulomb_turn"])
+def test_each_part_of_the_friction_of_a_sleeve_is_seen_when_left_out(part):
+    machine = of("cylindrical")
+    run = driven(machine.mechanism, machine.forces, speed=30.0, turns=0.1, samples=12)
+    assert crosscheck_driven(run, without(machine, **{part: 0.0})).outcome == "missed"
+
+
+def test_friction_takes_the_power_of_its_joint_s_rates_and_both_routes_to_torque_agree():
+    machine = of("cylindrical")
+    study = dynamics.prescribed(machine, np.linspace(0.7, 1.4, 9), 30.0)
+    bare = dynamics.prescribed(
+        without(machine, **dict.fromkeys(("viscous", "coulomb"), 0.0)), study.angle, 30.0
+    )
+    bare_turn = dynamics.prescribed(
+        without(machine, **dict.fromkeys(("viscous_turn", "coulomb_turn"), 0.0)), study.angle, 30.0
+    )
+    assert (study.power_lost > bare.power_lost).all()
+    assert study.power_lost == pytest.approx(bare.power_lost + bare_turn.power_lost, rel=1e-12)
+    assert study.balance.drive == pytest.approx(study.torque, rel=1e-10)
+
+
+def test_dry_friction_of_a_ball_opposes_its_spin_and_no_axis_apart():
+    machine = of("spherical, cut")
+    ball = machine.mechanism.joint("S")
+    study = dynamics.prescribed(machine, np.linspace(0.0, 6.0, 13), 30.0)
+    links = machine.drive.solve(study.angle, 30.0).links
+    still = np.zeros((13, 3))
+    spins = [links[end.link].angular_velocity if end.link in links else still for end in (ball.a, ball.b)]
+    spin = np.sqrt(((spins[1] - spins[0]) ** 2).sum(1))
+    assert study.power_lost == pytest.approx(4e-4 * spin + 1e-5 * spin**2, rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["spherical, cut", "cut in space"])
+def test_a_free_run_loses_in_these_joints_what_the_reduced_equation_says(kind):
+    machine = of(kind)
+    machine = machine.with_forces(replace(machine.forces, flywheel=1e-3))
+    run = free_run(machine.mechanism, machine.forces, speed=60.0, duration=0.01, timestep=1e-5, samples=20)
+    verdict = crosscheck_free(run, machine)
+    assert verdict.passed, verdict
+    assert crosscheck_free(run, without(machine, coulomb=0.0)).outcome == "missed"
+
+
+def test_a_crank_that_a_ball_joint_holds_cannot_start():
+    held = Forces(friction=(Friction("S", 0.0, 0.5),), motor=ConstantTorque(0.01))
+    machine = dynamics.machine(catalog.make("rrsrr"), held)
+    assert dynamics.free_run(machine, turns=1.0).outcome == "cannot start"
+    assert free_run(machine.mechanism, machine.forces, turns=1.0).outcome == "cannot start"
+
+
+def test_a_couple_on_a_link_is_the_same_on_both_roads_and_missed_on_another_link():
+    moment = course.function(lambda at: np.stack([np.cos(at), 0.3 + 0.0 * at, np.sin(2.0 * at)], 1), width=3)
+    machine = dynamics.machine(catalog.make("rrsrr"), Forces(couples=(Couple("link", moment),)))
+    run = driven(machine.mechanism, machine.forces, speed=30.0, samples=24)
+    assert crosscheck_driven(run, machine).passed
+    other = machine.with_forces(Forces(couples=(Couple("coupler", moment),)))
+    assert crosscheck_driven(run, other).outcome == "missed"
+    spin = machine.drive.solve(run.motion.angle, 30.0).links["link"].angular_velocity
+    study = dynamics.prescribed(machine, run.motion.angle, 30.0)
+    assert study.power_loads == pytest.approx((moment.at(study.angle) * spin).sum(1), abs=1e-12)
+
+
+@pytest.mark.parametrize("motor", [TorqueSpeedLine(0.02, 900.0), DCMotor(12.0, 4.0, 0.012)])
+def test_a_geared_motor_drives_as_the_reduced_equation_says_and_a_wrong_ratio_is_seen(motor):
+    machine = dynamics.machine(catalog.make("four_bar"), Forces(gravity=GRAVITY, motor=Geared(motor, 9.0)))
+    run = free_run(machine.mechanism, machine.forces, duration=0.02, timestep=2e-5, samples=20)
+    verdict = crosscheck_free(run, machine)
+    assert verdict.passed, verdict
+    wrong = machine.with_forces(replace(machine.forces, motor=Geared(motor, 9.01)))
+    assert crosscheck_free(run, wrong).outcome == "missed"
+    geared = Geared(motor, 9.0)
+    assert geared.torque(geared.no_load) == pytest.approx(0.0, abs=1e-12)
+    assert geared.slope == pytest.approx((geared.torque(2.0) - geared.torque(1.0)).item())
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Geared(ConstantTorque(1.0), 0.0), "gear ratio of the motor is 0.0"),
+        (lambda: Couple("link", course.constant(1.0)), "has one component"),
+        (lambda: Friction("sleeve", 0.0, 0.0, -1.0), "viscous friction in joint 'sleeve' is -1.0"),
+        (lambda: Forces(friction=(Friction("shaft", coulomb_turn=1.0),)).check(rscr()), "only a cylindrical"),
+        (
+            lambda: Forces(couples=(Couple("ground", course.constant((1, 0, 0))),)).check(rscr()),
+            "on the frame",
+        ),
+        (lambda: Forces(couples=(Couple("arm", course.constant((1, 0, 0))),)).check(rscr()), "no link 'arm'"),
+    ],
+)
+def test_what_means_nothing_is_refused(make, said):
+    with pytest.raises(InputError, match=said):
+        make()

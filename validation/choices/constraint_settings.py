@@ -1,0 +1,131 @@
+"""How a loop is best held closed in MuJoCo: integrator, time constant, hardness, and what they cost.
+
+The spatial four-bar at 600 rpm against its closed form over two turns, at the crank angles really
+reached. Errors are worst values: rocker angle in rad, place in units of the crank, velocity and
+acceleration in units of crank and speed. Time is that of stepping alone, on one core, the least of
+three rounds through all settings.
+
+Run: python validation/choices/constraint_settings.py [--out DIR]
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import sheet
+
+from mechsim import catalog
+from mechsim.simulation import Settings, simulate
+
+SPEED = 20.0 * np.pi
+TURNS = 2.0
+REPEATS = 3
+LADDER = (30, 100, 300, 1000, 3000)
+MUJOCO_SOLIMP = (0.9, 0.95, 0.001, 0.5, 2.0)
+# softer settings that are compared have MuJoCo's own scale of softness
+PLAIN = Settings(hardness=1.0)
+
+
+def ladder() -> dict[str, list[Settings]]:
+    """Return the settings compared, at each number of steps a turn."""
+
+    def each(make: Any) -> list[Settings]:
+        return [make(steps) for steps in LADDER]
+
+    def hard(constant: float | None, **options: Any) -> list[Settings]:
+        base = Settings(constant_steps=constant, **options)
+        return each(lambda n: replace(base, steps_per_turn=n))
+
+    def part(of_turn: float, **options: Any) -> list[Settings]:
+        return each(lambda n: Settings(steps_per_turn=n, constant_steps=max(10.0, n * of_turn), **options))
+
+    def direct(integrator: str) -> list[Settings]:
+        def make(n: int) -> Settings:
+            rate = 1.0 / Settings(steps_per_turn=n).timestep(SPEED)
+            return replace(PLAIN, integrator=integrator, steps_per_turn=n, solref=(-(rate**2), -rate))
+
+        return each(make)
+
+    defaults = replace(PLAIN, integrator="Euler", solref=(0.02, 1.0), solimp=MUJOCO_SOLIMP, refsafe=True)
+    table = {
+        "MuJoCo's defaults (Euler)": each(lambda n: replace(defaults, steps_per_turn=n)),
+        "Euler, direct": direct("Euler"),
+        "implicitfast, direct": direct("implicitfast"),
+        "discrete, direct": direct("discrete"),
+    }
+    for integrator in ("Euler", "implicitfast", "discrete", "RK4"):
+        table[f"{integrator}, 2 steps"] = hard(2.0, integrator=integrator, hardness=1.0)
+    table["RK4, 7 steps"] = hard(7.0, hardness=1.0)
+    table["RK4, 7 steps, refsafe"] = hard(7.0, hardness=1.0, refsafe=True)
+    table["RK4, 7 steps, diagexact"] = hard(7.0, hardness=1.0, diagexact=True)
+    for constant in (7.0, 20.0, 40.0):
+        table[f"RK4, {constant:.0f} steps, 1e-4"] = hard(constant, hardness=1e-4)
+    for hardness in (1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10):
+        table[f"RK4, turn/10, {hardness:.0e}"] = part(0.1, hardness=hardness)
+    for of_turn in (0.2, 0.05, 0.025):
+        table[f"RK4, turn/{1 / of_turn:.0f}, 1e-08"] = part(of_turn)
+    table["RK4, turn/10, 1e-08, diagexact"] = part(0.1, diagexact=True)
+    return table
+
+
+def measured(name: str, settings: Settings) -> dict[str, Any]:
+    """Return the errors and the cost of one setting."""
+    drive = catalog.make("rssr")
+    run = simulate(drive.mechanism, speed=SPEED, turns=TURNS, settings=settings)
+    row: dict[str, Any] = {"settings": name, "steps": settings.steps_per_turn, "outcome": run.outcome}
+    motion = run.motion
+    exact = drive.solve(motion.angle, motion.speed, motion.acceleration)
+    swing = motion.joints["rocker"].value - exact.joints["rocker"].value
+    swing -= 2.0 * np.pi * np.round(swing / (2.0 * np.pi))
+    row["angle"] = float(np.abs(swing).max()) if run.outcome != "diverged" else np.inf
+    for power, kind in enumerate(("position", "velocity", "acceleration")):
+        gap = getattr(motion.points["P3"], kind) - getattr(exact.points["P3"], kind)
+        worst = float(np.sqrt((gap**2).sum(1)).max()) / drive.crank / SPEED**power
+        row[kind] = worst if run.outcome != "diverged" else np.inf
+    row["ms/turn"] = 1e3 * run.seconds / TURNS
+    return row
+
+
+def plot(rows: list[dict[str, Any]], out: Path) -> None:
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    shown = (
+        "MuJoCo's defaults (Euler)",
+        "implicitfast, 2 steps",
+        "discrete, 2 steps",
+        "RK4, 7 steps",
+        "RK4, 20 steps, 1e-4",
+        "RK4, turn/10, 1e-08",
+    )
+    figure, axes = plt.subplots(1, 2, figsize=(11, 4.5), sharex=True, layout="constrained")
+    for name in shown:
+        mine = [row for row in rows if row["settings"] == name and np.isfinite(row["angle"])]
+        for axis, kind in zip(axes, ("angle", "acceleration"), strict=True):
+            axis.loglog([row["ms/turn"] for row in mine], [row[kind] for row in mine], "o-", label=name)
+    axes[0].set(ylabel="worst rocker angle error [rad]")
+    axes[1].set(ylabel="worst acceleration error [crank x speed$^2$]")
+    for axis in axes:
+        axis.set(xlabel="time for a turn [ms]")
+        axis.grid(alpha=0.3)
+    axes[0].legend(fontsize=8)
+    figure.savefig(out / "constraint_settings.png", dpi=150)
+
+
+def main() -> None:
+    out = sheet.folder(__doc__ or "")
+    rows = [measured(name, one) for name, each in ladder().items() for one in each]
+    for _ in range(REPEATS - 1):
+        again = [measured(name, one) for name, each in ladder().items() for one in each]
+        for row, other in zip(rows, again, strict=True):
+            row["ms/turn"] = min(row["ms/turn"], other["ms/turn"])
+    sheet.show(rows, out, "constraint_settings")
+    if out is not None:
+        plot(rows, out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,181 @@
+"""How the crank is best driven: a flywheel, a velocity servo, a position servo, a motor fed forward.
+
+Three mechanisms, one turn at 600 rpm, 1,000 steps; links of 1 kg, so that the load is heavy beside the
+crank's own inertia. Drive errors: of the speed, relative; of the angle, in rad, against the angle wanted
+at that time. The place error of the driven point is against the closed form at the crank angle really
+reached, in units of the crank: what the drive adds to the error of the loop. inf: blew up.
+
+Run: python validation/choices/drive.py [--out DIR]
+"""
+
+import copy
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import sheet
+from mujoco import batch
+
+from mechsim import catalog
+from mechsim.model.scene import Scene
+from mechsim.simulation import Settings, mjcf
+from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.poses import follow
+
+SPEED = 20.0 * np.pi
+STEPS = 1000
+REPEATS = 3
+# in kg m2, beside 1e-5 of the lightest crank
+NO_FLYWHEEL = 1e-9
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A way to drive the crank.
+
+    Attributes:
+        name: for the table.
+        settings: of the run; the softer loop is what the low-order integrators need.
+        proportional: position gain in units of inertia over step squared; counts from the angle wanted.
+        derivative: velocity gain in units of inertia over step.
+        fed: whether the torque that inverse dynamics asks for is added.
+    """
+
+    name: str
+    settings: Settings
+    proportional: float = 0.0
+    derivative: float = 0.0
+    fed: bool = False
+
+
+HARD = Settings(steps_per_turn=STEPS, flywheel=NO_FLYWHEEL)
+SOFT = replace(HARD, hardness=1.0, constant_steps=2.0)
+DRIVES = (
+    Drive("flywheel 1e9", replace(HARD, flywheel=1e9)),
+    Drive("flywheel 1e3", replace(HARD, flywheel=1e3)),
+    Drive("velocity servo", HARD, derivative=1.0),
+    Drive("velocity servo x 1e4", replace(SOFT, integrator="implicitfast"), derivative=1e4),
+    Drive("velocity servo x 10", replace(SOFT, integrator="discrete"), derivative=10.0),
+    Drive("position servo", HARD, proportional=0.1, derivative=0.6),
+    Drive("position servo x 10", replace(SOFT, integrator="implicitfast"), 1.0, 10.0),
+    Drive("position servo x 10", replace(SOFT, integrator="discrete"), 1.0, 10.0),
+    Drive("fed-forward motor", HARD, fed=True),
+    Drive("fed-forward motor + servo", HARD, 0.1, 0.6, fed=True),
+)
+
+
+class Rig:
+    """A mechanism ready to be driven: its model, the angles it should pass, the control of each step."""
+
+    def __init__(self, name: str, drive: Drive):
+        self.exact, self.drive = catalog.make(name), drive
+        spec = assembled(self.exact.mechanism, Scene())
+        spec.add_actuator(name="motor", trntype=mujoco.mjtTrn.mjTRN_JOINT, target="crank")
+        model = spec.compile()
+        self.loops, self.dt = ModelLoops(model), HARD.timestep(SPEED)
+        drive.settings.apply(self.loops, self.dt)
+        self.angle = model.qpos0[self.loops.crank_place] + SPEED * self.dt * np.arange(STEPS + 1)
+        torque, inertia = self._inverse_dynamics()
+        stiff = drive.proportional * inertia / self.dt**2
+        damping = drive.derivative * inertia / self.dt
+        model.actuator_biastype[0] = int(mujoco.mjtBias.mjBIAS_AFFINE)
+        model.actuator_biasprm[0, 1:3] = -stiff, -damping
+        # a target held over a step is right in its middle for RK4, at its end for implicit integrators
+        target = self.angle[1:] - (0.5 * SPEED * self.dt if drive.settings.integrator == "RK4" else 0.0)
+        self.control = stiff * target + damping * SPEED + (torque if drive.fed else 0.0)
+
+    def _inverse_dynamics(self) -> tuple[np.ndarray, float]:
+        """Return the torque in the middle of each step, by virtual work, and the crank's least inertia."""
+        loops, model = self.loops, copy.copy(self.loops.model)
+        off = mujoco.mjtDisableBit
+        model.opt.disableflags |= int(off.mjDSBL_CONSTRAINT | off.mjDSBL_ACTUATION)
+        middle = self.angle[:-1] + 0.5 * SPEED * self.dt
+        h = 1e-4  # rad: central differences of tangents, rounding 1e-12 and truncation 1e-8
+        states = [follow.follow(loops, model.qpos0, middle + k * h) for k in (0, 1, -1)]
+        tangent, after, before = (loops.tangent(loops.linearise(q)[1]) for q in states)
+        data, torque, inertia = mujoco.MjData(model), np.empty(STEPS), np.inf
+        full = np.empty((model.nv, model.nv))
+        for i in range(STEPS):
+            data.qpos[:], data.qvel[:] = states[0][i], SPEED * tangent[i]
+            data.qacc[:] = SPEED**2 * (after[i] - before[i]) / (2.0 * h)
+            mujoco.mj_inverse(model, data)
+            torque[i] = tangent[i] @ data.qfrc_inverse
+            mujoco.mj_fullM(model, data, full)
+            inertia = min(inertia, float(tangent[i] @ full @ tangent[i]))
+        return torque, inertia
+
+    def run(self) -> dict[str, Any]:
+        """Return the errors of one turn, and the time of stepping it."""
+        loops, model = self.loops, self.loops.model
+        sims = batch.Batch(model, 1, 1)
+        sims.bind("qpos")[:] = model.qpos0
+        sims.bind("qvel")[:] = SPEED * loops.tangent(loops.linearise(model.qpos0[None])[1])
+        begin = time.perf_counter()
+        out = sims.rollout(
+            STEPS,
+            control=self.control[None, :, None],
+            control_spec=int(mujoco.mjtState.mjSTATE_CTRL),
+            record=("qpos", "qvel"),
+        )
+        seconds = time.perf_counter() - begin
+        qpos, qvel = out["qpos"][0], out["qvel"][0]
+        row: dict[str, Any] = {
+            "mechanism": self.exact.name,
+            "drive": self.drive.name,
+            "integrator": self.drive.settings.integrator,
+            "speed": np.inf,
+            "angle": np.inf,
+            "place": np.inf,
+            "us/step": 1e6 * seconds / STEPS,
+        }
+        if sims.warning[..., 1].any():
+            return row
+        angle, speed = qpos[:, loops.crank_place], qvel[:, loops.crank]
+        point = "P3" if "P3" in self.exact.mechanism.points else "B"
+        gap = loops.sites(qpos)[:, model.site(point).id] - self.exact.positions(angle)[point]
+        row["speed"] = float(np.abs(speed / SPEED - 1.0).max())
+        row["angle"] = float(np.abs(angle - self.angle[1:]).max())
+        row["place"] = float(np.sqrt((gap**2).sum(1)).max() / self.exact.crank)
+        return row
+
+
+def plot(rows: list[dict[str, Any]], out: Path) -> None:
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axis = plt.subplots(figsize=(7.5, 4.5), layout="constrained")
+    for name in dict.fromkeys(row["mechanism"] for row in rows):
+        mine = [row for row in rows if row["mechanism"] == name]
+        axis.loglog([r["speed"] for r in mine], [r["place"] for r in mine], "o", label=name)
+    for row in rows[: len(DRIVES)]:
+        axis.annotate(f"{row['drive']} ({row['integrator']})", (row["speed"], row["place"]), fontsize=6)
+    axis.set(xlabel="worst drive error, of speed", ylabel="worst place error at the angle reached [crank]")
+    axis.grid(alpha=0.3)
+    axis.legend(fontsize=8)
+    figure.savefig(out / "drive.png", dpi=150)
+
+
+@mjcf.quiet()
+def main() -> None:
+    out = sheet.folder(__doc__ or "")
+    rows: list[dict[str, Any]] = []
+    for name in ("rssr", "four_bar", "slider_crank"):
+        rigs = [Rig(name, drive) for drive in DRIVES]
+        found = [rig.run() for rig in rigs]
+        for _ in range(REPEATS - 1):
+            for row, rig in zip(found, rigs, strict=True):
+                row["us/step"] = min(row["us/step"], rig.run()["us/step"])
+        rows += found
+    sheet.show(rows, out, "drive")
+    if out is not None:
+        plot(rows, out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,247 @@
+"""How accurate can a run get, what does it cost, and why does it stop there; and how cheap can one be.
+
+Every catalogue mechanism, one turn at 600 rpm, against its closed form at the crank angle reached: worst
+place of a tracked point in strokes, worst joint angle in rad, worst acceleration in strokes and crank
+speed. Roads: RK4 with hard loops and more and more steps; Richardson's extrapolation of the places and
+angles of two such runs, one with twice the steps of the other; the recorded states of a coarse run with
+their loops closed; poses solved without any run. Of each road the most accurate point, and the cheapest
+that is within a factor of two of it. Fast end: the cheapest of a ladder of settings, over ten turns,
+that stays within 1 % of the stroke.
+
+Run: python validation/choices/frontier.py [--out DIR]
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import sheet
+
+from mechsim import catalog
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.maths.convergence import richardson
+from mechsim.maths.norms import worst
+from mechsim.model.motion import Motion
+from mechsim.simulation import Settings, mjcf
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.poses import follow
+from mechsim.simulation.recorded_motion import States, evaluate
+from mechsim.studies.tradeoff import Rig, Subject, families, subject_of
+from mechsim.studies.tradeoff.rig import SAMPLES
+from mechsim.studies.validate import crank_profile
+
+SPEED = 20.0 * np.pi
+STEPS = (72, 144, 288, 720, 1440, 2880, 5760, 11520, 23040)
+# steps of the run whose records are projected: the cheapest that is in the right assembly
+COARSE = 72
+ORDER, ROUNDS = 4.0, 5
+# fast end: numbers of steps, turns, part of the stroke
+FEW, TURNS, PART = (6, 9, 12, 18, 24, 36, 72, 144, 360, 720), 10.0, 0.01
+COLOURS = {"RK4": "#0072b2", "Richardson": "#d55e00", "projected": "#009e73", "poses": "#cc79a7"}
+
+
+@dataclass(frozen=True)
+class Point:
+    """A road at a number of steps: its errors, and what does it once more and returns its time in [s]."""
+
+    road: str
+    steps: int
+    errors: dict[str, float]
+    again: Callable[[], float]
+
+
+def stepped(subject: Subject, steps: int) -> Point:
+    settings = Settings(steps_per_turn=steps)
+    motion, _ = subject.rig.motion(settings)
+    return Point("RK4", steps, subject.errors(motion), lambda: subject.rig.stepped(settings)[1].processor)
+
+
+def extrapolated(subject: Subject, steps: int) -> Point:
+    """Extrapolate places and angles of runs of so many and of half as many steps."""
+    both = [Settings(steps_per_turn=n) for n in (steps // 2, steps)]
+    coarse, fine = (subject.rig.motion(settings)[0] for settings in both)
+    assert coarse is not None
+    assert fine is not None
+    exact = subject.reference.at(fine)
+
+    def apart(kind: str) -> float:
+        gaps = (
+            _limit(coarse, fine, "points", name, kind) - getattr(point, kind)
+            for name, point in exact.points.items()
+        )
+        return max(worst(np.linalg.norm(gap, axis=1)) for gap in gaps)
+
+    gaps = [
+        _limit(coarse, fine, "joints", name, "value") - joint.value
+        for name, joint in exact.joints.items()
+        if joint.unit == "rad" and name in fine.joints and name != "crank"
+    ]
+    turn = 2.0 * np.pi
+    angle = max((worst(gap - turn * np.round(gap / turn)) for gap in gaps), default=0.0)
+    errors = {
+        "position": apart("position") / subject.stroke,
+        "angle": angle,
+        "acceleration": apart("acceleration") / (subject.stroke * SPEED**2),
+    }
+    return Point(
+        "Richardson",
+        steps,
+        errors,
+        lambda: sum(subject.rig.stepped(settings)[1].processor for settings in both),
+    )
+
+
+def _limit(coarse: Motion, fine: Motion, kind: str, name: str, field: str) -> np.ndarray:
+    """Return where two runs point to; both recorded the same crank angles."""
+    before, after = (getattr(getattr(motion, kind)[name], field) for motion in (coarse, fine))
+    return richardson(before, after, 2.0, ORDER)[0]
+
+
+def projected(subject: Subject) -> Point:
+    """Close the loops of the states that a coarse run recorded."""
+    settings = Settings(steps_per_turn=COARSE)
+    loops, steps = subject.rig.stepped(settings)
+    qpos = loops.close(steps.states.qpos)
+
+    def again() -> float:
+        _, steps = subject.rig.stepped(settings)
+        begin = time.process_time()
+        ModelLoops(subject.rig.model).close(steps.states.qpos)
+        return steps.processor + time.process_time() - begin
+
+    return Point("projected", COARSE, subject.errors(_at(subject, steps.states.time, qpos)), again)
+
+
+def solved(subject: Subject) -> Point:
+    """Solve every pose by itself."""
+    rig = subject.rig
+    at = np.linspace(0.0, rig.profile.duration, SAMPLES + 1)
+    angles = rig.profile.state(at)[0]
+
+    def poses() -> np.ndarray:
+        return follow.follow(ModelLoops(rig.model), rig.start[0], angles)
+
+    def again() -> float:
+        begin = time.process_time()
+        poses()
+        return time.process_time() - begin
+
+    return Point("poses", 0, subject.errors(_at(subject, at, poses())), again)
+
+
+def _at(subject: Subject, at: np.ndarray, qpos: np.ndarray) -> Motion:
+    """Return the motion at closed states: rates and accelerations are those that keep the loops closed."""
+    loops = ModelLoops(subject.rig.model)
+    _, speed, acceleration = subject.rig.profile.state(at)
+    rates = loops.tangent(loops.linearise(qpos)[1]) * speed[:, None]
+    states = States(at, qpos, rates)
+    return evaluate(loops, subject.rig.track, states, "pose", crank_acceleration=acceleration)
+
+
+def frontier(drive: ClosedForm) -> list[dict[str, Any]]:
+    """Return the most accurate point of each road, and the cheapest as good."""
+    subject = subject_of(drive, SPEED)
+    roads = [
+        [stepped(subject, n) for n in STEPS],
+        [extrapolated(subject, n) for n in STEPS[1:]],
+        [projected(subject)],
+        [solved(subject)],
+    ]
+    chosen: list[Point] = []
+    for road in roads:
+        least = min(point.errors["position"] for point in road)
+        chosen.append(next(point for point in road if point.errors["position"] <= 2.0 * least))
+    times = np.array([[point.again() for point in chosen] for _ in range(ROUNDS)])
+    rows = [_row(drive, point, float(ms)) for point, ms in zip(chosen, np.median(times, 0), strict=True)]
+    quick = cheapest(drive, subject)
+    return [*rows, _row(drive, quick, quick.again())]
+
+
+def cheapest(drive: ClosedForm, subject: Subject) -> Point:
+    """Return the cheapest run that stays within a part of the stroke over ten turns."""
+    rig = Rig(drive.mechanism, crank_profile(drive, SPEED, TURNS), SPEED)
+    good: list[tuple[float, str, Settings, dict[str, float]]] = []
+    for family in families():
+        if family.build != rig.build:
+            continue
+        for steps in FEW:
+            settings = family.at(steps, SPEED)
+            motion, seconds = rig.motion(settings)
+            errors = subject.errors(motion)
+            if errors["position"] <= PART:
+                good.append((seconds, family.name, settings, errors))
+                break
+    good.sort(key=lambda one: one[0])
+    near = good[:6]
+    times = np.median([[rig.stepped(one[2])[1].processor for one in near] for _ in range(ROUNDS)], 0)
+    best = int(np.argmin(times))
+    _, name, settings, errors = near[best]
+    return Point(f"1 %: {name}", settings.steps_per_turn, errors, lambda: float(times[best]) / TURNS)
+
+
+def _row(drive: ClosedForm, point: Point, seconds: float) -> dict[str, Any]:
+    return {
+        "mechanism": drive.name,
+        "road": point.road,
+        "steps": point.steps or "",
+        "ms/turn": f"{1e3 * seconds:.2f}",
+        **{kind: point.errors[kind] for kind in ("position", "angle", "acceleration")},
+    }
+
+
+def every(drive: ClosedForm) -> list[Point]:
+    """Return all points of the two roads that have steps, for the plot."""
+    subject = subject_of(drive, SPEED)
+    return [stepped(subject, n) for n in STEPS] + [extrapolated(subject, n) for n in STEPS[1:]]
+
+
+def plot(rows: list[dict[str, Any]], out: Path) -> None:
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    names = list(dict.fromkeys(row["mechanism"] for row in rows))
+    figure, axes = plt.subplots(2, 4, figsize=(13, 6), layout="constrained", sharex=True, sharey=True)
+    for axis, name in zip(axes.flat, names, strict=False):
+        points = every(catalog.make(name))
+        for road in ("RK4", "Richardson"):
+            mine = [(p.again(), p.errors["position"]) for p in points if p.road == road]
+            axis.loglog([1e3 * t for t, _ in mine], [e for _, e in mine], "o-", ms=3, color=COLOURS[road])
+        for row in rows:
+            if row["mechanism"] == name and not row["road"].startswith("RK4"):
+                quick = row["road"].startswith("1 %")
+                axis.loglog(
+                    float(row["ms/turn"]),
+                    row["position"],
+                    "x" if quick else "P",
+                    ms=8,
+                    color="#222831" if quick else COLOURS[row["road"]],
+                    label="within 1 % of the stroke" if quick else row["road"],
+                )
+        axis.set(title=name)
+        axis.grid(alpha=0.3)
+    axes.flat[0].plot([], [], "o-", ms=3, color=COLOURS["RK4"], label="RK4, hard loops")
+    for spare in axes.flat[len(names) :]:
+        spare.axis("off")
+    handles, labels = axes.flat[0].get_legend_handles_labels()
+    axes.flat[-1].legend(handles, labels, loc="center")
+    figure.supxlabel("processor time of one turn [ms]")
+    figure.supylabel("worst place error [stroke]")
+    figure.savefig(out / "frontier.png", dpi=110)
+
+
+@mjcf.quiet()
+def main() -> None:
+    out = sheet.folder(__doc__ or "")
+    rows = [row for name in catalog.DRIVES for row in frontier(catalog.make(name))]
+    sheet.show(rows, out, "frontier")
+    if out is not None:
+        plot(rows, out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,176 @@
+"""What each thing in a scene costs: levels of a scene, equivalent reductions, things left on by mistake.
+
+One turn at 600 rpm, 720 steps, RK4 with hard loops; the worst place error of any tracked point against
+the closed form, in units of the crank. Processor time of a step, the median of interleaved turns.
+A step recorded is time, coordinates and rates.
+
+Run: python validation/choices/scene_costs.py [--out DIR]
+"""
+
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import sheet
+from bare_steps import Bare, Change
+
+from mechsim import catalog
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.model.scene import LEVELS, Scene
+from mechsim.simulation import mjcf
+from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.recorded_motion import add_sensors
+
+STEPS, ROUNDS = 720, 41
+OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit
+# the loops of `Settings()` are this much harder than MuJoCo's own
+HARD = 1e-8
+
+
+def sensors_on(model: mujoco.MjModel) -> None:
+    model.opt.disableflags &= ~int(OFF.mjDSBL_SENSOR)
+
+
+def energy_on(model: mujoco.MjModel) -> None:
+    model.opt.enableflags |= int(ON.mjENBL_ENERGY)
+
+
+def contacts_on(model: mujoco.MjModel) -> None:
+    model.opt.disableflags &= ~int(OFF.mjDSBL_CONTACT)
+
+
+def with_contacts(model: mujoco.MjModel) -> None:
+    contacts_on(model)
+    # the cost is no longer quadratic: MuJoCo's own number of iterations and tolerance
+    model.opt.iterations, model.opt.tolerance = 100, 1e-8
+
+
+def colliding(drive: ClosedForm) -> mujoco.MjSpec:
+    """Return a picture whose geoms were left as MuJoCo has them: they collide."""
+    spec = spec_of(drive, "picture")
+    for geom in spec.geoms:
+        geom.contype = geom.conaffinity = 1
+    return spec
+
+
+def hard_rod(model: mujoco.MjModel) -> None:
+    # `ModelLoops` knows no equality of this kind: it is compiled inactive
+    model.eq_active0[:] = 1
+    model.tendon_invweight0[:] *= HARD
+
+
+def quick_rod(model: mujoco.MjModel) -> None:
+    hard_rod(model)
+    model.eq_solref[:] = 2.0 * model.opt.timestep, 1.0
+
+
+def spec_of(drive: ClosedForm, level: str = "motion") -> mujoco.MjSpec:
+    return assembled(drive.mechanism, Scene(level=level))
+
+
+def sensed(drive: ClosedForm) -> mujoco.MjSpec:
+    """Return a model with the sensors of a recorded motion."""
+    spec = spec_of(drive)
+    add_sensors(spec, tuple(drive.mechanism.points))
+    return spec
+
+
+def rod_only(drive: ClosedForm, ends: tuple[str, str]) -> mujoco.MjSpec:
+    """Return a model whose coupler is no body, only a length kept between two points of its neighbours."""
+    spec = spec_of(drive)
+    for equality in list(spec.equalities):
+        spec.delete(equality)
+    spec.delete(spec.body("coupler"))
+    tendon = spec.add_tendon(name="rod")
+    for site in ends:
+        tendon.wrap_site(site)
+    kind, of = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
+    spec.add_equality(name="rod", type=kind, objtype=of, name1="rod", active=False)
+    return spec
+
+
+def doubly_closed(drive: ClosedForm) -> mujoco.MjSpec:
+    """Return a planar model closed as in space: by a second point along the axis of the cut joint."""
+    spec = spec_of(drive)
+    names = []
+    for site in list(spec.sites):
+        if "@" in site.name:
+            place = np.add(site.pos, (0.0, 0.0, drive.mechanism.size))
+            names.append(site.parent.add_site(name=f"{site.name}+", pos=place).name)
+    kind, of = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE
+    spec.add_equality(name="second", type=kind, objtype=of, name1=names[0], name2=names[1])
+    return spec
+
+
+def cases(drive: ClosedForm, ends: tuple[str, str]) -> dict[str, tuple[mujoco.MjSpec, Change | None]]:
+    """Return what is compared on a mechanism: name -> specification and a change after the settings."""
+    found: dict[str, tuple[mujoco.MjSpec, Change | None]] = {
+        f"level {level}": (spec_of(drive, level), None) for level in LEVELS
+    }
+    found["motion, sensors on"] = sensed(drive), sensors_on
+    found["motion, energy on"] = spec_of(drive), energy_on
+    found["picture, contacts left on"] = spec_of(drive, "picture"), contacts_on
+    found["picture, geoms collide"] = colliding(drive), with_contacts
+    found["rod as a length"] = rod_only(drive, ends), hard_rod
+    found["rod as a length, 2 steps"] = rod_only(drive, ends), quick_rod
+    if drive.name == "four_bar":
+        found["closed as in space"] = doubly_closed(drive), None
+    for name, variant in drive.variants().items():
+        found[f"variant {name}"] = spec_of(variant), None
+    return found
+
+
+def measured(drive: ClosedForm, ends: tuple[str, str]) -> list[dict[str, Any]]:
+    """Return a row for each case of a mechanism, timed in turn."""
+    whole = mjcf.compiled(spec_of(drive))
+    bare: dict[str, Bare] = {}
+    for name, (spec, change) in cases(drive, ends).items():
+        like = whole if name.startswith("rod") else None
+        bare[name] = Bare(mjcf.compiled(spec), STEPS, change or (lambda _: None), like)
+    for _ in range(ROUNDS):
+        for one in bare.values():
+            one.turn()
+    return [_row(drive, name, one, bare["level motion"].microseconds) for name, one in bare.items()]
+
+
+def _row(drive: ClosedForm, name: str, bare: Bare, usual: float) -> dict[str, Any]:
+    model = bare.loops.model
+    exact = drive.positions(bare.qpos[:, bare.loops.crank_place])
+    return {
+        "mechanism": drive.name,
+        "scene": name,
+        "freedoms": int(model.nv),
+        "rows": bare.rows(),
+        "us/step": f"{bare.microseconds:.1f}",
+        "of motion": f"{bare.microseconds / usual:.2f}",
+        "bytes/step": 8 * (1 + int(model.nq) + int(model.nv)),
+        "error": bare.site_error(exact) / drive.crank,
+    }
+
+
+def plot(rows: list[dict[str, Any]], out: Path) -> None:
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4.5), layout="constrained")
+    for axis, name in zip(axes, dict.fromkeys(row["mechanism"] for row in rows), strict=True):
+        mine = [row for row in rows if row["mechanism"] == name][::-1]
+        axis.barh([row["scene"] for row in mine], [float(row["us/step"]) for row in mine], color="#0072b2")
+        axis.set(xlabel="processor time of a step [us]", title=name)
+    figure.savefig(out / "scene_costs.png", dpi=110)
+
+
+@mjcf.quiet()
+def main() -> None:
+    out = sheet.folder(__doc__ or "")
+    rows = measured(catalog.make("rssr"), ("P2", "P3")) + measured(catalog.make("four_bar"), ("A", "B"))
+    sheet.show(rows, out, "scene_costs")
+    if out is not None:
+        plot(rows, out)
+
+
+if __name__ == "__main__":
+    main()

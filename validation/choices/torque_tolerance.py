@@ -1,0 +1,196 @@
+"""Is the promise of `--tolerance` kept for torque, reactions and free running, and at what price?
+
+Random sound dimensions of all catalogue mechanisms, weight included, 1 to 20,000 rpm, ten turns.
+
+- prescribed crank: T = 1e-2 to 1e-8 of torque and reactions. The true error is the worst of any instant
+  against the closed form's dynamics at the angle, speed and acceleration reached.
+- free crank, let go at 600 to 20,000 rpm, three turns: T = 1e-2 to 1e-8 rad. The true error is the worst
+  distance from the reduced equation integrated to 1e-12.
+
+The price is that of all steps, trials included, over the fewest steps of a ladder that keep T, which a user
+could know only by the closed form.
+
+With --ladder instead: torque error against processor time over that ladder, and by solved poses.
+
+Run: python validation/choices/torque_tolerance.py [--count N] [--seed N] [--ladder] [--out DIR]
+"""
+
+import argparse
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import sheet
+from random_drives import drives
+
+from mechsim import catalog, dynamics, units
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.dynamics import Machine
+from mechsim.model.forces import Forces
+from mechsim.simulation import Settings
+from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.prescribed_motion import Driven, driven
+from mechsim.verdict.dynamics import crosscheck_driven
+
+TURNS, FREE_TURNS = 10.0, 3.0
+RPM, FREE_RPM, PART = (1.0, 20_000.0), (600.0, 20_000.0), (1e-2, 1e-8)
+STEPS = (48, 72, 96, 144, 192, 288, 384, 576, 768, 1152, 1536, 2304, 3072, 4608, 6144, 9216)
+WEIGHT = (0.3, -9.81, 0.5)
+TIMED = 5
+
+
+def true_error(run: Driven, machine: Machine) -> float:
+    """Return the worst error of torque and reactions, relative as `tolerance` is."""
+    asked = {"torque", "force", "moment"}
+    checks = [
+        check for check in crosscheck_driven(run, machine).checks if asked & set(check.quantity.split())
+    ]
+    return max(check.worst / _scale(check.why) for check in checks)
+
+
+def _scale(why: str) -> float:
+    """Return what a check's relative bound was a part of: '1e-06 of 0.0123 N; ...'."""
+    return float(why.split(" of ")[1].split()[0])
+
+
+def fewest(keeps: Callable[[int], bool]) -> int | None:
+    """Return the fewest steps of the ladder that keep a tolerance; None if none does."""
+    return next((steps for steps in STEPS if keeps(steps)), None)
+
+
+def prescribed(drive: ClosedForm, speed: float, part: float) -> dict[str, Any]:
+    """Return one prescribed run's error, estimate and price."""
+    machine = dynamics.machine(drive, Forces(gravity=WEIGHT))
+
+    def keeps(steps: int) -> bool:
+        settings = Settings(steps_per_turn=steps)
+        run = driven(machine.mechanism, machine.forces, speed=speed, method="step", settings=settings)
+        return true_error(run, machine) <= part
+
+    run = driven(machine.mechanism, machine.forces, speed=speed, turns=TURNS, tolerance=part)
+    assert run.promise is not None
+    least = fewest(keeps) if run.outcome == "met" else None
+    return _row("prescribed", drive, speed, part, run, true_error(run, machine), least, TURNS)
+
+
+def free(drive: ClosedForm, speed: float, part: float) -> dict[str, Any]:
+    """Return one free run's error, estimate and price."""
+    machine = dynamics.machine(drive, Forces(gravity=WEIGHT))
+
+    def off(**options: Any) -> tuple[Any, float]:
+        run = free_run(machine.mechanism, machine.forces, speed=speed, turns=FREE_TURNS, **options)
+        angle, times = run.motion.angle, run.motion.time
+        exact = dynamics.free_run(machine, angle=float(angle[0]), speed=speed, times=times)
+        n = len(exact)
+        return run, float(np.abs(angle[:n] - exact.angle).max())
+
+    run, error = off(tolerance=part)
+    given = {name: getattr(run.settings, name) for name in ("hardness", "constant_steps")}
+
+    def keeps(steps: int) -> bool:
+        return off(settings=Settings(steps_per_turn=steps, **given))[1] <= part
+
+    least = fewest(keeps) if run.promise.met else None
+    turns = run.steps / run.settings.steps_per_turn
+    return _row("free", drive, speed, part, run, error, least, turns)
+
+
+def _row(
+    kind: str,
+    drive: ClosedForm,
+    speed: float,
+    part: float,
+    run: Any,
+    error: float,
+    least: int | None,
+    turns: float,
+) -> dict[str, Any]:
+    return {
+        "crank": kind,
+        "mechanism": drive.name,
+        "rpm": speed / units.rpm(1.0),
+        "T": part,
+        "met": run.promise.met,
+        "error/T": error / part,
+        "estimate/error": run.promise.estimate / error,
+        "order": float(run.promise.order),
+        "steps a turn": run.settings.steps_per_turn,
+        "price": (run.steps + run.promise.trials) / (turns * least) if least else float("nan"),
+    }
+
+
+def ladder() -> Iterator[dict[str, Any]]:
+    """Yield torque error against processor time, steps and poses, for each mechanism of the catalogue."""
+    for name in catalog.DRIVES:
+        machine = dynamics.machine(catalog.make(name), Forces(gravity=WEIGHT))
+        for steps in (None, *STEPS[::2]):
+            options: dict[str, Any] = {"method": "pose", "samples": 72}
+            if steps is not None:
+                options = {"method": "step", "settings": Settings(steps_per_turn=steps)}
+            runs = [driven(machine.mechanism, machine.forces, speed=60.0, **options) for _ in range(TIMED)]
+            exact = dynamics.prescribed(
+                machine, runs[0].motion.angle, runs[0].motion.speed, runs[0].motion.acceleration
+            )
+            gap, size = runs[0].efforts.torque - exact.torque, np.sqrt(np.mean(exact.torque**2))
+            yield {
+                "mechanism": name,
+                "steps a turn": steps or "72 poses",
+                "ms a turn": 1e3 * float(np.median([run.seconds for run in runs])),
+                "torque, RMS": float(np.sqrt(np.mean(gap**2)) / size),
+                "torque, worst": float(np.abs(gap).max() / size),
+                "with reactions": true_error(runs[0], machine),
+            }
+
+
+def fractions(rows: Sequence[sheet.Row]) -> Iterator[str]:
+    """Yield what the study says, a sentence a line."""
+    for kind in dict.fromkeys(row["crank"] for row in rows):
+        mine = [row for row in rows if row["crank"] == kind]
+        kept = [row for row in mine if row["met"]]
+        error, ratio, price = (
+            np.array([row[key] for row in kept]) for key in ("error/T", "estimate/error", "price")
+        )
+        price = price[np.isfinite(price)]
+        yield (
+            f"{kind}: {len(mine)} runs, {len(kept)} say they met T; of these "
+            f"{100.0 * (error <= 1.0).mean():.1f} % are within T, worst {error.max():.2g} T"
+        )
+        yield (
+            f"  estimate over true error: median {np.median(ratio):.3g}, {ratio.min():.3g} to "
+            f"{ratio.max():.3g}"
+        )
+        yield (
+            f"  price: median {np.median(price):.2f}, nine of ten below {np.quantile(price, 0.9):.2f}, "
+            f"worst {price.max():.2f}"
+        )
+        for row in mine:
+            if not row["met"]:
+                yield f"  missed: {row['mechanism']} T = {row['T']:.1e}, error {row['error/T']:.2g} T"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=35, help="runs of each kind")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--ladder", action="store_true")
+    parser.add_argument("--out", type=Path, help="folder for the table as CSV")
+    asked = parser.parse_args()
+    if asked.out is not None:
+        asked.out.mkdir(parents=True, exist_ok=True)
+    if asked.ladder:
+        sheet.show(list(ladder()), asked.out, "torque_ladder")
+        return
+    rows, begin = [], time.perf_counter()
+    for study, rpm in ((prescribed, RPM), (free, FREE_RPM)):
+        random = np.random.default_rng(asked.seed)
+        for drive in drives(random, asked.count):
+            speed, part = (float(np.exp(random.uniform(*np.log(sorted(ends))))) for ends in (rpm, PART))
+            rows.append(study(drive, units.rpm(speed), part))
+    sheet.show(rows, asked.out, "torque_tolerance")
+    print(*fractions(rows), f"{time.perf_counter() - begin:.0f} s", sep="\n")
+
+
+if __name__ == "__main__":
+    main()

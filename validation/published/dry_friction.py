@@ -1,0 +1,67 @@
+"""How far MuJoCo's stepped dry friction is from the reduced equation's, which has it exactly.
+
+A crank let go at a speed, with dry friction in a hinge, a ball joint and the joints of a loop cut in space:
+moving for half a turn, and brought to rest. Error: the largest of the crank angle, for two time steps.
+
+Run: python validation/published/dry_friction.py
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechsim import catalog, dynamics
+from mechsim.model.forces import Forces, Friction
+from mechsim.simulation.dynamics.free_running import free_run
+
+STEPS = (1e-4, 2.5e-5)
+TILTED = (0.3, -9.81, 0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A crank let go, and what brakes it."""
+
+    what: str
+    name: str
+    joints: tuple[str, ...]
+    torque: float
+    flywheel: float
+    speed: float
+    duration: float
+    gravity: tuple[float, float, float]
+
+
+MOVING = {"flywheel": 1e-3, "speed": 60.0, "duration": 0.05, "gravity": TILTED}
+RESTING = {"flywheel": 1e-4, "speed": 20.0, "duration": 0.3, "gravity": (0.0, 0.0, 0.0)}
+LOOP = ("crank", "A", "B", "rocker")
+CASES = (
+    Case("hinge (four_bar, rocker), moving", "four_bar", ("rocker",), 2e-3, **MOVING),
+    Case("ball (rrsrr, S), moving", "rrsrr", ("S",), 4e-4, **MOVING),
+    Case("cut in space (bennett, all joints), moving", "bennett", LOOP, 2e-3, **MOVING),
+    Case("hinge, brought to rest", "four_bar", ("rocker",), 5e-2, **RESTING),
+    Case("ball, brought to rest", "rrsrr", ("S",), 2e-2, **RESTING),
+)
+
+
+def error(case: Case, timestep: float) -> float:
+    """Return the largest error of the crank angle, in [rad]."""
+    friction = tuple(Friction(joint, 0.0, case.torque) for joint in case.joints)
+    forces = Forces(gravity=case.gravity, friction=friction, flywheel=case.flywheel)
+    machine = dynamics.machine(catalog.make(case.name), forces)
+    run = free_run(
+        machine.mechanism, forces, timestep=timestep, samples=50, speed=case.speed, duration=case.duration
+    )
+    start = float(run.motion.angle[0])
+    exact = dynamics.free_run(machine, angle=start, speed=case.speed, times=run.motion.time)
+    return float(np.abs(run.motion.angle[: len(exact)] - exact.angle).max())
+
+
+def main() -> None:
+    for case in CASES:
+        errors = ", ".join(f"{error(case, step):.1e} rad at {step:g} s" for step in STEPS)
+        print(f"{case.what:<44}{errors}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+"""How often is the way to solved poses sprinted, how often walked, and is a pose ever in another assembly?
+
+    python validation/robustness/sprint_or_walk.py [--runs 200] [--seed 5]
+
+Linkages whose cranks just pass an almost dead centre, and sound ones of every kind. Truth: the closed form
+at 181 crank angles of a turn; an error above a ten-thousandth of the longest link is another assembly. The
+exit code is 1 if there was any.
+"""
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.errors import MechsimError
+from mechsim.model.scene import Scene
+from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.poses import follow
+from mechsim.simulation.poses.rough_steps import sprint
+
+sys.path.append(str(Path(__file__).parents[1] / "choices"))
+import random_drives
+from assembly_detector import near_singular
+
+TURN = 2.0 * np.pi
+ELSEWHERE = 1e-4
+
+
+def linkages(random: np.random.Generator, count: int) -> Iterator[tuple[str, ClosedForm]]:
+    """Yield what is tried, with the group it belongs to."""
+    for _ in range(count):
+        yield "almost dead centre", near_singular(random)
+    for drive in random_drives.drives(random, count):
+        yield f"sound {drive.name}", drive
+
+
+def tried(drive: ClosedForm) -> tuple[str, float]:
+    """Return how the way was found, and the worst error of a tracked point in units of the longest link."""
+    loops = ModelLoops(assembled(drive.mechanism, Scene(level="pose")).compile())
+    start = loops.model.qpos0
+    angles = start[loops.crank_place] + np.linspace(0.0, TURN, 181)
+    try:
+        places = loops.sites(follow.follow(loops, start, angles))
+    except MechsimError:
+        return "refused", 0.0
+    exact = drive.positions(angles)
+    error = max(np.abs(places[:, loops.model.site(name).id] - exact[name]).max() for name in exact)
+    sure = sprint(loops, start, float(angles[-1]), loops.linearise(start[None])[1])
+    return "walked" if sure is None else "sprinted", float(error) / loops.size
+
+
+def main(arguments: list[str]) -> int:
+    parser = argparse.ArgumentParser(description="Sprinted or walked, and right or wrong.")
+    parser.add_argument("--runs", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=5)
+    asked = parser.parse_args(arguments)
+    counts: Counter[tuple[str, str]] = Counter()
+    worst, wrong = 0.0, 0
+    for group, drive in linkages(np.random.default_rng(asked.seed), asked.runs):
+        how, error = tried(drive)
+        counts[group, how] += 1
+        worst, wrong = max(worst, error), wrong + (error > ELSEWHERE)
+    for (group, how), count in sorted(counts.items()):
+        print(f"{group:<20} {how:<9} {count}")
+    print(f"{wrong} in another assembly; worst error {worst:.1e} of the longest link")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

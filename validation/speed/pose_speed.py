@@ -1,0 +1,45 @@
+"""How long MuJoCo takes to solve the poses of a turn, in microseconds a pose.
+
+The loops of 1,000 crank angles of one turn, walked, interpolated and closed to rounding, from one
+closed state; medians over interleaved rounds. Wanted for the spatial four-bar: 10.
+
+Run: python validation/speed/pose_speed.py
+"""
+
+import time
+from statistics import median
+
+import numpy as np
+
+from mechsim import catalog
+from mechsim.model.scene import Scene
+from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.poses import follow
+
+NAMES = ("rssr", "four_bar", "slider_crank")
+COUNTS = (100, 1000, 10_000)
+ROUNDS = 15
+
+
+def main() -> None:
+    loops = {}
+    for name in NAMES:
+        model = assembled(catalog.make(name).mechanism, Scene(level="pose")).compile()
+        loops[name] = ModelLoops(model)
+    times: dict[tuple[str, int], list[float]] = {(name, n): [] for name in NAMES for n in COUNTS}
+    for _ in range(ROUNDS):
+        for name, n in times:
+            one = loops[name]
+            start = one.model.qpos0
+            angles = start[one.crank_place] + np.linspace(0.0, 2.0 * np.pi, n)
+            begin = time.perf_counter()
+            follow.follow(one, start, angles)
+            times[name, n].append(time.perf_counter() - begin)
+    for (name, n), spent in times.items():
+        per_pose = [1e6 * one / n for one in spent]
+        print(f"{name:<13} {n:>6} poses: {median(per_pose):6.2f} us a pose, at best {min(per_pose):6.2f}")
+
+
+if __name__ == "__main__":
+    main()
