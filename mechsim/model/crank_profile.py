@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError
+from mechsim.maths.given import number, numbers, units_remedy
 
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
@@ -42,9 +43,10 @@ def constant(speed: float, turns: float, start: float = 0.0) -> CrankProfile:
         turns: how far, in turns.
         start: crank angle at time zero, in [rad].
     """
-    if not 0.0 < abs(speed) < np.inf:
-        raise InputError(f"crank speed is {speed} rad/s; give a finite speed other than 0")
-    if not 0.0 < turns < np.inf:
+    if not 0.0 < abs(number(speed)) < np.inf:
+        remedy = units_remedy(speed, "units.parse_speed('600 rpm') or units.rpm(600)")
+        raise InputError(f"crank speed is {speed} rad/s; give a finite speed other than 0{remedy}")
+    if not 0.0 < number(turns) < np.inf:
         raise InputError(f"{turns} turns asked for; give a finite number above 0")
 
     def state(time: Array) -> tuple[Array, Array, Array]:
@@ -62,7 +64,7 @@ def table(time: ArrayLike, angle: ArrayLike) -> CrankProfile:
     """
     from scipy.interpolate import make_interp_spline
 
-    time, angle = np.asarray(time, dtype=np.float64), np.asarray(angle, dtype=np.float64)
+    time, angle = numbers(time), numbers(angle)
     if time.shape != angle.shape or time.ndim != 1 or len(time) < 6:
         raise InputError(
             f"a crank profile of {time.shape} times and {angle.shape} angles; give two columns of equal "
@@ -89,7 +91,7 @@ def swing(middle: float, reach: float, fastest: float) -> CrankProfile:
         reach: to either side, in [rad].
         fastest: crank speed in the middle, in [rad/s].
     """
-    if not 0.0 < reach < np.inf or not 0.0 < abs(fastest) < np.inf:
+    if not 0.0 < number(reach) < np.inf or not 0.0 < abs(number(fastest)) < np.inf:
         raise InputError(f"a swing of {reach} rad at {fastest} rad/s; give finite numbers above 0")
     rate = abs(fastest) / reach
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
+from mechsim.maths.given import number, numbers, require
 from mechsim.model.inertia import Inertia
 
 Array = NDArray[np.float64]
@@ -148,11 +149,13 @@ class Joint:
     cross_angle: float = np.pi / 2
 
     def __post_init__(self) -> None:
-        if self.kind not in FREEDOMS:
+        if str(self.kind) not in FREEDOMS:
             raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; known are {', '.join(FREEDOMS)}")
+        for end in (self.a, self.b):
+            require(f"a side of joint {self.name!r}", end, End)
         if self.a.link == self.b.link:
             raise InputError(f"joint {self.name!r} joins link {self.a.link!r} to itself; name two links")
-        if not 0.0 < self.cross_angle < np.pi:
+        if not 0.0 < number(self.cross_angle) < np.pi:
             raise InputError(
                 f"cross angle of joint {self.name!r} is {self.cross_angle} rad; give one between 0 and pi"
             )
@@ -201,25 +204,45 @@ class Mechanism:
     start: float = 0.0
 
     def __post_init__(self) -> None:
+        self._require_kinds()
         names = [link.name for link in self.links]
         _unique(self.name, "link", [GROUND, *names])
         _unique(self.name, "joint", [joint.name for joint in self.joints])
         for joint in self.joints:
             for end in (joint.a, joint.b):
                 _known(f"joint {joint.name!r}", "link", end.link, [GROUND, *names])
-        for point, (link, _) in self.points.items():
+        for point, (link, place) in self.points.items():
             _known(f"point {point!r}", "link", link, [GROUND, *names])
-        for link in self.guess:
+            if numbers(place).shape != (3,) or not np.isfinite(numbers(place)).all():
+                raise InputError(f"point {point!r} is at {place}; give three finite numbers in [m]")
+        for link, pose in self.guess.items():
             _known("guess", "link", link, names)
+            _require_pose(link, pose)
+        if not abs(number(self.start)) < np.inf:
+            raise InputError(f"{self.name}: start is {self.start} rad; give a finite crank angle")
         revolutes = [joint.name for joint in self.joints if joint.kind == "revolute"]
         _known("driver", "revolute joint", self.driver, revolutes)
         for gear in self.gears:
+            called = f"gear {gear.driver!r}-{gear.driven!r}"
             for joint in (gear.driver, gear.driven):
                 _known("gear", "revolute joint", joint, revolutes)
-            if not 0.0 < abs(gear.ratio) < np.inf:
-                raise InputError(
-                    f"ratio of gear {gear.driver!r}-{gear.driven!r} is {gear.ratio}; give a number, not 0"
-                )
+            if not 0.0 < abs(number(gear.ratio)) < np.inf:
+                raise InputError(f"ratio of {called} is {gear.ratio}; give a number, not 0")
+            if not abs(number(gear.phase)) < np.inf:
+                raise InputError(f"phase of {called} is {gear.phase}; give a finite number in [rad]")
+
+    def _require_kinds(self) -> None:
+        for name, kind in (("links", Link), ("joints", Joint), ("gears", Gear)):
+            given: object = getattr(self, name)
+            if not isinstance(given, tuple | list):
+                raise InputError(f"{name} of {self.name!r} are of type {type(given).__name__}; give a tuple")
+            for one in given:
+                require(f"one of the {name} of {self.name!r}", one, kind)
+        for name in ("points", "guess"):
+            require(f"{name} of {self.name!r}", getattr(self, name), Mapping)
+        for point, place in self.points.items():
+            if isinstance(place, str) or len(place) != 2:
+                raise InputError(f"point {point!r} is {place}; give a link and three numbers in its frame")
 
     def joint(self, name: str) -> Joint:
         """Return the joint of that name."""
@@ -243,7 +266,13 @@ class Mechanism:
             held[link.name] += link.outline
         for link, point in self.points.values():
             held[link].append(point)
-        return max(_extent(points) for points in held.values())
+        whole = max(_extent(points) for points in held.values())
+        if not whole > 0.0:
+            raise InputError(
+                f"{self.name} has no extent: all joints, outlines and points of each link lie in one place; "
+                "give one of them another place"
+            )
+        return whole
 
     def with_guess(self, guess: Mapping[str, Pose], start: float) -> "Mechanism":
         """Return the same mechanism with another place to start assembly from."""
@@ -288,10 +317,21 @@ def _universal_angles(joint: Joint, frame_a: Array, frame_b: Array) -> tuple[Arr
 
 
 def _finite(end: End, what: str, value: Vector) -> Array:
-    vector = np.asarray(value, dtype=np.float64)
+    vector = numbers(value)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise InputError(f"{what} {value} of a joint on link {end.link!r} is not three finite numbers")
     return vector
+
+
+def _require_pose(link: str, pose: Pose) -> None:
+    require(f"the guess for link {link!r}", pose, Pose)
+    for what, shape in (("position", (3,)), ("rotation", (3, 3))):
+        values = numbers(getattr(pose, what))
+        if values.shape != shape or not np.isfinite(values).all():
+            raise InputError(
+                f"the guess for link {link!r} has a {what} of shape {values.shape} or with NaN; "
+                f"give finite numbers of shape {shape}"
+            )
 
 
 def _extent(points: list[Vector]) -> float:

@@ -1,12 +1,13 @@
 """One call from a mechanism or a model to its motion in MuJoCo, with an outcome."""
 
 import os
-from pathlib import Path
+from typing import Protocol
 
 import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.maths.given import number, require, units_remedy
 from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
@@ -21,7 +22,17 @@ from mechsim.simulation.run_result import Method, Run
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stepping import Watch, unwatched
 
-Source = Mechanism | mujoco.MjSpec | str | os.PathLike[str]
+
+class Described(Protocol):
+    """What has a description, as a catalogue mechanism has."""
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The description."""
+        ...
+
+
+Source = Mechanism | Described | mujoco.MjSpec | str | os.PathLike[str]
 
 # bound on places where none is asked for, in units of the longest link: what a picture still shows
 SAME = 1e-3
@@ -44,8 +55,8 @@ def simulate(
     """Run a mechanism, or a model of one's own, in MuJoCo under a driven crank.
 
     Args:
-        source: a Mechanism; or a specification, an MJCF file or text whose driven hinge is called
-            "crank" and whose sites are the tracked points.
+        source: a Mechanism, or what has one, as those of the catalogue have; or a specification, an
+            MJCF file or text whose driven hinge is called "crank" and whose sites are the tracked points.
         speed: constant crank speed in [rad/s], negative backwards; or give `profile`.
         turns: of the crank, at constant speed.
         profile: the crank's angle over time.
@@ -65,18 +76,26 @@ def simulate(
         InputError: for values that cannot be used.
         AssemblyError: if the loops close nowhere or only over part of the way.
     """
-    if tolerance is not None and not 0.0 < tolerance < np.inf:
-        raise InputError(f"tolerance is {tolerance} m; give a finite length above 0")
+    if tolerance is not None and not 0.0 < number(tolerance) < np.inf:
+        remedy = units_remedy(tolerance, "units.parse_length('1 um')")
+        raise InputError(f"tolerance is {tolerance} m; give a finite length above 0{remedy}")
     if method not in (None, "step", "pose"):
         raise InputError(f"there is no method {method!r}; known are step, pose")
+    for name, given, kind in (
+        ("scene", scene, Scene),
+        ("settings", settings, Settings),
+        ("profile", profile, CrankProfile),
+    ):
+        if given is not None:
+            require(name, given, kind)
     model, track, start = _prepared(source, scene)
     if profile is None:
         if speed is None:
             raise InputError("neither a crank speed nor a profile was given; give one of them")
         profile = constant(speed, turns, start)
-    if samples is not None and not samples >= 1:
-        raise InputError(f"{samples} samples asked for; take at least 1")
-    stage = DrivenRun(model, track, profile, samples, watch or unwatched)
+    if samples is not None and not (number(samples) >= 1 and number(samples) % 1 == 0):
+        raise InputError(f"{samples} samples asked for; take a whole number, at least 1")
+    stage = DrivenRun(model, track, profile, None if samples is None else int(samples), watch or unwatched)
     if method is None:
         stepping = tolerance is not None or settings is not None or stage.free
         method = "step" if stepping else "pose"
@@ -89,12 +108,13 @@ def simulate(
 
 def load(source: Source, scene: Scene | None = None) -> mujoco.MjSpec:
     """Return the specification of a mechanism, an MJCF file or MJCF text."""
+    source = _description(source)
     if isinstance(source, Mechanism):
         return assembled(source, scene or Scene())
     if isinstance(source, mujoco.MjSpec):
         return source.copy()
     text = str(source)
-    if "<" not in text and not Path(text).is_file():
+    if "<" not in text and not os.path.isfile(text):
         raise InputError(f"there is no MJCF file {text!r}; give a file that can be read")
     try:
         return mujoco.MjSpec.from_string(text) if "<" in text else mujoco.MjSpec.from_file(text)
@@ -102,7 +122,18 @@ def load(source: Source, scene: Scene | None = None) -> mujoco.MjSpec:
         raise InputError(f"MuJoCo cannot read the model: {' '.join(str(error).split())}") from error
 
 
+def _description(source: Source) -> Mechanism | mujoco.MjSpec | str | os.PathLike[str]:
+    described = getattr(source, "mechanism", source)
+    if not isinstance(described, Mechanism | mujoco.MjSpec | str | os.PathLike):
+        raise InputError(
+            f"a {type(source).__name__} cannot be simulated; give a mechanism, one of the catalogue, "
+            "an MJCF file or a specification"
+        )
+    return described
+
+
 def _prepared(source: Source, scene: Scene | None) -> tuple[mujoco.MjModel, Track, float]:
+    source = _description(source)
     spec = load(source, scene)
     sites = [site.name for site in spec.sites if site.name and "@" not in site.name]
     points = tuple(source.points) if isinstance(source, Mechanism) else tuple(sites)

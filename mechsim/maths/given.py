@@ -1,0 +1,34 @@
+"""What a caller gave: numbers, NaN for what is none, so that one comparison refuses both; kinds of things."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.errors import InputError
+
+
+def number(value: object) -> float:
+    """Return a real number as a float; NaN for text, None, lists and all else."""
+    values = numbers(value)
+    return float(values) if values.ndim == 0 else float("nan")
+
+
+def numbers(value: object) -> NDArray[np.float64]:
+    """Return real numbers, nested or not, as an array of their shape; one NaN for anything else."""
+    try:
+        given = np.asarray(value)
+        if given.dtype.kind in "biuf" or (given.dtype.kind == "O" and given.size == 0):
+            return given.astype(np.float64)
+    except (TypeError, ValueError):
+        pass
+    return np.array(np.nan)
+
+
+def units_remedy(value: object, example: str) -> str:
+    """Return the end of a sentence that refuses text where a number in SI is wanted; empty for all else."""
+    return f"; text is made a number by {example}" if isinstance(value, str) else ""
+
+
+def require(what: str, given: object, kind: type) -> None:
+    """Raise InputError unless a thing is of a kind."""
+    if not isinstance(given, kind):
+        raise InputError(f"{what} is of type {type(given).__name__}; give one of type {kind.__name__}")

@@ -1,0 +1,91 @@
+"""What a user meets first: wrong arguments end in one sentence that names the value and the remedy."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+
+DRIVE = ms.catalog.make("rssr")
+MECHANISM = DRIVE.mechanism
+NAN = float("nan")
+
+
+def simulated(**asked):
+    return ms.simulate(MECHANISM, **({"speed": 10.0, "turns": 0.1} | asked))
+
+
+def pendulum_of_no_size():
+    joint = ms.Joint("crank", "revolute", ms.End("ground"), ms.End("bob"))
+    return ms.Mechanism("dot", (ms.Link("bob"),), (joint,), "crank", {"P": ("bob", (0.0, 0.0, 0.0))})
+
+
+def guessed(**pose):
+    whole = {"position": np.zeros(3), "rotation": np.eye(3)} | pose
+    return replace(MECHANISM, guess={name: ms.Pose(**whole) for name in MECHANISM.guess})
+
+
+REFUSED = {
+    "no source": (lambda: ms.simulate(None, speed=10.0), "a NoneType cannot be simulated; give a mechanism"),
+    "speed as text": (lambda: simulated(speed="600rpm"), r"600rpm rad/s.*units\.rpm\(600\)"),
+    "speed as list": (lambda: simulated(speed=[1.0, 2.0]), "give a finite speed"),
+    "turns as text": (lambda: simulated(turns="2"), "2 turns asked for; give a finite number"),
+    "no turns": (lambda: simulated(turns=None), "None turns asked for"),
+    "tolerance as text": (lambda: simulated(tolerance="1um"), r"1um m;.*units\.parse_length"),
+    "half a sample": (lambda: simulated(samples=2.5), "2.5 samples asked for; take a whole number"),
+    "settings as text": (
+        lambda: simulated(settings="rk4"),
+        "settings is of type str; give one of type Settings",
+    ),
+    "scene as text": (lambda: simulated(scene="motion"), "scene is of type str; give one of type Scene"),
+    "profile as function": (
+        lambda: simulated(profile=np.sin),
+        "profile is of type ufunc; give one of type CrankProfile",
+    ),
+    "no points": (lambda: ms.simulate(replace(MECHANISM, points={}), speed=10.0), "no point to track"),
+    "no size in MuJoCo": (lambda: ms.simulate(pendulum_of_no_size(), speed=10.0), "dot has no extent"),
+    "no size by the loops": (lambda: ms.closure.solve(pendulum_of_no_size(), [0.0]), "dot has no extent"),
+    "guess not a number": (lambda: guessed(position=np.full(3, NAN)), "position of shape .* or with NaN"),
+    "guess too short": (lambda: guessed(rotation=np.eye(2)), r"rotation of shape \(2, 2\)"),
+    "guess of nothing": (
+        lambda: replace(MECHANISM, guess={"crank": None}),
+        "is of type NoneType; give one of type Pose",
+    ),
+    "start as text": (lambda: replace(MECHANISM, start="0"), "start is 0 rad; give a finite crank angle"),
+    "links as names": (lambda: replace(MECHANISM, links=("crank",)), "is of type str; give one of type Link"),
+    "no joints": (
+        lambda: replace(MECHANISM, joints=None),
+        "joints of 'rssr' are of type NoneType; give a tuple",
+    ),
+    "a point of two": (
+        lambda: replace(MECHANISM, points={"P": ("crank", (0.0, 1.0))}),
+        "three finite numbers",
+    ),
+    "a point without place": (lambda: replace(MECHANISM, points={"P": "crank"}), "give a link and three"),
+    "a joint between names": (
+        lambda: ms.Joint("j", "revolute", "ground", "crank"),
+        "is of type str; give one of type End",
+    ),
+    "an axis as text": (lambda: ms.End("crank", axis="z"), "axis z of a joint .* three finite numbers"),
+    "a gear as text": (lambda: replace(MECHANISM, gears=(ms.Gear("crank", "crank", "2"),)), "ratio of gear"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_used_is_refused_in_one_sentence(name):
+    wrong, said = REFUSED[name]
+    with pytest.raises(ms.InputError, match=said) as refused:
+        wrong()
+    assert "\n" not in str(refused.value)
+
+
+def test_a_catalogue_mechanism_runs_as_its_description_does():
+    run, other = (ms.simulate(one, speed=10.0, turns=0.1) for one in (DRIVE, MECHANISM))
+    assert run.outcome == "met"
+    np.testing.assert_array_equal(run.motion.points["P3"].position, other.motion.points["P3"].position)
+
+
+def test_an_incomplete_guess_is_completed_by_the_joints():
+    short = replace(MECHANISM, guess={"crank": MECHANISM.guess["crank"]})
+    assert ms.simulate(short, speed=10.0, turns=0.1).outcome == "met"
