@@ -150,12 +150,12 @@ def _driven(machine: "Machine", speed: float, coefficient: float | None, asked: 
 
     from mechsim.analytic.dynamics import fluctuation, flywheel_for, prescribed
     from mechsim.errors import InputError
+    from mechsim.model.crank_profile import within_range
     from mechsim.report.facts import study_facts, turn_facts
-    from mechsim.studies.validate import crank_profile
 
     drive = machine.drive
     assert drive is not None
-    profile = crank_profile(drive, speed if asked.turns > 0 else -speed, abs(asked.turns))
+    profile = within_range(drive, speed if asked.turns > 0 else -speed, abs(asked.turns))
     time = np.linspace(0.0, profile.duration, asked.samples + 1)
     study = prescribed(machine, *profile.state(time), time=time)
     full = drive.crank_range().full

@@ -28,11 +28,11 @@ def profile_of(
     The swing passes a crank angle, or where assembly begins.
     """
     from mechsim.errors import InputError
-    from mechsim.studies.validate import crank_profile
+    from mechsim.model.crank_profile import within_range
 
     if not (turns != 0.0 and abs(turns) < 1e4):
         raise InputError(f"{turns:g} turns; give turns other than 0, fewer than 10000 either way")
-    return crank_profile(drive, speed if turns > 0 else -speed, abs(turns), through)
+    return within_range(drive, speed if turns > 0 else -speed, abs(turns), through)
 
 
 def motion_of(drive: "ClosedForm", road: str, profile: "CrankProfile", samples: float) -> "Motion":

@@ -1,16 +1,20 @@
 """How the crank is meant to turn: at constant speed, or along a given angle over time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.errors import InputError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.given import number, numbers, units_remedy
+from mechsim.model.mechanism import Mechanism
 
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
+# a crank that cannot turn fully swings over this part of its range
+PART_OF_RANGE = 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +23,7 @@ class CrankProfile:
 
     Attributes:
         duration: in [s].
-        fastest: largest crank speed on the way, in [rad/s].
+        fastest: largest crank speed, in [rad/s].
         state: times (n,) in [s] -> angle [rad], speed [rad/s], acceleration [rad/s2], (n,) each.
         steady: whether the speed is constant.
     """
@@ -33,6 +37,25 @@ class CrankProfile:
     def turns(self) -> float:
         """Turns the crank would make in this time at its fastest."""
         return self.duration * self.fastest / TURN
+
+
+class CrankRange(Protocol):
+    """The arcs of crank angle over which the loops of a mechanism close, in words too."""
+
+    @property
+    def full(self) -> bool: ...
+
+    @property
+    def arcs(self) -> Sequence[tuple[float, float]]: ...
+
+
+class Ranged(Protocol):
+    """A mechanism that knows how far its crank can turn."""
+
+    @property
+    def mechanism(self) -> Mechanism: ...
+
+    def crank_range(self) -> CrankRange: ...
 
 
 def constant(speed: float, turns: float, start: float = 0.0) -> CrankProfile:
@@ -104,3 +127,38 @@ def swing(middle: float, reach: float, fastest: float) -> CrankProfile:
         )
 
     return CrankProfile(TURN / rate, abs(fastest), state)
+
+
+def within_range(
+    drive: Ranged, speed: float, turns: float = 1.0, through: float | None = None
+) -> CrankProfile:
+    """Return the crank motion a mechanism can make: whole turns, or a swing inside its range.
+
+    Args:
+        drive: the mechanism.
+        speed: of the crank in [rad/s]; of a swing the largest.
+        turns: of a crank that turns fully.
+        through: crank angle in [rad] that a swing passes; None takes where assembly begins.
+
+    Raises:
+        AssemblyError: if the loops do not close there.
+    """
+    arcs = drive.crank_range()
+    if arcs.full:
+        return constant(speed, turns)
+    angle = drive.mechanism.start if through is None else through
+    # the arc that holds the angle, counted so that the angle lies on it as a number
+    around = [
+        (low + turn, high + turn)
+        for low, high in arcs.arcs
+        for turn in (0.0, -TURN)
+        if low + turn <= angle <= high + turn
+    ]
+    if not around:
+        why = "where assembly begins; change the dimensions" if through is None else f"it can stand {arcs}"
+        raise AssemblyError(
+            f"{drive.mechanism.name}: the loops do not close at crank angle {angle:.6g} rad, {why}"
+        )
+    low, high = around[0]
+    middle, reach = (low + high) / 2.0, PART_OF_RANGE * (high - low) / 2.0
+    return swing(middle, reach if through is None else max(reach, abs(angle - middle)), speed)

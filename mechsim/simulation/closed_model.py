@@ -1,11 +1,134 @@
-"""A mechanism's model with its loops closed."""
+"""A model with its loops closed: what every run in MuJoCo begins with, made once a run."""
+
+import os
+from dataclasses import dataclass
+from typing import Protocol
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
+from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism, Pose
 from mechsim.model.scene import Scene
 from mechsim.simulation.mjcf import compiled, generate, quiet
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
+from mechsim.simulation.recorded_motion import Track, add_sensors
+
+Array = NDArray[np.float64]
+
+
+class Described(Protocol):
+    """What has a description, as a catalogue mechanism has."""
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The description."""
+        ...
+
+
+Model = Mechanism | mujoco.MjSpec | str | os.PathLike[str]
+Source = Model | Described
+
+# turn, in [rad], by which a freedom that the crank leaves is tried
+NUDGE = 1e-4
+
+
+@dataclass(frozen=True)
+class ClosedModel:
+    """A compiled model, its loops, what is recorded of it, and a state in which its loops are closed.
+
+    Attributes:
+        loops: of the model.
+        track: what is recorded of it.
+        closed: state with closed loops, the crank as in the model's reference configuration, (nq,).
+    """
+
+    loops: ModelLoops
+    track: Track
+    closed: Array
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model; it is stepped as a copy."""
+        return self.loops.model
+
+    @property
+    def angle(self) -> float:
+        """Crank angle of the closed state, in [rad]."""
+        return float(self.closed[self.loops.crank_place])
+
+    def places(self, states: Array) -> Array:
+        """Return the places of the tracked points at n states, (n, k, 3) in [m]."""
+        return self.loops.sites(states)[:, [self.model.site(name).id for name in self.track.points]]
+
+    @property
+    def is_loose(self) -> bool:
+        """Whether the tracked points can move with the crank held: then poses alone do not settle them."""
+        loops = self.loops
+        held = loops.linearise(self.closed[None])[1][0][:, loops.free]
+        _, values, freedoms = np.linalg.svd(held)
+        rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
+        moves = np.zeros((len(freedoms) - rank, self.model.nv))
+        moves[:, loops.free] = NUDGE * freedoms[rank:]
+        nudged = loops.moved(np.repeat(self.closed[None], len(moves), 0), moves)
+        places = self.places(np.concatenate([self.closed[None], nudged]))
+        # the second order, a nudge's square, is what a closed loop lets a point move
+        return bool(np.abs(places[1:] - places[0]).max(initial=0.0) > NUDGE**1.5 * loops.size)
+
+
+def of_source(source: Source, scene: Scene | None = None) -> ClosedModel:
+    """Return a mechanism, or a model of one's own, ready to be run.
+
+    Raises:
+        InputError: where the model cannot be read, or has no point to track.
+        AssemblyError: if its loops do not close where the crank stands at first.
+    """
+    model = described(source)
+    spec = load(model, scene)
+    return of_spec(spec, tracked_points(model, spec))
+
+
+def described(source: Source) -> Model:
+    """Return the description of what has one, and anything else that is a model as it is."""
+    model = getattr(source, "mechanism", source)
+    if not isinstance(model, Mechanism | mujoco.MjSpec | str | os.PathLike):
+        raise InputError(
+            f"a {type(source).__name__} cannot be simulated; give a mechanism, one of the catalogue, "
+            "an MJCF file or a specification"
+        )
+    return model
+
+
+def of_spec(spec: mujoco.MjSpec, points: tuple[str, ...]) -> ClosedModel:
+    """Return the model of a specification, to which the sensors of the tracked points are added."""
+    track = add_sensors(spec, points)
+    loops = ModelLoops(compiled(spec))
+    return ClosedModel(loops, track, loops.close(loops.model.qpos0[None])[0])
+
+
+def tracked_points(source: Model, spec: mujoco.MjSpec) -> tuple[str, ...]:
+    """Return the points of a mechanism, or the named sites of a model of one's own."""
+    sites = (site.name for site in spec.sites if site.name and "@" not in site.name)
+    points = tuple(source.points if isinstance(source, Mechanism) else sites)
+    if not points:
+        raise InputError("the model has no point to track; put a named site at each point of interest")
+    return points
+
+
+def load(source: Model, scene: Scene | None = None) -> mujoco.MjSpec:
+    """Return the specification of a mechanism, an MJCF file or MJCF text."""
+    if isinstance(source, Mechanism):
+        return assembled(source, scene or Scene())
+    if isinstance(source, mujoco.MjSpec):
+        return source.copy()
+    text = str(source)
+    if "<" not in text and not os.path.isfile(text):
+        raise InputError(f"there is no MJCF file {text!r}; give a file that can be read")
+    try:
+        return mujoco.MjSpec.from_string(text) if "<" in text else mujoco.MjSpec.from_file(text)
+    except ValueError as error:
+        raise InputError(f"MuJoCo cannot read the model: {' '.join(str(error).split())}") from error
 
 
 @quiet()
@@ -18,17 +141,23 @@ def assembled(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
     Raises:
         AssemblyError: if the loops do not close there.
     """
-    rough = generate(mechanism, scene, mechanism.guess)
-    model = compiled(rough)
-    loops = ModelLoops(model)
-    start = model.qpos0.copy()
-    start[loops.crank_place] = mechanism.start
-    closed = loops.close(start[None])
-    data = mujoco.MjData(model)
-    data.qpos[:] = closed[0]
-    mujoco.mj_kinematics(model, data)
+    loops, rough = guessed(mechanism, scene)
+    data = mujoco.MjData(loops.model)
+    data.qpos[:] = loops.close(rough[None])[0]
+    mujoco.mj_kinematics(loops.model, data)
     poses = {
         link.name: Pose(data.body(link.name).xpos.copy(), data.body(link.name).xmat.reshape(3, 3).copy())
         for link in mechanism.links
     }
     return generate(mechanism, scene, poses)
+
+
+def guessed(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array]:
+    """Return the model whose links stand as the mechanism's guess has them, and its state at `start`, (nq,).
+
+    The loops are not closed in that state.
+    """
+    loops = ModelLoops(compiled(generate(mechanism, scene, mechanism.guess)))
+    rough = loops.model.qpos0.copy()
+    rough[loops.crank_place] = mechanism.start
+    return loops, rough

@@ -108,6 +108,12 @@ class ModelLoops:
         self._batches: dict[int, batch.Batch] = {}
         self._basis: tuple[Array, Array, Array] | None = None
 
+    def over_copy(self) -> "ModelLoops":
+        """Return the same loops over a copy of the model that may be set up for stepping."""
+        other = copy.copy(self)
+        other.model = copy.copy(self.model)
+        return other
+
     def residual(self, qpos: Array) -> Array:
         """Return how far the constraints stand open, (n, m) in [m] or [rad]."""
         return self._look(qpos)[0]

@@ -29,10 +29,10 @@ ENOUGH, WORTH = 0.75, 0.6
 LEAST_ORDER, TINY = 1.0, 1e-300
 
 
-def within(stage: DrivenRun, settings: Settings, tolerance: float) -> Run:
+def within(drive: DrivenRun, settings: Settings, tolerance: float) -> Run:
     """Return a run whose number of steps was chosen for a tolerance in [m], and its outcome."""
-    settings = _with(settings, _steps(stage, settings, tolerance))
-    run = stage.stepped(settings, tolerance)
+    settings = _with(settings, _steps(drive, settings, tolerance))
+    run = drive.stepped(settings, tolerance)
     while run.outcome == "missed" and settings.steps_per_turn < MOST_STEPS:
         more = 1.3 * (run.estimate / tolerance) ** (1.0 / ORDER)
         steps = int(np.ceil(settings.steps_per_turn * max(more, 1.5)))
@@ -40,22 +40,22 @@ def within(stage: DrivenRun, settings: Settings, tolerance: float) -> Run:
             # too coarse to have begun to converge, it foretells nothing; the trial had this many
             steps = min(steps, TRIAL_STEPS)
         settings = _with(settings, min(MOST_STEPS, steps))
-        better = stage.stepped(settings, tolerance)
+        better = drive.stepped(settings, tolerance)
         if better.outcome != "met" and better.estimate >= 0.5 * run.estimate:
             return min(run, better, key=lambda one: one.estimate)
         run = better
     return run
 
 
-def _steps(stage: DrivenRun, settings: Settings, tolerance: float) -> int:
+def _steps(drive: DrivenRun, settings: Settings, tolerance: float) -> int:
     """Return the steps a turn that a tolerance needs, by trials over a part of the way."""
-    known = float(stage.first(1.0).tried(_with(settings, TRIAL_STEPS)).max())
+    known = float(drive.first(1.0).tried(_with(settings, TRIAL_STEPS)).max())
     if not np.isfinite(known):
         return settings.steps_per_turn
     steps = _foretold(TRIAL_STEPS, known, AIM * tolerance, ORDER)
-    turns = float(np.clip(PART * stage.profile.turns, *TURNS))
-    part = stage.first(np.round(turns))
-    if steps >= ENOUGH * TRIAL_STEPS or part.profile.turns > 0.5 * stage.profile.turns:
+    turns = float(np.clip(PART * drive.profile.turns, *TURNS))
+    part = drive.first(np.round(turns))
+    if steps >= ENOUGH * TRIAL_STEPS or part.profile.turns > 0.5 * drive.profile.turns:
         return steps
     # no trial has shown that so few steps have begun to converge, nor that errors do not grow
     before, last = part.tried(_with(settings, steps))[-2:]

@@ -1,38 +1,19 @@
 """One call from a mechanism or a model to its motion in MuJoCo, with an outcome."""
 
-import os
-from typing import Protocol
-
-import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.maths.given import number, require, units_remedy
 from mechsim.model.crank_profile import CrankProfile, constant
-from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
-from mechsim.simulation import mjcf
-from mechsim.simulation.closed_model import assembled
-from mechsim.simulation.driven_run import DrivenRun
+from mechsim.simulation import closed_model
+from mechsim.simulation.closed_model import Source
+from mechsim.simulation.driven_run import DrivenRun, begun, check_records, solved
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.place_tolerance import within
-from mechsim.simulation.recorded_motion import Track, add_sensors
 from mechsim.simulation.run_result import Method, Run
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stepping import Watch, unwatched
-
-
-class Described(Protocol):
-    """What has a description, as a catalogue mechanism has."""
-
-    @property
-    def mechanism(self) -> Mechanism:
-        """The description."""
-        ...
-
-
-Source = Mechanism | Described | mujoco.MjSpec | str | os.PathLike[str]
 
 # bound on places where none is asked for, in units of the longest link: what a picture still shows
 SAME = 1e-3
@@ -88,57 +69,21 @@ def simulate(
     ):
         if given is not None:
             require(name, given, kind)
-    model, track, start = _prepared(source, scene)
+    closed = closed_model.of_source(source, scene)
     if profile is None:
         if speed is None:
             raise InputError("neither a crank speed nor a profile was given; give one of them")
-        profile = constant(speed, turns, start)
+        profile = constant(speed, turns, closed.angle)
     if samples is not None and not (number(samples) >= 1 and number(samples) % 1 == 0):
         raise InputError(f"{samples} samples asked for; take a whole number, at least 1")
-    stage = DrivenRun(model, track, profile, None if samples is None else int(samples), watch or unwatched)
+    samples = None if samples is None else int(samples)
+    check_records(profile, samples)
     if method is None:
-        stepping = tolerance is not None or settings is not None or stage.free
+        stepping = tolerance is not None or settings is not None or closed.is_loose
         method = "step" if stepping else "pose"
-    bound = SAME * ModelLoops(model).size if tolerance is None else tolerance
+    bound = SAME * closed.loops.size if tolerance is None else tolerance
     if method == "pose":
-        return stage.solved(bound)
+        return solved(closed, profile, samples, bound)
+    run = DrivenRun(closed, profile, begun(closed, profile), samples, watch or unwatched)
     settings = settings or Settings()
-    return stage.stepped(settings, bound) if tolerance is None else within(stage, settings, bound)
-
-
-def load(source: Source, scene: Scene | None = None) -> mujoco.MjSpec:
-    """Return the specification of a mechanism, an MJCF file or MJCF text."""
-    source = _description(source)
-    if isinstance(source, Mechanism):
-        return assembled(source, scene or Scene())
-    if isinstance(source, mujoco.MjSpec):
-        return source.copy()
-    text = str(source)
-    if "<" not in text and not os.path.isfile(text):
-        raise InputError(f"there is no MJCF file {text!r}; give a file that can be read")
-    try:
-        return mujoco.MjSpec.from_string(text) if "<" in text else mujoco.MjSpec.from_file(text)
-    except ValueError as error:
-        raise InputError(f"MuJoCo cannot read the model: {' '.join(str(error).split())}") from error
-
-
-def _description(source: Source) -> Mechanism | mujoco.MjSpec | str | os.PathLike[str]:
-    described = getattr(source, "mechanism", source)
-    if not isinstance(described, Mechanism | mujoco.MjSpec | str | os.PathLike):
-        raise InputError(
-            f"a {type(source).__name__} cannot be simulated; give a mechanism, one of the catalogue, "
-            "an MJCF file or a specification"
-        )
-    return described
-
-
-def _prepared(source: Source, scene: Scene | None) -> tuple[mujoco.MjModel, Track, float]:
-    source = _description(source)
-    spec = load(source, scene)
-    sites = [site.name for site in spec.sites if site.name and "@" not in site.name]
-    points = tuple(source.points) if isinstance(source, Mechanism) else tuple(sites)
-    if not points:
-        raise InputError("the model has no point to track; put a named site at each point of interest")
-    track = add_sensors(spec, points)
-    model = mjcf.compiled(spec)
-    return model, track, float(model.qpos0[ModelLoops(model).crank_place])
+    return run.stepped(settings, bound) if tolerance is None else within(run, settings, bound)

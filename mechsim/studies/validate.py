@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from mechsim.analytic import closure
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.errors import AssemblyError
-from mechsim.model.crank_profile import swing
+from mechsim.model.crank_profile import within_range
 from mechsim.model.mechanism import Pose
 from mechsim.model.motion import Motion
-from mechsim.simulation import CrankProfile, Run, Settings, constant, simulate
+from mechsim.simulation import Run, Settings, simulate
 from mechsim.verdict.judge import Check, Outcome, Verdict, crosscheck
 from mechsim.verdict.tolerances import EPS, Tolerance
 
@@ -26,8 +25,6 @@ STEP_PLACE = 1e-8
 STEPS = 1000
 # from good to bad
 OUTCOMES: tuple[Outcome, ...] = ("met", "missed", "changed assembly", "diverged", "cannot assemble")
-# a crank that cannot turn fully swings over this part of its range
-PART_OF_RANGE = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,7 +99,7 @@ def _with_variant(case: Case, name: str, variant: Case) -> Case:
 
 def _validated(drive: ClosedForm, speed: float) -> Case:
     begin = clock.perf_counter()
-    profile = crank_profile(drive, speed)
+    profile = within_range(drive, speed)
     angles = profile.state(np.linspace(0.0, profile.duration, 73))[0]
     exact = drive.solve(angles, speed)
     # only a crank at constant speed has a drive whose error means something
@@ -133,39 +130,6 @@ def _validated(drive: ClosedForm, speed: float) -> Case:
         run=run,
         seconds=clock.perf_counter() - begin,
     )
-
-
-def crank_profile(
-    drive: ClosedForm, speed: float, turns: float = 1.0, through: float | None = None
-) -> CrankProfile:
-    """Return the crank motion a mechanism can make: whole turns, or a swing inside its range.
-
-    Args:
-        drive: the mechanism.
-        speed: of the crank in [rad/s]; of a swing the largest.
-        turns: of a crank that turns fully.
-        through: crank angle in [rad] that a swing passes; None takes where assembly begins.
-
-    Raises:
-        AssemblyError: if the loops do not close there.
-    """
-    arcs = drive.crank_range()
-    if arcs.full:
-        return constant(speed, turns)
-    angle = drive.mechanism.start if through is None else through
-    # the arc that holds the angle, counted so that the angle lies on it as a number
-    around = [
-        (low + turn, high + turn)
-        for low, high in arcs.arcs
-        for turn in (0.0, -2.0 * np.pi)
-        if low + turn <= angle <= high + turn
-    ]
-    if not around:
-        why = "where assembly begins; change the dimensions" if through is None else f"it can stand {arcs}"
-        raise AssemblyError(f"{drive.name}: the loops do not close at crank angle {angle:.6g} rad, {why}")
-    low, high = around[0]
-    middle, reach = (low + high) / 2.0, PART_OF_RANGE * (high - low) / 2.0
-    return swing(middle, reach if through is None else max(reach, abs(angle - middle)), speed)
 
 
 def _worst(verdicts: Iterable[tuple[str, Verdict]]) -> tuple[Outcome, str]:

@@ -19,8 +19,8 @@ from mechsim.studies.tradeoff import (
     QUANTITIES,
     STEPS,
     Build,
-    Rig,
     Tradeoff,
+    build_model,
     families,
     measure,
     subject_of,
@@ -160,7 +160,7 @@ def test_a_choice_keeps_its_bound_and_nothing_cheaper_does(found):
 def test_no_bound_is_kept_by_a_motion_that_diverged(found):
     lost = found.subject.errors(None)
     assert all(error == np.inf for error in lost.values())
-    motion, _ = found.subject.rig.motion(found.points[0].settings)
+    motion, _ = found.subject.built.motion(found.points[0].settings)
     assert all(error < np.inf for error in found.subject.errors(motion).values())
     mad = found.subject.errors(replace(motion, speed=1e9 * motion.speed))
     assert all(error == np.inf for error in mad.values())
@@ -175,7 +175,7 @@ def test_a_finer_run_as_reference_agrees_with_the_closed_form_within_its_bar():
     assert own.stroke == pytest.approx(known.stroke, rel=1e-3)
     assert own.reference.bar["position"] < 1e-10
     settings = families()[1].at(144, SPEED)
-    motion, _ = known.rig.motion(settings)
+    motion, _ = known.built.motion(settings)
     for kind in QUANTITIES[:3]:
         gap = abs(own.errors(motion)[kind] * own.stroke / known.stroke - known.errors(motion)[kind])
         assert gap <= own.reference.bar[kind] + 1e-12 + 1e-3 * known.errors(motion)[kind]
@@ -189,8 +189,8 @@ def test_drives_are_added_to_a_model_that_has_a_motor_of_its_own():
     spec.add_actuator(name="motor", target="rocker", trntype=trntype)
     own = subject_of_model(spec, "own", SPEED)
     for drive, lag in (("geared", 1e-12), ("servo", 0.1)):
-        rig = Rig(own.source, own.rig.profile, SPEED, Build(drive=drive, gain=0.5))
-        motion, _ = rig.motion(families()[1].at(144, SPEED))
+        built = build_model(own.source, own.built.profile, SPEED, Build(drive=drive, gain=0.5))
+        motion, _ = built.motion(families()[1].at(144, SPEED))
         errors = own.errors(motion)
         assert errors["drive"] < lag
         assert errors["loop"] < 1e-5

@@ -24,14 +24,14 @@ from mechsim import catalog
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.maths.convergence import richardson
 from mechsim.maths.norms import worst
+from mechsim.model.crank_profile import within_range
 from mechsim.model.motion import Motion
 from mechsim.simulation import Settings, mjcf
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recorded_motion import States, evaluate
-from mechsim.studies.tradeoff import Rig, Subject, families, subject_of
-from mechsim.studies.tradeoff.rig import SAMPLES
-from mechsim.studies.validate import crank_profile
+from mechsim.studies.tradeoff import Subject, build_model, families, subject_of
+from mechsim.studies.tradeoff.built_model import SAMPLES
 
 SPEED = 20.0 * np.pi
 STEPS = (72, 144, 288, 720, 1440, 2880, 5760, 11520, 23040)
@@ -55,14 +55,14 @@ class Point:
 
 def stepped(subject: Subject, steps: int) -> Point:
     settings = Settings(steps_per_turn=steps)
-    motion, _ = subject.rig.motion(settings)
-    return Point("RK4", steps, subject.errors(motion), lambda: subject.rig.stepped(settings)[1].processor)
+    motion, _ = subject.built.motion(settings)
+    return Point("RK4", steps, subject.errors(motion), lambda: subject.built.stepped(settings)[1].processor)
 
 
 def extrapolated(subject: Subject, steps: int) -> Point:
     """Extrapolate places and angles of runs of so many and of half as many steps."""
     both = [Settings(steps_per_turn=n) for n in (steps // 2, steps)]
-    coarse, fine = (subject.rig.motion(settings)[0] for settings in both)
+    coarse, fine = (subject.built.motion(settings)[0] for settings in both)
     assert coarse is not None
     assert fine is not None
     exact = subject.reference.at(fine)
@@ -90,7 +90,7 @@ def extrapolated(subject: Subject, steps: int) -> Point:
         "Richardson",
         steps,
         errors,
-        lambda: sum(subject.rig.stepped(settings)[1].processor for settings in both),
+        lambda: sum(subject.built.stepped(settings)[1].processor for settings in both),
     )
 
 
@@ -103,13 +103,13 @@ def _limit(coarse: Motion, fine: Motion, kind: str, name: str, field: str) -> np
 def projected(subject: Subject) -> Point:
     """Close the loops of the states that a coarse run recorded."""
     settings = Settings(steps_per_turn=COARSE)
-    loops, steps = subject.rig.stepped(settings)
+    loops, steps = subject.built.stepped(settings)
     qpos = loops.close(steps.states.qpos)
 
     def again() -> float:
-        _, steps = subject.rig.stepped(settings)
+        _, steps = subject.built.stepped(settings)
         begin = time.process_time()
-        ModelLoops(subject.rig.model).close(steps.states.qpos)
+        ModelLoops(subject.built.closed.model).close(steps.states.qpos)
         return steps.processor + time.process_time() - begin
 
     return Point("projected", COARSE, subject.errors(_at(subject, steps.states.time, qpos)), again)
@@ -117,12 +117,12 @@ def projected(subject: Subject) -> Point:
 
 def solved(subject: Subject) -> Point:
     """Solve every pose by itself."""
-    rig = subject.rig
-    at = np.linspace(0.0, rig.profile.duration, SAMPLES + 1)
-    angles = rig.profile.state(at)[0]
+    built = subject.built
+    at = np.linspace(0.0, built.profile.duration, SAMPLES + 1)
+    angles = built.profile.state(at)[0]
 
     def poses() -> np.ndarray:
-        return follow.follow(ModelLoops(rig.model), rig.start[0], angles)
+        return follow.follow(ModelLoops(built.closed.model), built.start[0], angles)
 
     def again() -> float:
         begin = time.process_time()
@@ -134,11 +134,11 @@ def solved(subject: Subject) -> Point:
 
 def _at(subject: Subject, at: np.ndarray, qpos: np.ndarray) -> Motion:
     """Return the motion at closed states: rates and accelerations are those that keep the loops closed."""
-    loops = ModelLoops(subject.rig.model)
-    _, speed, acceleration = subject.rig.profile.state(at)
+    loops = ModelLoops(subject.built.closed.model)
+    _, speed, acceleration = subject.built.profile.state(at)
     rates = loops.tangent(loops.linearise(qpos)[1]) * speed[:, None]
     states = States(at, qpos, rates)
-    return evaluate(loops, subject.rig.track, states, "pose", crank_acceleration=acceleration)
+    return evaluate(loops, subject.built.closed.track, states, "pose", crank_acceleration=acceleration)
 
 
 def frontier(drive: ClosedForm) -> list[dict[str, Any]]:
@@ -162,21 +162,21 @@ def frontier(drive: ClosedForm) -> list[dict[str, Any]]:
 
 def cheapest(drive: ClosedForm, subject: Subject) -> Point:
     """Return the cheapest run that stays within a part of the stroke over ten turns."""
-    rig = Rig(drive.mechanism, crank_profile(drive, SPEED, TURNS), SPEED)
+    built = build_model(drive.mechanism, within_range(drive, SPEED, TURNS), SPEED)
     good: list[tuple[float, str, Settings, dict[str, float]]] = []
     for family in families():
-        if family.build != rig.build:
+        if family.build != built.build:
             continue
         for steps in FEW:
             settings = family.at(steps, SPEED)
-            motion, seconds = rig.motion(settings)
+            motion, seconds = built.motion(settings)
             errors = subject.errors(motion)
             if errors["position"] <= PART:
                 good.append((seconds, family.name, settings, errors))
                 break
     good.sort(key=lambda one: one[0])
     near = good[:6]
-    times = np.median([[rig.stepped(one[2])[1].processor for one in near] for _ in range(ROUNDS)], 0)
+    times = np.median([[built.stepped(one[2])[1].processor for one in near] for _ in range(ROUNDS)], 0)
     best = int(np.argmin(times))
     _, name, settings, errors = near[best]
     return Point(f"1 %: {name}", settings.steps_per_turn, errors, lambda: float(times[best]) / TURNS)

@@ -23,9 +23,8 @@ from random_drives import drives
 from mechsim import simulation, units
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.model.crank_profile import constant
-from mechsim.simulation import Settings, mjcf
-from mechsim.simulation import driven_run as stages
-from mechsim.studies.tradeoff import Rig, Subject, ladder, subject_of
+from mechsim.simulation import Settings, driven_run, mjcf
+from mechsim.studies.tradeoff import BuiltModel, Subject, build_model, ladder, subject_of
 
 TURNS = 10.0
 RPM, PART = (1.0, 20_000.0), (1e-3, 1e-8)
@@ -46,18 +45,18 @@ TIMED = 5
 def counted() -> Iterator[list[float]]:
     """Give a list that takes the processor time of every stepping inside, trials too, in [s]."""
     times: list[float] = []
-    step = stages.step
+    step = driven_run.step
 
     def counting(*given: Any, **options: Any) -> Any:
         steps = step(*given, **options)
         times.append(steps.processor)
         return steps
 
-    with mock.patch.object(stages, "step", counting):
+    with mock.patch.object(driven_run, "step", counting):
         yield times
 
 
-def keeping(subject: Subject, rig: Rig, part: float) -> list[Settings]:
+def keeping(subject: Subject, built: BuiltModel, part: float) -> list[Settings]:
     """Return of each family the settings with the fewest steps that keep an error, in strokes.
 
     What takes twice the time of another, and more, is left out.
@@ -68,7 +67,7 @@ def keeping(subject: Subject, rig: Rig, part: float) -> list[Settings]:
             continue
         for steps in ladder.STEPS:
             settings = family.at(steps, subject.speed)
-            motion, seconds = rig.motion(settings)
+            motion, seconds = built.motion(settings)
             if seconds > 2.0 * min((time for time, _ in found), default=np.inf):
                 break
             if subject.errors(motion)["position"] <= part:
@@ -89,9 +88,9 @@ def measured(drive: ClosedForm, speed: float, part: float) -> dict[str, Any]:
     tolerance = part * crank_length(drive)
     run = simulation.simulate(drive.mechanism, speed=speed, turns=TURNS, tolerance=tolerance)
     true = subject.errors(run.motion)["position"] * subject.stroke
-    rig = Rig(drive.mechanism, constant(speed, TURNS, float(run.motion.angle[0])), speed)
+    built = build_model(drive.mechanism, constant(speed, TURNS, float(run.motion.angle[0])), speed)
     ladder_times: dict[Settings, list[float]] = {
-        settings: [] for settings in keeping(subject, rig, tolerance / subject.stroke)
+        settings: [] for settings in keeping(subject, built, tolerance / subject.stroke)
     }
     own_times: list[float] = []
     # in turn, so that a slow minute of the machine falls on all
@@ -100,7 +99,7 @@ def measured(drive: ClosedForm, speed: float, part: float) -> dict[str, Any]:
             simulation.simulate(drive.mechanism, speed=speed, turns=TURNS, tolerance=tolerance)
         own_times.append(sum(times))
         for settings, taken in ladder_times.items():
-            taken.append(rig.stepped(settings)[1].processor)
+            taken.append(built.stepped(settings)[1].processor)
     cost, cheap = np.median(own_times), min(np.median(taken) for taken in ladder_times.values())
     return {
         "mechanism": drive.name,

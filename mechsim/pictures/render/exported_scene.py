@@ -12,9 +12,7 @@ from mechsim.shapes import camera as cameras
 from mechsim.shapes import free_sides, link_shapes, planar_normals, rod_radius
 from mechsim.shapes.extent import extent, travels
 from mechsim.shapes.walls import backdrop, stands
-from mechsim.simulation.closed_model import assembled
-from mechsim.simulation.mjcf.compiling import compiled
-from mechsim.simulation.mjcf.generator import generate
+from mechsim.simulation.closed_model import assembled, guessed
 from mechsim.simulation.model_loops import ModelLoops
 
 Array = NDArray[np.float64]
@@ -77,13 +75,10 @@ def swept(mechanism: Mechanism) -> dict[str, Pose]:
     Links other than the ground have as many poses as there are crank angles. Where the loops close
     nowhere, the one pose is the model's reference configuration.
     """
-    model = compiled(generate(mechanism, Scene(level="pose"), mechanism.guess))
-    loops = ModelLoops(model)
-    start = model.qpos0.copy()
-    start[loops.crank_place] = mechanism.start
+    loops, start = guessed(mechanism, Scene(level="pose"))
     ahead = _states(loops, start, 2.0 * np.pi / STEPS)
     states = ahead if len(ahead) >= STEPS else ahead + _states(loops, start, -2.0 * np.pi / STEPS)
-    return {GROUND: IDENTITY, **_poses(mechanism, model, states or [model.qpos0])}
+    return {GROUND: IDENTITY, **_poses(mechanism, loops.model, states or [loops.model.qpos0])}
 
 
 def _states(loops: ModelLoops, start: Array, step: float) -> list[Array]:

@@ -1,8 +1,8 @@
 """Speed against accuracy, measured: the ladder of settings, the trials, and what they recommend."""
 
+from mechsim.studies.tradeoff.built_model import BuiltModel, build_model
 from mechsim.studies.tradeoff.ladder import DEFAULTS, STEPS, Family, families
 from mechsim.studies.tradeoff.model_builds import Build
-from mechsim.studies.tradeoff.rig import Rig
 from mechsim.studies.tradeoff.subject import QUANTITIES, Subject, subject_of, subject_of_model
 from mechsim.studies.tradeoff.work_precision import BOUNDS, Point, Tradeoff, measure, write_csv
 
@@ -12,11 +12,12 @@ __all__ = [
     "QUANTITIES",
     "STEPS",
     "Build",
+    "BuiltModel",
     "Family",
     "Point",
-    "Rig",
     "Subject",
     "Tradeoff",
+    "build_model",
     "families",
     "measure",
     "subject_of",

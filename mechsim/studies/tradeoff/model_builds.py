@@ -6,8 +6,8 @@ from typing import Any, Literal
 
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Level, Scene
+from mechsim.simulation.closed_model import Model, load
 from mechsim.simulation.mjcf.alternatives import add_servo, gear_to_motor, rod_as_length
-from mechsim.simulation.run import Source, load
 
 CrankDrive = Literal["flywheel", "geared", "servo"]
 
@@ -43,7 +43,7 @@ class Build:
             "reduction": reduction,
         }
 
-    def made(self, source: Source, variants: Mapping[str, Mechanism]) -> Any:
+    def made(self, source: Model, variants: Mapping[str, Mechanism]) -> Any:
         """Return MuJoCo's specification, made of a mechanism or of a model of one's own."""
         if self.variant is not None:
             source = variants[self.variant]

@@ -12,12 +12,12 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import InputError
 from mechsim.maths.convergence import half_extent, richardson
 from mechsim.maths.norms import worst
+from mechsim.model.crank_profile import within_range
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.simulation import Settings
-from mechsim.simulation.run import Source
-from mechsim.studies.tradeoff.rig import Rig
-from mechsim.studies.validate import crank_profile
+from mechsim.simulation.closed_model import Model
+from mechsim.studies.tradeoff.built_model import BuiltModel, build_model
 
 Array = NDArray[np.float64]
 QUANTITIES = ("position", "velocity", "acceleration", "angle", "loop", "drive")
@@ -53,7 +53,7 @@ class Subject:
     Attributes:
         name: of the mechanism or file.
         source: the mechanism, or the model of one's own.
-        rig: with the loops cut as the generator chooses.
+        built: its model, with the loops cut as the generator chooses.
         reference: what the trials are compared with.
         stroke: half the largest extent of a point's path, in [m].
         speed: largest crank speed, in [rad/s].
@@ -61,8 +61,8 @@ class Subject:
     """
 
     name: str
-    source: Source
-    rig: Rig
+    source: Model
+    built: BuiltModel
     reference: Reference
     stroke: float
     speed: float
@@ -84,7 +84,7 @@ class Subject:
             return dict.fromkeys(QUANTITIES, np.inf)
         found = differences(motion, self.reference.at(motion), self.stroke, self.speed)
         assert motion.time is not None
-        return found | {"drive": worst(motion.angle - self.rig.profile.state(motion.time)[0])}
+        return found | {"drive": worst(motion.angle - self.built.profile.state(motion.time)[0])}
 
 
 def differences(motion: Motion, exact: Motion, stroke: float, speed: float) -> dict[str, float]:
@@ -110,15 +110,15 @@ def differences(motion: Motion, exact: Motion, stroke: float, speed: float) -> d
 
 def subject_of(drive: ClosedForm, speed: float) -> Subject:
     """Return a catalogue mechanism as a subject: its reference is the closed form."""
-    profile = crank_profile(drive, speed)
+    profile = within_range(drive, speed)
     angles = profile.state(np.linspace(0.0, profile.duration, 361))[0]
     stroke = half_extent(drive.positions(angles).values())
     mechanism = drive.mechanism
     reference = Reference(
         "closed form", lambda motion: drive.solve(motion.angle, motion.speed, motion.acceleration)
     )
-    rig = Rig(mechanism, profile, speed)
-    return Subject(drive.name, mechanism, rig, reference, stroke, abs(speed), _variants(drive, angles))
+    built = build_model(mechanism, profile, speed)
+    return Subject(drive.name, mechanism, built, reference, stroke, abs(speed), _variants(drive, angles))
 
 
 def _variants(drive: ClosedForm, angles: Array) -> dict[str, Mechanism]:
@@ -133,14 +133,16 @@ def _variants(drive: ClosedForm, angles: Array) -> dict[str, Mechanism]:
     return found
 
 
-def subject_of_model(source: Source, name: str, speed: float) -> Subject:
+def subject_of_model(source: Model, name: str, speed: float) -> Subject:
     """Return a model of one's own as a subject: its reference is a much finer run, with an error bar.
 
     Raises:
         AssemblyError: if the crank cannot make a whole turn.
     """
-    rig = Rig(source, None, speed)
-    runs = [motion for steps in FINE if (motion := rig.motion(Settings(steps_per_turn=steps))[0]) is not None]
+    built = build_model(source, None, speed)
+    runs = [
+        motion for steps in FINE if (motion := built.motion(Settings(steps_per_turn=steps))[0]) is not None
+    ]
     if len(runs) < len(FINE):
         raise InputError(f"{name} diverges at {FINE[-1]} steps a turn: no reference run can be made")
     fine = runs[-1]
@@ -158,7 +160,7 @@ def subject_of_model(source: Source, name: str, speed: float) -> Subject:
     # how far its loops stand open says what no halving of the step can
     bar["position"] = max(bar["position"], differences(fine, fine, stroke, abs(speed))["loop"])
     reference = Reference(f"a run of {FINE[-1]} steps a turn", at, bar)
-    return Subject(name, source, rig, reference, stroke, abs(speed))
+    return Subject(name, source, built, reference, stroke, abs(speed))
 
 
 def _bar(before: float, last: float) -> float:

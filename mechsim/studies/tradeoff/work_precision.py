@@ -19,9 +19,9 @@ from mechsim.files import written_beside
 from mechsim.maths.convergence import Order, cheapest, observed_order, pareto
 from mechsim.simulation import Settings
 from mechsim.simulation.mjcf import quiet
+from mechsim.studies.tradeoff.built_model import BuiltModel, build_model
 from mechsim.studies.tradeoff.ladder import DEFAULTS, STEPS, Family, families
 from mechsim.studies.tradeoff.model_builds import Build
-from mechsim.studies.tradeoff.rig import Rig
 from mechsim.studies.tradeoff.subject import QUANTITIES, Subject
 
 Array = NDArray[np.float64]
@@ -190,43 +190,43 @@ def measure(
     ladder = [(family, n) for family in families(subject.mechanism, subject.variants) for n in steps]
     order = sorted(range(len(ladder)), key=dict(enumerate(random.permutation(len(ladder)))).__getitem__)
     order.sort(key=lambda i: ladder[i][0].rank)
-    rigs: dict[Build, Rig | None] = {subject.rig.build: subject.rig}
+    models: dict[Build, BuiltModel | None] = {subject.built.build: subject.built}
     points: dict[int, Point] = {}
     overhead = 0.05
     for i in order:
         family, n = ladder[i]
         if spent() + overhead + n * STEP_COST > FIRST_PART * budget and points:
             continue
-        rig = _rig(rigs, subject, family)
-        if rig is None:
+        model = _model(models, subject, family)
+        if model is None:
             continue
         before = spent()
         settings = family.at(n, subject.speed)
-        motion, seconds = rig.motion(settings)
+        motion, seconds = model.motion(settings)
         errors = subject.errors(motion)
-        points[i] = Point(family, settings, errors, [seconds / rig.profile.turns])
+        points[i] = Point(family, settings, errors, [seconds / model.profile.turns])
         overhead = 0.5 * (overhead + max(0.0, spent() - before - seconds))
         tell(min(1.0, spent() / budget), f"{family.name}, {n} steps")
     found = Tradeoff(subject, [points[i] for i in sorted(points)], len(ladder) - len(points))
-    _time_again(found, rigs, random, lambda: budget - spent(), lambda what: tell(spent() / budget, what))
+    _time_again(found, models, random, lambda: budget - spent(), lambda what: tell(spent() / budget, what))
     return found
 
 
-def _rig(rigs: dict[Build, Rig | None], subject: Subject, family: Family) -> Rig | None:
-    """Return the rig of a family's build, made once; None where it cannot be made or does not close."""
-    if family.build not in rigs:
+def _model(models: dict[Build, BuiltModel | None], subject: Subject, family: Family) -> BuiltModel | None:
+    """Return the model of a family's build, made once; None where it cannot be made or does not close."""
+    if family.build not in models:
         try:
-            rigs[family.build] = Rig(
-                subject.source, subject.rig.profile, subject.speed, family.build, subject.variants
+            models[family.build] = build_model(
+                subject.source, subject.built.profile, subject.speed, family.build, subject.variants
             )
         except MechsimError:
-            rigs[family.build] = None
-    return rigs[family.build]
+            models[family.build] = None
+    return models[family.build]
 
 
 def _time_again(
     found: Tradeoff,
-    rigs: dict[Build, Rig | None],
+    models: dict[Build, BuiltModel | None],
     random: np.random.Generator,
     left: Callable[[], float],
     tell: Callable[[str], None],
@@ -242,10 +242,10 @@ def _time_again(
     for number in range(1, ROUNDS):
         for i in random.permutation(len(near)):
             point = near[i]
-            rig = rigs[point.family.build]
-            if rig is None or 2.0 * point.cost * rig.profile.turns > left():
+            model = models[point.family.build]
+            if model is None or 2.0 * point.cost * model.profile.turns > left():
                 continue
-            point.times.append(rig.stepped(point.settings)[1].processor / rig.profile.turns)
+            point.times.append(model.stepped(point.settings)[1].processor / model.profile.turns)
             tell(f"timing, round {number + 1}")
 
 

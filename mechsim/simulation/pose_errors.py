@@ -1,0 +1,89 @@
+"""How far recorded states are from the poses solved at their crank angles; whether they left the assembly."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.errors import AssemblyError
+from mechsim.model.motion import Motion
+from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.poses import follow
+
+Array = NDArray[np.float64]
+
+# a pose this much nearer than the right one, and in units of the stroke this far from it, is another
+# assembly; it is looked for at so many pairs of records
+NEARER, APART, MOST_PAIRS = 0.5, 0.02, 100
+
+
+def pose_errors(closed: ClosedModel, motion: Motion, states: Array) -> tuple[Array, Array]:
+    """Return how far the farthest tracked point is from its place in the solved pose, and those places.
+
+    Args:
+        closed: the model.
+        motion: at n instants.
+        states: at the same instants, (n, nq).
+
+    Returns:
+        Distances in [m], (n,), infinite from the first crank angle on that has no pose; and the places
+        before that, (known, k, 3) in [m].
+    """
+    places = closed.places(_solved(closed, states))
+    error = np.full(len(states), np.inf)
+    error[: len(places)] = _distances(_recorded(motion)[: len(places)], places)
+    return error, places
+
+
+def in_another_assembly(
+    closed: ClosedModel, motion: Motion, states: Array, error: Array, places: Array
+) -> bool:
+    """Say whether two records in a row, both far off, lie in another assembly, not in none.
+
+    Args:
+        closed: the model.
+        motion: at n instants.
+        states: at the same instants, (n, nq).
+        error: as from `pose_errors`.
+        places: as from `pose_errors`.
+    """
+    known, recorded = len(places), _recorded(motion)
+    far = error[:known] > APART * 0.5 * float(np.ptp(places, axis=0).max())
+    pairs = np.flatnonzero(far[1:] & far[:-1])
+    tried = pairs[np.unique(np.linspace(0, len(pairs) - 1, MOST_PAIRS).astype(int))] if len(pairs) else []
+    for i in tried:
+        both = slice(i, i + 2)
+        try:
+            nearest = closed.loops.close(states[both])
+        except AssemblyError:
+            continue
+        if (_distances(recorded[both], closed.places(nearest)) < NEARER * error[both]).all():
+            return True
+    return False
+
+
+def _solved(closed: ClosedModel, states: Array) -> Array:
+    """Return the poses solved at the crank angles of states, from the first to the last that has one.
+
+    A crank that the linkage drove beyond a dead centre has none there.
+    """
+    angles = states[:, closed.loops.crank_place]
+    count, known, beyond = len(angles), 1, len(angles) + 1
+    true = states[:1]
+    while beyond - known > 1:
+        try:
+            true = follow.follow(closed.loops, closed.closed, angles[:count])
+            known = count
+        except AssemblyError:
+            beyond = count
+        count = (known + beyond) // 2
+    return true
+
+
+def _distances(recorded: Array, places: Array) -> Array:
+    """Return the distance of the farthest of points (n, k, 3) from their places, (n,); NaN is infinite."""
+    gaps = np.sqrt(((recorded - places) ** 2).sum(-1)).max(1)
+    return np.where(np.isfinite(gaps), gaps, np.inf)
+
+
+def _recorded(motion: Motion) -> Array:
+    """Return the places of all points of a motion, (n, k, 3)."""
+    return np.stack([point.position for point in motion.points.values()], 1)
