@@ -29,7 +29,7 @@ def velocities(
 
     Returns:
         Tracked point -> (n, 3) in [m/s], by the loop equations. The assembly is the one got by turning
-        the geared cranks to `angle1`, then crank 2 alone, the shorter way, to `angle2`.
+        the geared cranks to `angle1`, then crank 2 alone, in the shorter sense, to `angle2`.
 
     Raises:
         AssemblyError: where crank 2 cannot be turned so.
@@ -97,13 +97,13 @@ def _poses(drive: WarpKnitter, f1: Array, f2: Array) -> tuple[Any, Any]:
     turn = (flat(geared["C"]) - place) / complex(*drive.base_c)
     turn = turn / abs(turn)
     from_ = drive.gear_ratio * f1 + drive.phase
-    way = (f2 - from_ + np.pi) % (2.0 * np.pi) - np.pi
-    for i in np.nonzero(way)[0]:
+    rest = (f2 - from_ + np.pi) % (2.0 * np.pi) - np.pi
+    for i in np.nonzero(rest)[0]:
         a = drive.crank1 * complex(np.exp(1j * f1[i]))
         centres = (a, complex(*drive.pivot2), complex(*drive.pivot_rocker))
         pivots = Pivots(centres, (0.0, drive.crank2, 0.0), (0.0, 1.0, 0.0), (0.0, float(from_[i]), 0.0))
         path = TriadPath(pivots, drive.platform, drive.sides, (place[i], turn[i]))
-        there = path.poses(way[i : i + 1])
+        there = path.poses(rest[i : i + 1])
         if not np.isfinite(there[0][0]):
             raise AssemblyError(
                 f"{drive.name}: with crank 1 at {f1[i]:.6g} rad crank 2 cannot turn from {from_[i]:.6g} "

@@ -121,7 +121,7 @@ def _plan(
     `driven` the point of the base link on the other rod, that rod's crank pin, the crank's pivot.
     """
     (p, stand), (q, pin, pivot) = driving, driven
-    # the first vector is drawn to one side; should the crank then turn the wrong way, to the other
+    # the first vector is drawn to one side; should the crank then turn backwards, to the other
     for sense in (1.0, -1.0):
         vector = {stand: 0j, p: sense * first * 1j * (at[p] - at[stand]) / abs(at[p] - at[stand])}
         # V_K = V_C + V_KC with V_KC across KC, and V_K across KE: eq. (1), in eq. (4) from B

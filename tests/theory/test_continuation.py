@@ -14,7 +14,7 @@ from mechsim.analytic.catalog.slider_crank import SliderCrank
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.mechanism import End, Joint, Link, Mechanism
 from mechsim.theory.continuation import System, trace, trace_mechanism, turning_points
-from mechsim.theory.continuation.torus_sphere import trace_path
+from mechsim.theory.continuation.torus_sphere import sphere, torus, torus_sphere, trace_path
 
 TURN = 2.0 * np.pi
 FOUR_BAR = FourBar(crank=0.09)
@@ -199,21 +199,28 @@ def test_length_of_a_walk_is_the_integral_of_the_twists_of_the_closed_form():
 
 
 @pytest.mark.parametrize("drive", [Rrsrr(), SWINGING["rrsrr"]], ids=["turning", "swinging"])
-def test_torus_and_sphere_as_plain_equations_give_the_paper_s_path(drive):
-    centre = np.array(drive.pivot)
-
-    def residual(x):
-        square = x @ x + drive.crank**2 - drive.coupler**2
-        off = x - centre
-        # lengths in units of the link
-        torus = square**2 - 4.0 * drive.crank**2 * (x[1] ** 2 + x[2] ** 2)
-        return np.array([torus / drive.link**4, (off @ off) / drive.link**2 - 1.0])
-
+def test_differences_of_torus_and_sphere_give_the_path_their_gradients_give(drive):
     path = trace_path(drive)
-    system = System(residual, size=drive.link)
+    system = replace(torus_sphere(drive), jacobian=None)
     curve = trace(system, path.on_torus[0], direction=path.on_torus[1] - path.on_torus[0])
     assert curve.closed
-    assert abs(curve.length - path.arc[-1]) <= 1e-9 * drive.link
+    assert abs(curve.length - path.curve.length) <= 1e-9 * drive.link
+
+
+@pytest.mark.parametrize("drive", [Rrsrr(), SWINGING["rrsrr"]], ids=["turning", "swinging"])
+def test_the_paper_s_four_parameters_walked_instead_of_the_place_of_s_pass_the_same_dead_centres(drive):
+    def residual(u):
+        return (torus(drive, u[0], u[1]) - sphere(drive, u[2], u[3])) / drive.link
+
+    path, system = trace_path(drive), System(residual, periods=(TURN,) * 4)
+    curve = trace(system, path.parameters[0], direction=path.parameters[1] - path.parameters[0])
+    assert curve.closed
+    turned = np.round((curve.points[-1] - curve.points[0]) / TURN)
+    assert (turned == np.round((path.parameters[-1] - path.parameters[0]) / TURN)).all()
+    dead = turning_points(system, curve, 0)[:, 0]
+    ends = np.array(drive.dead_centres())
+    assert len(dead) == (2 if len(ends) else 0)
+    assert all(np.abs(np.exp(1j * angle) - np.exp(1j * ends)).min() <= 1e-12 for angle in dead)
 
 
 def test_what_cannot_be_traced_is_said_in_one_sentence():

@@ -1,23 +1,10 @@
 """The validation case of the published unit vector: it must go on showing what is wrong with it."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
-import pytest
-
-PATH = Path(__file__).parents[2] / "validation" / "papers" / "published_form.py"
+import published_form as case
 
 
-@pytest.fixture(scope="module")
-def case():
-    spec = importlib.util.spec_from_file_location("published_form", PATH)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_published_form_loses_two_digits_for_each_digit_of_nearness_and_the_sound_form_none(case):
+def test_published_form_loses_two_digits_for_each_digit_of_nearness_and_the_sound_form_none():
     distances = np.array([1e-9, 1e-6, 1e-3, 1e-1])
     published, sound = case.errors_near_zero(distances)
     # a hundredth of rounding over the distance squared, within a factor of a hundred either way
@@ -27,7 +14,7 @@ def test_published_form_loses_two_digits_for_each_digit_of_nearness_and_the_soun
     assert sound.max() <= 4e-16
 
 
-def test_published_form_jumps_to_the_other_assembly_twice_a_turn(case):
+def test_published_form_jumps_to_the_other_assembly_twice_a_turn():
     angles = np.linspace(0.0, 2 * np.pi, 720, endpoint=False) + 1e-3
     published, sound = case.assemblies_over_a_turn(angles)
     assert case.jumps(published) == 2
@@ -37,7 +24,7 @@ def test_published_form_jumps_to_the_other_assembly_twice_a_turn(case):
     assert (published == np.sign(v3x)).all()
 
 
-def test_forms_agree_where_the_published_one_is_well_conditioned(case):
+def test_forms_agree_where_the_published_one_is_well_conditioned():
     angles = np.linspace(-1.0, 1.0, 9)
     v1, axis, angle = case.question(case.LOOPER, angles)
     sound = case.unit_at_angles(v1, axis, angle, np.pi / 2, 1)

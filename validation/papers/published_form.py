@@ -13,20 +13,40 @@ from pathlib import Path
 
 import numpy as np
 from mpmath import mp
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.catalog.rssr import Rssr
 from mechsim.analytic.vector_method.vectors import (
     Sign,
     column,
     cross,
+    dot,
+    norm,
     triangle_angle,
     unit_at_angles,
-    unit_at_angles_published,
 )
 
 Array = NDArray[np.float64]
 LOOPER = Rssr(crank=0.014, coupler=0.048, rocker=0.024, pivot=(0.039, -0.008, 0.004), gamma1=0.0, gamma2=0.0)
+
+
+def unit_at_angles_published(v1: Array, v2: Array, angle1: ArrayLike, angle2: ArrayLike, sign: Sign) -> Array:
+    """Return the unit vector at two angles by the published form.
+
+    It divides by the X-component of v1 x v2, and its `sign` is the sign of a root in p_X: it loses
+    digits where that component is small, and means the other assembly where it is negative.
+
+    Source: paper 000, eqs (10)-(21), verbatim.
+    """
+    v3 = cross(v1, v2)
+    q1, q2 = norm(v1) * np.cos(angle1), norm(v2) * np.cos(angle2)
+    b1 = q1 * v2[2] - q2 * v1[2]
+    b2 = q2 * v1[1] - q1 * v2[1]
+    half = v3[1] * b1 + v3[2] * b2
+    v3v3 = dot(v3, v3)
+    root = np.sqrt(half * half - v3v3 * (b1 * b1 + b2 * b2 - v3[0] * v3[0]))
+    x = (-half + sign * root) / v3v3
+    return np.stack([x, (v3[1] * x + b1) / v3[0], (v3[2] * x + b2) / v3[0]])
 
 
 def question(drive: Rssr, f: Array) -> tuple[Array, Array, Array]:

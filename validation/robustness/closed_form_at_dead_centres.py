@@ -8,7 +8,8 @@ angle given, a double; its own error is below 1e-40. An error is judged in units
 the condition is how much the point moves, in units of the longest link, for a relative change of the
 crank angle and of each length, summed, by differences in 50 digits. No form that rounds its inputs can
 do better than about one unit. Published form: the angle by arc cosine, then paper 000, eqs (10)-(21). A
-dead centre as such does it no harm; one near V3x = 0, where it divides by zero (published_form.py), does.
+dead centre as such does it no harm; one near V3x = 0, where it divides by zero (../papers/published_form.py),
+does.
 """
 
 import argparse
@@ -23,7 +24,11 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.catalog import FourBar, Rrsrr, Rssr, SliderCrank
 from mechsim.analytic.catalog.base import TwoBranchForm
-from mechsim.analytic.vector_method.vectors import column, norm, triangle_cosine, unit_at_angles_published
+from mechsim.analytic.vector_method.vectors import column, norm, triangle_cosine
+
+sys.path.append(str(Path(__file__).parents[1] / "papers"))
+
+from published_form import unit_at_angles_published
 
 Array = NDArray[np.float64]
 Vector = Sequence[mp.mpf]

@@ -132,26 +132,6 @@ def unit_at_angles(v1: Array, v2: Array, angle1: ArrayLike, angle2: ArrayLike, s
     return a * u1 + b * u2 + sign * h * n
 
 
-def unit_at_angles_published(v1: Array, v2: Array, angle1: ArrayLike, angle2: ArrayLike, sign: Sign) -> Array:
-    """Return the unit vector at two angles by the published form; kept for validation only.
-
-    It divides by the X-component of v1 x v2, and its `sign` is the sign of a root in p_X: it loses
-    digits where that component is small, and means the other assembly where it is negative.
-    `unit_at_angles` is the one to use.
-
-    Source: paper 000, eqs (10)-(21), verbatim.
-    """
-    v3 = cross(v1, v2)
-    q1, q2 = norm(v1) * np.cos(angle1), norm(v2) * np.cos(angle2)
-    b1 = q1 * v2[2] - q2 * v1[2]
-    b2 = q2 * v1[1] - q1 * v2[1]
-    half = v3[1] * b1 + v3[2] * b2
-    v3v3 = dot(v3, v3)
-    root = np.sqrt(half * half - v3v3 * (b1 * b1 + b2 * b2 - v3[0] * v3[0]))
-    x = (-half + sign * root) / v3v3
-    return np.stack([x, (v3[1] * x + b1) / v3[0], (v3[2] * x + b2) / v3[0]])
-
-
 def circle_sphere(
     centre: Array, axis: Array, radius: float, sphere_centre: Array, sphere_radius: float, sign: Sign
 ) -> Array:

@@ -7,9 +7,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import DOP853
-from scipy.optimize import root_scalar
 
 from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.roots import root
 
 Array = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ class Road(Protocol):
         ...
 
     def frame(self, y: Array, along: Array | None) -> Frame:
-        """Linearise at y, the tangent pointing the way of `along`."""
+        """Linearise at y, the tangent making an acute angle with `along`."""
         ...
 
     def corrected(self, y: Array) -> tuple[Array, int]:
@@ -103,7 +103,7 @@ def walk(
     Args:
         road: the curve.
         start: a point of it, to within 1e-6 of its size.
-        direction: which of the two ways to go, (dim,); None takes the road's own choice.
+        direction: in which of the two to go, (dim,); None takes the road's own choice.
         length: where to stop if the curve has not closed; None asks for a closed curve.
         tolerance: of the integration, in units of the curve's size: it sets the step and the error
             of the arc length; points are on the curve to rounding whatever it is.
@@ -181,8 +181,7 @@ def turns(road: Road, curve: Curve, rate: Callable[[Frame], float]) -> Array:
             y = road.corrected(_hermite(curve, i, part))[0]
             return y, rate(road.frame(y, curve.tangents[i]))
 
-        root = _root(lambda part: between(part)[1], 0.0, 1.0)
-        found.append(between(root)[0])
+        found.append(between(root(lambda part: between(part)[1], 0.0, 1.0))[0])
     return np.array(found).reshape(len(found), curve.points.shape[1])
 
 
@@ -208,24 +207,18 @@ def _homecoming(
 ) -> tuple[Array, float, int] | None:
     """Return the start met again, the length of the curve and the iterations, if the last step passed it."""
     dense = solver.dense_output()
-    at = _root(
-        lambda s: float(plane @ road.gap(dense(s), start)), float(solver.t_old or 0.0), float(solver.t)
-    )
+    at = root(lambda s: float(plane @ road.gap(dense(s), start)), float(solver.t_old or 0.0), float(solver.t))
     if not np.linalg.norm(road.gap(dense(at), start)) <= 1e-3 * road.size:
         return None
     y, once = road.corrected(dense(at))
     frame = road.frame(y, first.tangent)
     gap, turned = road.gap(y, start), frame.mark_rate - first.mark_rate
-    same_way = np.linalg.norm(turned) <= 1e-3 * np.linalg.norm(first.mark_rate)
-    if not (np.linalg.norm(gap) <= 1e-6 * road.size and same_way):
+    same_direction = np.linalg.norm(turned) <= 1e-3 * np.linalg.norm(first.mark_rate)
+    if not (np.linalg.norm(gap) <= 1e-6 * road.size and same_direction):
         return None
     beyond = float(plane @ gap)
     end, again = road.corrected(y - beyond * frame.tangent)
     return end, at - beyond, once + again
-
-
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    return float(root_scalar(function, bracket=(low, high), method="brentq", xtol=1e-15, rtol=1e-15).root)
 
 
 def _crossed(old: Frame, new: Frame) -> bool:

@@ -33,7 +33,7 @@ class System:
     name: str = "curve"
 
     def frame(self, y: Array, along: Array | None) -> Frame:
-        """Linearise at y, the unit tangent pointing the way of `along`."""
+        """Linearise at y, the unit tangent making an acute angle with `along`."""
         rows = self._rows(y)[1]
         u, values, vt = np.linalg.svd(rows)
         rank = len(y) - 1
@@ -107,7 +107,7 @@ def trace(
     Args:
         system: the equations.
         start: a point of the curve to within 1e-6 of its size, (n,).
-        direction: the way to go is the one whose tangent makes an acute angle with this, (n,); None
+        direction: of the two to go in, the one whose tangent makes an acute angle with this, (n,); None
             lets the fastest coordinate rise.
         length: where to stop if the curve has not closed; None asks for a closed curve.
         tolerance: of the integration, in units of the size: it sets the steps and the error of the

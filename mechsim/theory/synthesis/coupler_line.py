@@ -123,7 +123,7 @@ def line(through: tuple[float, float], tilt: float, length: float, points: int =
 def follow_curve(
     curve: Array, base: Looper, *, equal_ripple: bool = False, in_space: bool = False
 ) -> Synthesis:
-    """Return the looper whose C follows a curve best, of both ways the dyad O1-A-C can bend.
+    """Return the looper whose C follows a curve best, of both senses in which the dyad O1-A-C can bend.
 
     Args:
         curve: points in the order they are passed, (n, 2) in [m], n at least 5; the deviation counts on
@@ -157,7 +157,7 @@ def _followed(curve: Array, base: Looper, equal_ripple: bool, in_space: bool, ev
     if not found:
         raise InputError(
             f"no linkage carries C along this curve, {extent:.6g} m in extent: the rocker that fits best "
-            "cannot hold B all the way; shorten or move the curve or change crank, coupler and arm"
+            "cannot hold B all along it; shorten or move the curve or change crank, coupler and arm"
         )
     return min(found, key=lambda one: one.deviation)
 

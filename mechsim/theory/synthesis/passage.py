@@ -50,7 +50,7 @@ def dyad(curve: Array, base: Looper, bend: Sign, *, in_space: bool = False) -> t
     Args:
         curve: places of C, (n, 2) in [m].
         base: gives crank a, coupler b, arm k and arm angle; in space also the cylinder.
-        bend: side of A on the way from O1 to C, +1 for left.
+        bend: side of A as seen from O1 towards C, +1 for left.
         in_space: the curve is that of C on the cylinder, seen along Z; then arm and arm angle are what
             the plane shows of them, k' and omega' of the paper.
 
@@ -128,9 +128,9 @@ def _crossings(
         if not np.isfinite(along + pace).all():
             break
         turned = pace * pace[middle] <= 0.0
-        if not turned.any() and np.abs(along).max() <= 1e-14 * design.arm and _one_way(angles):
+        if not turned.any() and np.abs(along).max() <= 1e-14 * design.arm and _monotonic(angles):
             return angles, places, speed
-        # beyond a place where C turns back the way to go is inwards; a longer step might lead there
+        # beyond a place where C turns back the only direction is inwards; a longer step might lead there
         inwards = np.sign(angles - angles[middle])
         step = np.divide(along, pace, out=inwards.copy(), where=~turned)
         angles = angles - np.clip(step, -0.1, 0.1)
@@ -157,7 +157,7 @@ def _response(design: Looper, places: Array, angles: Array, in_space: bool) -> t
     return pin + to_b, moved
 
 
-def _one_way(angles: Array) -> bool:
+def _monotonic(angles: Array) -> bool:
     steps = np.diff(angles)
     return bool((steps > 0.0).all() or (steps < 0.0).all()) and abs(angles[-1] - angles[0]) < 2.0 * np.pi
 

@@ -10,12 +10,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from looper_trials import BROKEN, Conditions, cost, trials_of
 from numpy.typing import NDArray
+from scipy.optimize import differential_evolution
 
 from mechsim.analytic.catalog.looper import Looper
 from mechsim.errors import InputError
-from mechsim.theory.synthesis.coupler_line import Synthesis, synthesize_looper
-from mechsim.theory.synthesis.search_trials import BROKEN, Conditions, cost, trials_of
+from mechsim.theory.synthesis import Synthesis, synthesize_looper
 
 Array = NDArray[np.float64]
 
@@ -89,8 +90,6 @@ def _searched(
     spare: float,
     seed: int,
 ) -> Synthesis | None:
-    from scipy.optimize import differential_evolution
-
     unit = base.crank
 
     def total(x: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Trials of the search in `straight`: many loopers side by side, judged by a few array operations.
+"""Trials of the search in looper_search.py: many loopers side by side, judged by a few array operations.
 
 Everything is in units of the crank and of shape (..., m) for m trials.
 """
@@ -28,7 +28,7 @@ class Conditions:
         stroke: least and greatest extent of C along the line over the turn, in [m]; with the follower's
             length it is the follower's swing.
         width: least extent of C across the line over the turn, in [m].
-        clearance: least distance of C's way back from the line, over `needle`, in [m].
+        clearance: least distance of C's path back from the line, over `needle`, in [m].
         needle: part of the line at its middle where needles pass, in [m].
         transmission: least angle between coupler and rocker over the turn, in [rad].
         longest: no link, nor the frame, is longer, in [m].
@@ -90,7 +90,7 @@ def cost(trials: Trials, length: float, base: Looper, wanted: Conditions, spare:
     path = _path(trials, centre, rocker, np.sign(bent[0]), base)
     stroke, lowest = np.ptp(path[1], axis=0), path[1].min(0)
     passing = np.abs(path[1] - trials.middle) <= 0.5 * wanted.needle / unit
-    # on its way back C moves the other way along Y, the crank still turning the same way
+    # on its path back C moves backwards along Y, the crank still turning forwards
     outward = np.sign(_wedge(pin[:, 0], pin[:, -1]))
     returning = outward * (np.roll(path[1], -1, 0) - np.roll(path[1], 1, 0)) < 0.0
     back = np.where(passing & returning, np.abs(path[0] - trials.line), np.inf).min(0)
@@ -118,7 +118,7 @@ def _dyad(trials: Trials, c: Array, z: Array) -> tuple[Array, Array]:
     cosine = trials.arm * np.cos(trials.arm_angle) / k
     sine = np.sign(np.sin(trials.arm_angle)) * np.sqrt(1.0 - cosine**2)
     reach = np.hypot(*c)
-    # the paper's assembly: A lies left of the way from O1 to C
+    # the paper's assembly: A lies left of the line from O1 to C
     angle = np.arctan2(c[1], c[0]) + np.arccos((1.0 + reach**2 - k**2) / (2.0 * reach))
     pin = np.stack([np.cos(angle), np.sin(angle)])
     x, y = (c - pin) / k
