@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.model.joints import KINDS, Kind, kinds_that
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import GROUND, ORIGIN, Mechanism, Vector
 from mechsim.model.motors import Motor
@@ -51,6 +52,12 @@ class Friction:
     def dry(self) -> bool:
         """Whether there is dry friction."""
         return bool(self.coulomb or self.coulomb_turn)
+
+    def sizes(self, kind: Kind) -> list[tuple[float, float]]:
+        """Return (viscous, dry) of each coordinate of a joint in their order; a ball's turning has one."""
+        sliding, turning = (self.viscous, self.coulomb), (self.viscous_turn, self.coulomb_turn)
+        turns = 1 if kind.ball else len(kind.turns)
+        return [sliding] * len(kind.slides) + [turning if kind.mixed else sliding] * turns
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,18 +185,18 @@ class Forces:
     def check(self, mechanism: Mechanism) -> None:
         """Raise InputError unless every joint and place named is the mechanism's, and of a kind that fits."""
         for friction in self.friction:
-            kind = mechanism.joint(friction.joint).kind
-            if kind != "cylindrical" and (friction.viscous_turn or friction.coulomb_turn):
+            name = mechanism.joint(friction.joint).kind
+            if not KINDS[name].mixed and (friction.viscous_turn or friction.coulomb_turn):
                 raise InputError(
-                    f"friction of turning beside that of sliding is given in {kind} joint "
-                    f"{friction.joint!r}; only a cylindrical joint has both"
+                    f"friction of turning beside that of sliding is given in {name} joint "
+                    f"{friction.joint!r}; only a {kinds_that(lambda kind: kind.mixed)} joint has both"
                 )
         for spring in self.joint_springs:
-            kind = mechanism.joint(spring.joint).kind
-            if kind not in ("revolute", "prismatic"):
+            name = mechanism.joint(spring.joint).kind
+            if not KINDS[name].single:
                 raise InputError(
-                    f"a spring in {kind} joint {spring.joint!r} is not known; "
-                    "give it in a revolute or prismatic joint"
+                    f"a spring in {name} joint {spring.joint!r} is not known; "
+                    f"give it in a {kinds_that(lambda kind: kind.single)} joint"
                 )
         for spring in self.springs:
             link_a, link_b = (located(mechanism, place)[0] for place in (spring.a, spring.b))

@@ -7,7 +7,6 @@ closed forms and `closure` on one side and by MuJoCo on the other.
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,25 +14,16 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.maths.given import number, numbers, require
 from mechsim.model.inertia import Inertia
+from mechsim.model.joints import KINDS, KindName, coordinates
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
-JointKind = Literal["revolute", "prismatic", "cylindrical", "universal", "spherical"]
 
 GROUND = "ground"
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 EX: Vector = (1.0, 0.0, 0.0)
 EY: Vector = (0.0, 1.0, 0.0)
 EZ: Vector = (0.0, 0.0, 1.0)
-
-# how many relative motions a joint leaves free
-FREEDOMS: dict[JointKind, int] = {
-    "revolute": 1,
-    "prismatic": 1,
-    "cylindrical": 2,
-    "universal": 2,
-    "spherical": 3,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,29 +118,29 @@ class Joint:
     """Two links meet: point on point, axis on axis, as the kind says.
 
     - revolute: points and axes coincide. Coordinate: angle from a's mark to b's about the axis.
-    - prismatic: axes coincide, marks stay parallel. Coordinate: way of b's point along the axis.
-    - cylindrical: axes coincide. Coordinates: way, then angle.
+    - prismatic: axes coincide, marks stay parallel. Coordinate: displacement of b's point along the axis.
+    - cylindrical: axes coincide. Coordinates: displacement, then angle.
     - universal: points coincide, axes cross at `cross_angle`. Coordinates: angle about a's axis,
       angle about b's; both zero where b's axis lies from a's axis towards a's mark.
     - spherical: points coincide. No coordinate.
 
     Attributes:
         name: unique in the mechanism.
-        kind: one of the five above.
+        kind: one of `model.joints.KINDS`, as above.
         a: the side nearer the frame.
         b: the other side.
         cross_angle: of a universal joint, in [rad].
     """
 
     name: str
-    kind: JointKind
+    kind: KindName
     a: End
     b: End
     cross_angle: float = np.pi / 2
 
     def __post_init__(self) -> None:
-        if str(self.kind) not in FREEDOMS:
-            raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; known are {', '.join(FREEDOMS)}")
+        if str(self.kind) not in KINDS:
+            raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; known are {', '.join(KINDS)}")
         for end in (self.a, self.b):
             require(f"a side of joint {self.name!r}", end, End)
         if self.a.link == self.b.link:
@@ -220,7 +210,7 @@ class Mechanism:
             _require_pose(link, pose)
         if not abs(number(self.start)) < np.inf:
             raise InputError(f"{self.name}: start is {self.start} rad; give a finite crank angle")
-        revolutes = [joint.name for joint in self.joints if joint.kind == "revolute"]
+        revolutes = [joint.name for joint in self.joints if KINDS[joint.kind].hinge]
         _known("driver", "revolute joint", self.driver, revolutes)
         for gear in self.gears:
             called = f"gear {gear.driver!r}-{gear.driven!r}"
@@ -283,37 +273,11 @@ def joint_coordinate(joint: Joint, a: Pose, b: Pose) -> Array:
     """Return the coordinates of a joint between two posed links, (..., k).
 
     k is 1 for revolute and prismatic joints, 2 for cylindrical and universal ones, 0 for spherical
-    ones; angles in (-pi, pi] rad, ways in [m].
+    ones; angles in (-pi, pi] rad, displacements in [m].
     """
+    gap = b.point(joint.b.point) - a.point(joint.a.point)
     frame_a, frame_b = a.rotation @ joint.a.frame, b.rotation @ joint.b.frame  # (..., 3, 3)
-    along = ((b.point(joint.b.point) - a.point(joint.a.point)) * frame_a[..., 2]).sum(-1)
-    if joint.kind == "spherical":
-        return np.empty((*along.shape, 0))
-    if joint.kind == "universal":
-        return np.stack(_universal_angles(joint, frame_a, frame_b), -1)
-    seen = (np.swapaxes(frame_a, -1, -2) @ frame_b[..., :1])[..., 0]  # b's mark seen from a
-    angle = np.arctan2(seen[..., 1], seen[..., 0])
-    columns = {"revolute": [angle], "prismatic": [along], "cylindrical": [along, angle]}[joint.kind]
-    return np.stack(columns, -1)
-
-
-def universal_zero(joint: Joint) -> Array:
-    """Return b's joint frame seen from a's at both angles zero of a universal joint, (3, 3)."""
-    c, s = np.cos(joint.cross_angle), np.sin(joint.cross_angle)
-    axis, mark = np.array([s, 0.0, c]), np.array([-c, 0.0, s])
-    return np.column_stack([mark, np.cross(axis, mark), axis])
-
-
-def _universal_angles(joint: Joint, frame_a: Array, frame_b: Array) -> tuple[Array, Array]:
-    relative = np.swapaxes(frame_a, -1, -2) @ frame_b
-    first = np.arctan2(relative[..., 1, 2], relative[..., 0, 2])
-    c, s = np.cos(first), np.sin(first)
-    back = np.zeros_like(relative)  # undo the turn about a's axis
-    back[..., 0, 0], back[..., 0, 1] = c, s
-    back[..., 1, 0], back[..., 1, 1] = -s, c
-    back[..., 2, 2] = 1.0
-    rest = universal_zero(joint).T @ back @ relative
-    return first, np.arctan2(rest[..., 1, 0], rest[..., 0, 0])
+    return coordinates(KINDS[joint.kind], gap, frame_a, frame_b, joint.cross_angle)
 
 
 def _finite(end: End, what: str, value: Vector) -> Array:

@@ -74,5 +74,5 @@ def _ring(places: Array) -> list[int]:
 
 
 def _between(place: Array, a: Array, b: Array) -> bool:
-    way = float(np.linalg.norm(place - a) + np.linalg.norm(place - b))
-    return way < float(np.linalg.norm(a - b)) * (1.0 + 1e-9)
+    detour = float(np.linalg.norm(place - a) + np.linalg.norm(place - b))
+    return detour < float(np.linalg.norm(a - b)) * (1.0 + 1e-9)

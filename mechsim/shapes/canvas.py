@@ -17,7 +17,7 @@ class Canvas:
 
     Attributes:
         mechanism: what is drawn.
-        travel: joint -> least and greatest way along its axis in [m], where known.
+        travel: joint -> least and greatest displacement along its axis in [m], where known.
         outward: joint -> side of its shaft.
         r: radius of rods in [m].
         colours: link -> colour.
@@ -75,8 +75,8 @@ class Canvas:
         """Return the direction in which what slides at a joint is thin."""
         return self.normals[end.link] if self.normals else end.frame[:, 1]
 
-    def way(self, joint: Joint) -> tuple[float, float]:
-        """Return the least and greatest way of a sliding joint, known or bounded by what the crank can do."""
+    def travel_of(self, joint: Joint) -> tuple[float, float]:
+        """Return the least and greatest displacement of a joint, known or bounded by the crank's reach."""
         if joint.name in self.travel:
             return self.travel[joint.name]
         guess = {GROUND: GROUND_POSE, **self.mechanism.guess}

@@ -6,9 +6,10 @@ import numpy as np
 
 from mechsim.model.mechanism import GROUND, Mechanism
 from mechsim.model.mechanism import IDENTITY as GROUND_POSE
-from mechsim.shapes import gears, joints, sliding
+from mechsim.shapes import gears
 from mechsim.shapes.body import edges, stations
 from mechsim.shapes.canvas import Canvas
+from mechsim.shapes.joints import DRAW
 from mechsim.shapes.shape import Shape, vector
 from mechsim.shapes.sides import free_sides
 
@@ -22,9 +23,9 @@ def link_shapes(
 
     Args:
         mechanism: what to draw.
-        travel: joint -> least and greatest way along its axis in [m], where it is known from a
+        travel: joint -> least and greatest displacement along its axis in [m], where it is known from a
             motion; else sliding joints get rails long enough for any motion from the guess.
-        outward: joint -> which way its shaft leads along its axis to a bearing, +1 or -1; see
+        outward: joint -> in which direction its shaft leads along its axis to a bearing, +1 or -1; see
             `free_sides`. Else the side that is free in the guess.
     """
     if outward is None:
@@ -32,15 +33,8 @@ def link_shapes(
     canvas = Canvas(mechanism, dict(travel or {}), dict(outward))
     for link in mechanism.links:
         _body(canvas, link.name)
-    draw = {
-        "revolute": joints.flat_revolute if canvas.normals else joints.spatial_revolute,
-        "prismatic": sliding.slide,
-        "cylindrical": sliding.sleeve,
-        "universal": joints.cross,
-        "spherical": joints.ball,
-    }
     for joint in mechanism.joints:
-        draw[joint.kind](canvas, joint)
+        DRAW[joint.kind](canvas, joint)
     for gear in mechanism.gears:
         gears.gear_pair(canvas, gear)
     return canvas.out

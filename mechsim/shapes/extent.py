@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import Mechanism, Pose, joint_coordinate
 from mechsim.shapes.shape import Array, Shape
 
@@ -26,10 +27,10 @@ def extent(drawn: Iterable[tuple[Pose, Sequence[Shape]]]) -> tuple[Array, Array]
 
 
 def travels(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, tuple[float, float]]:
-    """Return the least and greatest way of every sliding joint over a motion, in [m]."""
+    """Return the least and greatest displacement along the axis of every joint that slides there, in [m]."""
     found: dict[str, tuple[float, float]] = {}
     for joint in mechanism.joints:
-        if joint.kind in ("prismatic", "cylindrical"):
-            way = joint_coordinate(joint, poses[joint.a.link], poses[joint.b.link])[..., 0]
-            found[joint.name] = float(way.min()), float(way.max())
+        if KINDS[joint.kind].slides == ("a",):
+            along = joint_coordinate(joint, poses[joint.a.link], poses[joint.b.link])[..., 0]
+            found[joint.name] = float(along.min()), float(along.max())
     return found

@@ -1,16 +1,17 @@
-"""Which side of the frame a shaft leads to, so that it is least in the way."""
+"""Which side of the frame a shaft leads to, so that it meets as little as can be."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
+from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Mechanism, Pose
 from mechsim.shapes.body import edges, rod_radius, stations
 from mechsim.shapes.shape import Array
 
 
 def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, float]:
-    """Return the side of every ground joint where a shaft and its bearing are least in the way.
+    """Return the side of every ground joint where a shaft and its bearing are farthest from all rods.
 
     Args:
         mechanism: whose joints.
@@ -28,7 +29,7 @@ def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, flo
     sides: dict[str, float] = {}
     for joint in mechanism.joints:
         for ground, moving in ((joint.a, joint.b), (joint.b, joint.a)):
-            if joint.kind != "revolute" or ground.link != GROUND:
+            if not KINDS[joint.kind].hinge or ground.link != GROUND:
                 continue
             gaps = {}
             for side in (-1.0, 1.0):

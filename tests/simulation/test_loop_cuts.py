@@ -1,12 +1,10 @@
-from dataclasses import replace
-
 import mechanisms
 import pytest
 
 from mechsim import catalog
 from mechsim.errors import InputError
 from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
-from mechsim.simulation.mjcf.loop_cuts import cut_loops, is_planar
+from mechsim.simulation.mjcf.loop_cuts import cut_loops
 
 
 def chain(*joints: Joint, driver: str = "crank") -> Mechanism:
@@ -91,22 +89,3 @@ def test_a_loop_without_a_joint_that_can_be_cut_is_refused() -> None:
     )
     with pytest.raises(InputError, match="have a revolute or spherical joint in every loop"):
         cut_loops(slides)
-
-
-def test_planar_is_what_no_joint_leaves_the_plane_of() -> None:
-    for name in ("four_bar", "slider_crank"):
-        mechanism = catalog.make(name).mechanism
-        assert is_planar(mechanism, cut_loops(mechanism))
-    spatial = [catalog.make("rssr").mechanism, mechanisms.bennett(), mechanisms.rsup()]
-    assert not any(is_planar(mechanism, cut_loops(mechanism)) for mechanism in spatial)
-    assert is_planar(mechanisms.geared_five_bar(), cut_loops(mechanisms.geared_five_bar()))
-
-
-def test_a_four_bar_with_one_axis_a_thousandth_off_is_not_planar() -> None:
-    mechanism = catalog.make("four_bar").mechanism
-    tilted = [
-        replace(joint, b=replace(joint.b, axis=(1e-3, 0.0, 1.0))) if joint.name == "rocker" else joint
-        for joint in mechanism.joints
-    ]
-    leaning = replace(mechanism, joints=tuple(tilted))
-    assert not is_planar(leaning, cut_loops(leaning))

@@ -5,10 +5,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.closure.joint_rows import dot, skew
-from mechsim.analytic.closure.loop_equations import Poses, equations, is_length
+from mechsim.analytic.closure.joint_rows import dot, is_length, skew
+from mechsim.analytic.closure.loop_equations import Poses, equations
 from mechsim.analytic.closure.rank import least_norm
 from mechsim.errors import AssemblyError, InputError
+from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
 
 Array = NDArray[np.float64]
@@ -33,7 +34,7 @@ def turned_by(rotation: Array, vector: Array) -> Array:
     return np.where(np.abs(turned) < NOUGHT, 0.0, turned)
 
 
-# how far a pose on the way may stand open: near enough for the next step, which begins from it
+# how far a pose between two crank angles may stand open: near enough for the next step, which begins from it
 ROUGH = 1e-6
 
 
@@ -98,10 +99,10 @@ def assemble(
 
 
 def _require_axes_alike(mechanism: Mechanism, poses: Poses, angles: Array) -> None:
-    """Refuse joints put together with their axes opposed: the rows say parallel, not which way."""
+    """Refuse joints put together with their axes opposed: the rows say parallel, not in which sense."""
     placed = {GROUND: IDENTITY, **poses}
     for joint in mechanism.joints:
-        if joint.kind in ("spherical", "universal"):
+        if not KINDS[joint.kind].aligned:
             continue
         axes = [placed[end.link].rotation @ np.asarray(end.axis) for end in (joint.a, joint.b)]
         opposed = np.broadcast_to(dot(*axes) < 0.0, angles.shape)
@@ -183,8 +184,8 @@ def follow(mechanism: Mechanism, angles: ArrayLike, *, step: float = np.pi / 36)
     current = assemble(mechanism, [mechanism.start])
     found: list[dict[str, Pose]] = []
     for here, there in pairwise([mechanism.start, *angles]):
-        way = np.linspace(here, there, 1 + max(1, int(np.ceil(abs(there - here) / step))))
-        for before, after in pairwise(way):
+        path = np.linspace(here, there, 1 + max(1, int(np.ceil(abs(there - here) / step))))
+        for before, after in pairwise(path):
             ahead = _carried(mechanism, current, before, after - before)
             current = assemble(mechanism, [after], ahead, tolerance=ROUGH)
         found.append(current)
@@ -199,9 +200,9 @@ def follow(mechanism: Mechanism, angles: ArrayLike, *, step: float = np.pi / 36)
     return assemble(mechanism, angles, rough)
 
 
-def _carried(mechanism: Mechanism, poses: Poses, angle: float, way: float) -> dict[str, Pose]:
-    """Return poses carried along the tangent of the loops over a small way of the crank."""
+def _carried(mechanism: Mechanism, poses: Poses, angle: float, turn: float) -> dict[str, Pose]:
+    """Return poses carried along the tangent of the loops over a small turn of the crank."""
     rows = equations(mechanism, poses, angle)
     asked = np.zeros_like(rows.residual)
-    asked[:, -1] = way
+    asked[:, -1] = turn
     return _moved(mechanism, poses, least_norm(mechanism, rows.jacobian, asked))

@@ -1,4 +1,4 @@
-"""Rows of the loop equations: how joint ends move, and the four kinds of rows they make.
+"""Rows of the loop equations: how joint ends move, the four kinds of rows they make, and which a joint has.
 
 A row is one of four kinds, for unit vectors U on link A and V on link B and the vector D from A's
 joint point to B's: the three components of D, U.V - c, U.D - c, and the driver or gear row.
@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.model.mechanism import Pose
+from mechsim.model.joints import COLUMN, KINDS
+from mechsim.model.mechanism import Joint, Pose
 
 Array = NDArray[np.float64]
 
@@ -109,14 +110,14 @@ class Stack:
         zero = np.zeros(3)
         self._add(dot(u, v) - cosine, bias, [(a.slot, zero, across), (b.slot, zero, -across)])
 
-    def distance_along(self, a: Side, i: int, b: Side, way: float) -> None:
-        """U.D = way, with U column i of a's frame."""
+    def distance_along(self, a: Side, i: int, b: Side, distance: float) -> None:
+        """U.D = distance, with U column i of a's frame."""
         u, u_rate, u_bias = a.direction(i)
         gap, gap_rate = b.point - a.point, b.point_velocity - a.point_velocity
         bias = 2.0 * dot(u_rate, gap_rate) + dot(u_bias, gap)
         bias = bias + dot(u, b.point_bias - a.point_bias)
         parts = [(a.slot, -u, cross(u, gap) - cross(a.arm, u)), (b.slot, u, cross(b.arm, u))]
-        self._add(dot(u, gap) - way, bias, parts)
+        self._add(dot(u, gap) - distance, bias, parts)
 
     def turned(self, residual: Array, turns: list[tuple[float, Side, Side]]) -> None:
         """A weighted sum of joint angles is given; residual in [rad]."""
@@ -131,6 +132,31 @@ class Stack:
     def rows(self) -> Rows:
         """Return all rows collected."""
         return Rows(np.stack(self.residual, 1), np.stack(self.jacobian, 1), np.stack(self.bias, 1))
+
+
+def add_joint(stack: Stack, joint: Joint, a: Side, b: Side) -> None:
+    """Add the rows of one joint: as many lengths as it transmits forces, then a row for each moment."""
+    kind = KINDS[joint.kind]
+    if not kind.slides:
+        stack.coincide(a, b)
+    else:
+        free = [COLUMN[axis] for axis in kind.slides]
+        for i in range(3):
+            if i not in free:
+                stack.distance_along(a, i, b, 0.0)
+    if kind.crossed:
+        stack.angle_between(a, 2, b, 2, float(np.cos(joint.cross_angle)))
+    elif kind.aligned:
+        stack.angle_between(a, 0, b, 2, 0.0)
+        stack.angle_between(a, 1, b, 2, 0.0)
+        if not kind.turns:
+            stack.angle_between(a, 0, b, 1, 0.0)
+
+
+def is_length(joint: Joint) -> list[bool]:
+    """Say of each row of a joint whether its residual is a length."""
+    kind = KINDS[joint.kind]
+    return [True] * kind.forces + [False] * kind.moments
 
 
 def wrap(angle: Array) -> Array:

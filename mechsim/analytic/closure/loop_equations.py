@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.closure.joint_rows import Rows, Side, Stack, wrap
+from mechsim.analytic.closure.joint_rows import Rows, Side, Stack, add_joint, is_length, wrap
 from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, joint_coordinate
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ def equations(
 
     stack = Stack(len(names), n)
     for joint in mechanism.joints:
-        _joint_rows(stack, joint, side(joint, "a"), side(joint, "b"))
+        add_joint(stack, joint, side(joint, "a"), side(joint, "b"))
 
     def coordinate(joint: Joint) -> Array:
         return joint_coordinate(joint, pose(joint.a.link), pose(joint.b.link))[..., 0]
@@ -71,22 +71,6 @@ def equations(
     return stack.rows()
 
 
-def _joint_rows(stack: Stack, joint: Joint, a: Side, b: Side) -> None:
-    """Add the rows of one joint; frame columns are 0 = mark, 1 = axis x mark, 2 = axis."""
-    if joint.kind in ("revolute", "universal", "spherical"):
-        stack.coincide(a, b)
-    else:
-        stack.distance_along(a, 0, b, 0.0)
-        stack.distance_along(a, 1, b, 0.0)
-    if joint.kind == "universal":
-        stack.angle_between(a, 2, b, 2, float(np.cos(joint.cross_angle)))
-    elif joint.kind != "spherical":
-        stack.angle_between(a, 0, b, 2, 0.0)
-        stack.angle_between(a, 1, b, 2, 0.0)
-    if joint.kind == "prismatic":
-        stack.angle_between(a, 0, b, 1, 0.0)
-
-
 def scaled(mechanism: Mechanism, jacobian: Array) -> Array:
     """Make a Jacobian free of units: lengths in units of the mechanism's size."""
     size = mechanism.size
@@ -96,13 +80,6 @@ def scaled(mechanism: Mechanism, jacobian: Array) -> Array:
     lengths = [length for joint in mechanism.joints for length in is_length(joint)]
     rows[: len(lengths)] = np.where(lengths, 1.0 / size, 1.0)
     return scaled * rows[:, None]
-
-
-def is_length(joint: Joint) -> list[bool]:
-    """Say of each row of a joint whether its residual is a length."""
-    point_rows = 3 if joint.kind in ("revolute", "universal", "spherical") else 2
-    angle_rows = {"revolute": 2, "prismatic": 3, "cylindrical": 2, "universal": 1, "spherical": 0}
-    return [True] * point_rows + [False] * angle_rows[joint.kind]
 
 
 def residual_norms(mechanism: Mechanism, poses: Poses, angle: ArrayLike) -> tuple[Array, Array]:

@@ -9,6 +9,7 @@ from mechsim.analytic.closure.assembly import follow
 from mechsim.analytic.closure.joint_rows import cross, dot
 from mechsim.analytic.closure.loop_equations import Poses, equations
 from mechsim.analytic.closure.rank import least_norm
+from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, joint_coordinate
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 
@@ -72,9 +73,7 @@ def rates(
         points=points,
         links=links,
         joints={
-            joint.name: _joint_motion(joint, links)
-            for joint in mechanism.joints
-            if joint.kind in ("revolute", "prismatic")
+            joint.name: _joint_motion(joint, links) for joint in mechanism.joints if KINDS[joint.kind].single
         },
     )
 
@@ -91,8 +90,8 @@ def point_on(link: LinkMotion, local: ArrayLike) -> PointMotion:
     """Return the motion of a point fixed in a moving link."""
     arm = link.rotation @ np.asarray(local, dtype=np.float64)
     swing = cross(link.angular_velocity, arm)
-    pull = cross(link.angular_acceleration, arm) + cross(link.angular_velocity, swing)
-    return PointMotion(link.position + arm, link.velocity + swing, link.acceleration + pull)
+    bend = cross(link.angular_acceleration, arm) + cross(link.angular_velocity, swing)
+    return PointMotion(link.position + arm, link.velocity + swing, link.acceleration + bend)
 
 
 def _joint_motion(joint: Joint, links: Mapping[str, LinkMotion]) -> JointMotion:
@@ -101,19 +100,19 @@ def _joint_motion(joint: Joint, links: Mapping[str, LinkMotion]) -> JointMotion:
     value = joint_coordinate(joint, *poses)[..., 0]
     axis = a.rotation @ np.asarray(joint.a.axis)
     axis_rate = cross(a.angular_velocity, axis)
-    if joint.kind == "revolute":
+    if KINDS[joint.kind].hinge:
         spin = b.angular_velocity - a.angular_velocity
-        pull = dot(axis, b.angular_acceleration - a.angular_acceleration)
-        return JointMotion(np.unwrap(value), dot(axis, spin), pull + dot(axis_rate, spin))
+        change = dot(axis, b.angular_acceleration - a.angular_acceleration)
+        return JointMotion(np.unwrap(value), dot(axis, spin), change + dot(axis_rate, spin))
     ends = point_on(a, joint.a.point), point_on(b, joint.b.point)
-    gap, gap_rate, gap_pull = (
-        getattr(ends[1], part) - getattr(ends[0], part) for part in ("position", "velocity", "acceleration")
-    )
-    axis_pull = cross(a.angular_acceleration, axis) + cross(a.angular_velocity, axis_rate)
+    gap = ends[1].position - ends[0].position
+    gap_rate = ends[1].velocity - ends[0].velocity
+    gap_second = ends[1].acceleration - ends[0].acceleration
+    axis_second = cross(a.angular_acceleration, axis) + cross(a.angular_velocity, axis_rate)
     return JointMotion(
         value,
         dot(axis, gap_rate) + dot(axis_rate, gap),
-        dot(axis, gap_pull) + 2.0 * dot(axis_rate, gap_rate) + dot(axis_pull, gap),
+        dot(axis, gap_second) + 2.0 * dot(axis_rate, gap_rate) + dot(axis_second, gap),
         "m",
     )
 

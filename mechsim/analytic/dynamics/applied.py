@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics.friction import add_force, add_friction, add_joint_effort
+from mechsim.analytic.dynamics.friction import add_efforts, add_force, add_friction
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.unit_motion import UnitMotion, cross, dot
 from mechsim.errors import InputError
 from mechsim.model.forces import Spring
+from mechsim.model.joints import KINDS
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import IDENTITY, Array, Joint, joint_coordinate
 
@@ -59,16 +60,16 @@ def applied(machine: Machine, unit: UnitMotion) -> Applied:
     springs, damping, coulomb = nothing.copy(), nothing.copy(), nothing.copy()
     for spring in forces.springs:
         tension, damper, stored = _spring(unit, spring)
-        _pull(unit, springs, spring, tension)
-        _pull(unit, damping, spring, damper)
+        _add_tension(unit, springs, spring, tension)
+        _add_tension(unit, damping, spring, damper)
         energy = energy + stored
     for spring in forces.joint_springs:
         joint = unit.mechanism.joint(spring.joint)
-        way = coordinate(unit, joint) - spring.rest
-        if joint.kind == "revolute":
-            way = way - 2.0 * np.pi * np.round(way / (2.0 * np.pi))
-        add_joint_effort(unit, springs, joint, -spring.stiffness * way)
-        energy = energy + 0.5 * spring.stiffness * way**2
+        stretch = coordinate(unit, joint) - spring.rest
+        if KINDS[joint.kind].hinge:
+            stretch = stretch - 2.0 * np.pi * np.round(stretch / (2.0 * np.pi))
+        add_efforts(unit, springs, joint, [-spring.stiffness * stretch])
+        energy = energy + 0.5 * spring.stiffness * stretch**2
     for friction in forces.friction:
         add_friction(unit, damping, coulomb, friction)
     for what, part in (("a spring", springs), ("friction or a damper", damping), ("friction", coulomb)):
@@ -138,7 +139,7 @@ def _line(unit: UnitMotion, spring: Spring) -> tuple[Array, Array, Array]:
     return gap / safe[:, None], length, rate_b - rate_a
 
 
-def _pull(unit: UnitMotion, stack: Stack, spring: Spring, tension: Array) -> None:
+def _add_tension(unit: UnitMotion, stack: Stack, spring: Spring, tension: Array) -> None:
     line, _, _ = _line(unit, spring)
     for place, sign in ((spring.a, 1.0), (spring.b, -1.0)):
         link, where, _ = unit.place(place)

@@ -1,5 +1,6 @@
 """Friction in joints of every kind: the rates it opposes, and the wrenches it puts on the links."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +8,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics.unit_motion import UnitMotion, cross, dot
 from mechsim.model.forces import Friction
+from mechsim.model.joints import COLUMN, KINDS
 from mechsim.model.mechanism import Joint
 
 Array = NDArray[np.float64]
@@ -25,86 +27,78 @@ class Dry:
     still: NDArray[np.bool_]
 
     @property
-    def way(self) -> Array:
+    def direction(self) -> Array:
         """Sign of the rate, 0 where the joint turns round, (n,)."""
         return np.where(self.still, 0.0, np.sign(self.rate))
 
 
 def dry_sizes(joint: Joint, friction: Friction) -> list[float]:
     """Return the sizes of a joint's dry frictions, those above zero, in the order of `dry`."""
-    sizes = {"cylindrical": (friction.coulomb, friction.coulomb_turn), "universal": (friction.coulomb,) * 2}
-    return [size for size in sizes.get(joint.kind, (friction.coulomb,)) if size]
+    return [size for _, size in friction.sizes(KINDS[joint.kind]) if size]
 
 
 def dry(unit: UnitMotion, friction: Friction) -> list[Dry]:
     """Return each dry friction of a joint; a spherical joint's rate is the size of its relative spin."""
+    return [part for part in _each_dry(unit, friction) if part.size]
+
+
+def _each_dry(unit: UnitMotion, friction: Friction) -> list[Dry]:
+    """Return the dry friction of every rate of a joint, of size zero too."""
     joint = unit.mechanism.joint(friction.joint)
-    spin = unit.spin(joint.b.link) - unit.spin(joint.a.link)
-    if joint.kind == "spherical":
-        rates = [np.sqrt(dot(spin, spin))]
-    elif joint.kind == "universal":
-        rates = list(_axis_rates(unit.axis(joint, "a"), unit.axis(joint, "b"), spin))
-    elif joint.kind == "cylindrical":
-        sizes = friction.coulomb, friction.coulomb_turn
-        both = slide_rate(unit, joint), turn_rate(unit, joint)
-        rates = [rate for size, rate in zip(sizes, both, strict=True) if size]
-    else:
-        rates = [joint_rate(unit, joint)]
-    slides = joint.kind == "prismatic" or (joint.kind == "cylindrical" and friction.coulomb > 0.0)
-    lengths = [unit.mechanism.size if slides and i == 0 else 1.0 for i in range(len(rates))]
+    kind = KINDS[joint.kind]
+    lengths = [unit.mechanism.size] * len(kind.slides) + [1.0] * len(kind.turns)
     return [
         Dry(size, rate, np.abs(rate) <= STILL * length)
-        for size, rate, length in zip(dry_sizes(joint, friction), rates, lengths, strict=False)
+        for (_, size), rate, length in zip(friction.sizes(kind), rates(unit, joint), lengths, strict=False)
     ]
 
 
-def joint_rate(unit: UnitMotion, joint: Joint) -> Array:
-    """Return the derivative of a revolute or prismatic joint's coordinate by the crank angle, (n,)."""
-    return turn_rate(unit, joint) if joint.kind == "revolute" else slide_rate(unit, joint)
-
-
-def turn_rate(unit: UnitMotion, joint: Joint) -> Array:
-    """Return the rate at which link b turns about the joint's axis, (n,)."""
-    return dot(unit.axis(joint), unit.spin(joint.b.link) - unit.spin(joint.a.link))
-
-
-def slide_rate(unit: UnitMotion, joint: Joint) -> Array:
-    """Return the rate at which b's point slides along the joint's axis, (n,) in [m/rad]."""
+def rates(unit: UnitMotion, joint: Joint) -> list[Array]:
+    """Return the derivatives of a joint's coordinates by the crank angle; of a ball the size of its spin."""
+    kind, spin = KINDS[joint.kind], _spin(unit, joint)
     place_a, rate_a = unit.point(joint.a.link, joint.a.point)
     place_b, rate_b = unit.point(joint.b.link, joint.b.point)
-    return dot(unit.axis(joint), rate_b - rate_a - cross(unit.spin(joint.a.link), place_b - place_a))
+    gap_rate = rate_b - rate_a - cross(unit.spin(joint.a.link), place_b - place_a)
+    found = [dot(axis, gap_rate) for axis in _slides(unit, joint)]
+    if kind.ball:
+        return [*found, np.sqrt(dot(spin, spin))]
+    if kind.crossed:
+        return [*found, *_axis_rates(unit.axis(joint, "a"), unit.axis(joint, "b"), spin)]
+    return [*found, dot(unit.axis(joint), spin)] if kind.turns else found
 
 
 def add_friction(unit: UnitMotion, damping: Array, coulomb: Array, friction: Friction) -> None:
     """Add a joint's friction to wrenches: viscous at unit crank speed, dry while the crank turns forwards."""
     joint = unit.mechanism.joint(friction.joint)
-    kind, axis = joint.kind, unit.axis(joint)
-    ways = [part.size * part.way for part in dry(unit, friction)]
-    if kind in ("revolute", "prismatic"):
-        add_joint_effort(unit, damping, joint, -friction.viscous * joint_rate(unit, joint))
-        for way in ways:
-            add_joint_effort(unit, coulomb, joint, -way)
-        return
-    if kind == "cylindrical":
-        add_slide_effort(unit, damping, joint, -friction.viscous * slide_rate(unit, joint))
-        turn = -friction.viscous_turn * turn_rate(unit, joint)
-        add_couple(unit, damping, joint, turn[:, None] * axis)
-        if friction.coulomb:
-            add_slide_effort(unit, coulomb, joint, -ways[0])
-        if friction.coulomb_turn:
-            add_couple(unit, coulomb, joint, -ways[-1][:, None] * axis)
-        return
-    spin = unit.spin(joint.b.link) - unit.spin(joint.a.link)
-    if kind == "universal":
+    viscous = [size for size, _ in friction.sizes(KINDS[joint.kind])]
+    efforts = [-size * rate for size, rate in zip(viscous, rates(unit, joint), strict=True)]
+    add_efforts(unit, damping, joint, efforts)
+    add_efforts(unit, coulomb, joint, [-part.size * part.direction for part in _each_dry(unit, friction)])
+
+
+def add_efforts(unit: UnitMotion, stack: Array, joint: Joint, efforts: Sequence[Array]) -> None:
+    """Add forces and torques (n,) on link b along a joint's coordinates, each doing work on its own alone.
+
+    A ball's one torque is about its relative spin.
+    """
+    kind = KINDS[joint.kind]
+    for axis, effort in zip(_slides(unit, joint), efforts, strict=False):
+        force = effort[:, None] * axis
+        place, _ = unit.point(joint.b.link, joint.b.point)
+        add_force(unit, stack, joint.b.link, place, force)
+        add_force(unit, stack, joint.a.link, place, -force)
+    torques = efforts[len(kind.slides) :]
+    if kind.ball:
+        spin = _spin(unit, joint)
+        speed = np.sqrt(dot(spin, spin))
+        add_couple(
+            unit, stack, joint, torques[0][:, None] * spin / np.where(speed > 0.0, speed, 1.0)[:, None]
+        )
+    elif kind.crossed:
         axes = unit.axis(joint, "a"), unit.axis(joint, "b")
-        add_couple(unit, damping, joint, -friction.viscous * _about(*axes, *_axis_rates(*axes, spin)))
-        if ways:
-            add_couple(unit, coulomb, joint, -_about(*axes, *ways))
-        return
-    add_couple(unit, damping, joint, -friction.viscous * spin)
-    for way in ways:
-        fast = np.sqrt(dot(spin, spin))
-        add_couple(unit, coulomb, joint, -way[:, None] * spin / np.where(fast > 0.0, fast, 1.0)[:, None])
+        add_couple(unit, stack, joint, _about(*axes, *torques))
+    elif kind.turns:
+        add_couple(unit, stack, joint, torques[0][:, None] * unit.axis(joint))
 
 
 def add_force(unit: UnitMotion, stack: Array, link: str, place: Array, force: Array) -> None:
@@ -123,20 +117,14 @@ def add_couple(unit: UnitMotion, stack: Array, joint: Joint, couple: Array) -> N
             stack[:, slot, 3:] += sign * couple
 
 
-def add_joint_effort(unit: UnitMotion, stack: Array, joint: Joint, effort: Array) -> None:
-    """Add a torque or force on link b along the axis of a revolute or prismatic joint."""
-    if joint.kind == "revolute":
-        add_couple(unit, stack, joint, effort[:, None] * unit.axis(joint))
-    else:
-        add_slide_effort(unit, stack, joint, effort)
+def _slides(unit: UnitMotion, joint: Joint) -> list[Array]:
+    """Return the directions in which a joint slides, (n, 3) each."""
+    return [unit.direction(joint.a, COLUMN[axis]) for axis in KINDS[joint.kind].slides]
 
 
-def add_slide_effort(unit: UnitMotion, stack: Array, joint: Joint, effort: Array) -> None:
-    """Add a force on link b along a joint's axis at b's point, and its reverse on link a there."""
-    along = effort[:, None] * unit.axis(joint)
-    place, _ = unit.point(joint.b.link, joint.b.point)
-    add_force(unit, stack, joint.b.link, place, along)
-    add_force(unit, stack, joint.a.link, place, -along)
+def _spin(unit: UnitMotion, joint: Joint) -> Array:
+    """Return the spin of a joint's link b against its link a, (n, 3)."""
+    return unit.spin(joint.b.link) - unit.spin(joint.a.link)
 
 
 def _axis_rates(first: Array, second: Array, spin: Array) -> tuple[Array, Array]:

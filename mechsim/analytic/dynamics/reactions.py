@@ -9,18 +9,11 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.closure import RANK_TOLERANCE
 from mechsim.analytic.dynamics.unit_motion import UnitMotion, cross
+from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import Gear, Joint, Mechanism
 
 Array = NDArray[np.float64]
 
-# rows of the loop equations a joint takes, and how many of them are lengths
-ROWS = {
-    "revolute": (5, 3),
-    "prismatic": (5, 2),
-    "cylindrical": (4, 2),
-    "universal": (4, 3),
-    "spherical": (3, 3),
-}
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
@@ -118,12 +111,12 @@ def _scales(mechanism: Mechanism, count: int) -> tuple[Array, Array]:
     columns = np.tile([size] * 3 + [1.0] * 3, len(mechanism.links))
     rows = np.ones(count)
     for joint, span in zip(mechanism.joints, _spans(mechanism), strict=True):
-        rows[span.start : span.start + ROWS[joint.kind][1]] = 1.0 / size
+        rows[span.start : span.start + KINDS[joint.kind].forces] = 1.0 / size
     return columns, rows
 
 
 def _spans(mechanism: Mechanism) -> list[slice]:
-    ends = np.cumsum([0, *(ROWS[joint.kind][0] for joint in mechanism.joints)]).tolist()
+    ends = np.cumsum([0, *(6 - KINDS[joint.kind].freedoms for joint in mechanism.joints)]).tolist()
     return [slice(first, last) for first, last in pairwise(ends)]
 
 

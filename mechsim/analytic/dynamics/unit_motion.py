@@ -14,7 +14,7 @@ from mechsim.analytic import closure
 from mechsim.analytic.closure import Rows
 from mechsim.errors import InputError
 from mechsim.model.forces import Place, located
-from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, Vector
+from mechsim.model.mechanism import GROUND, End, Joint, Mechanism, Pose, Vector
 from mechsim.model.motion import Motion
 
 Array = NDArray[np.float64]
@@ -117,10 +117,13 @@ class UnitMotion:
 
     def axis(self, joint: Joint, which: str = "a") -> Array:
         """Return the axis of a joint as side a or b has it, (n, 3)."""
-        end = joint.a if which == "a" else joint.b
+        return self.direction(joint.a if which == "a" else joint.b, 2)
+
+    def direction(self, end: End, column: int) -> Array:
+        """Return a column of a joint end's frame, (n, 3)."""
         slot = self.slot(end.link)
         frame = np.eye(3)[None] if slot is None else self.rotation[:, slot]
-        return np.broadcast_to(frame @ np.asarray(end.axis), (len(self), 3))
+        return np.broadcast_to(frame @ end.frame[:, column], (len(self), 3))
 
     def inertial(self, speed: Array, acceleration: Array) -> Array:
         """Return the wrenches that give the links their motion, about link origins, (n, L, 6) in [N, N m].

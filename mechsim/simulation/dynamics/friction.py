@@ -55,10 +55,10 @@ def oppose(
         soft: speed in [rad/s] of each friction below which it is proportional to the speed.
     """
     for i, one in enumerate(dry):
-        way = velocity[:, one.actuators]
-        fast = np.sqrt((way * way).sum(1))[:, None]
+        rate = velocity[:, one.actuators]
+        fast = np.sqrt((rate * rate).sum(1))[:, None]
         least = max(soft[i], TINY) if soft is not None else TINY
-        controls[:, one.actuators] = -one.size * way / np.maximum(fast, least)
+        controls[:, one.actuators] = -one.size * rate / np.maximum(fast, least)
 
 
 def softness(dry: Sequence[DryJoint], velocity: Array, inertia: float, timestep: float) -> list[float]:

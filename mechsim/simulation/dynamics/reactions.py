@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.model.joints import COLUMN, KINDS
 from mechsim.model.mechanism import Joint
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 
@@ -58,20 +59,26 @@ def transmitted(
         root = fields["subtree_com"][:, bench.model.body_rootid[body]]
         force = wrench[:, 3:]
         moment = wrench[:, :3] + np.cross(root - point, force)
-    a, b = axes[:, first] @ np.asarray(joint.a.axis), axes[:, second] @ np.asarray(joint.b.axis)
-    return Transmitted(*_constraint_part(joint, force, moment, a, b), point)
+    return Transmitted(*_constraint_part(joint, axes[:, first], axes[:, second], force, moment), point)
 
 
-def _constraint_part(joint: Joint, force: Array, moment: Array, a: Array, b: Array) -> tuple[Array, Array]:
-    """Return force and moment without what acts along the joint's freedoms, for its axes on a and b."""
-    if joint.kind == "spherical":
+def _constraint_part(
+    joint: Joint, rotation_a: Array, rotation_b: Array, force: Array, moment: Array
+) -> tuple[Array, Array]:
+    """Return force and moment without what acts along the freedoms of a joint between turned links."""
+    kind = KINDS[joint.kind]
+    frame_a, axis_b = rotation_a @ joint.a.frame, rotation_b @ np.asarray(joint.b.axis)
+    for axis in kind.slides:
+        force = _across(frame_a[..., COLUMN[axis]], force)
+    if kind.ball:
         return force, np.zeros_like(moment)
-    if joint.kind == "universal":
-        across = np.cross(a, b)
-        across = across / np.sqrt((across**2).sum(1))[:, None]
-        return force, across * (across * moment).sum(1)[:, None]
-    along = b * (b * moment).sum(1)[:, None]
-    turns, slides = joint.kind in ("revolute", "cylindrical"), joint.kind in ("prismatic", "cylindrical")
-    if slides:
-        force = force - b * (b * force).sum(1)[:, None]
-    return force, moment - along if turns else moment
+    if kind.crossed:
+        normal = np.cross(frame_a[..., 2], axis_b)
+        normal = normal / np.sqrt((normal**2).sum(1))[:, None]
+        return force, normal * (normal * moment).sum(1)[:, None]
+    return force, _across(axis_b, moment) if kind.turns else moment
+
+
+def _across(axis: Array, vector: Array) -> Array:
+    """Return the part of vectors across unit axes, (n, 3)."""
+    return vector - axis * (axis * vector).sum(1)[:, None]

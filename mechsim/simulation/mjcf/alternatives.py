@@ -1,4 +1,4 @@
-"""Other ways to make the same model, for comparing them: how the crank is driven, a rod as a length.
+"""Alternatives in the making of a model, for comparing them: how the crank is driven, a rod as a length.
 
 None is what the generator makes; why not is measured in validation/choices/drive.py and scene_costs.py.
 """
@@ -7,9 +7,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.motion_plane import plane_normals
 from mechsim.simulation.mjcf.generator import FLYWHEEL
-from mechsim.simulation.mjcf.loop_cuts import cut_loops, is_planar
+from mechsim.simulation.mjcf.loop_cuts import cut_loops
 
 Array = NDArray[np.float64]
 MOTOR = "crank@motor"
@@ -68,14 +70,17 @@ def rod_of(mechanism: Mechanism) -> str | None:
     """
     tree = cut_loops(mechanism)
     parents = {branch.parent.link for branch in tree.branches}
-    wanted = "revolute" if is_planar(mechanism, tree) else "spherical"
+    planar = plane_normals(mechanism) is not None
     fixed = {mechanism.driver, *(name for gear in mechanism.gears for name in (gear.driver, gear.driven))}
     cuts = {joint.name for joint in tree.cuts}
     for link in mechanism.links:
         joints = [joint for joint in mechanism.joints if link.name in (joint.a.link, joint.b.link)]
         if link.name in parents or len(joints) != 2 or sum(joint.name in cuts for joint in joints) != 1:
             continue
-        if any(joint.kind != wanted or joint.name in fixed for joint in joints):
+        kinds = [KINDS[joint.kind] for joint in joints]
+        if not all(kind.hinge if planar else kind.ball for kind in kinds):
+            continue
+        if any(joint.name in fixed for joint in joints):
             continue
         ends = [end.point for end in mechanism.ends(link.name)]
         tracked = [point for where, point in mechanism.points.values() if where == link.name]

@@ -12,10 +12,13 @@ import mujoco
 import numpy as np
 
 from mechsim.model.forces import Forces, Friction, JointSpring, Place, located
+from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import ORIGIN, End, Joint, Mechanism
+from mechsim.model.motion_plane import plane_normals
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor
 from mechsim.simulation.mjcf.body_inertia import quaternion
-from mechsim.simulation.mjcf.loop_cuts import Tree, is_planar, planar_senses
+from mechsim.simulation.mjcf.joints import part_names
+from mechsim.simulation.mjcf.loop_cuts import Tree, planar_senses
 
 Bodies = Mapping[str, mujoco.MjsBody]
 AXES = "xyz"
@@ -34,9 +37,7 @@ class Builder:
         """Return the model's joints that make up a joint of the tree; empty for one that is cut."""
         if joint in self.tree.cuts:
             return []
-        ends = {"universal": (".1", ".2"), "cylindrical": (".way", ".turn")}.get(joint.kind, ("",))
-        names = [joint.name + end for end in ends]
-        return [self.spec.joint("crank" if name == self.mechanism.driver else name) for name in names]
+        return [self.spec.joint(name) for name in part_names(self.mechanism, joint)]
 
     def site(self, name: str, end: End) -> str:
         """Add a site with a joint end's frame: x along the mark, z along the axis."""
@@ -145,7 +146,7 @@ def _affine(
 
 def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
     joint = builder.mechanism.joint(spring.joint)
-    if joint.kind == "prismatic":
+    if KINDS[joint.kind].slides:
         (part,) = builder.parts(joint)
         part.stiffness = _first(spring.stiffness + float(part.stiffness[0]))
         part.springref = spring.rest
@@ -168,20 +169,17 @@ def _turned(end: End, angle: float) -> tuple[float, float, float]:
 
 def _add_friction(builder: Builder, friction: Friction) -> None:
     joint = builder.mechanism.joint(friction.joint)
-    parts = builder.parts(joint)
-    sizes = [(friction.viscous, friction.coulomb)] * len(parts)
-    if joint.kind == "cylindrical":
-        sizes[1] = friction.viscous_turn, friction.coulomb_turn
-    native = joint.kind != "spherical"
-    for part, (viscous, coulomb) in zip(parts, sizes, strict=True):
+    parts, kind = builder.parts(joint), KINDS[joint.kind]
+    native = not kind.ball
+    for part, (viscous, coulomb) in zip(parts, friction.sizes(kind), strict=False):
         part.damping = _first(viscous + float(part.damping[0]))
         part.frictionloss = part.frictionloss + (coulomb if native else 0.0)
-    axes = (2,) if joint.kind == "revolute" else (0, 1, 2)
+    axes = (2,) if kind.hinge else (0, 1, 2)
     if friction.viscous and not parts:
         _affine(builder, f"friction in {joint.name}", joint, (0.0, 0.0, -friction.viscous), axes)
     if not friction.coulomb or (parts and native):
         return
-    if native and is_planar(builder.mechanism, builder.tree):
+    if native and plane_normals(builder.mechanism) is not None:
         _add_dry_cut(builder, joint, friction.coulomb)
         return
     # a ball joint's own dry friction in MuJoCo holds about three axes apart, not against the spin
@@ -199,12 +197,13 @@ def dry_name(joint: str) -> str:
 def _add_dry_cut(builder: Builder, joint: Joint, size: float) -> None:
     """Add dry friction to a cut joint of a planar mechanism: its angle is a sum of the tree's angles."""
     tendon = builder.spec.add_tendon(name=f"friction in {joint.name}", frictionloss=size)
-    senses = planar_senses(builder.tree)
+    senses = planar_senses(builder.mechanism, builder.tree)
     a, b = senses[joint.a.link], senses[joint.b.link]
     for name in sorted({*a, *b}):
         share = b.get(name, 0.0) - a.get(name, 0.0)
         if share:
-            tendon.wrap_joint("crank" if name == builder.mechanism.driver else name, share)
+            (part,) = builder.parts(builder.mechanism.joint(name))
+            tendon.wrap_joint(part.name, share)
 
 
 def _first(value: float) -> tuple[float, float, float]:

@@ -5,12 +5,22 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
+from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
+from mechsim.model.motion_plane import plane_normals
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.model.scene import Scene
 from mechsim.simulation.mjcf.body_inertia import PLACEHOLDER, quaternion, set_inertia, set_placeholder
 from mechsim.simulation.mjcf.force_elements import add_forces
-from mechsim.simulation.mjcf.loop_cuts import Branch, Tree, cut_loops, is_planar, seated_pose, zero_pose
+from mechsim.simulation.mjcf.joints import (
+    CRANK,
+    add_joint,
+    meeting_points,
+    part_names,
+    seated_pose,
+    zero_pose,
+)
+from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
 
 # inertia of the crank beside that of the links: reactions then change its speed by 1e-12 of itself a turn
 FLYWHEEL = 1e12
@@ -48,7 +58,7 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
     coordinates: dict[str, float] = {}
     for branch in tree.branches:
         parent = placed[branch.parent.link]
-        local, values = zero_pose(branch), (0.0, 0.0)
+        local, values = zero_pose(branch), (0.0,) * KINDS[branch.joint.kind].freedoms
         if poses is not None and branch.child.link in poses:
             local, values = seated_pose(branch, parent, poses[branch.child.link])
         link = branch.child.link
@@ -60,7 +70,10 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
             set_placeholder(body, mechanism, link)
         else:
             set_inertia(body, inertia)
-        _add_joints(body, mechanism, branch, local, values, scene)
+        for part in add_joint(body, mechanism, branch, local, values):
+            # at level dynamics the crank is free, or driven by its motor
+            if part.name == CRANK and scene.holds("motion") and scene.level != "dynamics":
+                part.armature = FLYWHEEL * PLACEHOLDER * mechanism.size
         if values:
             coordinates[branch.joint.name] = values[-1]
         bodies[link] = body
@@ -86,54 +99,20 @@ def _options(spec: mujoco.MjSpec, scene: Scene) -> None:
     option.disableflags = int(disable.mjDSBL_CONTACT | disable.mjDSBL_ISLAND | disable.mjDSBL_REFSAFE)
 
 
-def _add_joints(
-    body: mujoco.MjsBody,
-    mechanism: Mechanism,
-    branch: Branch,
-    local: Pose,
-    values: tuple[float, ...],
-    scene: Scene,
-) -> None:
-    """Add a tree joint to its child body; `ref` makes MuJoCo's coordinate that of the mechanism."""
-    joint, end = branch.joint, branch.child
-    hinge, slide = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
-    own = branch.sense * np.asarray(end.axis)
-    # the other side's axis, seen from the child
-    other = branch.sense * (local.rotation.T @ np.asarray(branch.parent.axis))
-    first, second = (other, own) if branch.sense > 0 else (own, other)
-    if joint.kind == "spherical":
-        body.add_joint(name=joint.name, type=mujoco.mjtJoint.mjJNT_BALL, pos=end.point)
-        return
-    if joint.kind == "universal":
-        order = [(f"{joint.name}.1", hinge, first, values[0]), (f"{joint.name}.2", hinge, second, values[1])]
-        # the axis fixed in the parent comes first, that fixed in the child last
-        parts = order if branch.sense > 0 else order[::-1]
-    elif joint.kind == "cylindrical":
-        parts = [(f"{joint.name}.way", slide, own, values[0]), (f"{joint.name}.turn", hinge, own, values[1])]
-    else:
-        name = "crank" if joint.name == mechanism.driver else joint.name
-        parts = [(name, hinge if joint.kind == "revolute" else slide, own, values[0])]
-    for name, kind, axis, value in parts:
-        made = body.add_joint(name=name, type=kind, pos=end.point, axis=axis, ref=value)
-        # at level dynamics the crank is free, or driven by its motor
-        if name == "crank" and scene.holds("motion") and scene.level != "dynamics":
-            made.armature = FLYWHEEL * PLACEHOLDER * mechanism.size
-
-
 def _close(
     spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Mapping[str, mujoco.MjsBody]
 ) -> None:
     """Close each cut: point on point, and for a revolute joint in space a second point along its axis."""
-    planar = is_planar(mechanism, tree)
+    planar = plane_normals(mechanism) is not None
     for joint in tree.cuts:
-        arms = {"": 0.0}
-        if joint.kind == "revolute" and not planar:
-            arms["+"] = mechanism.size
-        for suffix, arm in arms.items():
+        heights = meeting_points(KINDS[joint.kind])
+        assert heights is not None
+        # in a plane one point is enough: nothing can leave the plane
+        for suffix, height in zip(("", "+"), heights[:1] if planar else heights, strict=False):
             names = []
             for end in (joint.a, joint.b):
                 name = f"{joint.name}@{end.link}{suffix}"
-                place = np.asarray(end.point) + arm * np.asarray(end.axis)
+                place = np.asarray(end.point) + height * mechanism.size * np.asarray(end.axis)
                 bodies[end.link].add_site(name=name, pos=place)
                 names.append(name)
             spec.add_equality(
@@ -153,13 +132,15 @@ def _mesh_gears(spec: mujoco.MjSpec, mechanism: Mechanism, coordinates: Mapping[
         first, second = coordinates.get(gear.driver, 0.0), coordinates.get(gear.driven, 0.0)
         offset = gear.ratio * first + gear.phase - second
         offset -= 2.0 * np.pi * np.round(offset / (2.0 * np.pi))
-        names = ["crank" if name == mechanism.driver else name for name in (gear.driven, gear.driver)]
+        (driven,), (driver,) = (
+            part_names(mechanism, mechanism.joint(name)) for name in (gear.driven, gear.driver)
+        )
         made = spec.add_equality(
             name=f"{gear.driver}-{gear.driven}",
             type=mujoco.mjtEq.mjEQ_JOINT,
             objtype=mujoco.mjtObj.mjOBJ_JOINT,
-            name1=names[0],
-            name2=names[1],
+            name1=driven,
+            name2=driver,
             solref=(20 * spec.option.timestep, 1.0),
             solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
         )

@@ -7,38 +7,13 @@ import networkx as nx
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.mechanism import (
-    GROUND,
-    IDENTITY,
-    End,
-    Joint,
-    Mechanism,
-    Pose,
-    joint_coordinate,
-    universal_zero,
-)
+from mechsim.model.joints import KINDS, Kind, kinds_that
+from mechsim.model.mechanism import GROUND, Joint, Mechanism
+from mechsim.model.motion_plane import plane_normals
+from mechsim.simulation.mjcf.joints import Branch, meeting_points
 
-# a joint can be cut where MuJoCo has an equality that closes it exactly: a point on a point. What it
-# costs is the constraint rows; validation/choices/cut_joint.py measures the choice.
-CUT_COST = {"spherical": 3, "revolute": 4}
+# cost of cutting a joint that cannot be cut, above that of any that can
 UNCUTTABLE = 1000
-
-
-@dataclass(frozen=True, slots=True)
-class Branch:
-    """One joint of the tree, from a link already placed to the next.
-
-    Attributes:
-        joint: the joint.
-        parent: its end on the placed link.
-        child: its end on the next.
-        sense: +1 if the joint's own order is parent to child, else -1.
-    """
-
-    joint: Joint
-    parent: End
-    child: End
-    sense: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +52,7 @@ def cut_loops(
         raise InputError(f"{mechanism.name}: joint {name!r} is {what} and cannot be cut; cut another")
     distance = _distance_from_crank(mechanism)
     for order, joint in enumerate(mechanism.joints):
-        held = UNCUTTABLE if joint.name in needed else CUT_COST.get(joint.kind, UNCUTTABLE - 1)
+        held = UNCUTTABLE if joint.name in needed else _cost(KINDS[joint.kind])
         held += 10 * (joint.name in keep)
         cost = 0 if joint.name in asked else held
         far = min(distance[joint.a.link], distance[joint.b.link])
@@ -96,10 +71,10 @@ def cut_loops(
                 f"{mechanism.name}: the loop through joint {joint.name!r} has only driven and geared joints; "
                 "have another joint in it"
             )
-        if joint.kind not in CUT_COST:
+        if not _cuttable(KINDS[joint.kind]):
             raise InputError(
                 f"{mechanism.name}: a loop would have to be cut at {joint.kind} joint {joint.name!r}, which "
-                "no MuJoCo constraint closes; have a revolute or spherical joint in every loop"
+                f"no MuJoCo constraint closes; have a {kinds_that(_cuttable)} joint in every loop"
             )
     if cut is not None and {joint.name for joint in cuts} != asked:
         raise InputError(
@@ -109,8 +84,17 @@ def cut_loops(
     return Tree(_ordered(mechanism, kept), cuts)
 
 
+def _cuttable(kind: Kind) -> bool:
+    return meeting_points(kind) is not None
+
+
+def _cost(kind: Kind) -> int:
+    """Return what cutting costs: constraint rows; validation/choices/cut_joint.py measures the choice."""
+    return 6 - kind.freedoms if _cuttable(kind) else UNCUTTABLE - 1
+
+
 def _distance_from_crank(mechanism: Mechanism) -> dict[str, int]:
-    """Count joints from the driven link to each link, the frame not being a way through."""
+    """Count joints from the driven link to each link, never through the frame."""
     driver = mechanism.joint(mechanism.driver)
     driven = driver.b.link if driver.a.link == GROUND else driver.a.link
     graph = nx.Graph([(joint.a.link, joint.b.link) for joint in mechanism.joints])
@@ -134,88 +118,17 @@ def _ordered(mechanism: Mechanism, kept: set[str]) -> tuple[Branch, ...]:
     return tuple(branches)
 
 
-def zero_pose(branch: Branch) -> Pose:
-    """Return the child's pose in the parent's frame with all coordinates of the joint at zero."""
-    turn = np.eye(3)
-    if branch.joint.kind == "universal":
-        turn = universal_zero(branch.joint)
-        turn = turn if branch.sense > 0 else turn.T
-    rotation = branch.parent.frame @ turn @ branch.child.frame.T
-    return Pose(np.asarray(branch.parent.point) - rotation @ np.asarray(branch.child.point), rotation)
+def planar_senses(mechanism: Mechanism, tree: Tree) -> dict[str, Mapping[str, float]]:
+    """Return link -> the tree's hinges whose angles add up to its own about the normal of a planar mechanism.
 
-
-def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[float, ...]]:
-    """Return the child's pose in the parent's frame nearest to two rough poses, and its joint coordinates.
-
-    The joint is kept exactly: only its free coordinates are taken from the rough poses.
+    Each hinge has the sign with which its angle counts.
     """
-    joint = branch.joint
-    a, b = (parent, child) if branch.sense > 0 else (child, parent)
-    values = tuple(float(value) for value in joint_coordinate(joint, a, b))
-    relative = parent.rotation.T @ child.rotation
-    if joint.kind == "spherical":
-        rotation = relative
-        return Pose(np.asarray(branch.parent.point) - rotation @ np.asarray(branch.child.point), rotation), ()
-    turn, way = np.eye(3), 0.0
-    if joint.kind == "universal":
-        turn = _about_z(values[0]) @ universal_zero(joint) @ _about_z(values[1])
-    elif joint.kind == "prismatic":
-        way = values[0]
-    elif joint.kind == "cylindrical":
-        way, turn = values[0], _about_z(values[1])
-    else:
-        turn = _about_z(values[0])
-    if branch.sense < 0:
-        turn = turn.T
-    rotation = branch.parent.frame @ turn @ branch.child.frame.T
-    along = branch.sense * way * branch.parent.frame[:, 2]
-    place = np.asarray(branch.parent.point) + along - rotation @ np.asarray(branch.child.point)
-    return Pose(place, rotation), values
-
-
-def is_planar(mechanism: Mechanism, tree: Tree) -> bool:
-    """Return whether every joint keeps the links in one plane, whatever the coordinates.
-
-    Then a loop needs no constraint against leaving the plane.
-    """
-    poses: dict[str, Pose] = {GROUND: IDENTITY}
-    normal: np.ndarray | None = None
-    for branch in tree.branches:
-        parent, local = poses[branch.parent.link], zero_pose(branch)
-        poses[branch.child.link] = Pose(parent.point(tuple(local.position)), parent.rotation @ local.rotation)
-    joints = sorted(mechanism.joints, key=lambda joint: joint.kind != "revolute")
-    for joint in joints:
-        axis = poses[joint.a.link].rotation @ np.asarray(joint.a.axis)
-        if joint.kind == "revolute":
-            normal = axis if normal is None else normal
-            across = poses[joint.b.link].rotation @ np.asarray(joint.b.axis)
-            if max(np.abs(np.cross(normal, axis)).max(), np.abs(np.cross(normal, across)).max()) > 1e-9:
-                return False
-        elif joint.kind == "prismatic":
-            if normal is None or abs(float(normal @ axis)) > 1e-9:
-                return False
-        else:
-            return False
-    return True
-
-
-def planar_senses(tree: Tree) -> dict[str, Mapping[str, float]]:
-    """Return link -> the revolute joints whose angles add up to its own, each with its sign, in a plane."""
-    poses: dict[str, Pose] = {GROUND: IDENTITY}
+    normals = plane_normals(mechanism)
+    assert normals is not None
     sums: dict[str, Mapping[str, float]] = {GROUND: {}}
-    normal: np.ndarray | None = None
     for branch in tree.branches:
-        parent, local = poses[branch.parent.link], zero_pose(branch)
-        link = branch.child.link
-        poses[link] = Pose(parent.point(tuple(local.position)), parent.rotation @ local.rotation)
-        sums[link] = sums[branch.parent.link]
-        if branch.joint.kind == "revolute":
-            axis = branch.sense * (poses[link].rotation @ np.asarray(branch.child.axis))
-            normal = axis if normal is None else normal
-            sums[link] = {**sums[link], branch.joint.name: 1.0 if float(axis @ normal) > 0.0 else -1.0}
+        sums[branch.child.link] = sums[branch.parent.link]
+        if KINDS[branch.joint.kind].turns:
+            along = branch.sense * float(normals[branch.child.link] @ np.asarray(branch.child.axis))
+            sums[branch.child.link] = {**sums[branch.child.link], branch.joint.name: np.sign(along)}
     return sums
-
-
-def _about_z(angle: float) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

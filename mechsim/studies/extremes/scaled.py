@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.model.joints import KINDS
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings
 from mechsim.simulation.closed_model import assembled
@@ -65,7 +66,7 @@ def resized(drive: ClosedForm, factor: float) -> ClosedForm:
 
 def _on_ground(drive: ClosedForm, link: str) -> bool:
     return any(
-        {joint.a.link, joint.b.link} == {"ground", link} and joint.kind == "revolute"
+        {joint.a.link, joint.b.link} == {"ground", link} and KINDS[joint.kind].hinge
         for joint in drive.mechanism.joints
     )
 

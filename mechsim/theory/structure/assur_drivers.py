@@ -36,7 +36,7 @@ def inputs(
         )
     if len(wanted) > 1:
         return wanted, stopped
-    # the crank gives way first: the new driver stands in its place
+    # the crank yields first: the new driver stands in its place
     rest = [link for link in driven[1:] + driven[:1] if link not in (*wanted, *stopped)]
     return (*wanted, *rest[: freedoms - 1]), stopped
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 from mechsim.analytic.closure import Freedom, assemble, freedom
 from mechsim.errors import AssemblyError
-from mechsim.model.mechanism import FREEDOMS, Mechanism, Pose
+from mechsim.model.joints import KINDS
+from mechsim.model.mechanism import Mechanism, Pose
 from mechsim.theory.structure.passive_freedoms import FreeMotion, free_motions
 from mechsim.theory.structure.planar import plane_normal
 
@@ -122,13 +123,13 @@ def mobility(mechanism: Mechanism) -> Mobility:
     ranked: list[tuple[Freedom, dict[str, Pose]]] = [(freedom(mechanism, poses), poses) for poses in stands]
     best, poses = max(ranked, key=lambda item: item[0].rank)
     crank_moves = best.mobility > best.passive
-    taken = Counter(6 - FREEDOMS[joint.kind] for joint in mechanism.joints)
+    taken = Counter(6 - KINDS[joint.kind].freedoms for joint in mechanism.joints)
     return Mobility(
         actual=best.mobility,
         links=len(mechanism.links),
         joints=tuple(sorted(taken.items(), reverse=True)),
         gears=len(mechanism.gears),
-        planar=plane_normal(mechanism, stands[0]) is not None,
+        planar=plane_normal(mechanism) is not None,
         redundant=best.redundant,
         crank_moves=crank_moves,
         first_order=crank_moves and len(stands) == 1,

@@ -1,12 +1,13 @@
 """The motion of a body at an instant, and its description by the joints it turns about."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.model.joints import KINDS, Axis, Kind
 from mechsim.model.mechanism import End, Joint, Mechanism, Pose
 
 Array = NDArray[np.float64]
@@ -41,7 +42,7 @@ def motion_words(
     places = {joint.name: poses[end.link].point(end.point)[0] for joint, end in ends}
     speed = float(np.linalg.norm(twist.spin))
     if speed <= NOTHING:
-        along = _along(poses, ends, twist.velocity, ("prismatic", "cylindrical"))
+        along = _along(poses, ends, twist.velocity, lambda kind: kind.slides)
         return f"slides along the axis of joint {along[0]}" if along else None
     direction = twist.spin / speed
     pitch = float(twist.velocity @ direction) / speed
@@ -52,7 +53,7 @@ def motion_words(
         for name, place in places.items()
         if np.linalg.norm(np.cross(place - foot, direction)) <= NOTHING * size
     ]
-    along = _along(poses, ends, direction, ("revolute", "cylindrical", "universal"))
+    along = _along(poses, ends, direction, lambda kind: kind.turns)
     for name in along:
         if name in on_axis:
             return f"{verb} about the axis of joint {name}"
@@ -65,14 +66,17 @@ def motion_words(
 
 
 def _along(
-    poses: Mapping[str, Pose], ends: list[tuple[Joint, End]], direction: Array, kinds: tuple[str, ...]
+    poses: Mapping[str, Pose],
+    ends: list[tuple[Joint, End]],
+    direction: Array,
+    axes: Callable[[Kind], tuple[Axis, ...]],
 ) -> list[str]:
-    """Return the joints of some kinds whose axes lie along a direction."""
+    """Return the joints whose axis lies along a direction and is among some axes of their kind."""
     unit = direction / np.linalg.norm(direction)
     return [
         joint.name
         for joint, end in ends
-        if joint.kind in kinds
+        if "a" in axes(KINDS[joint.kind])
         and np.linalg.norm(np.cross(poses[end.link].rotation[0] @ np.asarray(end.axis), unit)) <= NOTHING
     ]
 

@@ -1,0 +1,52 @@
+"""Whether a mechanism is planar: the direction across which each link moves, from the description alone."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.model.joints import COLUMN, KINDS
+from mechsim.model.mechanism import End, Joint, Mechanism
+
+Array = NDArray[np.float64]
+
+# directions this little out of parallel are parallel: frames are made to 1e-16, a real tilt is far larger
+PARALLEL = 1e-9
+
+
+def plane_normals(mechanism: Mechanism) -> dict[str, Array] | None:
+    """Return the normal of the plane of motion in each link's frame, or None for a spatial mechanism.
+
+    Planar is a mechanism all of whose joints turn about one direction and slide across it, whatever
+    their coordinates; nothing needs to be solved for that. Points of a link need not lie in one plane.
+
+    Args:
+        mechanism: the mechanism.
+
+    Returns:
+        Link, "ground" included -> unit vector, (3,): along the crank's axis, and as the joints from there
+        carry it on.
+    """
+    crank = mechanism.joint(mechanism.driver).a
+    normals = {crank.link: np.asarray(crank.axis)}
+    for _ in mechanism.links:
+        for joint in mechanism.joints:
+            for here, there in ((joint.a, joint.b), (joint.b, joint.a)):
+                if here.link in normals and there.link not in normals:
+                    # where a joint turns about the normal only, both joint frames see the normal alike
+                    normals[there.link] = there.frame @ here.frame.T @ normals[here.link]
+    for joint in mechanism.joints:
+        for end in (joint.a, joint.b):
+            if end.link not in normals or not _stays_in_plane(joint, end, normals[end.link]):
+                return None
+    return normals
+
+
+def _stays_in_plane(joint: Joint, end: End, normal: Array) -> bool:
+    """Say whether a joint turns about a normal of one of its links and slides across it."""
+    kind = KINDS[joint.kind]
+    if not kind.aligned:
+        return False
+    seen = end.frame.T @ normal
+    across = [abs(seen[COLUMN[axis]]) for axis in kind.slides]
+    if kind.turns:
+        across += [abs(seen[0]), abs(seen[1])]
+    return max(across, default=0.0) <= PARALLEL

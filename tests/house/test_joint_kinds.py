@@ -1,0 +1,38 @@
+"""A joint kind is asked for by name only where it is said what it is, so that a new one touches few files."""
+
+import ast
+
+import house
+import pytest
+
+from mechsim.model.joints import KINDS
+
+FILES = house.modules()
+# where a kind has its row, its equations, its place in MuJoCo and its picture; a mechanism of the catalogue
+# names those of its own joints
+HOME = {
+    "mechsim.model.joints",
+    "mechsim.analytic.closure.joint_rows",
+    "mechsim.simulation.mjcf.joints",
+    "mechsim.shapes.joints",
+}
+CATALOG = "mechsim.analytic.catalog."
+
+
+def named(source):
+    """Return the joint kinds that stand in a source as a string of their own."""
+    constants = [node.value for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant)]
+    return [value for value in constants if isinstance(value, str) and value in KINDS]
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in FILES if name not in HOME and not name.startswith(CATALOG)]
+)
+def test_no_joint_kind_is_asked_for_by_name_outside_its_four_files(name):
+    assert named(FILES[name].read_text()) == []
+
+
+def test_the_judge_sees_a_kind_that_is_asked_for_by_name():
+    assert named('turns = joint.kind in ("revolute", "cylindrical")') == ["revolute", "cylindrical"]
+    assert named('COST = {"spherical": 3}') == ["spherical"]
+    assert named('message = "have a revolute joint in every loop"') == []

@@ -1,0 +1,43 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from strategies import EPS, offsets, turns
+
+from mechsim.model.joints import KINDS, Kind, coordinates, displaced, kinds_that
+
+CROSS_ANGLE = 1.1
+
+
+@pytest.mark.parametrize(
+    ("name", "freedoms", "forces", "moments", "units"),
+    [
+        ("revolute", 1, 3, 2, ("rad",)),
+        ("prismatic", 1, 2, 3, ("m",)),
+        ("cylindrical", 2, 2, 2, ("m", "rad")),
+        ("universal", 2, 3, 1, ("rad", "rad")),
+        ("spherical", 3, 3, 0, ()),
+    ],
+)
+def test_a_row_of_the_table_says_what_is_free_and_what_is_held(name, freedoms, forces, moments, units):
+    kind = KINDS[name]
+    assert (kind.freedoms, kind.forces, kind.moments, kind.units) == (freedoms, forces, moments, units)
+
+
+# kinds there are, and two that are to come
+EVERY = {**KINDS, "planar": Kind(slides=("x", "y"), turns=("a",)), "fixed": Kind(slides=(), turns=())}
+
+
+@pytest.mark.parametrize("kind", EVERY.values(), ids=EVERY)
+@given(offsets, offsets, turns, turns)
+def test_coordinates_say_where_they_displace_a_joint(kind, first, second, angle, other):
+    lengths, angles = iter((first, second)), iter((angle, other))
+    values = [next(lengths if unit == "m" else angles) for unit in kind.units]
+    shift, turn = displaced(kind, values, CROSS_ANGLE)
+    found = coordinates(kind, shift, np.eye(3), turn, CROSS_ANGLE)
+    assert found.shape == (len(kind.units),)
+    assert np.abs(found - values).max(initial=0.0) <= 16 * EPS * np.pi
+
+
+def test_kinds_are_named_by_what_they_do():
+    assert kinds_that(lambda kind: kind.single) == "revolute or prismatic"
+    assert kinds_that(lambda kind: kind.mixed) == "cylindrical"

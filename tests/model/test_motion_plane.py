@@ -1,0 +1,50 @@
+from dataclasses import replace
+
+import mechanisms
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
+from mechsim.model.motion_plane import plane_normals
+
+
+def test_planar_is_what_no_joint_leaves_the_plane_of():
+    planar = [catalog.make(name).mechanism for name in ("four_bar", "slider_crank")]
+    assert all(plane_normals(one) for one in [*planar, mechanisms.geared_five_bar()])
+    spatial = [catalog.make("rssr").mechanism, mechanisms.bennett(), mechanisms.rsup()]
+    assert not any(plane_normals(one) for one in spatial)
+
+
+@pytest.mark.parametrize("tilt", [1e-3, 1e-8])
+def test_a_four_bar_with_one_axis_a_little_off_is_not_planar(tilt):
+    mechanism = catalog.make("four_bar").mechanism
+    tilted = [
+        replace(joint, b=replace(joint.b, axis=(tilt, 0.0, 1.0))) if joint.name == "rocker" else joint
+        for joint in mechanism.joints
+    ]
+    assert plane_normals(replace(mechanism, joints=tuple(tilted))) is None
+
+
+def test_normals_are_given_in_the_frame_of_each_link():
+    ends = (
+        End("arm", (0.1, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        End("slider", axis=(1.0, 0.0, 0.0), mark=(0.0, 0.0, 1.0)),
+    )
+    mechanism = Mechanism(
+        name="arm",
+        links=(Link("arm"), Link("slider")),
+        joints=(
+            Joint("crank", "revolute", End("arm"), End(GROUND, axis=(0.0, -1.0, 0.0))),
+            Joint("slide", "prismatic", *ends),
+        ),
+        driver="crank",
+        points={},
+    )
+    normals = plane_normals(mechanism)
+    assert normals is not None
+    assert {link: tuple(np.round(normal, 12) + 0.0) for link, normal in normals.items()} == {
+        "arm": (0.0, 0.0, 1.0),
+        GROUND: (0.0, -1.0, 0.0),
+        "slider": (0.0, 1.0, 0.0),
+    }
