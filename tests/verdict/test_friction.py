@@ -49,6 +49,21 @@ def test_torque_and_reactions_agree_under_friction_in_joints_of_every_kind(kind,
     assert crosscheck_driven(run, without(machine, coulomb=0.0)).outcome == "missed"
 
 
+@pytest.mark.parametrize("opposed", [(), ("A",), ("B",), ("crank", "A")])
+def test_friction_where_a_flat_loop_is_cut_opposes_its_joint_whichever_way_round_axes_are_given(opposed):
+    mechanism = catalog.make("four_bar").mechanism
+    down = {"axis": (0.0, 0.0, -1.0)}
+    turned = tuple(
+        replace(one, a=replace(one.a, **down), b=replace(one.b, **down)) if one.name in opposed else one
+        for one in mechanism.joints
+    )
+    friction = tuple(Friction(one.name, 1e-4, 2e-3) for one in turned)
+    machine = dynamics.machine(replace(mechanism, joints=turned), Forces(friction=friction))
+    run = driven(machine.mechanism, machine.forces, speed=30.0, turns=0.1, samples=12)
+    verdict = crosscheck_driven(run, machine)
+    assert verdict.passed, verdict
+
+
 @pytest.mark.parametrize("part", ["viscous", "coulomb", "viscous_turn", "coulomb_turn"])
 def test_each_part_of_the_friction_of_a_sleeve_is_seen_when_left_out(part):
     machine = of("cylindrical")

@@ -18,7 +18,7 @@ from mechsim.model.motion_plane import plane_normals
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor
 from mechsim.simulation.mjcf.body_inertia import quaternion
 from mechsim.simulation.mjcf.joints import part_names
-from mechsim.simulation.mjcf.loop_cuts import Tree, planar_senses
+from mechsim.simulation.mjcf.loop_cuts import Tree, turning_with
 
 Bodies = Mapping[str, mujoco.MjsBody]
 AXES = "xyz"
@@ -197,13 +197,9 @@ def dry_name(joint: str) -> str:
 def _add_dry_cut(builder: Builder, joint: Joint, size: float) -> None:
     """Add dry friction to a cut joint of a planar mechanism: its angle is a sum of the tree's angles."""
     tendon = builder.spec.add_tendon(name=f"friction in {joint.name}", frictionloss=size)
-    senses = planar_senses(builder.mechanism, builder.tree)
-    a, b = senses[joint.a.link], senses[joint.b.link]
-    for name in sorted({*a, *b}):
-        share = b.get(name, 0.0) - a.get(name, 0.0)
-        if share:
-            (part,) = builder.parts(builder.mechanism.joint(name))
-            tendon.wrap_joint(part.name, share)
+    for name, share in turning_with(builder.mechanism, builder.tree, joint).items():
+        (part,) = builder.parts(builder.mechanism.joint(name))
+        tendon.wrap_joint(part.name, share)
 
 
 def _first(value: float) -> tuple[float, float, float]:

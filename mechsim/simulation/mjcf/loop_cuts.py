@@ -1,6 +1,6 @@
 """Where to cut the loops: a mechanism as a tree of bodies and a few joints closed by constraints."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import networkx as nx
@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.joints import KINDS, Kind, kinds_that
-from mechsim.model.mechanism import GROUND, Joint, Mechanism
+from mechsim.model.mechanism import GROUND, End, Joint, Mechanism
 from mechsim.model.motion_plane import plane_normals
 from mechsim.simulation.mjcf.joints import Branch, meeting_points
 
@@ -118,17 +118,21 @@ def _ordered(mechanism: Mechanism, kept: set[str]) -> tuple[Branch, ...]:
     return tuple(branches)
 
 
-def planar_senses(mechanism: Mechanism, tree: Tree) -> dict[str, Mapping[str, float]]:
-    """Return link -> the tree's hinges whose angles add up to its own about the normal of a planar mechanism.
-
-    Each hinge has the sign with which its angle counts.
-    """
+def turning_with(mechanism: Mechanism, tree: Tree, cut: Joint) -> dict[str, float]:
+    """Return hinge of the tree -> +1 or -1 with which its angle counts in that of a cut hinge, in a plane."""
     normals = plane_normals(mechanism)
     assert normals is not None
-    sums: dict[str, Mapping[str, float]] = {GROUND: {}}
+
+    def along(end: End) -> float:
+        """Say whether an axis lies along the normal, or against it."""
+        return float(np.sign(normals[end.link] @ np.asarray(end.axis)))
+
+    sums: dict[str, dict[str, float]] = {GROUND: {}}
     for branch in tree.branches:
-        sums[branch.child.link] = sums[branch.parent.link]
-        if KINDS[branch.joint.kind].turns:
-            along = branch.sense * float(normals[branch.child.link] @ np.asarray(branch.child.axis))
-            sums[branch.child.link] = {**sums[branch.child.link], branch.joint.name: np.sign(along)}
-    return sums
+        own = (
+            {branch.joint.name: branch.sense * along(branch.child)} if KINDS[branch.joint.kind].turns else {}
+        )
+        sums[branch.child.link] = {**sums[branch.parent.link], **own}
+    a, b, sense = sums[cut.a.link], sums[cut.b.link], along(cut.b)
+    shares = {name: sense * (b.get(name, 0.0) - a.get(name, 0.0)) for name in sorted({*a, *b})}
+    return {name: share for name, share in shares.items() if share}
