@@ -11,9 +11,10 @@ from mechsim.cli.options import Json, Name, Sets, Speed, drive_of, speed_of, wri
 from mechsim.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
-    from mechsim.analytic.dynamics import Fluctuation, FreeRun, Machine, Study
+    from mechsim.analytic.dynamics import InverseDynamics, Machine
+    from mechsim.model.efforts import Fluctuation, FreeRun
     from mechsim.simulation import CrankProfile
-    from mechsim.simulation.dynamics import free_running
+    from mechsim.simulation.dynamics.free_running import SteppedFreeRun
     from mechsim.simulation.dynamics.prescribed_motion import Driven
     from mechsim.verdict.judge import Verdict
 
@@ -225,16 +226,14 @@ def _free(machine: "Machine", speed: float, asked: DynamicsAsked) -> bool:
         told = {"mechanism": machine.mechanism.name, "free": run_facts(run), "promise": promise}
         print_json(told | verdict_facts(verdict, "step"))
     else:
-        print_free(run)
+        print_free(machine.mechanism.name, run)
         print_verdict(verdict)
         print_promise(promise)
     kept = promise is None or promise["met"]
     return run.outcome == "done" and (verdict is None or verdict.passed) and kept
 
 
-def _stepped(
-    machine: "Machine", speed: float, asked: DynamicsAsked
-) -> "tuple[free_running.FreeRun, Verdict]":
+def _stepped(machine: "Machine", speed: float, asked: DynamicsAsked) -> "tuple[SteppedFreeRun, Verdict]":
     from mechsim.simulation.dynamics.free_running import free_run
     from mechsim.verdict.dynamics import crosscheck_free
 
@@ -249,7 +248,7 @@ def _stepped(
     return found, crosscheck_free(found, machine)
 
 
-def _write(csv: str | None, columns: "Study | FreeRun") -> None:
+def _write(csv: str | None, columns: "InverseDynamics | FreeRun") -> None:
     if csv is not None:
         from mechsim import files
 
@@ -259,17 +258,19 @@ def _write(csv: str | None, columns: "Study | FreeRun") -> None:
 Row = tuple[str, str, str, str, str]
 
 
-def print_study(name: str, study: "Study", turn: "Fluctuation | None", even: "Fluctuation | None") -> None:
+def print_study(
+    name: str, study: "InverseDynamics", turn: "Fluctuation | None", even: "Fluctuation | None"
+) -> None:
     """Print peaks of torque, reactions and shaking forces, and the speed fluctuation where there is one."""
     head = ("quantity", "largest", "at [rad]", "unit", "")
     print_table(f"{name}: prescribed crank", head, _rows(study, turn, even))
 
 
-def print_free(run: "FreeRun") -> None:
+def print_free(name: str, run: "FreeRun") -> None:
     """Print how a free run ended."""
     from mechsim.report.facts import run_facts
 
-    name, told = run.machine.mechanism.name, run_facts(run)
+    told = run_facts(run)
     begun = f"{run.speed[0]:.6g}" if run.speed[0] else "rest"
     typer.echo(f"{name}: {run.outcome}" + (f": {run.reason}" if run.reason else ""))
     typer.echo(
@@ -313,7 +314,7 @@ def driven_promise(run: "Driven | None") -> dict[str, Any] | None:
     }
 
 
-def free_promise(run: "free_running.FreeRun | None") -> dict[str, Any] | None:
+def free_promise(run: "SteppedFreeRun | None") -> dict[str, Any] | None:
     """Return what came of the tolerance of a free run as plain data; None where none was given."""
     if run is None or run.promise is None:
         return None
@@ -355,7 +356,7 @@ def print_verdict(verdict: "Verdict | None") -> None:
     print_table(title, HEAD[:-1], [check.cells[:-1] for check in verdict.checks])
 
 
-def _rows(study: "Study", turn: "Fluctuation | None", even: "Fluctuation | None") -> list[Row]:
+def _rows(study: "InverseDynamics", turn: "Fluctuation | None", even: "Fluctuation | None") -> list[Row]:
     from mechsim.report.facts import study_facts
 
     facts = study_facts(study)

@@ -71,7 +71,7 @@ def joint_loads(drive: "ClosedForm", road: str, profile: "CrankProfile", motion:
     else:
         found = dynamics.prescribed(
             machine, motion.angle, motion.speed, motion.acceleration
-        ).balance.reactions
+        ).efforts.reactions
     forces = {name: one.force for name, one in found.items()}
     # a moment that the largest force makes on a billionth of the size is rounding, and no arrow
     least = 1e-9 * drive.mechanism.size * max(float(np.abs(force).max()) for force in forces.values())

@@ -13,7 +13,7 @@ from mechsim.cli.render import File
 
 if TYPE_CHECKING:
     from mechsim.analytic.catalog.base import ClosedForm
-    from mechsim.analytic.dynamics import Machine, Study
+    from mechsim.analytic.dynamics import InverseDynamics, Machine
     from mechsim.model.motion import Motion
     from mechsim.pictures.plots import Format
 
@@ -159,7 +159,7 @@ def stability(asked: PlotAsked) -> bytes:
         return extremes_map(study(names, quick=True, done=tick), form=asked.form)
 
 
-def _study(asked: PlotAsked) -> "tuple[Machine, Study]":
+def _study(asked: PlotAsked) -> "tuple[Machine, InverseDynamics]":
     """Links as rods of steel, with their weight, as `mechsim dynamics` has them."""
     from mechsim.analytic import dynamics
     from mechsim.model.forces import Forces

@@ -7,6 +7,7 @@ frame, SI.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.model.joints import KINDS, Kind, kinds_that
@@ -215,6 +216,10 @@ class Forces:
         """The courses of all loads."""
         pushes = [load.force for load in self.loads] + [couple.moment for couple in self.couples]
         return pushes if self.crank_torque is None else [*pushes, self.crank_torque]
+
+    def motor_torque(self, speed: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the motor's torque on the crank at crank speeds (n,) in [rad/s]; zeros without a motor."""
+        return np.zeros(len(speed)) if self.motor is None else self.motor.torque(speed)
 
     def without_motor(self) -> "Forces":
         """Return the same without the motor."""

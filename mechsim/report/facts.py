@@ -7,10 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.dynamics.flywheel import Fluctuation
-from mechsim.analytic.dynamics.free_run_events import TURN
-from mechsim.analytic.dynamics.free_running import FreeRun
-from mechsim.analytic.dynamics.prescribed_motion import Study
+from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
+from mechsim.model.efforts import Fluctuation, FreeRun
 
 Array = NDArray[np.float64]
 
@@ -85,28 +83,28 @@ def _least_transmission(drive: ClosedForm) -> dict[str, float] | None:
     return {"least": float(values[at]), "at_angle": float(angles[at])}
 
 
-def study_facts(study: Study) -> dict[str, Any]:
-    """Return what a study of a prescribed crank comes to; all in SI."""
-    balance = study.balance
-    size = float(np.abs(study.torque).max()) or 1.0
-    sides = study.power_in + study.power_loads - study.power_lost - study.power_stored
+def study_facts(study: InverseDynamics) -> dict[str, Any]:
+    """Return what a prescribed crank comes to; all in SI."""
+    found, angle = study.efforts, study.efforts.angle
+    size = float(np.abs(found.torque).max()) or 1.0
+    sides = found.power_in + found.power_loads - found.power_lost - study.power_stored
     return {
-        "torque": _peak(study.torque, study.angle)
-        | {"mean": _mean(study.torque, study.angle), "rms": _mean(study.torque**2, study.angle) ** 0.5},
-        "routes": float(np.abs(balance.drive - study.torque).max()) / size,
+        "torque": _peak(found.torque, angle)
+        | {"mean": _mean(found.torque, angle), "rms": _mean(found.torque**2, angle) ** 0.5},
+        "routes": float(np.abs(study.second_torque - found.torque).max()) / size,
         "reactions": {
             name: {
                 "on": one.link,
                 "by": one.by,
-                "force": _peak(_norm(one.force, one.determined[:3]), study.angle),
-                "moment": _peak(_norm(one.moment, one.determined[3:]), study.angle),
+                "force": _peak(_norm(one.force, one.known[:3]), angle),
+                "moment": _peak(_norm(one.moment, one.known[3:]), angle),
                 "not_determined": list(one.open),
             }
-            for name, one in balance.reactions.items()
+            for name, one in found.reactions.items()
         },
-        "indeterminacy": balance.indeterminacy,
-        "shaking_force": _peak(_norm(study.shaking_force), study.angle),
-        "shaking_moment": _peak(_norm(study.shaking_moment), study.angle),
+        "indeterminacy": study.indeterminacy,
+        "shaking_force": _peak(_norm(study.shaking_force), angle),
+        "shaking_moment": _peak(_norm(study.shaking_moment), angle),
         "inertia": {
             "least": float(study.reduced.inertia.min()),
             "largest": float(study.reduced.inertia.max()),
@@ -146,7 +144,7 @@ def run_facts(run: FreeRun) -> dict[str, Any]:
         "outcome": run.outcome,
         "reason": run.reason,
         "seconds": float(run.time[-1]),
-        "turns": float(run.angle[-1] - run.angle[0]) / TURN,
+        "turns": float(run.angle[-1] - run.angle[0]) / (2.0 * np.pi),
         "speed": float(run.speed[-1]),
         "work": float(run.work[-1]),
         "lost": float(run.lost[-1]),

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.motion import Motion
+from mechsim.model.outcome import Outcome
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.pose_errors import in_another_assembly, pose_errors
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recorded_motion import States, evaluate
-from mechsim.simulation.run_result import Outcome, Run
+from mechsim.simulation.run_result import Run
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stepping import MOST_STEPS, Steps, Watch, step, unwatched
 

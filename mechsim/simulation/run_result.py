@@ -6,10 +6,10 @@ from typing import Any, Literal
 import numpy as np
 
 from mechsim.model.motion import Motion
+from mechsim.model.outcome import Outcome
 from mechsim.simulation.settings import Settings
 
 Method = Literal["step", "pose"]
-Outcome = Literal["met", "missed", "diverged", "changed assembly", "cannot assemble"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,7 +1,7 @@
 """The main job: a mechanism by every road, compared and judged."""
 
 import time as clock
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,8 +13,9 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.model.crank_profile import within_range
 from mechsim.model.mechanism import Pose
 from mechsim.model.motion import Motion
+from mechsim.model.outcome import Outcome, gravest
 from mechsim.simulation import Run, Settings, simulate
-from mechsim.verdict.judge import Check, Outcome, Verdict, crosscheck
+from mechsim.verdict.judge import Check, Verdict, crosscheck
 from mechsim.verdict.tolerances import EPS, Tolerance
 
 Array = NDArray[np.float64]
@@ -23,8 +24,6 @@ Array = NDArray[np.float64]
 # catalogue mechanism (measured 2.6e-9 at the worst), and a link 0.1 % long exceeds it 1e5 times
 STEP_PLACE = 1e-8
 STEPS = 1000
-# from good to bad
-OUTCOMES: tuple[Outcome, ...] = ("met", "missed", "changed assembly", "diverged", "cannot assemble")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +86,7 @@ def validate(drive: ClosedForm, *, speed: float = 20.0 * np.pi) -> Case:
 def _with_variant(case: Case, name: str, variant: Case) -> Case:
     """Return a case that holds a variant's checks too, each with the variant's name in front."""
     checks = tuple(replace(check, quantity=f"{name}, {check.quantity}") for check in variant.checks)
-    worse = OUTCOMES.index(variant.outcome) > OUTCOMES.index(case.outcome)
+    worse = gravest([case.outcome, variant.outcome]) == 1
     return replace(
         case,
         outcome=variant.outcome if worse else case.outcome,
@@ -132,8 +131,8 @@ def _validated(drive: ClosedForm, speed: float) -> Case:
     )
 
 
-def _worst(verdicts: Iterable[tuple[str, Verdict]]) -> tuple[Outcome, str]:
-    road, verdict = max(verdicts, key=lambda one: OUTCOMES.index(one[1].outcome))
+def _worst(verdicts: Sequence[tuple[str, Verdict]]) -> tuple[Outcome, str]:
+    road, verdict = verdicts[gravest(verdict.outcome for _, verdict in verdicts)]
     return verdict.outcome, f"{road}: {verdict.reason}" if verdict.reason else ""
 
 

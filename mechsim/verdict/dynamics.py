@@ -5,9 +5,10 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics import Machine, Study, free_run, prescribed
+from mechsim.analytic.dynamics import Machine, free_run, prescribed
 from mechsim.errors import InputError
-from mechsim.simulation.dynamics.free_running import FreeRun
+from mechsim.model.efforts import Efforts
+from mechsim.simulation.dynamics.free_running import SteppedFreeRun
 from mechsim.simulation.dynamics.prescribed_motion import Driven
 from mechsim.verdict.judge import Check, Verdict
 from mechsim.verdict.tolerances import Tolerance
@@ -97,15 +98,15 @@ def crosscheck_driven(
     motion = run.motion
     if run.outcome == "diverged" or motion.broken:
         return Verdict("diverged", (), motion.broken or "MuJoCo's state went bad")
-    study = prescribed(machine, motion.angle, motion.speed, motion.acceleration, time=motion.time)
+    study = prescribed(machine, motion.angle, motion.speed, motion.acceleration, time=motion.time).efforts
     usual = tolerances_driven(run.method)
     if run.promise is not None and run.method == "step":
         usual = tolerances_asked(run.promise.tolerance)
-    return _judged(_driven_checks(run, study, {**usual, **(bounds or {})}))
+    return _judged(_driven_checks(run.efforts, study, {**usual, **(bounds or {})}))
 
 
 def crosscheck_free(
-    run: FreeRun, machine: Machine, *, bounds: Mapping[str, Tolerance] | None = None
+    run: SteppedFreeRun, machine: Machine, *, bounds: Mapping[str, Tolerance] | None = None
 ) -> Verdict:
     """Compare a free run with the reduced equation from the same start, at the same instants.
 
@@ -114,10 +115,10 @@ def crosscheck_free(
         machine: the analytic side.
         bounds: bounds that replace those of `tolerances_free`, by kind.
     """
-    motion = run.motion
-    if run.outcome == "diverged":
-        return Verdict("diverged", (), run.reason)
-    if motion.time is None or len(motion) < 2:
+    motion, found = run.free, run.free
+    if found.outcome == "diverged":
+        return Verdict("diverged", (), found.reason)
+    if len(motion) < 2:
         raise InputError("a free run of fewer than two instants says nothing; run it longer")
     exact = free_run(machine, angle=float(motion.angle[0]), speed=float(motion.speed[0]), times=motion.time)
     n = len(exact)
@@ -133,24 +134,24 @@ def crosscheck_free(
     checks = [
         _check("crank angle", "rad", allowed["angle"], motion.angle - exact.angle, motion.angle),
         _check("crank speed", "rad/s", allowed["speed"], motion.speed - exact.speed, motion.angle, fastest),
-        _check("energy balance", "J", allowed["balance"], run.imbalance, motion.angle, energy),
+        _check("energy balance", "J", allowed["balance"], found.imbalance, motion.angle, energy),
         _check(
-            "work of motor and loads", "J", allowed["balance"], run.work - exact.work, motion.angle, energy
+            "work of motor and loads", "J", allowed["balance"], found.work - exact.work, motion.angle, energy
         ),
-        _check("energy lost", "J", allowed["balance"], run.lost - exact.lost, motion.angle, energy),
+        _check("energy lost", "J", allowed["balance"], found.lost - exact.lost, motion.angle, energy),
     ]
     return _judged(checks)
 
 
-def _driven_checks(run: Driven, study: Study, allowed: Mapping[str, Tolerance]) -> Iterator[Check]:
-    found, angle = run.efforts, study.angle
+def _driven_checks(found: Efforts, study: Efforts, allowed: Mapping[str, Tolerance]) -> Iterator[Check]:
+    angle = study.angle
     kinetic = float(np.abs(study.kinetic).max())
     torque = max(_rms(study.torque), 1e-3 * kinetic)
     standing = study.reversing & (np.abs(study.speed) <= STANDING * np.abs(study.speed).max())
     gap = np.where(standing, 0.0, found.torque - study.torque)
     yield _check("drive torque", "N m", allowed["torque"], gap, angle, torque)
-    size = study.machine.mechanism.size
-    reactions = study.balance.reactions
+    size = study.size
+    reactions = study.reactions
     largest = max(_rms(np.sqrt((one.force**2).sum(1))) for one in reactions.values()) or torque / size
     for name, exact in reactions.items():
         mine = found.reactions[name]
@@ -158,12 +159,12 @@ def _driven_checks(run: Driven, study: Study, allowed: Mapping[str, Tolerance]) 
             ("force", "N", slice(0, 3), largest),
             ("moment", "N m", slice(3, 6), largest * size),
         ):
-            known = exact.determined[part]
+            known = exact.known[part]
             if known.any():
                 apart = (getattr(mine, kind) - getattr(exact, kind))[:, known]
                 error = np.where(study.reversing, 0.0, np.sqrt((apart**2).sum(1)))
                 yield _check(f"{kind} in {name}", unit, allowed["reaction"], error, angle, scale)
-    for name, exact_torque in study.balance.gears.items():
+    for name, exact_torque in study.gears.items():
         gap = np.where(study.reversing, 0.0, found.gears[name] - exact_torque)
         yield _check(f"torque of gear {name}", "N m", allowed["reaction"], gap, angle, largest * size)
     height = float(np.abs(study.potential).max())
@@ -173,7 +174,7 @@ def _driven_checks(run: Driven, study: Study, allowed: Mapping[str, Tolerance]) 
     for name in ("power_loads", "power_lost"):
         gap = getattr(found, name) - getattr(study, name)
         yield _check(name.replace("_", " "), "W", allowed["power"], gap, angle, power)
-    yield _check("accelerations under these forces", "1", allowed["balance"], found.imbalance, angle)
+    yield _check("accelerations under these forces", "1", allowed["balance"], found.residual, angle)
 
 
 def _check(

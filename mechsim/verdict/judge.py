@@ -4,19 +4,19 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import Motion, PointMotion, Solver
+from mechsim.model.outcome import Outcome
 from mechsim.verdict import tolerances
 from mechsim.verdict.tolerances import Tolerance
 
 Array = NDArray[np.float64]
 PointFunction = Callable[[Array], Mapping[str, Array]]
-Outcome = Literal["met", "missed", "diverged", "changed assembly", "cannot assemble"]
 
 # default bound on place, in units of the stroke: a twentieth of what a link 0.1 % long does
 DEFAULT_PLACE = 1e-4

@@ -32,14 +32,13 @@ MAY = {
 }
 # what the records of efforts will undo
 STILL = {
-    "mechsim.pictures.plots.dynamics imports mechsim.analytic.dynamics",
     "mechsim.report.notebook imports mechsim.simulation",
     "mechsim.verdict.dynamics imports mechsim.analytic.dynamics",
     "mechsim.verdict.dynamics imports mechsim.simulation.dynamics.free_running",
     "mechsim.verdict.dynamics imports mechsim.simulation.dynamics.prescribed_motion",
 }
 CIRCLES = [["mechsim.simulation.dynamics.prescribed_motion", "mechsim.simulation.dynamics.torque_tolerance"]]
-TWICE = {"FreeRun", "Promise"}
+TWICE = {"Promise"}
 EVERYWHERE = {"errors", "_version", ""}
 # library -> the modules that may import it, by the start of their names
 LIBRARIES = {

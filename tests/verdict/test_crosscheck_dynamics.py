@@ -72,7 +72,7 @@ def test_the_torque_of_a_stepped_run_converges_with_fourth_order():
         settings = Settings(steps_per_turn=steps, constant_steps=steps / 10.0)
         run = driven(machine.mechanism, machine.forces, speed=SPEED, method="step", settings=settings)
         exact = dynamics.prescribed(machine, run.motion.angle, run.motion.speed, run.motion.acceleration)
-        errors.append(np.sqrt(np.mean((run.efforts.torque - exact.torque) ** 2)))
+        errors.append(np.sqrt(np.mean((run.efforts.torque - exact.efforts.torque) ** 2)))
     assert 3.5 < np.log2(errors[0] / errors[1]) < 5.5
 
 
@@ -135,7 +135,7 @@ def test_a_torque_of_the_wrong_sign_and_one_that_is_no_number_are_condemned(meth
 def test_a_free_run_without_friction_follows_the_reduced_equation_over_ten_turns(name):
     machine = of(name, Forces(gravity=GRAVITY))
     run = free_run(machine.mechanism, machine.forces, speed=60.0, turns=10.0)
-    assert run.outcome == "done"
+    assert run.free.outcome == "done"
     verdict = crosscheck_free(run, machine)
     assert verdict.passed, verdict
 
@@ -148,7 +148,7 @@ def test_a_free_run_without_friction_follows_the_reduced_equation_over_ten_turns
 def test_a_motor_starts_the_machine_as_the_reduced_equation_says(motor):
     machine = of("four_bar", Forces(gravity=GRAVITY, motor=motor, friction=(Friction("crank", 1e-3),)))
     run = free_run(machine.mechanism, machine.forces, turns=2.0)
-    assert run.outcome == "done"
+    assert run.free.outcome == "done"
     verdict = crosscheck_free(run, machine)
     assert verdict.passed, verdict
 
@@ -175,11 +175,11 @@ def test_a_load_over_the_crank_angle_acts_at_every_stage_of_every_step():
 def test_a_motor_weaker_than_friction_or_weight_cannot_start():
     mechanism = catalog.make("four_bar").mechanism
     held = Forces(motor=ConstantTorque(0.01), friction=(Friction("crank", 0.0, 0.02),))
-    assert free_run(mechanism, held, turns=1.0).outcome == "cannot start"
+    assert free_run(mechanism, held, turns=1.0).free.outcome == "cannot start"
     weak = Forces(gravity=(0.0, -9.81, 0.0), motor=ConstantTorque(1e-3))
     run = free_run(mechanism, weak, turns=1.0)
-    assert run.outcome == "cannot start"
-    assert "turns back" in run.reason
+    assert run.free.outcome == "cannot start"
+    assert "turns back" in run.free.reason
 
 
 def test_a_free_run_without_an_end_is_bad_input():

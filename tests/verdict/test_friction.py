@@ -74,26 +74,27 @@ def test_each_part_of_the_friction_of_a_sleeve_is_seen_when_left_out(part):
 def test_friction_takes_the_power_of_its_joint_s_rates_and_both_routes_to_torque_agree():
     machine = of("cylindrical")
     study = dynamics.prescribed(machine, np.linspace(0.7, 1.4, 9), 30.0)
+    found = study.efforts
     bare = dynamics.prescribed(
-        without(machine, **dict.fromkeys(("viscous", "coulomb"), 0.0)), study.angle, 30.0
-    )
+        without(machine, **dict.fromkeys(("viscous", "coulomb"), 0.0)), found.angle, 30.0
+    ).efforts
     bare_turn = dynamics.prescribed(
-        without(machine, **dict.fromkeys(("viscous_turn", "coulomb_turn"), 0.0)), study.angle, 30.0
-    )
-    assert (study.power_lost > bare.power_lost).all()
-    assert study.power_lost == pytest.approx(bare.power_lost + bare_turn.power_lost, rel=1e-12)
-    assert study.balance.drive == pytest.approx(study.torque, rel=1e-10)
+        without(machine, **dict.fromkeys(("viscous_turn", "coulomb_turn"), 0.0)), found.angle, 30.0
+    ).efforts
+    assert (found.power_lost > bare.power_lost).all()
+    assert found.power_lost == pytest.approx(bare.power_lost + bare_turn.power_lost, rel=1e-12)
+    assert study.second_torque == pytest.approx(found.torque, rel=1e-10)
 
 
 def test_dry_friction_of_a_ball_opposes_its_spin_and_no_axis_apart():
     machine = of("spherical, cut")
     ball = machine.mechanism.joint("S")
     study = dynamics.prescribed(machine, np.linspace(0.0, 6.0, 13), 30.0)
-    links = machine.drive.solve(study.angle, 30.0).links
+    links = machine.drive.solve(study.efforts.angle, 30.0).links
     still = np.zeros((13, 3))
     spins = [links[end.link].angular_velocity if end.link in links else still for end in (ball.a, ball.b)]
     spin = np.sqrt(((spins[1] - spins[0]) ** 2).sum(1))
-    assert study.power_lost == pytest.approx(4e-4 * spin + 1e-5 * spin**2, rel=1e-12)
+    assert study.efforts.power_lost == pytest.approx(4e-4 * spin + 1e-5 * spin**2, rel=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["spherical, cut", "cut in space"])
@@ -110,7 +111,7 @@ def test_a_crank_that_a_ball_joint_holds_cannot_start():
     held = Forces(friction=(Friction("S", 0.0, 0.5),), motor=ConstantTorque(0.01))
     machine = dynamics.machine(catalog.make("rrsrr"), held)
     assert dynamics.free_run(machine, turns=1.0).outcome == "cannot start"
-    assert free_run(machine.mechanism, machine.forces, turns=1.0).outcome == "cannot start"
+    assert free_run(machine.mechanism, machine.forces, turns=1.0).free.outcome == "cannot start"
 
 
 def test_a_couple_on_a_link_is_the_same_on_both_roads_and_missed_on_another_link():
@@ -121,8 +122,8 @@ def test_a_couple_on_a_link_is_the_same_on_both_roads_and_missed_on_another_link
     other = machine.with_forces(Forces(couples=(Couple("coupler", moment),)))
     assert crosscheck_driven(run, other).outcome == "missed"
     spin = machine.drive.solve(run.motion.angle, 30.0).links["link"].angular_velocity
-    study = dynamics.prescribed(machine, run.motion.angle, 30.0)
-    assert study.power_loads == pytest.approx((moment.at(study.angle) * spin).sum(1), abs=1e-12)
+    found = dynamics.prescribed(machine, run.motion.angle, 30.0).efforts
+    assert found.power_loads == pytest.approx((moment.at(found.angle) * spin).sum(1), abs=1e-12)
 
 
 @pytest.mark.parametrize("motor", [TorqueSpeedLine(0.02, 900.0), DCMotor(12.0, 4.0, 0.012)])

@@ -61,7 +61,7 @@ def rows(duration: float = 10.0, timestep: float = 2.5e-4, balance: float = 1e-6
         ),
         Row("redundant rows, less 1", abs(freedom.redundant - 1.0), 0.0, "1", "overconstrained"),
         Row("mobility, less 1", abs(freedom.mobility - 1.0), 0.0, "1", "moves all the same"),
-        Row(f"energy over {duration:g} s", run.energy_error, balance, "1", why),
+        Row(f"energy over {duration:g} s", run.free.energy_error, balance, "1", why),
         Row("loops open", float(run.motion.closure.max()), 1e-5, "m", "library asks 1e-5 of a good code"),
     ]
 

@@ -9,13 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics.friction import add_efforts, add_force, add_friction
+from mechsim.analytic.dynamics.friction import Dry, add_efforts, add_force, add_friction
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.unit_motion import UnitMotion, cross, dot
 from mechsim.errors import InputError
 from mechsim.model.forces import Spring
 from mechsim.model.joints import KINDS
-from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import IDENTITY, Array, Joint, joint_coordinate
 
 Stack = NDArray[np.float64]
@@ -31,6 +30,7 @@ class Applied:
         damping: of viscous friction and dampers at unit crank speed.
         coulomb: of dry friction while the crank turns forwards.
         energy: of gravity (zero at the ground's origin) and springs, (n,) in [J].
+        dry: each dry friction on its own.
     """
 
     gravity: Array
@@ -38,6 +38,7 @@ class Applied:
     damping: Array
     coulomb: Array
     energy: Array
+    dry: tuple[Dry, ...]
 
     def total(self, speed: Array) -> Array:
         """Return the sum at crank speeds (n,) in [rad/s]; a crank at rest has no Coulomb friction."""
@@ -70,15 +71,31 @@ def applied(machine: Machine, unit: UnitMotion) -> Applied:
             stretch = stretch - 2.0 * np.pi * np.round(stretch / (2.0 * np.pi))
         add_efforts(unit, springs, joint, [-spring.stiffness * stretch])
         energy = energy + 0.5 * spring.stiffness * stretch**2
+    rubbing: list[Dry] = []
     for friction in forces.friction:
-        add_friction(unit, damping, coulomb, friction)
+        rubbing += add_friction(unit, damping, coulomb, friction)
     for what, part in (("a spring", springs), ("friction or a damper", damping), ("friction", coulomb)):
         require_idle(unit, part, what)
-    return Applied(gravity, springs, damping, coulomb, energy)
+    return Applied(gravity, springs, damping, coulomb, energy, tuple(rubbing))
 
 
-def loads(machine: Machine, unit: UnitMotion, time: Array | None) -> Array:
-    """Return the wrenches of loads on points and couples on links, (n, L, 6), at angles and times in [s]."""
+@dataclass(frozen=True, slots=True)
+class Loads:
+    """Loads with a course of their own.
+
+    Attributes:
+        wrenches: of loads on points and couples on links, (n, L, 6) in [N, N m].
+        crank: torque on the crank itself, (n,) in [N m].
+        torque: generalised force of both on the crank, (n,) in [N m].
+    """
+
+    wrenches: Array
+    crank: Array
+    torque: Array
+
+
+def loads(machine: Machine, unit: UnitMotion, time: Array | None) -> Loads:
+    """Return the loads at angles and times (n,) in [s]; None where the time is not known."""
     out = np.zeros_like(unit.twist)
     for load in machine.forces.loads:
         link, place, _ = unit.place(load.place)
@@ -88,12 +105,9 @@ def loads(machine: Machine, unit: UnitMotion, time: Array | None) -> Array:
         if slot is not None:
             out[:, slot, 3:] += couple.moment.at(unit.angle, time)
     require_idle(unit, out, "a load")
-    return out
-
-
-def course_at(course: LoadProfile | None, angle: Array, time: Array | None) -> Array:
-    """Return a scalar course, or zeros where there is none, (n,)."""
-    return np.zeros(len(angle)) if course is None else course.at(angle, time)
+    course = machine.forces.crank_torque
+    crank = np.zeros(len(unit)) if course is None else course.at(unit.angle, time)
+    return Loads(out, crank, crank + power(unit, out))
 
 
 def coordinate(unit: UnitMotion, joint: Joint) -> Array:

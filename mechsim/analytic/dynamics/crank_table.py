@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics.friction import dry
+from mechsim.analytic.dynamics.applied import applied
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.reduced_equation import coefficients, load_leverage
 from mechsim.errors import AssemblyError
@@ -184,8 +184,9 @@ def _nodes(low: float, high: float) -> Array:
 def columns(machine: Machine, angles: Array) -> Array:
     """Return all columns at crank angles, (n, columns)."""
     unit = machine.unit_motion(angles)
-    part = coefficients(machine, unit)
-    rates = [part.rate for one in machine.forces.friction for part in dry(unit, one)]
+    acting = applied(machine, unit)
+    part = coefficients(unit, acting, machine.forces.flywheel)
+    rates = [one.rate for one in acting.dry]
     leverage = load_leverage(machine, unit).reshape(len(unit), -1)
     fixed = (part.inertia, part.slope, part.static, part.energy, part.damping)
     return np.column_stack([*fixed, *rates, leverage])

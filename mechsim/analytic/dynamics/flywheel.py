@@ -1,14 +1,16 @@
 """How unevenly a machine turns under a steady drive, and the flywheel that evens it out."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.analytic.dynamics.applied import applied, loads
 from mechsim.analytic.dynamics.machines import Machine
-from mechsim.analytic.dynamics.reduced_equation import coefficients, load_torque
+from mechsim.analytic.dynamics.reduced_equation import coefficients
 from mechsim.errors import InputError
 from mechsim.maths.roots import root
+from mechsim.model.efforts import Fluctuation
 
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
@@ -17,30 +19,6 @@ TURN = 2.0 * np.pi
 LEAST = 1e-9
 # crank angles over the turn; smooth coefficients are resolved to rounding by far fewer
 ANGLES = 1024
-
-
-@dataclass(frozen=True, slots=True)
-class Fluctuation:
-    """A turn of a machine in its steady state under a constant drive torque.
-
-    Attributes:
-        angle: crank angles over one turn, (n,) in [rad].
-        speed: of the crank, (n,) in [rad/s].
-        mean: mean speed over time, in [rad/s].
-        torque: the constant drive torque, in [N m].
-        excess: largest less smallest energy that the drive has put in beyond what the turn took so far,
-            in [J].
-        coefficient: (largest - smallest speed) / mean.
-        flywheel: moment of inertia of the flywheel, in [kg m2].
-    """
-
-    angle: Array
-    speed: Array
-    mean: float
-    torque: float
-    excess: float
-    coefficient: float
-    flywheel: float
 
 
 def fluctuation(machine: Machine, mean: float) -> Fluctuation:
@@ -89,8 +67,8 @@ def _turn(machine: Machine, mean: float) -> tuple[Array, Array, Array, float]:
     """Return angles, inertia, energy gained since the first of them, and the constant torque."""
     angle: Array = np.arange(ANGLES, dtype=np.float64) * (TURN / ANGLES)
     unit = machine.unit_motion(angle)
-    part = coefficients(machine, unit)
-    force = part.force(mean) + load_torque(machine, unit, angle / mean)
+    part = coefficients(unit, applied(machine, unit), machine.forces.flywheel)
+    force = part.force(mean) + loads(machine, unit, angle / mean).torque
     torque = -float(force.mean())
     waves = np.fft.rfft(force + torque)
     order = np.arange(len(waves))

@@ -1,7 +1,7 @@
 """A free crank from event to event: pieces of DOP853's solution between rests, turns back and the end."""
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,9 @@ from mechsim.analytic.dynamics.friction import dry_sizes
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.errors import AssemblyError
 from mechsim.maths.roots import root
+from mechsim.model.outcome import Outcome
 
 Array = NDArray[np.float64]
-Outcome = Literal["done", "time over", "cannot start", "turned back", "stopped", "dead centre"]
 TURN = 2.0 * np.pi
 
 # a run for turns with no time limit of its own may take this many times what it seems to need

@@ -1,92 +1,14 @@
 """Free running: the crank moves as the reduced equation says, by DOP853 at 1e-12."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from mechsim.analytic.dynamics.free_run_events import Outcome, Runner
+from mechsim.analytic.dynamics.free_run_events import Runner
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.errors import InputError
-from mechsim.model.motion import Motion
-
-Array = NDArray[np.float64]
+from mechsim.model.efforts import FreeRun
 
 TOLERANCE = 1e-12
-
-
-@dataclass(frozen=True, slots=True)
-class FreeRun:
-    """A free run at n instants, in SI, and how it ended.
-
-    Attributes:
-        machine: what ran.
-        time: (n,) in [s].
-        angle: crank angle, not wrapped, (n,) in [rad].
-        speed: (n,) in [rad/s].
-        acceleration: (n,) in [rad/s2].
-        kinetic: J w2 / 2, (n,) in [J].
-        potential: of gravity and springs, (n,) in [J].
-        work: done by motor and loads since the start, (n,) in [J].
-        lost: in friction and dampers since the start, (n,) in [J].
-        outcome: "done" (the turns or time asked for), "time over" (fewer turns in the time),
-            "cannot start" (never left its place, or swung back without a turn), "turned back" (ran, but
-            did not make the turns), "stopped" (friction holds it), "dead centre".
-        reason: one sentence where the outcome is not "done".
-    """
-
-    machine: Machine
-    time: Array
-    angle: Array
-    speed: Array
-    acceleration: Array
-    kinetic: Array
-    potential: Array
-    work: Array
-    lost: Array
-    outcome: Outcome
-    reason: str = ""
-
-    def __len__(self) -> int:
-        return len(self.time)
-
-    @property
-    def imbalance(self) -> Array:
-        """Energy there is less energy there should be, (n,) in [J]; zero by the law of energy."""
-        total = self.kinetic + self.potential
-        return total - total[0] - self.work + self.lost
-
-    @property
-    def energy_error(self) -> float:
-        """Largest imbalance relative to the energy turned over."""
-        size = max(np.ptp(self.kinetic), np.ptp(self.potential), np.abs(self.kinetic).max())
-        size = max(float(size), float(np.abs(self.work).max()), float(self.lost.max()))
-        return float(np.abs(self.imbalance).max()) / size if size > 0.0 else 0.0
-
-    @property
-    def motor_torque(self) -> Array:
-        """Torque of the motor on the crank, (n,) in [N m]."""
-        motor = self.machine.forces.motor
-        return np.zeros(len(self)) if motor is None else motor.torque(self.speed)
-
-    def motion(self) -> Motion:
-        """Return the motion of all points, links and joints at these instants.
-
-        Raises:
-            InputError: for a machine without a closed form.
-        """
-        if self.machine.drive is None:
-            raise InputError(
-                f"{self.machine.mechanism.name} has no closed form; use closure.rates at the run's angles"
-            )
-        return self.machine.drive.solve(self.angle, self.speed, self.acceleration)
-
-    def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield the run as columns of a table in SI."""
-        for name in ("time", "angle", "speed", "acceleration", "kinetic", "potential", "work", "lost"):
-            yield name, getattr(self, name)
-        yield "motor", self.motor_torque
 
 
 def free_run(
@@ -135,17 +57,17 @@ def free_run(
     outcome, reason = runner.run(duration)
     asked = np.linspace(0.0, runner.time, samples) if instants is None else instants
     times = asked[asked <= runner.time]
-    (way, rate, work, lost), pull, inertia, energy = runner.at(times)
+    (crank, rate, work, lost), acceleration, inertia, potential = runner.at(times)
     return FreeRun(
-        machine,
-        times,
-        way,
-        rate,
-        pull,
-        0.5 * inertia * rate**2,
-        energy,
-        work,
-        lost,
-        outcome,
-        reason,
+        time=times,
+        angle=crank,
+        speed=rate,
+        acceleration=acceleration,
+        kinetic=0.5 * inertia * rate**2,
+        potential=potential,
+        work=work,
+        lost=lost,
+        motor=machine.forces.motor_torque(rate),
+        outcome=outcome,
+        reason=reason,
     )

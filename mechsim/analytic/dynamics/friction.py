@@ -33,24 +33,8 @@ class Dry:
 
 
 def dry_sizes(joint: Joint, friction: Friction) -> list[float]:
-    """Return the sizes of a joint's dry frictions, those above zero, in the order of `dry`."""
+    """Return the sizes of a joint's dry frictions, those above zero, in the order of `add_friction`."""
     return [size for _, size in friction.sizes(KINDS[joint.kind]) if size]
-
-
-def dry(unit: UnitMotion, friction: Friction) -> list[Dry]:
-    """Return each dry friction of a joint; a spherical joint's rate is the size of its relative spin."""
-    return [part for part in _each_dry(unit, friction) if part.size]
-
-
-def _each_dry(unit: UnitMotion, friction: Friction) -> list[Dry]:
-    """Return the dry friction of every rate of a joint, of size zero too."""
-    joint = unit.mechanism.joint(friction.joint)
-    kind = KINDS[joint.kind]
-    lengths = [unit.mechanism.size] * len(kind.slides) + [1.0] * len(kind.turns)
-    return [
-        Dry(size, rate, np.abs(rate) <= STILL * length)
-        for (_, size), rate, length in zip(friction.sizes(kind), rates(unit, joint), lengths, strict=False)
-    ]
 
 
 def rates(unit: UnitMotion, joint: Joint) -> list[Array]:
@@ -67,13 +51,23 @@ def rates(unit: UnitMotion, joint: Joint) -> list[Array]:
     return [*found, dot(unit.axis(joint), spin)] if kind.turns else found
 
 
-def add_friction(unit: UnitMotion, damping: Array, coulomb: Array, friction: Friction) -> None:
-    """Add a joint's friction to wrenches: viscous at unit crank speed, dry while the crank turns forwards."""
+def add_friction(unit: UnitMotion, damping: Array, coulomb: Array, friction: Friction) -> list[Dry]:
+    """Add a joint's friction to wrenches: viscous at unit crank speed, dry while the crank turns forwards.
+
+    Returns:
+        Each dry friction; a spherical joint's rate is the size of its relative spin.
+    """
     joint = unit.mechanism.joint(friction.joint)
-    viscous = [size for size, _ in friction.sizes(KINDS[joint.kind])]
-    efforts = [-size * rate for size, rate in zip(viscous, rates(unit, joint), strict=True)]
-    add_efforts(unit, damping, joint, efforts)
-    add_efforts(unit, coulomb, joint, [-part.size * part.direction for part in _each_dry(unit, friction)])
+    kind = KINDS[joint.kind]
+    lengths = [unit.mechanism.size] * len(kind.slides) + [1.0] * len(kind.turns)
+    viscous: list[Array] = []
+    parts: list[Dry] = []
+    for (damper, size), rate, length in zip(friction.sizes(kind), rates(unit, joint), lengths, strict=False):
+        viscous.append(-damper * rate)
+        parts.append(Dry(size, rate, np.abs(rate) <= STILL * length))
+    add_efforts(unit, damping, joint, viscous)
+    add_efforts(unit, coulomb, joint, [-part.size * part.direction for part in parts])
+    return [part for part in parts if part.size]
 
 
 def add_efforts(unit: UnitMotion, stack: Array, joint: Joint, efforts: Sequence[Array]) -> None:

@@ -1,111 +1,79 @@
 """Inverse dynamics: what a machine needs, and what its joints carry, while its crank moves as prescribed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.dynamics.applied import applied, course_at, loads
-from mechsim.analytic.dynamics.friction import STILL, add_couple, dry
+from mechsim.analytic.dynamics.applied import applied, loads
+from mechsim.analytic.dynamics.friction import STILL, Dry, add_couple
 from mechsim.analytic.dynamics.machines import Machine
-from mechsim.analytic.dynamics.reactions import COMPONENTS, Balance, balance
-from mechsim.analytic.dynamics.reduced_equation import Reduced, coefficients, kinetic_energy, load_torque
+from mechsim.analytic.dynamics.reactions import balance
+from mechsim.analytic.dynamics.reduced_equation import Reduced, coefficients, kinetic_energy
 from mechsim.analytic.dynamics.unit_motion import UnitMotion, cross
 from mechsim.errors import InputError
+from mechsim.model.efforts import Efforts, wrench_columns
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class Study:
-    """The dynamics of a machine at n instants, in SI; vectors in the ground frame.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InverseDynamics:
+    """What formulas say of a machine under a prescribed crank at n instants, in SI; ground frame.
 
     Attributes:
         machine: whose.
-        angle: crank angle, (n,) in [rad].
-        speed: of the crank, (n,) in [rad/s].
-        acceleration: of the crank, (n,) in [rad/s2].
-        time: (n,) in [s]; None where it is not known.
-        torque: drive torque on the driven joint's link b about its axis, by virtual power, (n,) in
-            [N m]. It includes what a flywheel takes, and replaces the motor.
+        efforts: what both roads tell; the drive torque in it is by virtual power and replaces the motor.
+            Reactions where a dry friction turns round are without it, halfway between two values.
         load: generalised force of the loads on the crank, (n,) in [N m].
         reduced: coefficients of the reduced equation.
-        balance: drive torque by Newton and Euler (a second route), and all joint reactions.
+        second_torque: the drive torque by Newton's and Euler's laws, a second route, (n,) in [N m].
+        indeterminacy: number of independent self-stresses: forces the joints can hold against each
+            other without any load.
         shaking_force: on the frame, by the whole machine, (n, 3) in [N].
         shaking_moment: likewise, about the ground's origin, (n, 3) in [N m].
-        kinetic: energy of motion, link by link, flywheel included, (n,) in [J].
-        potential: energy of gravity and springs, (n,) in [J].
-        reversing: where a joint with dry friction turns round, or the crank with it, so that reactions
-            jump from one value to another, (n,); those given are without this joint's dry friction,
-            halfway between. Where the crank stands, so does the drive torque.
     """
 
     machine: Machine
-    angle: Array
-    speed: Array
-    acceleration: Array
-    time: Array | None
-    torque: Array
+    efforts: Efforts
     load: Array
     reduced: Reduced
-    balance: Balance
+    second_torque: Array
+    indeterminacy: int
     shaking_force: Array
     shaking_moment: Array
-    kinetic: Array
-    potential: Array
-    reversing: NDArray[np.bool_]
 
     def __len__(self) -> int:
-        return len(self.angle)
+        return len(self.efforts)
 
     @property
-    def power_in(self) -> Array:
-        """Power of the drive, (n,) in [W]."""
-        return self.torque * self.speed
-
-    @property
-    def power_loads(self) -> Array:
-        """Power of the loads on the machine, (n,) in [W]."""
-        return self.load * self.speed
-
-    @property
-    def power_lost(self) -> Array:
-        """Power lost in friction and dampers, (n,) in [W], 0 or more."""
-        part = self.reduced
-        return part.damping * self.speed**2 + part.coulomb * np.abs(self.speed)
+    def torque_parts(self) -> dict[str, Array]:
+        """What the drive torque is made of, (n,) each in [N m]."""
+        part, w = self.reduced, self.efforts.speed
+        return {
+            "inertia": part.inertia * self.efforts.acceleration + 0.5 * part.slope * w**2,
+            "weight and springs": -part.static,
+            "friction": part.damping * w + part.coulomb * np.sign(w),
+            "loads": -self.load,
+        }
 
     @property
     def power_stored(self) -> Array:
         """Rate at which kinetic and potential energy grow, (n,) in [W], from J, J' and statics."""
-        w, e, part = self.speed, self.acceleration, self.reduced
+        w, e, part = self.efforts.speed, self.efforts.acceleration, self.reduced
         return w * (part.inertia * e + 0.5 * part.slope * w**2 - part.static)
 
     def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield the study as columns of a table in SI."""
-        if self.time is not None:
-            yield "time", self.time
-        yield "angle", self.angle
-        yield "speed", self.speed
-        yield "acceleration", self.acceleration
-        yield "torque", self.torque
-        yield "inertia", self.reduced.inertia
-        yield "inertia_slope", self.reduced.slope
-        yield "kinetic", self.kinetic
-        yield "potential", self.potential
-        yield "power_in", self.power_in
-        yield "power_loads", self.power_loads
-        yield "power_lost", self.power_lost
-        yield "power_stored", self.power_stored
-        for name, reaction in self.balance.reactions.items():
-            values = np.concatenate([reaction.force, reaction.moment], 1)
-            for part, column in zip(COMPONENTS, values.T, strict=True):
-                yield f"{name}.{part}", column
-        for name, torque in self.balance.gears.items():
-            yield f"gear {name}", torque
-        shaking = np.concatenate([self.shaking_force, self.shaking_moment], 1)
-        for part, column in zip(COMPONENTS, shaking.T, strict=True):
-            yield f"frame.{part}", column
+        """Yield the efforts as columns of a table in SI, and among them what only formulas tell."""
+        more = {
+            "torque": {"inertia": self.reduced.inertia, "inertia_slope": self.reduced.slope},
+            "power_lost": {"power_stored": self.power_stored},
+        }
+        for name, values in self.efforts.columns():
+            yield name, values
+            yield from more.get(name, {}).items()
+        yield from wrench_columns("frame", self.shaking_force, self.shaking_moment)
 
 
 def prescribed(
@@ -115,7 +83,7 @@ def prescribed(
     acceleration: ArrayLike = 0.0,
     *,
     time: ArrayLike | None = None,
-) -> Study:
+) -> InverseDynamics:
     """Return the drive torque and everything the joints carry at prescribed crank motion.
 
     A coupler whose spin nothing determines has no torque about its line and no momentum about it.
@@ -136,33 +104,43 @@ def prescribed(
     at = None if time is None else np.broadcast_to(np.asarray(time, dtype=np.float64), angle.shape)
     if at is None and np.ptp(w) == 0.0 and w[0] != 0.0 and not e.any():
         at = angle / w
-    unit = machine.unit_motion(angle)
-    acting, part = applied(machine, unit), coefficients(machine, unit)
-    outside = loads(machine, unit, at)
-    crank = course_at(machine.forces.crank_torque, angle, at) - machine.forces.flywheel * e
+    unit, flywheel = machine.unit_motion(angle), machine.forces.flywheel
+    acting, outside = applied(machine, unit), loads(machine, unit, at)
+    part = coefficients(unit, acting, flywheel)
     inertial = unit.inertial(w, e)
     # the flywheel and the crank's own load act in the driven joint
     shared = np.zeros_like(inertial)
     driver = unit.mechanism.joint(unit.mechanism.driver)
-    add_couple(unit, shared, driver, crank[:, None] * unit.axis(driver))
-    load = load_torque(machine, unit, at)
-    still = [part.still for one in machine.forces.friction for part in dry(unit, one)]
-    force, moment = _shaking(machine, unit, inertial, acting.gravity + outside, e)
-    return Study(
-        machine,
-        angle,
-        w,
-        e,
-        at,
-        part.torque(w, e) - load,
-        load,
-        part,
-        balance(unit, inertial - acting.total(w) - outside - shared),
-        force,
-        moment,
-        kinetic_energy(unit, w, machine.forces.flywheel),
-        part.energy,
-        _any([one | _standing(w) for one in still], len(angle)),
+    add_couple(unit, shared, driver, (outside.crank - flywheel * e)[:, None] * unit.axis(driver))
+    held = balance(unit, inertial - acting.total(w) - outside.wrenches - shared)
+    torque = part.torque(w, e) - outside.torque
+    force, moment = _shaking(machine, unit, inertial, acting.gravity + outside.wrenches, e)
+    efforts = Efforts(
+        size=unit.mechanism.size,
+        time=at,
+        angle=angle,
+        speed=w,
+        acceleration=e,
+        torque=torque,
+        reactions=held.reactions,
+        gears=held.gears,
+        kinetic=kinetic_energy(unit, w, flywheel),
+        potential=part.energy,
+        power_in=torque * w,
+        power_loads=outside.torque * w,
+        power_lost=part.damping * w**2 + part.coulomb * np.abs(w),
+        residual=held.residual,
+        sliding=_sliding(acting.dry, w),
+    )
+    return InverseDynamics(
+        machine=machine,
+        efforts=efforts,
+        load=outside.torque,
+        reduced=part,
+        second_torque=held.drive,
+        indeterminacy=held.indeterminacy,
+        shaking_force=force,
+        shaking_moment=moment,
     )
 
 
@@ -178,17 +156,11 @@ def _shaking(
     return force, moment - turned
 
 
-def _standing(speed: Array) -> NDArray[np.bool_]:
-    """Return where a crank that moves elsewhere stands, (n,)."""
-    return np.abs(speed) <= STILL * np.abs(speed).max()
-
-
-def _any(each: list[NDArray[np.bool_]], n: int) -> NDArray[np.bool_]:
-    """Return where any of some conditions holds, (n,)."""
-    out = np.zeros(n, dtype=np.bool_)
-    for one in each:
-        out |= one
-    return out
+def _sliding(dry: Sequence[Dry], speed: Array) -> Array:
+    """Return the direction in which each dry friction's joint goes, (n, k); 0 where a crank stands too."""
+    standing = np.abs(speed) <= STILL * np.abs(speed).max()
+    sign = np.where(standing, 0.0, np.sign(speed))
+    return np.stack([sign * one.direction for one in dry], 1) if dry else np.zeros((len(speed), 0))
 
 
 def _rate(what: str, value: ArrayLike, angle: Array) -> Array:

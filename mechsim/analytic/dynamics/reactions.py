@@ -9,44 +9,11 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.closure import RANK_TOLERANCE
 from mechsim.analytic.dynamics.unit_motion import UnitMotion, cross
+from mechsim.model.efforts import Reaction
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import Gear, Joint, Mechanism
 
 Array = NDArray[np.float64]
-
-COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
-
-
-@dataclass(frozen=True, slots=True)
-class Reaction:
-    """What the geometry of a joint transmits to its link b from its link a.
-
-    Friction, springs and the drive in the joint act along its freedom and are not in it; a link's own
-    balance is: reactions + those + weight + loads = inertia.
-
-    Attributes:
-        joint: name of the joint.
-        link: the link b on which it acts.
-        by: the link a by which it acts.
-        force: in ground axes, (n, 3) in [N].
-        moment: about the joint's point on link b, in ground axes, (n, 3) in [N m].
-        point: that point in the ground frame, (n, 3) in [m].
-        determined: of fx, fy, fz, mx, my, mz, whether Newton's and Euler's laws of rigid links say
-            what it is, (6,); of those they do not, the smallest that fit are given.
-    """
-
-    joint: str
-    link: str
-    by: str
-    force: Array
-    moment: Array
-    point: Array
-    determined: NDArray[np.bool_]
-
-    @property
-    def open(self) -> tuple[str, ...]:
-        """Names of the components that are not determined."""
-        return tuple(name for name, known in zip(COMPONENTS, self.determined, strict=True) if not known)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +93,12 @@ def _reaction(unit: UnitMotion, joint: Joint, span: slice, multipliers: Array, s
     scale = np.array([unit.mechanism.size] * 3 + [1.0] * 3)
     undone = np.abs(alone * scale[:, None]).max((0, 2), initial=0.0)
     return Reaction(
-        joint.name, joint.b.link, joint.a.link, wrench[:, :3, 0], wrench[:, 3:, 0], point, undone <= 1e-9
+        link=joint.b.link,
+        by=joint.a.link,
+        force=wrench[:, :3, 0],
+        moment=wrench[:, 3:, 0],
+        point=point,
+        determined=undone <= 1e-9,
     )
 
 

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.dynamics.applied import applied, course_at, loads, power
-from mechsim.analytic.dynamics.friction import dry
+from mechsim.analytic.dynamics.applied import Applied, applied, power
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.unit_motion import UnitMotion, dot
 
@@ -57,20 +56,19 @@ def reduced(machine: Machine, angles: ArrayLike) -> Reduced:
 
     Accuracy: a few ulp times the condition of the loop equations; no differences are taken.
     """
-    return coefficients(machine, machine.unit_motion(angles))
+    unit = machine.unit_motion(angles)
+    return coefficients(unit, applied(machine, unit), machine.forces.flywheel)
 
 
-def coefficients(machine: Machine, unit: UnitMotion) -> Reduced:
-    """Return the coefficients of the reduced equation for a motion per radian."""
-    acting = applied(machine, unit)
+def coefficients(unit: UnitMotion, acting: Applied, flywheel: float) -> Reduced:
+    """Return the coefficients of the reduced equation for a motion per radian, a flywheel in [kg m2]."""
     inertia, slope = generalised_inertia(unit)
     friction = np.zeros(len(unit))
-    for one in machine.forces.friction:
-        for part in dry(unit, one):
-            friction = friction + part.size * np.abs(part.rate)
+    for part in acting.dry:
+        friction = friction + part.size * np.abs(part.rate)
     return Reduced(
         unit.angle,
-        inertia + machine.forces.flywheel,
+        inertia + flywheel,
         slope,
         power(unit, acting.gravity + acting.springs),
         -power(unit, acting.damping),
@@ -91,14 +89,6 @@ def generalised_inertia(unit: UnitMotion) -> tuple[Array, Array]:
     momenta = unit.inertial(none, one)  # J's wrenches are those of unit acceleration at rest
     slope = 2.0 * power(unit, unit.inertial(one, none))
     return power(unit, momenta), slope
-
-
-def load_torque(machine: Machine, unit: UnitMotion, time: Array | None) -> Array:
-    """Return the generalised force of loads on points and on the crank, (n,) in [N m]."""
-    torque = course_at(machine.forces.crank_torque, unit.angle, time)
-    if machine.forces.loads or machine.forces.couples:
-        torque = torque + power(unit, loads(machine, unit, time))
-    return torque
 
 
 def load_leverage(machine: Machine, unit: UnitMotion) -> Array:

@@ -1,16 +1,16 @@
 """Plots of dynamics: torque over the turn, reactions in polar form, energy balance, speed fluctuation."""
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.model.efforts import Efforts, Fluctuation, FreeRun
 from mechsim.pictures.plots.figure import COLOURS, STYLES, Format, angle_axis, canvas, readable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from mechsim.analytic.dynamics import Fluctuation, FreeRun, Study
 
 Array = NDArray[np.float64]
 RINGS = "#222831"
@@ -18,8 +18,27 @@ RINGS = "#222831"
 BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
 
 
+class Prescribed(Protocol):
+    """A machine under a prescribed crank, by a road that knows what its drive torque is made of."""
+
+    @property
+    def efforts(self) -> Efforts:
+        """Forces and energies."""
+        ...
+
+    @property
+    def torque_parts(self) -> Mapping[str, Array]:
+        """What the drive torque is made of, (n,) each in [N m]."""
+        ...
+
+    @property
+    def power_stored(self) -> Array:
+        """Rate at which the energy stored grows, (n,) in [W]."""
+        ...
+
+
 def torque_plot(
-    study: "Study", simulated: tuple[Array, Array] | None = None, *, form: Format = "svg"
+    study: Prescribed, simulated: tuple[Array, Array] | None = None, *, form: Format = "svg"
 ) -> bytes:
     """Draw the drive torque over the crank angle, and what it is made of.
 
@@ -33,10 +52,10 @@ def torque_plot(
     return out.getvalue()
 
 
-def reaction_plot(study: "Study", *, form: Format = "svg") -> bytes:
+def reaction_plot(study: Prescribed, *, form: Format = "svg") -> bytes:
     """Draw the force in each joint as a vector over the turn: its path in x-y and, in space, in x-z."""
-    reactions = study.balance.reactions
-    forces = {name: np.where(one.determined[:3], one.force, 0.0) for name, one in reactions.items()}
+    reactions = study.efforts.reactions
+    forces = {name: np.where(one.known[:3], one.force, 0.0) for name, one in reactions.items()}
     flat = all(np.ptp(force[:, 2]) <= 1e-9 * np.abs(force).max(initial=1e-300) for force in forces.values())
     planes = [(0, 1)] if flat else [(0, 1), (0, 2)]
     with canvas(form, len(planes), len(forces), (2.5 * len(forces) + 0.4, 2.6 * len(planes))) as (
@@ -58,31 +77,29 @@ def reaction_plot(study: "Study", *, form: Format = "svg") -> bytes:
     return out.getvalue()
 
 
-def energy_plot(study: "Study", *, form: Format = "svg") -> bytes:
+def energy_plot(study: Prescribed, *, form: Format = "svg") -> bytes:
     """Draw the powers that must balance: drive and loads in, losses out, the rest stored."""
     with canvas(form, 1, 1, (5.8, 3.2)) as (_, axes, out):
         _powers(axes[0, 0], study)
     return out.getvalue()
 
 
-def fluctuation_plot(
-    turn: "Fluctuation", even: "Fluctuation | None" = None, *, form: Format = "svg"
-) -> bytes:
+def fluctuation_plot(turn: Fluctuation, even: Fluctuation | None = None, *, form: Format = "svg") -> bytes:
     """Draw the crank's speed over the turn under a constant torque, without and with a flywheel."""
     with canvas(form, 1, 1, (5.8, 3.2)) as (_, axes, out):
         _speeds(axes[0, 0], turn, even)
     return out.getvalue()
 
 
-def free_plot(run: "FreeRun", *, form: Format = "svg") -> bytes:
+def free_plot(run: FreeRun, *, form: Format = "svg") -> bytes:
     """Draw speed, torque of the motor and energies of a free run over time."""
     with canvas(form, 3, 1, (5.8, 6.0), sharex=True) as (_, axes, out):
         factor, unit = readable(run.time, "s")
         time = run.time / factor
         axes[0, 0].plot(time, run.speed, color=COLOURS[0])
         axes[0, 0].set_ylabel("crank speed [rad/s]")
-        torque, newton = readable(run.motor_torque, "N m")
-        axes[1, 0].plot(time, run.motor_torque / torque, color=COLOURS[1])
+        torque, newton = readable(run.motor, "N m")
+        axes[1, 0].plot(time, run.motor / torque, color=COLOURS[1])
         axes[1, 0].set_ylabel(f"motor torque [{newton}]")
         parts = {
             "kinetic": run.kinetic,
@@ -100,9 +117,9 @@ def free_plot(run: "FreeRun", *, form: Format = "svg") -> bytes:
 
 
 def dynamics_sheet(
-    study: "Study",
-    turn: "Fluctuation | None" = None,
-    even: "Fluctuation | None" = None,
+    study: Prescribed,
+    turn: Fluctuation | None = None,
+    even: Fluctuation | None = None,
     simulated: tuple[Array, Array] | None = None,
     *,
     form: Format = "svg",
@@ -119,22 +136,14 @@ def dynamics_sheet(
     return out.getvalue()
 
 
-def _torque(ax: "Axes", study: "Study", simulated: tuple[Array, Array] | None) -> None:
-    part, w = study.reduced, study.speed
-    factor, unit = readable(study.torque, "N m")
-    lines: dict[str, Array] = {
-        "inertia": part.inertia * study.acceleration + 0.5 * part.slope * w**2,
-        "weight and springs": -part.static,
-        "friction": part.damping * w + part.coulomb * np.sign(w),
-        "loads": -study.load,
-    }
+def _torque(ax: "Axes", study: Prescribed, simulated: tuple[Array, Array] | None) -> None:
+    found, lines, degrees = study.efforts, study.torque_parts, np.rad2deg(study.efforts.angle)
+    factor, unit = readable(found.torque, "N m")
     shown = {name: values for name, values in lines.items() if np.abs(values).max() > 1e-6 * factor}
     for i, (name, values) in enumerate(shown.items()):
         if len(shown) > 1:
-            ax.plot(
-                np.rad2deg(study.angle), values / factor, color=COLOURS[i + 1], ls="--", lw=1.0, label=name
-            )
-    ax.plot(np.rad2deg(study.angle), study.torque / factor, color=COLOURS[0], label="drive")
+            ax.plot(degrees, values / factor, color=COLOURS[i + 1], ls="--", lw=1.0, label=name)
+    ax.plot(degrees, found.torque / factor, color=COLOURS[0], label="drive")
     if simulated is not None:
         every = max(1, len(simulated[0]) // 48)
         x, y = np.rad2deg(simulated[0][::every]), simulated[1][::every] / factor
@@ -144,11 +153,9 @@ def _torque(ax: "Axes", study: "Study", simulated: tuple[Array, Array] | None) -
     ax.legend(**BESIDE)
 
 
-def _polar(ax: "Axes", study: "Study") -> None:
+def _polar(ax: "Axes", study: Prescribed) -> None:
     """All forces in the x-y plane, as vectors from one origin."""
-    forces = {
-        name: np.where(one.determined[:3], one.force, 0.0) for name, one in study.balance.reactions.items()
-    }
+    forces = {name: np.where(one.known[:3], one.force, 0.0) for name, one in study.efforts.reactions.items()}
     factor, unit = readable(np.concatenate(list(forces.values())), "N")
     for i, (name, force) in enumerate(forces.items()):
         ax.plot(*(force[:, :2] / factor).T, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], label=name)
@@ -159,23 +166,24 @@ def _polar(ax: "Axes", study: "Study") -> None:
     ax.legend(**BESIDE)
 
 
-def _powers(ax: "Axes", study: "Study") -> None:
+def _powers(ax: "Axes", study: Prescribed) -> None:
+    found, degrees = study.efforts, np.rad2deg(study.efforts.angle)
     powers: dict[str, Any] = {
-        "drive": study.power_in,
-        "loads": study.power_loads,
-        "less lost": -study.power_lost,
+        "drive": found.power_in,
+        "loads": found.power_loads,
+        "less lost": -found.power_lost,
         "less stored": -study.power_stored,
     }
     factor, unit = readable(np.concatenate(list(powers.values())), "W")
     for i, (name, values) in enumerate(powers.items()):
-        ax.plot(np.rad2deg(study.angle), values / factor, color=COLOURS[i], ls=STYLES[i % 3], label=name)
-    ax.plot(np.rad2deg(study.angle), sum(powers.values()) / factor, color=RINGS, lw=1.0, label="sum")
+        ax.plot(degrees, values / factor, color=COLOURS[i], ls=STYLES[i % 3], label=name)
+    ax.plot(degrees, sum(powers.values()) / factor, color=RINGS, lw=1.0, label="sum")
     ax.set_ylabel(f"power into the machine [{unit}]")
     angle_axis(ax)
     ax.legend(**BESIDE)
 
 
-def _speeds(ax: "Axes", turn: "Fluctuation", even: "Fluctuation | None") -> None:
+def _speeds(ax: "Axes", turn: Fluctuation, even: Fluctuation | None) -> None:
     for i, one in enumerate([turn] if even is None else [turn, even]):
         label = f"flywheel {one.flywheel:.3g} kg m², δ = {one.coefficient:.3g}"
         ax.plot(np.rad2deg(one.angle), one.speed, color=COLOURS[i], ls=STYLES[i], label=label)

@@ -1,55 +1,23 @@
 """Drive torque and joint reactions of states whose accelerations are known, from MuJoCo's own dynamics."""
 
 import copy
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.model.efforts import Efforts
 from mechsim.model.motion import join
 from mechsim.simulation.dynamics.applied import Fields, dry_friction, loop_forces, native, sliding, together
 from mechsim.simulation.dynamics.friction import oppose
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
-from mechsim.simulation.dynamics.reactions import Transmitted, transmitted
+from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.model_loops import RANK_TOLERANCE
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recorded_motion import CHUNK, States, link_motions, opening
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Efforts:
-    """Forces and energies at n instants, in SI.
-
-    Attributes:
-        acceleration: of the crank, (n,) in [rad/s2].
-        torque: of the drive on the crank, (n,) in [N m]; the drive's own inertia is not in it.
-        reactions: joint -> what it transmits.
-        gears: "driver-driven" -> torque on the driven joint's link b about its axis, (n,) in [N m].
-        kinetic: energy of motion, the mechanism's flywheel included, (n,) in [J].
-        potential: of gravity (zero at the ground's origin) and springs, (n,) in [J].
-        power_in: of drive and motor, (n,) in [W].
-        power_loads: of loads on points and crank, (n,) in [W].
-        power_lost: in friction and dampers, (n,) in [W].
-        imbalance: by how much the accelerations that MuJoCo gets from all these forces differ from
-            those they were calculated for, relative to the largest of all, (n,).
-        sliding: which way each joint with dry friction goes, (n, k) of -1, 0, 1.
-    """
-
-    acceleration: Array
-    torque: Array
-    reactions: Mapping[str, Transmitted]
-    gears: Mapping[str, Array]
-    kinetic: Array
-    potential: Array
-    power_in: Array
-    power_loads: Array
-    power_lost: Array
-    imbalance: Array
-    sliding: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +98,10 @@ def efforts(bench: LoadedModel, at: Situation, qacc: Array, multipliers: Array, 
     lost, outer, motor = powers(bench, at)
     rates = at.states.qvel
     return Efforts(
+        size=bench.mechanism.size,
+        time=at.states.time,
+        angle=at.states.qpos[:, bench.loops.crank_place],
+        speed=rates[:, crank],
         acceleration=qacc[:, crank],
         torque=torque,
         reactions={
@@ -141,7 +113,7 @@ def efforts(bench: LoadedModel, at: Situation, qacc: Array, multipliers: Array, 
         power_in=torque * rates[:, crank] + motor,
         power_loads=outer,
         power_lost=lost,
-        imbalance=np.abs(fields["qacc"] - qacc).max(1) / largest,
+        residual=np.abs(fields["qacc"] - qacc).max(1) / largest,
         sliding=sliding(bench, at.plain, rates),
     )
 

@@ -3,19 +3,18 @@
 import copy
 import time as clock
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from mechsim.errors import InputError
+from mechsim.model.efforts import Efforts, FreeRun
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.simulation.dynamics.angle_tolerance import Gone, Promise, promised
 from mechsim.simulation.dynamics.efforts import (
-    Efforts,
     efforts_of,
     powers,
     situation,
@@ -31,7 +30,6 @@ from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
 from mechsim.simulation.settings import Settings
 
 Array = NDArray[np.float64]
-Outcome = Literal["done", "time over", "cannot start", "turned back", "stopped", "diverged", "missed"]
 TURN = 2.0 * np.pi
 
 # turns of the crank at its expected speed after which a run for turns is given up
@@ -49,20 +47,14 @@ COARSER = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FreeRun:
-    """A free run at n instants, in SI, and how it ended.
+class SteppedFreeRun:
+    """A free run as MuJoCo has it.
 
     Attributes:
-        motion: at the recorded instants; its `time`, `angle`, `speed`, `acceleration` are the crank's.
-        efforts: at the same instants; no drive acts, so that the torque in it is what MuJoCo's
-            equation of motion leaves over.
-        work: done by motor and loads since the start, (n,) in [J].
-        lost: in friction and dampers since the start, (n,) in [J].
-        outcome: "done" (the turns or time asked for), "time over" (fewer turns in the time), "cannot
-            start" (never left its place, or swung back without a turn), "turned back" (ran, but did
-            not make the turns), "stopped" (friction holds it), "diverged", "missed" (done, but not
-            within the tolerance asked for).
-        reason: one sentence where the outcome is not "done".
+        motion: at the recorded instants.
+        efforts: at the same instants; no drive acts, so that the torque in it is what MuJoCo's equation
+            of motion leaves over.
+        free: crank motion, energies and how it ended, at the same instants.
         steps: time steps taken.
         seconds: time spent stepping.
         timestep: in [s].
@@ -72,29 +64,12 @@ class FreeRun:
 
     motion: Motion
     efforts: Efforts
-    work: Array
-    lost: Array
-    outcome: Outcome
-    reason: str
+    free: FreeRun
     steps: int
     seconds: float
     timestep: float
     settings: Settings
     promise: Promise | None = None
-
-    @property
-    def imbalance(self) -> Array:
-        """Energy there is less energy there should be, (n,) in [J]; zero by the law of energy."""
-        total = self.efforts.kinetic + self.efforts.potential
-        return total - total[0] - self.work + self.lost
-
-    @property
-    def energy_error(self) -> float:
-        """Largest imbalance relative to the energy turned over."""
-        kinetic, potential = self.efforts.kinetic, self.efforts.potential
-        size = max(float(np.abs(kinetic).max()), float(np.ptp(potential)))
-        size = max(size, float(np.abs(self.work).max()), float(self.lost.max()))
-        return float(np.abs(self.imbalance).max()) / size if size > 0.0 else 0.0
 
 
 @quiet()
@@ -111,7 +86,7 @@ def free_run(
     timestep: float | None = None,
     settings: Settings | None = None,
     cut: tuple[str, ...] | None = None,
-) -> FreeRun:
+) -> SteppedFreeRun:
     """Let a machine run by itself from a crank angle and speed, stepped in MuJoCo.
 
     Args:
@@ -155,10 +130,10 @@ def free_run(
         # Runge's method is stable for steps of five times that; only a trial takes such
         plan = replace(plan, longest=COARSER * plan.longest)
         gone, promise = promised(plan.gone, tolerance, TURN / plan.fastest / plan.longest)
-        run = _recorded(plan, gone)
-        if run.outcome == "done" and not promise.met:
-            run = replace(run, outcome="missed", reason=promise.reason)
-        return replace(run, promise=promise)
+        found = _recorded(plan, gone)
+        if found.free.outcome == "done" and not promise.met:
+            found = replace(found, free=replace(found.free, outcome="missed", reason=promise.reason))
+        return replace(found, promise=promise)
     if timestep is None:
         return _recorded(plan, plan.gone(settings.steps_per_turn))
     return _recorded(plan, plan.gone(settings.steps_per_turn, timestep=timestep))
@@ -240,7 +215,7 @@ def _prepared(bench: LoadedModel, settings: Settings, step: float) -> ModelLoops
     return loops
 
 
-def _recorded(plan: _Plan, gone: Gone) -> FreeRun:
+def _recorded(plan: _Plan, gone: Gone) -> SteppedFreeRun:
     """Return the run at every so many of its records, the last one too; work is summed over all."""
     bench, run, loops = plan.bench, gone.march, gone.loops
     kept = np.unique(np.append(np.arange(0, len(run.time), gone.every), len(run.time) - 1))
@@ -248,13 +223,22 @@ def _recorded(plan: _Plan, gone: Gone) -> FreeRun:
     work, lost = _work(bench, States(run.time, run.qpos, run.qvel))
     found = efforts_of(bench, loops.model, gone.settings.hardness, states)
     motion = evaluate(bench.loops, bench.track, states, "step", crank_acceleration=found.acceleration)
-    return FreeRun(
+    return SteppedFreeRun(
         motion=motion,
         efforts=found,
-        work=work[kept],
-        lost=lost[kept],
-        outcome=run.outcome,
-        reason=run.reason,
+        free=FreeRun(
+            time=states.time,
+            angle=found.angle,
+            speed=found.speed,
+            acceleration=found.acceleration,
+            kinetic=found.kinetic,
+            potential=found.potential,
+            work=work[kept],
+            lost=lost[kept],
+            motor=bench.forces.motor_torque(found.speed),
+            outcome=run.outcome,
+            reason=run.reason,
+        ),
         steps=run.steps,
         seconds=gone.seconds,
         timestep=float(loops.model.opt.timestep),

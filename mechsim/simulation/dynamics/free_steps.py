@@ -3,13 +3,14 @@
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import mujoco
 import numpy as np
 from mujoco import batch
 from numpy.typing import NDArray
 
+from mechsim.model.outcome import Outcome
 from mechsim.simulation.dynamics.efforts import tangent
 from mechsim.simulation.dynamics.friction import STEPS, oppose, softness
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
@@ -17,7 +18,6 @@ from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recorded_motion import States
 
 Array = NDArray[np.float64]
-Outcome = Literal["done", "time over", "cannot start", "turned back", "stopped", "diverged"]
 TURN = 2.0 * np.pi
 TIME = int(mujoco.mjtState.mjSTATE_TIME)
 

@@ -2,7 +2,6 @@
 
 import copy
 import time as clock
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -11,10 +10,12 @@ from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.model.crank_profile import CrankProfile, constant
+from mechsim.model.efforts import Efforts
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.simulation.dynamics.efforts import Efforts, efforts_of, required, started, stiffen_friction
+from mechsim.model.outcome import Outcome
+from mechsim.simulation.dynamics.efforts import efforts_of, required, started, stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, Promise, promised
 from mechsim.simulation.mjcf import quiet
@@ -26,7 +27,6 @@ from mechsim.simulation.stepping import step
 
 Array = NDArray[np.float64]
 Method = Literal["pose", "step"]
-Outcome = Literal["done", "diverged", "met", "missed"]
 
 # instants recorded a turn where nothing else is asked
 SAMPLES = 72
@@ -59,23 +59,6 @@ class Driven:
     settings: Settings | None = None
     timestep: float | None = None
     promise: Promise | None = None
-
-    def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield time, angle, rates, torque, energies and reactions as columns of a table in SI."""
-        motion, found = self.motion, self.efforts
-        if motion.time is not None:
-            yield "time", motion.time
-        yield "angle", motion.angle
-        yield "speed", motion.speed
-        yield "acceleration", motion.acceleration
-        for name in ("torque", "kinetic", "potential", "power_in", "power_loads", "power_lost"):
-            yield name, getattr(found, name)
-        for name, reaction in found.reactions.items():
-            for kind, vector in (("f", reaction.force), ("m", reaction.moment)):
-                for axis, column in zip("xyz", vector.T, strict=True):
-                    yield f"{name}.{kind}{axis}", column
-        for name, torque in found.gears.items():
-            yield f"gear {name}", torque
 
 
 @quiet()
@@ -168,7 +151,7 @@ def _kept(run: Driven, tolerance: float | None) -> Driven:
     """Return a run by poses, judged by a tolerance if there is one."""
     if tolerance is None:
         return run
-    promise = Promise(tolerance=tolerance, balance=float(run.efforts.imbalance.max()))
+    promise = Promise(tolerance=tolerance, balance=float(run.efforts.residual.max()))
     return replace(run, outcome="met" if promise.met else "missed", promise=promise)
 
 

@@ -1,11 +1,11 @@
 """What a joint transmits, read from what MuJoCo carries through the tree and from its loop constraints."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.model.efforts import Reaction
 from mechsim.model.joints import COLUMN, KINDS
 from mechsim.model.mechanism import Joint
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
@@ -13,27 +13,10 @@ from mechsim.simulation.dynamics.loaded_model import LoadedModel
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class Transmitted:
-    """What the geometry of a joint transmits to its link b from its link a, in ground axes.
-
-    Friction, springs and the drive in the joint act along its freedom and are not in it.
-
-    Attributes:
-        force: (n, 3) in [N].
-        moment: about the joint's point on link b, (n, 3) in [N m].
-        point: that point, (n, 3) in [m].
-    """
-
-    force: Array
-    moment: Array
-    point: Array
-
-
 def transmitted(
     bench: LoadedModel, joint: Joint, fields: Mapping[str, Array], multipliers: Array
-) -> Transmitted:
-    """Return what a joint transmits.
+) -> Reaction:
+    """Return what a joint transmits; what rigid links leave open it does not tell.
 
     Args:
         bench: the mechanism.
@@ -59,7 +42,8 @@ def transmitted(
         root = fields["subtree_com"][:, bench.model.body_rootid[body]]
         force = wrench[:, 3:]
         moment = wrench[:, :3] + np.cross(root - point, force)
-    return Transmitted(*_constraint_part(joint, axes[:, first], axes[:, second], force, moment), point)
+    force, moment = _constraint_part(joint, axes[:, first], axes[:, second], force, moment)
+    return Reaction(link=joint.b.link, by=joint.a.link, force=force, moment=moment, point=point)
 
 
 def _constraint_part(

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
 from mechsim.maths.norms import rms, worst
+from mechsim.model.efforts import Efforts
 from mechsim.simulation.dynamics.determinacy import Known, settled
-from mechsim.simulation.dynamics.efforts import Efforts, required
+from mechsim.simulation.dynamics.efforts import required
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.settings import Settings
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import MechsimError
+from mechsim.model.outcome import Outcome
 from mechsim.simulation import Run, simulate
-from mechsim.verdict.judge import Outcome, crosscheck
+from mechsim.verdict.judge import crosscheck
 
 Array = NDArray[np.float64]
 

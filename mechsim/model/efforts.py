@@ -1,0 +1,205 @@
+"""Efforts: what a machine needs and what its joints carry, as the formulas and MuJoCo both tell it."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.model.outcome import Outcome
+
+Array = NDArray[np.float64]
+
+COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reaction:
+    """What the geometry of a joint transmits to its link b from its link a.
+
+    Friction, springs and the drive in the joint act along its freedom and are not in it; a link's own
+    balance is: reactions + those + weight + loads = inertia.
+
+    Attributes:
+        link: the link b on which it acts.
+        by: the link a by which it acts.
+        force: in ground axes, (n, 3) in [N].
+        moment: about the joint's point on link b, in ground axes, (n, 3) in [N m].
+        point: that point in the ground frame, (n, 3) in [m].
+        determined: of fx, fy, fz, mx, my, mz, whether Newton's and Euler's laws of rigid links say
+            what it is, (6,); of those they do not, the smallest that fit are given. None where the
+            road does not tell.
+    """
+
+    link: str
+    by: str
+    force: Array
+    moment: Array
+    point: Array
+    determined: NDArray[np.bool_] | None = None
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Whether each component is determined, (6,); a road that does not tell takes all for so."""
+        return np.ones(len(COMPONENTS), dtype=np.bool_) if self.determined is None else self.determined
+
+    @property
+    def open(self) -> tuple[str, ...]:
+        """Names of the components that are not determined."""
+        return tuple(name for name, known in zip(COMPONENTS, self.known, strict=True) if not known)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Efforts:
+    """Forces and energies of a machine under a moving crank at n instants, in SI; ground frame.
+
+    Attributes:
+        size: of the mechanism in [m], by which moments are measured beside forces.
+        time: (n,) in [s]; None where it is not known.
+        angle: crank angle, (n,) in [rad].
+        speed: of the crank, (n,) in [rad/s].
+        acceleration: of the crank, (n,) in [rad/s2].
+        torque: of the drive on the driven joint's link b about its axis, (n,) in [N m]. It includes what
+            a flywheel takes; the drive's own inertia is not in it.
+        reactions: joint -> what it transmits.
+        gears: "driver-driven" -> torque on the driven joint's link b about its axis, (n,) in [N m]; the
+            torque on the driver joint's is -ratio times it.
+        kinetic: energy of motion, flywheel included, (n,) in [J].
+        potential: of gravity (zero at the ground's origin) and springs, (n,) in [J].
+        power_in: of drive and motor, (n,) in [W].
+        power_loads: of loads on points, links and crank, (n,) in [W].
+        power_lost: in friction and dampers, (n,) in [W].
+        residual: what the road's own check of these forces leaves over, as a part of the largest, (n,).
+            Of formulas: of any link's balance; of MuJoCo: of the accelerations it gets from them.
+        sliding: direction in which each joint with dry friction goes, (n, k) of -1, 0, 1; 0 where it
+            turns round or the crank stands.
+    """
+
+    size: float
+    time: Array | None
+    angle: Array
+    speed: Array
+    acceleration: Array
+    torque: Array
+    reactions: Mapping[str, Reaction]
+    gears: Mapping[str, Array]
+    kinetic: Array
+    potential: Array
+    power_in: Array
+    power_loads: Array
+    power_lost: Array
+    residual: Array
+    sliding: Array
+
+    def __len__(self) -> int:
+        return len(self.angle)
+
+    @property
+    def reversing(self) -> NDArray[np.bool_]:
+        """Where a dry friction has no direction, so that reactions jump from one value to another, (n,)."""
+        return (self.sliding == 0.0).any(1)
+
+    def columns(self) -> Iterator[tuple[str, Array]]:
+        """Yield time, angle, rates, torque, energies and reactions as columns of a table in SI."""
+        if self.time is not None:
+            yield "time", self.time
+        for name in ("angle", "speed", "acceleration", "torque", "kinetic", "potential"):
+            yield name, getattr(self, name)
+        for name in ("power_in", "power_loads", "power_lost"):
+            yield name, getattr(self, name)
+        for name, one in self.reactions.items():
+            yield from wrench_columns(name, one.force, one.moment)
+        for name, torque in self.gears.items():
+            yield f"gear {name}", torque
+
+
+def wrench_columns(name: str, force: Array, moment: Array) -> Iterator[tuple[str, Array]]:
+    """Yield a force and a moment, (n, 3) each, as six columns."""
+    values = np.concatenate([force, moment], 1)
+    for part, column in zip(COMPONENTS, values.T, strict=True):
+        yield f"{name}.{part}", column
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeRun:
+    """A free run at n instants, in SI, and how it ended.
+
+    Attributes:
+        time: (n,) in [s].
+        angle: crank angle, not wrapped, (n,) in [rad].
+        speed: (n,) in [rad/s].
+        acceleration: (n,) in [rad/s2].
+        kinetic: energy of motion, (n,) in [J].
+        potential: of gravity and springs, (n,) in [J].
+        work: done by motor and loads since the start, (n,) in [J].
+        lost: in friction and dampers since the start, (n,) in [J].
+        motor: torque of the motor on the crank, (n,) in [N m].
+        outcome: "done" (the turns or time asked for), "time over" (fewer turns in the time), "cannot
+            start" (never left its place, or swung back without a turn), "turned back" (ran, but did not
+            make the turns), "stopped" (friction holds it), "dead centre", "diverged", "missed" (done,
+            but not within the tolerance asked for).
+        reason: one sentence where the outcome is not "done".
+    """
+
+    time: Array
+    angle: Array
+    speed: Array
+    acceleration: Array
+    kinetic: Array
+    potential: Array
+    work: Array
+    lost: Array
+    motor: Array
+    outcome: Outcome
+    reason: str = ""
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def imbalance(self) -> Array:
+        """Energy there is less energy there should be, (n,) in [J]; zero by the law of energy."""
+        total = self.kinetic + self.potential
+        return total - total[0] - self.work + self.lost
+
+    @property
+    def turned_over(self) -> float:
+        """Energy turned over: the largest of motion, of the change at rest, of work and loss, in [J]."""
+        parts = (np.abs(self.kinetic).max(), np.ptp(self.potential), np.abs(self.work).max(), self.lost.max())
+        return max(float(part) for part in parts)
+
+    @property
+    def energy_error(self) -> float:
+        """Largest imbalance relative to the energy turned over."""
+        size = self.turned_over
+        return float(np.abs(self.imbalance).max()) / size if size > 0.0 else 0.0
+
+    def columns(self) -> Iterator[tuple[str, Array]]:
+        """Yield the run as columns of a table in SI."""
+        for name in ("time", "angle", "speed", "acceleration", "kinetic", "potential", "work", "lost"):
+            yield name, getattr(self, name)
+        yield "motor", self.motor
+
+
+@dataclass(frozen=True, slots=True)
+class Fluctuation:
+    """A turn of a machine in its steady state under a constant drive torque.
+
+    Attributes:
+        angle: crank angles over one turn, (n,) in [rad].
+        speed: of the crank, (n,) in [rad/s].
+        mean: mean speed over time, in [rad/s].
+        torque: the constant drive torque, in [N m].
+        excess: largest less smallest energy that the drive has put in beyond what the turn took so far,
+            in [J].
+        coefficient: (largest - smallest speed) / mean.
+        flywheel: moment of inertia of the flywheel, in [kg m2].
+    """
+
+    angle: Array
+    speed: Array
+    mean: float
+    torque: float
+    excess: float
+    coefficient: float
+    flywheel: float
