@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.maths.norms import worst
 
 Array = NDArray[np.float64]
+# orders of convergence that two runs may show: beyond the highest, of the methods used, it is chance
+BELIEVED = (1.0, 4.0)
 
 
 def half_extent(paths: Iterable[Array]) -> float:
@@ -58,6 +60,19 @@ def observed_order(
     apart = np.diff(x) > 0.0
     local = -np.diff(y)[apart] / np.diff(x)[apart]
     return Order(-slope, float(local.min()), float(local.max()), len(x))
+
+
+def believed_order(coarse: float, fine: float, ratio: float) -> float:
+    """Return the order at which an error fell, as far as it is believed; the lowest where that is not known.
+
+    Args:
+        coarse: the error.
+        fine: the same with `ratio` times as many steps.
+        ratio: above 1.
+    """
+    if not (0.0 < coarse < np.inf and 0.0 < fine < np.inf):
+        return BELIEVED[0]
+    return float(np.clip(np.log(coarse / fine) / np.log(ratio), *BELIEVED))
 
 
 def pareto(costs: ArrayLike, errors: ArrayLike) -> NDArray[np.intp]:

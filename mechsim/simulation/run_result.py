@@ -7,6 +7,7 @@ import numpy as np
 
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import Outcome
+from mechsim.simulation.refine import Promise
 from mechsim.simulation.settings import Settings
 
 Method = Literal["step", "pose"]
@@ -28,6 +29,7 @@ class Run:
         settings: how it was stepped; None for method "pose".
         timestep: in [s]; None for method "pose".
         method: "step" or "pose".
+        promise: how a tolerance that was asked for was kept; None for method "pose" and without one.
     """
 
     motion: Motion
@@ -39,6 +41,7 @@ class Run:
     settings: Settings | None
     timestep: float | None = None
     method: Method
+    promise: Promise | None = None
 
     def summary(self) -> dict[str, Any]:
         """Return what `mechsim simulate --json` prints."""

@@ -1,12 +1,12 @@
-"""How a model is stepped: integrator, step, constraint softness and the crank's flywheel."""
+"""How a model is stepped: integrator, step, constraint softness, flywheel; each declares all told of it."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from mechsim.errors import InputError
+from mechsim.simulation import setting_fields
 from mechsim.simulation.matrices import KINDS, quicker
 from mechsim.simulation.mjcf.generator import FLYWHEEL
 from mechsim.simulation.model_loops import ModelLoops
@@ -18,6 +18,10 @@ TURN = 2.0 * np.pi
 LEAST_CONSTANT = 10.0
 
 
+def _steps(value: float | None) -> str:
+    return "a tenth of a turn" if value is None else f"{value:g} steps"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """Settings of a time-stepped run.
@@ -27,52 +31,73 @@ class Settings:
     a turn. A time constant that shrinks with the step keeps a stiff mode in every step, and the order
     of Runge's method falls from four to two. Measured in validation/choices/constraint_settings.py.
 
-    Attributes:
-        integrator: one of `INTEGRATORS`.
-        steps_per_turn: steps in one turn of the crank.
-        constant_steps: time constant of the constraints, in steps; None takes a tenth of a turn, at
-            least ten steps. `solref` overrides it.
-        solref: MuJoCo's two numbers, as they are; None for (time constant, 1).
-        solimp: MuJoCo's five numbers (dmin, dmax, width, midpoint, power).
-        hardness: factor on the inverse weights that scale a constraint's softness; 1 is MuJoCo's own.
-        refsafe: whether MuJoCo keeps the time constant at two steps or more.
-        diagexact: whether MuJoCo computes the diagonal of the constraint inertia exactly.
-        jacobian: "dense" or "sparse" matrices in the constraint solver; "auto" takes the quicker, and
-            dense wherever the two do not agree.
-        flywheel: inertia on the crank that holds its speed, in [kg m2]; None for 1e12 times that of
-            the links, which no reaction of theirs and no redundant constraint turns.
+    Each field declares all that is told of it: what it is, which values it takes and how others are
+    refused; `option` is its text in the help of the command line, `row` its name and text in a report.
     """
 
-    integrator: str = "RK4"
-    steps_per_turn: int = 1000
-    constant_steps: float | None = None
-    solref: tuple[float, float] | None = None
-    solimp: tuple[float, float, float, float, float] = (0.9999, 0.9999, 0.001, 0.5, 2.0)
-    hardness: float = 1e-8
-    refsafe: bool = False
-    diagexact: bool = False
-    jacobian: str = "auto"
-    flywheel: float | None = None
+    integrator: str = setting_fields.choice(
+        "RK4",
+        INTEGRATORS,
+        "How MuJoCo steps.",
+        option=f"{', '.join(INTEGRATORS[:-1])} or {INTEGRATORS[-1]}.",
+        row=("integrator", str),
+    )
+    steps_per_turn: int = setting_fields.number(
+        1000,
+        "Steps in a turn of the crank.",
+        least=4,
+        remedy="{value} steps a turn is a step of a quarter turn or more; take at least 4",
+        option="Steps in a turn of the crank.",
+        row=("steps per turn", str),
+    )
+    constant_steps: float | None = setting_fields.number(
+        None,
+        "Time constant of the constraints, in steps; None takes a tenth of a turn, at least ten steps. "
+        "`solref` overrides it.",
+        row=("constraint time constant", _steps),
+    )
+    solref: tuple[float, float] | None = setting_fields.numbers(
+        None,
+        2,
+        "MuJoCo's two numbers, as they are; None for (time constant, 1).",
+        option="Two numbers with a comma, as MuJoCo takes them.",
+    )
+    solimp: tuple[float, float, float, float, float] = setting_fields.numbers(
+        (0.9999, 0.9999, 0.001, 0.5, 2.0),
+        5,
+        "MuJoCo's five numbers (dmin, dmax, width, midpoint, power).",
+        option="Two to five numbers with commas, as MuJoCo takes them.",
+        fewest=2,
+    )
+    hardness: float = setting_fields.number(
+        1e-8,
+        "Factor on the inverse weights that scale a constraint's softness; 1 is MuJoCo's own.",
+        option="Factor on constraint softness; 1 is MuJoCo's own.",
+        row=("constraint hardness", "{:g} of MuJoCo's softness".format),
+    )
+    refsafe: bool = setting_fields.switch(
+        False, "Whether MuJoCo keeps the time constant at two steps or more."
+    )
+    diagexact: bool = setting_fields.switch(
+        False, "Whether MuJoCo computes the diagonal of the constraint inertia exactly."
+    )
+    jacobian: str = setting_fields.choice(
+        "auto",
+        JACOBIANS,
+        "Matrices in the constraint solver; auto takes the quicker, and dense wherever the two do not agree.",
+    )
+    flywheel: float | None = setting_fields.number(
+        None,
+        "Inertia on the crank that holds its speed; None for 1e12 times that of the links, which no reaction "
+        "of theirs and no redundant constraint turns.",
+        unit="kg m2",
+    )
 
     def __post_init__(self) -> None:
-        if self.integrator not in INTEGRATORS:
-            raise InputError(
-                f"there is no integrator {self.integrator!r}; known are {', '.join(INTEGRATORS)}"
-            )
-        if self.jacobian not in JACOBIANS:
-            raise InputError(f"there is no jacobian {self.jacobian!r}; known are {', '.join(JACOBIANS)}")
-        if not self.steps_per_turn >= 4:
-            raise InputError(
-                f"{self.steps_per_turn} steps a turn is a step of a quarter turn or more; take at least 4"
-            )
-        for name in ("constant_steps", "hardness", "flywheel"):
-            value = getattr(self, name)
-            if value is not None and not 0.0 < value < np.inf:
-                raise InputError(f"{name} is {value}; give a finite number above 0")
-        for name in ("solref", "solimp"):
-            values = getattr(self, name)
-            if values is not None and not np.isfinite(values).all():
-                raise InputError(f"{name} is {values}; give finite numbers")
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if value is not None or one.default is not None:
+                setting_fields.check(one.name, value, one.metadata)
 
     def timestep(self, speed: float) -> float:
         """Return the step in [s] at a crank speed in [rad/s]."""
@@ -122,6 +147,11 @@ class Settings:
     def as_dict(self) -> dict[str, Any]:
         """Return the settings as plain data."""
         return asdict(self)
+
+    def rows(self) -> dict[str, str]:
+        """Return the settings that a report tells, by name."""
+        told = ((one.metadata.get("row"), getattr(self, one.name)) for one in fields(self))
+        return {row[0]: row[1](value) for row, value in told if row}
 
 
 def _inertia(loops: ModelLoops) -> float:

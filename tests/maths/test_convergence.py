@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from mechsim.maths.convergence import cheapest, half_extent, observed_order, pareto, richardson
+from mechsim.maths.convergence import (
+    believed_order,
+    cheapest,
+    half_extent,
+    observed_order,
+    pareto,
+    richardson,
+)
 from mechsim.maths.norms import rms, worst
 
 STEPS = np.array([10.0, 20.0, 50.0, 100.0, 1000.0])
@@ -56,6 +63,14 @@ def test_points_beyond_floor_and_ceiling_say_nothing_of_the_order():
 @pytest.mark.parametrize("errors", [[np.nan] * 5, [1.0, 0.0, np.inf, np.nan, 0.0]])
 def test_no_order_without_two_points(errors):
     assert observed_order(STEPS, errors) is None
+
+
+def test_the_order_of_two_runs_is_believed_between_one_and_four_and_else_is_one():
+    assert believed_order(8.0, 1.0, 2.0) == pytest.approx(3.0)
+    assert believed_order(1e9, 1.0, 2.0) == 4.0
+    assert believed_order(1.0, 2.0, 2.0) == 1.0
+    for nothing in (0.0, np.nan, np.inf):
+        assert believed_order(nothing, 1.0, 2.0) == believed_order(1.0, nothing, 2.0) == 1.0
 
 
 def test_the_front_holds_what_nothing_beats():

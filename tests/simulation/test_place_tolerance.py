@@ -46,6 +46,8 @@ def test_errors_that_grow_from_turn_to_turn_cost_a_short_trial_and_no_whole_run(
     assert run.outcome == "met"
     assert error(drive, run.motion) <= tolerance
     assert len(stepped) == 3
+    assert run.promise.met
+    assert run.promise.trials == sum(stepped) - run.steps
     assert sum(stepped) <= 1.25 * run.steps
     coarse = Settings(steps_per_turn=stepped[1] // 2)
     short = simulate(drive.mechanism, speed=SPEED, turns=1.0, settings=coarse)
@@ -84,4 +86,4 @@ def test_no_error_at_all_asks_for_the_fewest_steps() -> None:
         def tried(self, _settings):
             return np.zeros(max(1, round(self.profile.turns)))
 
-    assert place_tolerance._steps(Exact(), Settings(), 1e-6) == place_tolerance.LEAST_STEPS
+    assert place_tolerance._steps(Exact(), Settings(), 1e-6)[0] == place_tolerance.LEAST_STEPS

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import InputError
-from mechsim.maths.convergence import half_extent, richardson
+from mechsim.maths.convergence import believed_order, half_extent, richardson
 from mechsim.maths.norms import worst
 from mechsim.model.crank_profile import within_range
 from mechsim.model.mechanism import Mechanism
@@ -23,8 +23,6 @@ Array = NDArray[np.float64]
 QUANTITIES = ("position", "velocity", "acceleration", "angle", "loop", "drive")
 # steps a turn of the runs that make the reference of a model without a closed form
 FINE = (3600, 7200, 14400)
-# orders of convergence believed, and changes below which two runs are the same
-ORDERS, TINY = (1.0, 4.0), 1e-300
 # places of a point that differ by less than this part of the mechanism's size are the same
 SAME = 1e-9
 # a crank this many times faster than it should be has left all sense, though no number is infinite yet
@@ -165,8 +163,7 @@ def subject_of_model(source: Model, name: str, speed: float) -> Subject:
 
 def _bar(before: float, last: float) -> float:
     """Return the error left after the last halving of the step, from what the two halvings changed."""
-    order = np.clip(np.log2(max(before, TINY) / max(last, TINY)), *ORDERS)
-    return richardson(np.zeros(1), np.array([last]), 2.0, float(order))[1]
+    return richardson(np.zeros(1), np.array([last]), 2.0, believed_order(before, last, 2.0))[1]
 
 
 def _every(motion: Motion, stride: int) -> Motion:

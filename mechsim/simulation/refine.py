@@ -1,0 +1,140 @@
+"""Keeping a tolerance: a run with more and more steps until its own estimate says it is kept, or why not."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from mechsim.maths.norms import worst
+
+R = TypeVar("R")
+
+# part of the tolerance aimed at, for what trials do not see
+AIM = 0.5
+# times as many steps as before, at least and at most; and the most in a turn that are spent
+LEAST, FURTHEST, MOST = 1.5, 4.0, 100_000
+# more steps help where what is left of the error is less than this part of what was
+GAIN = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Promise:
+    """What was asked of a run and how it came out.
+
+    Attributes:
+        tolerance: asked for, in whatever the estimates are.
+        estimates: of the worst error at any recorded instant, by how it was found.
+        order: at which the error was seen to fall with the number of steps; None where nothing was stepped.
+        trials: steps taken on all other runs.
+        reason: one sentence where the tolerance is not kept.
+    """
+
+    tolerance: float
+    estimates: Mapping[str, float]
+    order: float | None = None
+    trials: int = 0
+    reason: str = ""
+
+    @property
+    def estimate(self) -> float:
+        """The worst of all estimates; infinity where one is not a number."""
+        return worst(list(self.estimates.values()))
+
+    @property
+    def met(self) -> bool:
+        """Whether the estimate is within the tolerance."""
+        return self.estimate <= self.tolerance
+
+    @property
+    def margin(self) -> float:
+        """The tolerance over the estimate."""
+        return self.tolerance / self.estimate if self.estimate > 0.0 else np.inf
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Attempt(Generic[R]):
+    """A run with some number of steps, and what is known of its error.
+
+    Attributes:
+        run: the run.
+        steps: it took.
+        estimates: as in `Promise`.
+        order: at which the error falls with the number of steps.
+        trials: steps taken on other runs for the sake of the estimates.
+        change: what the estimate is made of, where that tells better whether the error falls.
+        final: whether no number of steps would help.
+    """
+
+    run: R
+    steps: int
+    estimates: Mapping[str, float]
+    order: float
+    trials: int = 0
+    change: float = field(default=np.nan)
+    final: bool = False
+
+    @property
+    def estimate(self) -> float:
+        """The worst of all estimates."""
+        return worst(list(self.estimates.values()))
+
+    @property
+    def left(self) -> float:
+        """What is to fall from one attempt to the next."""
+        return self.estimate if np.isnan(self.change) else self.change
+
+
+def refine(
+    attempt: Callable[[int], Attempt[R]],
+    tolerance: float,
+    first: int,
+    why: Callable[[int, float], str],
+    *,
+    trials: int = 0,
+    tried: int = 0,
+    multiple: int = 1,
+) -> tuple[R, Promise]:
+    """Return a run that keeps a tolerance, or the best there is, and its promise.
+
+    Args:
+        attempt: steps in a turn -> a run with so many.
+        tolerance: bound on the estimates.
+        first: steps in a turn of the first attempt.
+        why: steps of the last attempt and estimate that is left -> why the tolerance is not kept.
+        trials: steps taken so far.
+        tried: steps in a turn of the finest trial: an attempt with fewer has not begun to converge, and is
+            followed by one with as many, whatever its estimate foretells.
+        multiple: of which numbers of steps are taken.
+    """
+    steps, spent, left, best = first, trials, np.inf, None
+    while True:
+        now = attempt(steps)
+        spent += now.trials + now.steps
+        gained = best is None or now.left < GAIN * left
+        if best is None or now.estimate < best.estimate:
+            best = now
+        if now.estimate <= tolerance or now.final or not gained or steps >= MOST:
+            break
+        left = now.left
+        more = max(steps_for(steps, now.estimate, AIM * tolerance, now.order), LEAST * steps)
+        steps = rounded(min(more, tried if steps < tried else FURTHEST * steps), multiple)
+    reason = "" if best.estimate <= tolerance else why(steps, best.estimate)
+    promise = Promise(
+        tolerance=tolerance,
+        estimates=best.estimates,
+        order=best.order,
+        trials=spent - best.steps,
+        reason=reason,
+    )
+    return best.run, promise
+
+
+def steps_for(steps: int, error: float, goal: float, order: float) -> float:
+    """Return with how many steps an error falls, or may rise, to a goal; it need not be a whole number."""
+    return steps * ((error / goal) ** (1.0 / order) if np.isfinite(error) else FURTHEST)
+
+
+def rounded(steps: float, multiple: int = 1) -> int:
+    """Return the next multiple of a number, one at least, and no more than the most steps that are spent."""
+    return multiple * max(1, int(np.ceil(min(steps, MOST) / multiple - 1e-9)))
