@@ -39,5 +39,6 @@ def test_coordinates_say_where_they_displace_a_joint(kind, first, second, angle,
 
 
 def test_kinds_are_named_by_what_they_do():
-    assert kinds_that(lambda kind: kind.single) == "revolute or prismatic"
-    assert kinds_that(lambda kind: kind.mixed) == "cylindrical"
+    assert kinds_that(lambda kind: kind.single).startswith("revolute or prismatic")
+    assert kinds_that(lambda kind: kind.mixed).startswith("cylindrical")
+    assert kinds_that(lambda kind: kind.freedoms > 3) == ""
