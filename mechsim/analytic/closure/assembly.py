@@ -5,9 +5,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.closure.joint_rows import dot, is_length, skew
+from mechsim.analytic.closure.joint_rows import is_length
 from mechsim.analytic.closure.loop_equations import Poses, equations
 from mechsim.analytic.closure.rank import least_norm
+from mechsim.analytic.vector_method.rotations import dot, turned_by
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
@@ -16,22 +17,6 @@ Array = NDArray[np.float64]
 
 # a gap this small is rounding; polishing on would chase it down to the denormal numbers
 FLOOR = 4.0 * np.finfo(np.float64).eps
-# an element of a rotation this small is nought; its square would underflow some steps later
-NOUGHT = 1e-40
-
-
-def turned_by(rotation: Array, vector: Array) -> Array:
-    """Return exp(vector) @ rotation, (n, 3, 3), made orthogonal again to rounding."""
-    angle = np.sqrt(dot(vector, vector))[:, None, None]
-    small = angle < 1e-8
-    safe = np.where(small, 1.0, angle)
-    k = skew(vector)
-    a = np.where(small, 1.0, np.sin(safe) / safe)
-    b = np.where(small, 0.5, (1.0 - np.cos(safe)) / safe**2)
-    turned = (np.eye(3) + a * k + b * (k @ k)) @ rotation
-    # one Newton step towards the nearest rotation keeps the columns orthonormal to an ulp
-    turned = turned @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(turned, -1, -2) @ turned)
-    return np.where(np.abs(turned) < NOUGHT, 0.0, turned)
 
 
 # how far a pose between two crank angles may stand open: near enough for the next step, which begins from it

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechsim.analytic.vector_method.rotations import cross, dot, skew, wrap
 from mechsim.model.joints import COLUMN, KINDS
 from mechsim.model.mechanism import Joint, Pose
 
@@ -49,28 +50,6 @@ class Side:
         u = self.frame[..., column]
         rate = cross(self.spin, u)
         return u, rate, cross(self.spin, rate)
-
-
-def skew(v: Array) -> Array:
-    """Return the matrices of v x, (..., 3) -> (..., 3, 3)."""
-    out = np.zeros((*v.shape, 3))
-    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
-    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
-    return out
-
-
-def dot(a: Array, b: Array) -> Array:
-    """Return scalar products, (..., 3) and (..., 3) -> (...)."""
-    return (a * b).sum(-1)
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Return vector products, (..., 3) and (..., 3) -> (..., 3)."""
-    # np.cross spends ten times longer on moving axes than on multiplying
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
-    return out
 
 
 class Stack:
@@ -157,8 +136,3 @@ def is_length(joint: Joint) -> list[bool]:
     """Say of each row of a joint whether its residual is a length."""
     kind = KINDS[joint.kind]
     return [True] * kind.forces + [False] * kind.moments
-
-
-def wrap(angle: Array) -> Array:
-    """Return angles brought within half a turn of zero, in [rad]."""
-    return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.closure.joint_rows import Rows, Side, Stack, add_joint, is_length, wrap
+from mechsim.analytic.closure.joint_rows import Rows, Side, Stack, add_joint, is_length
+from mechsim.analytic.vector_method.rotations import wrap
 from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, joint_coordinate
 
 Array = NDArray[np.float64]

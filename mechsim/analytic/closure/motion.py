@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.closure.assembly import follow
-from mechsim.analytic.closure.joint_rows import cross, dot
 from mechsim.analytic.closure.loop_equations import Poses, equations
 from mechsim.analytic.closure.rank import least_norm
+from mechsim.analytic.vector_method.rotations import cross, dot
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, joint_coordinate
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics.friction import Dry, add_efforts, add_force, add_friction
 from mechsim.analytic.dynamics.machines import Machine
-from mechsim.analytic.dynamics.unit_motion import UnitMotion, cross, dot
+from mechsim.analytic.dynamics.unit_motion import UnitMotion
+from mechsim.analytic.vector_method.rotations import cross, dot, wrap
 from mechsim.errors import InputError
 from mechsim.model.forces import Spring
 from mechsim.model.joints import KINDS
@@ -68,7 +69,7 @@ def applied(machine: Machine, unit: UnitMotion) -> Applied:
         joint = unit.mechanism.joint(spring.joint)
         stretch = coordinate(unit, joint) - spring.rest
         if KINDS[joint.kind].hinge:
-            stretch = stretch - 2.0 * np.pi * np.round(stretch / (2.0 * np.pi))
+            stretch = wrap(stretch)
         add_efforts(unit, springs, joint, [-spring.stiffness * stretch])
         energy = energy + 0.5 * spring.stiffness * stretch**2
     rubbing: list[Dry] = []

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics.unit_motion import UnitMotion, cross, dot
+from mechsim.analytic.dynamics.unit_motion import UnitMotion
+from mechsim.analytic.vector_method.rotations import cross, dot
 from mechsim.model.forces import Friction
 from mechsim.model.joints import COLUMN, KINDS
 from mechsim.model.mechanism import Joint

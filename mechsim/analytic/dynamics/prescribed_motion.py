@@ -11,7 +11,8 @@ from mechsim.analytic.dynamics.friction import STILL, Dry, add_couple
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.reactions import balance
 from mechsim.analytic.dynamics.reduced_equation import Reduced, coefficients, kinetic_energy
-from mechsim.analytic.dynamics.unit_motion import UnitMotion, cross
+from mechsim.analytic.dynamics.unit_motion import UnitMotion
+from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
 from mechsim.model.efforts import Efforts, wrench_columns
 

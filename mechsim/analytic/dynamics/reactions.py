@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.closure import RANK_TOLERANCE
-from mechsim.analytic.dynamics.unit_motion import UnitMotion, cross
+from mechsim.analytic.dynamics.unit_motion import UnitMotion
+from mechsim.analytic.vector_method.rotations import cross
 from mechsim.model.efforts import Reaction
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import Gear, Joint, Mechanism

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.dynamics.applied import Applied, applied, power
 from mechsim.analytic.dynamics.machines import Machine
-from mechsim.analytic.dynamics.unit_motion import UnitMotion, dot
+from mechsim.analytic.dynamics.unit_motion import UnitMotion
+from mechsim.analytic.vector_method.rotations import dot
 
 Array = NDArray[np.float64]
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic import closure
 from mechsim.analytic.closure import Rows
+from mechsim.analytic.vector_method.rotations import cross, skew
 from mechsim.errors import InputError
 from mechsim.model.forces import Place, located
 from mechsim.model.mechanism import GROUND, End, Joint, Mechanism, Pose, Vector
@@ -21,19 +22,6 @@ Array = NDArray[np.float64]
 
 # parts of a link's size and inertia by which an idle link may miss being round about its line
 ROUND = 1e-9
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Return the cross product along the last axis; np.cross is ten times slower on short arrays."""
-    x = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    y = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
-    z = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return np.stack([x, y, z], -1)
-
-
-def dot(a: Array, b: Array) -> Array:
-    """Return the scalar product along the last axis."""
-    return (a * b).sum(-1)
 
 
 @dataclass(frozen=True)
@@ -183,8 +171,8 @@ def _require_round(unit: UnitMotion, idle: Array) -> None:
     for k in range(idle.shape[-1]):
         linear, turn = idle[..., :3, k], idle[..., 3:, k]
         drift = linear + cross(turn, unit.centres)
-        skew = np.stack([cross(turn, np.broadcast_to(unit_axis, turn.shape)) for unit_axis in np.eye(3)], -1)
-        change = skew @ unit.moments - unit.moments @ skew
+        across = skew(turn)
+        change = across @ unit.moments - unit.moments @ across
         fastest = np.abs(turn).max((1, 2), keepdims=True)
         size, most = unit.mechanism.size, np.abs(unit.moments).max((-1, -2))
         off = (np.abs(drift).max(-1) > ROUND * size * fastest[..., 0]) | (
@@ -231,10 +219,8 @@ def mass_matrices(unit: UnitMotion) -> Array:
     n, count = unit.twist.shape[:2]
     out = np.zeros((n, count, 6, 6))
     c, m = unit.centres, unit.masses[:, None, None]
-    skew = np.zeros((n, count, 3, 3))
-    skew[..., 0, 1], skew[..., 0, 2], skew[..., 1, 2] = -c[..., 2], c[..., 1], -c[..., 0]
-    skew -= np.swapaxes(skew, -1, -2)
+    across = skew(c)
     out[..., :3, :3] = m * np.eye(3)
-    out[..., 3:, :3], out[..., :3, 3:] = m * skew, -m * skew
-    out[..., 3:, 3:] = unit.moments - m * skew @ skew
+    out[..., 3:, :3], out[..., :3, 3:] = m * across, -m * across
+    out[..., 3:, 3:] = unit.moments - m * across @ across
     return out

@@ -1,0 +1,50 @@
+"""Vectors stored last, (..., 3), and rotation matrices, (..., 3, 3): products, angles, small turns."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# an element of a rotation this small is nought; its square would underflow some steps later
+NOUGHT = 1e-40
+
+
+def skew(v: Array) -> Array:
+    """Return the matrices of v x, (..., 3) -> (..., 3, 3)."""
+    out = np.zeros((*v.shape, 3))
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
+    return out
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Return scalar products, (..., 3) and (..., 3) -> (...)."""
+    return (a * b).sum(-1)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return vector products, (..., 3) and (..., 3) -> (..., 3)."""
+    # np.cross spends ten times longer on moving axes than on multiplying
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return out
+
+
+def wrap(angle: Array) -> Array:
+    """Return angles brought within half a turn of zero, in [rad]."""
+    return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
+
+
+def turned_by(rotation: Array, vector: Array) -> Array:
+    """Return exp(vector) @ rotation, (n, 3, 3), made orthogonal again to rounding."""
+    angle = np.sqrt(dot(vector, vector))[:, None, None]
+    small = angle < 1e-8
+    safe = np.where(small, 1.0, angle)
+    k = skew(vector)
+    a = np.where(small, 1.0, np.sin(safe) / safe)
+    b = np.where(small, 0.5, (1.0 - np.cos(safe)) / safe**2)
+    turned = (np.eye(3) + a * k + b * (k @ k)) @ rotation
+    # one Newton step towards the nearest rotation keeps the columns orthonormal to an ulp
+    turned = turned @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(turned, -1, -2) @ turned)
+    return np.where(np.abs(turned) < NOUGHT, 0.0, turned)
