@@ -21,12 +21,26 @@ if TYPE_CHECKING:
     from mechsim.model.mechanism import End, Gear, Joint, Link, Mechanism, Pose
     from mechsim.model.motion import Motion
     from mechsim.model.scene import Scene
+    from mechsim.pictures import plots, render
     from mechsim.report.notebook import show
     from mechsim.simulation import Run, Settings, simulate
     from mechsim.verdict.judge import Check, Verdict, crosscheck
     from mechsim.verdict.tolerances import Tolerance
 
-_HOME = {
+# public name -> where it is: modules, then what is in one
+_MODULES = {
+    "catalog": "analytic.catalog",
+    "closure": "analytic.closure",
+    "course": "model.load_profile",
+    "dynamics": "analytic.dynamics",
+    "motors": "model.motors",
+    "plots": "pictures.plots",
+    "render": "pictures.render",
+    "rods": "model.rod_inertia",
+    "simulation": "simulation",
+    "units": "units",
+}
+_HOMES = _MODULES | {
     "AssemblyError": "errors",
     "Check": "verdict.judge",
     "End": "model.mechanism",
@@ -52,18 +66,6 @@ _HOME = {
     "crosscheck": "verdict.judge",
     "show": "report.notebook",
     "simulate": "simulation",
-}
-_MODULES = {
-    "catalog": "analytic.catalog",
-    "closure": "analytic.closure",
-    "course": "model.load_profile",
-    "dynamics": "analytic.dynamics",
-    "motors": "model.motors",
-    "plots": "pictures.plots",
-    "render": "pictures.render",
-    "rods": "model.rod_inertia",
-    "simulation": "simulation",
-    "units": "units",
 }
 
 __all__ = [
@@ -96,6 +98,8 @@ __all__ = [
     "crosscheck",
     "dynamics",
     "motors",
+    "plots",
+    "render",
     "rods",
     "show",
     "simulate",
@@ -104,12 +108,18 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    if name in _MODULES:
-        return import_module(f"mechsim.{_MODULES[name]}")
-    if name in _HOME:
-        return getattr(import_module(f"mechsim.{_HOME[name]}"), name)
-    raise AttributeError(f"module 'mechsim' has no attribute {name!r}")
+if not TYPE_CHECKING:  # what a type checker does not find above it is to complain of
+
+    def __getattr__(name: str) -> Any:
+        if name not in _HOMES:
+            raise AttributeError(f"module 'mechsim' has no attribute {name!r}")
+        home = import_module(f"mechsim.{_HOMES[name]}")
+        globals()[name] = home if name in _MODULES else getattr(home, name)
+        return globals()[name]
+
+
+def __dir__() -> list[str]:
+    return __all__
 
 
 if "IPython" in sys.modules:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.maths.given import number, numbers, require
+from mechsim.model.display import short_repr
 from mechsim.model.inertia import Inertia
 from mechsim.model.joints import KINDS, KindName, coordinates
 
@@ -192,6 +193,8 @@ class Mechanism:
     gears: tuple[Gear, ...] = ()
     guess: Mapping[str, Pose] = field(default_factory=dict)
     start: float = 0.0
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         self._require_kinds()

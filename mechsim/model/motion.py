@@ -2,10 +2,18 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any, Literal, Protocol, TypeVar
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from mechsim.errors import MissingToolError
+from mechsim.model.display import short_repr
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from xarray import Dataset
 
 Array = NDArray[np.float64]
 Record = TypeVar("Record")
@@ -19,6 +27,8 @@ class PointMotion:
     position: Array
     velocity: Array
     acceleration: Array
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +51,8 @@ class LinkMotion:
     acceleration: Array
     angular_acceleration: Array
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True, slots=True)
 class JointMotion:
@@ -50,6 +62,8 @@ class JointMotion:
     rate: Array
     acceleration: Array
     unit: Literal["rad", "m"] = "rad"
+
+    __repr__ = short_repr
 
 
 class Solver(Protocol):
@@ -98,6 +112,8 @@ class Motion:
     origin: Solver | None = None
     broken: str = ""
 
+    __repr__ = short_repr
+
     def __len__(self) -> int:
         return len(self.angle)
 
@@ -108,14 +124,48 @@ class Motion:
 
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield this motion as columns of a table: time, angle, P.x ..., P.vx ..., P.ax ..., in SI."""
+        for name, column, _ in self._columns():
+            yield name, column
+
+    def to_pandas(self) -> "DataFrame":
+        """Return the columns as a table, a row an instant; `attrs["units"]` gives each column's unit.
+
+        Raises:
+            MissingToolError: where pandas is not installed.
+        """
+        table = _library("pandas").DataFrame(dict(self.columns()))
+        table.attrs["units"] = {name: unit for name, _, unit in self._columns()}
+        return table
+
+    def to_xarray(self) -> "Dataset":
+        """Return the columns as variables over the dimension `instant`, with attributes `units`.
+
+        Crank angle and time are coordinates.
+
+        Raises:
+            MissingToolError: where xarray is not installed.
+        """
+        columns = {name: ("instant", column, {"units": unit}) for name, column, unit in self._columns()}
+        coordinates = {name: columns.pop(name) for name in ("time", "angle") if name in columns}
+        return _library("xarray").Dataset(columns, coordinates, {"source": self.source})
+
+    def _columns(self) -> Iterator[tuple[str, Array, str]]:
+        """Yield name, values and unit of each column."""
         if self.time is not None:
-            yield "time", self.time
-        yield "angle", self.angle
+            yield "time", self.time, "s"
+        yield "angle", self.angle, "rad"
         for name, point in self.points.items():
-            parts = (("", point.position), ("v", point.velocity), ("a", point.acceleration))
-            for prefix, values in parts:
+            parts = ("", "m", point.position), ("v", "m/s", point.velocity), ("a", "m/s2", point.acceleration)
+            for prefix, unit, values in parts:
                 for axis, column in zip("xyz", values.T, strict=True):
-                    yield f"{name}.{prefix}{axis}", column
+                    yield f"{name}.{prefix}{axis}", column, unit
+
+
+def _library(name: str) -> Any:
+    try:
+        return import_module(name)
+    except ImportError:
+        raise MissingToolError(f"{name} is not installed; pip install 'mechsim[tables]' brings it") from None
 
 
 def join(parts: list[Record]) -> Record:

@@ -5,6 +5,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from mechsim.model.display import short_repr
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import Outcome
 from mechsim.simulation.refine import Promise
@@ -42,6 +43,8 @@ class Run:
     timestep: float | None = None
     method: Method
     promise: Promise | None = None
+
+    __repr__ = short_repr
 
     def summary(self) -> dict[str, Any]:
         """Return what `mechsim simulate --json` prints."""

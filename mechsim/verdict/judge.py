@@ -1,9 +1,7 @@
 """Two motions to a verdict: worst error, where, against a bound with a reason."""
 
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -100,6 +98,8 @@ class Verdict:
     def __str__(self) -> str:
         head = self.outcome if not self.reason else f"{self.outcome}: {self.reason}"
         return "\n".join([head, *(f"  {check}" for check in self.checks)])
+
+    __repr__ = __str__
 
 
 def crosscheck(
@@ -330,13 +330,3 @@ def _checks(
         if simulated.time is not None:
             meant = simulated.angle[0] + speed * (simulated.time - simulated.time[0])
             yield check("drive: crank angle", "drive angle", np.abs(simulated.angle - meant))
-
-
-class _Callable(ModuleType):
-    """Python puts this module where the package keeps the function of the same name; it stands in for it."""
-
-    def __call__(self, *args: Any, **options: Any) -> Verdict:
-        return crosscheck(*args, **options)
-
-
-sys.modules[__name__].__class__ = _Callable

@@ -1,6 +1,11 @@
 """What a user meets first: wrong arguments end in one sentence that names the value and the remedy."""
 
+import ast
+import importlib
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -89,3 +94,58 @@ def test_a_catalogue_mechanism_runs_as_its_description_does():
 def test_an_incomplete_guess_is_completed_by_the_joints():
     short = replace(MECHANISM, guess={"crank": MECHANISM.guess["crank"]})
     assert ms.simulate(short, speed=10.0, turns=0.1).outcome == "met"
+
+
+FACE = """
+    AssemblyError Check End Forces Friction Gear Inertia InputError Joint JointSpring Link Load Mechanism
+    MechsimError Motion Pose Run Scene Settings Spring Tolerance Verdict __version__ catalog closure course
+    crosscheck dynamics motors plots render rods show simulate simulation units
+"""
+NAMES = FACE.split()
+
+
+def test_dir_lists_the_face_and_nothing_else_and_every_name_is_there():
+    assert dir(ms) == sorted(NAMES) == sorted(ms.__all__)
+    for name in NAMES:
+        assert getattr(ms, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        getattr(ms, "nothing")  # noqa: B009
+
+
+def test_completion_runs_no_code_of_ours():
+    asked = "import sys, mechsim; dir(mechsim); print(*(name for name in sys.modules if 'mechsim' in name))"
+    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
+    assert set(done.stdout.split()) == {"mechsim", "mechsim._version"}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "from mechsim import catalog, closure, course, dynamics, motors, plots, render, rods, units",
+        "import mechsim as ms; ms.render.still, ms.plots.motion_plot, ms.course.constant",
+        "import mechsim as ms; ms.rods.with_inertia, ms.motors, ms.simulation.simulate",
+        "from mechsim import *; catalog.make('rssr'), render.Look",
+    ],
+)
+def test_what_the_documents_name_imports_as_written(line):
+    exec(compile(line, "a user's script", "exec"), {})
+
+
+def test_what_type_checkers_see_is_what_there_is():
+    tree = ast.parse(Path(ms.__file__).read_text())
+    (block,) = [n for n in tree.body if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING"]
+    told = {}
+    for statement in block.body:
+        home = importlib.import_module(statement.module)
+        told |= {one.asname or one.name: (home, one.name) for one in statement.names}
+    assert set(told) == set(NAMES) - {"__version__"}
+    for name, (home, there) in told.items():
+        inside = f"{home.__name__}.{there}"
+        declared = vars(home).get(there) if there in vars(home) else importlib.import_module(inside)
+        assert getattr(ms, name) is declared
+    assert (Path(ms.__file__).parent / "py.typed").is_file()
+
+
+def test_no_module_of_ours_is_made_callable():
+    for path in Path(ms.__file__).parent.rglob("*.py"):
+        assert "sys.modules[__name__]" not in path.read_text()

@@ -10,6 +10,7 @@ from scipy.integrate import DOP853
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.roots import root
+from mechsim.model.display import short_repr
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,8 @@ class Curve:
     length: float
     steps: int
     newton: int
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from mechsim.analytic import closure
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import AssemblyError, InputError
+from mechsim.model.display import short_repr
 from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose, joint_coordinate
 from mechsim.theory.continuation.arc_length import SINGULAR, Curve, Frame, turns, walk
 
@@ -34,6 +35,8 @@ class AssemblyCurve:
     points: dict[str, Array]
     dead_centres: Array
     curve: Curve
+
+    __repr__ = short_repr
 
 
 class _LoopEquations:

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.analytic.catalog.rrsrr import Rrsrr
 from mechsim.analytic.vector_method.trig_arcs import reachable_arcs
 from mechsim.errors import AssemblyError
+from mechsim.model.display import short_repr
 from mechsim.theory.continuation.arc_length import Curve
 from mechsim.theory.continuation.equations import System, trace
 
@@ -34,6 +35,8 @@ class SpherePath:
     parameters: Array
     on_torus: Array
     on_sphere: Array
+
+    __repr__ = short_repr
 
     @property
     def turns(self) -> int:

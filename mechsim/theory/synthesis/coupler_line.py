@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.looper import Looper
 from mechsim.errors import AssemblyError, InputError
+from mechsim.model.display import short_repr
 from mechsim.theory.synthesis.chebyshev import Best, best_circle, circle_of, circle_rows, least_worst
 from mechsim.theory.synthesis.passage import Passage, crank_pin, dyad, levers_on, passage, wedge
 
@@ -57,6 +58,8 @@ class Synthesis:
     angles: Array
     error: Array
     alternation: tuple[int, ...]
+
+    __repr__ = short_repr
 
     @property
     def frame(self) -> float:

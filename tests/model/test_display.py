@@ -1,0 +1,59 @@
+import sys
+
+import numpy as np
+import pytest
+
+from mechsim import catalog, crosscheck, simulate
+from mechsim.errors import MissingToolError
+from mechsim.files import read, write
+from mechsim.theory.continuation import trace_mechanism
+
+DRIVE = catalog.make("rssr")
+RUN = simulate(DRIVE, speed=60.0, turns=0.1)
+
+
+@pytest.mark.parametrize(
+    ("record", "lines", "said"),
+    [
+        (DRIVE.mechanism, 3, "links=(crank, coupler, rocker)"),
+        (RUN, 3, "outcome='met'"),
+        (RUN.motion, 5, "angle=<(9,): 0 to 0.6283>"),
+        (RUN.motion.points["P3"], 3, "position=<(9, 3): "),
+        (trace_mechanism(DRIVE, tolerance=1e-3), 4, "dead_centres=<array (0,)>"),
+        (crosscheck(RUN.motion, DRIVE), 11, "met\n  position of P2 "),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_results_show_themselves_in_a_few_readable_lines(record, lines, said):
+    assert said in repr(record)
+    assert len(repr(record).splitlines()) <= lines
+    assert "array(" not in repr(record)
+
+
+def test_a_motion_becomes_the_table_that_its_file_holds(tmp_path):
+    pytest.importorskip("pandas", reason="pandas is not installed: pip install '.[tables]'")
+    table = RUN.motion.to_pandas()
+    write(tmp_path / "run.csv", RUN.motion)
+    for name, column in read(tmp_path / "run.csv").items():
+        np.testing.assert_array_equal(table[name], column)
+    assert list(table.columns) == list(read(tmp_path / "run.csv"))
+    units = table.attrs["units"]
+    assert (units["time"], units["angle"], units["P3.x"], units["P3.vx"]) == ("s", "rad", "m", "m/s")
+    assert list(units) == list(table.columns)
+
+
+def test_a_motion_becomes_a_dataset_whose_variables_carry_their_units():
+    pytest.importorskip("xarray", reason="xarray is not installed: pip install '.[tables]'")
+    dataset = RUN.motion.to_xarray()
+    assert set(dataset.coords) == {"time", "angle"}
+    assert dataset["P3.az"].dims == ("instant",)
+    assert dataset["P3.az"].attrs == {"units": "m/s2"}
+    np.testing.assert_array_equal(dataset["P3.az"], RUN.motion.points["P3"].acceleration[:, 2])
+    assert set(DRIVE.solve([0.0, 1.0]).to_xarray().coords) == {"angle"}
+
+
+@pytest.mark.parametrize(("asked", "library"), [("to_pandas", "pandas"), ("to_xarray", "xarray")])
+def test_a_library_that_is_missing_is_named_with_what_brings_it(asked, library, monkeypatch):
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(MissingToolError, match=rf"{library} is not installed; .*mechsim\[tables\]"):
+        getattr(RUN.motion, asked)()
