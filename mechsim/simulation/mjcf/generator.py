@@ -1,6 +1,6 @@
 """Mechanism and scene to a MuJoCo model specification."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -47,44 +47,47 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
     tree = cut_loops(mechanism, scene.cut, keep=dry)
     if acting is not None:
         mechanism = with_inertia(mechanism)
-    inertias = {known.name: known.inertia for known in mechanism.links}
     spec = mujoco.MjSpec()
     spec.modelname = mechanism.name
     spec.compiler.degree = False
     spec.compiler.autolimits = True
     _options(spec, scene)
-    bodies = {GROUND: spec.worldbody}
-    placed = {GROUND: IDENTITY}
-    coordinates: dict[str, float] = {}
-    for branch in tree.branches:
-        parent = placed[branch.parent.link]
-        local, values = zero_pose(branch), (0.0,) * KINDS[branch.joint.kind].freedoms
-        if poses is not None and branch.child.link in poses:
-            local, values = seated_pose(branch, parent, poses[branch.child.link])
-        link = branch.child.link
-        body = bodies[branch.parent.link].add_body(
-            name=link, pos=local.position, quat=quaternion(local.rotation)
-        )
-        inertia = inertias[link] if acting is not None else None
-        if inertia is None:
-            set_placeholder(body, mechanism, link)
-        else:
-            set_inertia(body, inertia)
-        for part in add_joint(body, mechanism, branch, local, values):
-            # at level dynamics the crank is free, or driven by its motor
-            if part.name == CRANK and scene.holds("motion") and scene.level != "dynamics":
-                part.armature = FLYWHEEL * PLACEHOLDER * mechanism.size
-        if values:
-            coordinates[branch.joint.name] = values[-1]
-        bodies[link] = body
-        placed[link] = Pose(parent.point(tuple(local.position)), parent.rotation @ local.rotation)
+    bodies = _add_links(spec, mechanism, tree, poses or {}, real=acting is not None)
+    # at level dynamics the crank is free, or driven by its motor
+    if scene.holds("motion") and scene.level != "dynamics":
+        spec.joint(CRANK).armature = FLYWHEEL * PLACEHOLDER * mechanism.size
     for name, (link, point) in mechanism.points.items():
         bodies[link].add_site(name=name, pos=point)
     _close(spec, mechanism, tree, bodies)
-    _mesh_gears(spec, mechanism, coordinates)
+    _mesh_gears(spec, mechanism)
     if acting is not None:
         add_forces(spec, mechanism, tree, bodies, acting)
     return spec
+
+
+def _add_links(
+    spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, poses: Mapping[str, Pose], *, real: bool
+) -> dict[str, mujoco.MjsBody]:
+    """Add a body for each link, hung from its parent by its joint, with its real inertia or a placeholder."""
+    inertias = {known.name: known.inertia if real else None for known in mechanism.links}
+    bodies, placed = {GROUND: spec.worldbody}, {GROUND: IDENTITY}
+    for branch in tree.branches:
+        link, parent = branch.child.link, placed[branch.parent.link]
+        local, values = zero_pose(branch), (0.0,) * KINDS[branch.joint.kind].freedoms
+        if link in poses:
+            local, values = seated_pose(branch, parent, poses[link])
+        hung = bodies[branch.parent.link].add_body(
+            name=link, pos=local.position, quat=quaternion(local.rotation)
+        )
+        inertia = inertias[link]
+        if inertia is None:
+            set_placeholder(hung, mechanism, link)
+        else:
+            set_inertia(hung, inertia)
+        add_joint(hung, mechanism, branch, local, values)
+        bodies[link] = hung
+        placed[link] = Pose(parent.point(tuple(local.position)), parent.rotation @ local.rotation)
+    return bodies
 
 
 def _options(spec: mujoco.MjSpec, scene: Scene) -> None:
@@ -115,33 +118,34 @@ def _close(
                 place = np.asarray(end.point) + height * mechanism.size * np.asarray(end.axis)
                 bodies[end.link].add_site(name=name, pos=place)
                 names.append(name)
-            spec.add_equality(
-                name=joint.name + suffix,
-                type=mujoco.mjtEq.mjEQ_CONNECT,
-                objtype=mujoco.mjtObj.mjOBJ_SITE,
-                name1=names[0],
-                name2=names[1],
-                solref=(20 * spec.option.timestep, 1.0),
-                solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
+            _add_equality(
+                spec, joint.name + suffix, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE, names
             )
 
 
-def _mesh_gears(spec: mujoco.MjSpec, mechanism: Mechanism, coordinates: Mapping[str, float]) -> None:
+def _mesh_gears(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
     """Couple geared joints; MuJoCo counts both angles from the reference configuration."""
     for gear in mechanism.gears:
-        first, second = coordinates.get(gear.driver, 0.0), coordinates.get(gear.driven, 0.0)
-        offset = gear.ratio * first + gear.phase - second
-        offset -= 2.0 * np.pi * np.round(offset / (2.0 * np.pi))
         (driven,), (driver,) = (
             part_names(mechanism, mechanism.joint(name)) for name in (gear.driven, gear.driver)
         )
-        made = spec.add_equality(
-            name=f"{gear.driver}-{gear.driven}",
-            type=mujoco.mjtEq.mjEQ_JOINT,
-            objtype=mujoco.mjtObj.mjOBJ_JOINT,
-            name1=driven,
-            name2=driver,
-            solref=(20 * spec.option.timestep, 1.0),
-            solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
-        )
+        offset = gear.ratio * float(spec.joint(driver).ref) + gear.phase - float(spec.joint(driven).ref)
+        offset -= 2.0 * np.pi * np.round(offset / (2.0 * np.pi))
+        kind, of = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
+        made = _add_equality(spec, f"{gear.driver}-{gear.driven}", kind, of, [driven, driver])
         made.data[:5] = offset, gear.ratio, 0.0, 0.0, 0.0
+
+
+def _add_equality(
+    spec: mujoco.MjSpec, name: str, kind: mujoco.mjtEq, of: mujoco.mjtObj, pair: Sequence[str]
+) -> mujoco.MjsEquality:
+    """Add an equality; its stiffness was chosen by validation/choices/constraint_settings.py."""
+    return spec.add_equality(
+        name=name,
+        type=kind,
+        objtype=of,
+        name1=pair[0],
+        name2=pair[1],
+        solref=(20 * spec.option.timestep, 1.0),
+        solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
+    )

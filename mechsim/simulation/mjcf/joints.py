@@ -87,7 +87,7 @@ def _posed(branch: Branch, values: tuple[float, ...]) -> Pose:
 
 def add_joint(
     body: mujoco.MjsBody, mechanism: Mechanism, branch: Branch, local: Pose, values: tuple[float, ...]
-) -> list[mujoco.MjsJoint]:
+) -> None:
     """Add a tree joint to its child body; `ref` makes MuJoCo's coordinates those of the mechanism.
 
     Args:
@@ -100,17 +100,16 @@ def add_joint(
     joint, at = branch.joint, branch.child.point
     kind, names = KINDS[joint.kind], part_names(mechanism, joint)
     if kind.ball:
-        return [body.add_joint(name=names[0], type=mujoco.mjtJoint.mjJNT_BALL, pos=at)]
+        body.add_joint(name=names[0], type=mujoco.mjtJoint.mjJNT_BALL, pos=at)
+        return
     types = [mujoco.mjtJoint.mjJNT_SLIDE] * len(kind.slides) + [mujoco.mjtJoint.mjJNT_HINGE] * len(kind.turns)
     axes: list[Axis] = [*kind.slides, *kind.turns]
     parts = list(zip(names, types, axes, values, strict=True))
     if branch.sense < 0 and len(set(axes)) > 1:
         # an axis fixed in the parent comes first, one fixed in the child last
         parts.reverse()
-    return [
+    for name, made, axis, value in parts:
         body.add_joint(name=name, type=made, pos=at, axis=_axis_of(branch, local, axis), ref=value)
-        for name, made, axis, value in parts
-    ]
 
 
 def _axis_of(branch: Branch, local: Pose, axis: Axis) -> np.ndarray:
