@@ -1,11 +1,14 @@
-"""A motion as a table of columns in a file, `.csv` or `.npz`, written whole or not at all."""
+"""Files written whole or not at all: a motion as a table of columns (`.csv`, `.npz`), numbers as JSON."""
 
+import json
+import math
 import os
 import tempfile
 import zipfile
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +56,30 @@ def written_beside(path: str | Path) -> Generator[Path]:
         raise _cannot_write(path, error) from error
     finally:
         beside.unlink(missing_ok=True)
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON can hold it: arrays as lists, numbers that are none as None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def write_json(path: str | Path, value: Any) -> None:
+    """Write a value as JSON (see `plain`).
+
+    Raises:
+        OutputError: where the file cannot be written.
+    """
+    text = json.dumps(plain(value), indent=1, allow_nan=False)
+    with written_beside(path) as beside:
+        beside.write_text(text + "\n", encoding="utf-8")
 
 
 def write(path: str | Path, motion: Motion) -> None:

@@ -1,9 +1,12 @@
 """Quantities as people write them ("13 mm", "600 rpm", "0:360:5deg") to SI numbers, at the edges only.
 
-A number without a unit is SI: metres, radians, radians per second, seconds.
+A number without a unit is SI: metres, radians, radians per second, seconds. `option` declares a field of a
+dataclass that people set in that way.
 """
 
 import re
+from collections.abc import Callable
+from dataclasses import field
 from functools import cache
 from typing import Any, Literal
 
@@ -27,6 +30,31 @@ _KINDS: dict[str, tuple[str, str]] = {
     "s": ("a time", "2 ms"),
 }
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+
+
+def option(
+    default: Any,
+    doc: str,
+    *,
+    unit: Unit | None = None,
+    read: Callable[[str], Any] | None = None,
+    text: str | None = None,
+    name: str | None = None,
+    metavar: str | None = None,
+) -> Any:
+    """Declare a field of a dataclass that can be set on the command line.
+
+    Args:
+        default: where it is not set.
+        doc: what it is, as help and refusals say it.
+        unit: of a quantity, which may then be written with a unit.
+        read: makes the value of what was written, where that is no plain word, number or quantity.
+        text: the default as people would write it, where help should show that.
+        name: on the command line, where it is not the field's.
+        metavar: what stands for the value in help.
+    """
+    rule = {"doc": doc, "unit": unit, "read": read, "text": text, "name": name, "metavar": metavar}
+    return field(default=default, metadata=rule)
 
 
 def rpm(value: float) -> float:
@@ -85,6 +113,11 @@ def parse_vector(text: str, unit: Unit, name: str = "the vector") -> tuple[float
         InputError: as `parse`, for any of them.
     """
     return tuple(_several(text.split(","), unit, text, name))
+
+
+def parse_names(text: str) -> tuple[str, ...]:
+    """Return names written with commas between."""
+    return tuple(text.split(","))
 
 
 def parse_angles(text: str, name: str = "the angles") -> Array:

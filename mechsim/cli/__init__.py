@@ -1,6 +1,6 @@
 """Words to calls, results to text: one file a command.
 
-Everything heavy is imported inside the commands: `mechsim --help` must be quick.
+A file is loaded when its command is typed: `mechsim --help` must be quick.
 """
 
 import signal
@@ -8,50 +8,94 @@ import sys
 import threading
 from collections.abc import Generator
 from contextlib import contextmanager
+from importlib import import_module
+from typing import Any
 
 import typer
+from typer.core import TyperGroup
+from typer.main import get_command
 
-from mechsim.cli import (
-    catalog,
-    doctor,
-    dynamics,
-    extremes,
-    plot,
-    render,
-    simulate,
-    synthesize,
-    tradeoff,
-    validate,
-)
+from mechsim._version import __version__
 from mechsim.errors import MechsimError
+
+# command -> its file and function, and what it does
+COMMANDS = {
+    "list": ("catalog.list_mechanisms", "List the mechanisms of the catalogue."),
+    "show": (
+        "catalog.show",
+        "Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups.",
+    ),
+    "solve": ("catalog.solve", "Solve a mechanism in closed form; write .csv or .npz, or print a table."),
+    "export": ("export.export", "Write the MuJoCo model of a mechanism."),
+    "simulate": ("simulate.simulate", "Run a mechanism in MuJoCo under a driven crank."),
+    "validate": (
+        "validate.validate",
+        "Check closed form, loop equations and MuJoCo against each other; the main job.",
+    ),
+    "tradeoff": (
+        "tradeoff.tradeoff",
+        "Measure how fast and how accurate MuJoCo's settings are on one mechanism; recommend some.",
+    ),
+    "dynamics": (
+        "dynamics.dynamics",
+        "Drive torque, joint reactions and energy of a prescribed crank; free running under a motor.",
+    ),
+    "render": (
+        "render.render",
+        "Draw a mechanism without a screen: .png, .mp4, .webm, .gif, or a new folder of .png files.",
+    ),
+    "plot": (
+        "plot.plot",
+        "Plot motions, curves, transmission, errors, velocity plans, dynamics or studies: "
+        ".svg, .pdf or .png.",
+    ),
+    "synthesize": (
+        "synthesize.synthesize",
+        "Find frame, frame angle and rocker so that the coupler point, in the plane, follows a line.",
+    ),
+    "doctor": (
+        "doctor.doctor",
+        "Say what this machine has: OpenGL back ends, ffmpeg, versions, and what mends what is missing.",
+    ),
+    "extremes": (
+        "extremes.extremes",
+        "Push steps, speed, size, masses, poses, turns and gears until something breaks; say where it does.",
+    ),
+}
+PLAIN: dict[str, Any] = {
+    "add_completion": False,
+    "rich_markup_mode": None,
+    "pretty_exceptions_enable": False,
+}
 
 # what the command-line library returns for Ctrl-C, without a word
 INTERRUPTED = 130
 # as a program that the system ends for that: 128 + SIGPIPE
 CLOSED_PIPE = 141
 
+
+class LoadedWhenTyped(TyperGroup):
+    """Commands known by name and by what they do; the one that is typed is loaded."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """Return the command that the first word names, and the words for it."""
+        name, _, rest = super().resolve_command(ctx, args)
+        return name, None if name is None else loaded(name), rest
+
+
+def loaded(name: str) -> Any:
+    """Return a command, its file loaded."""
+    file, _, function = COMMANDS[name][0].partition(".")
+    alone = typer.Typer(**PLAIN)
+    alone.command(name)(getattr(import_module(f"mechsim.cli.{file}"), function))
+    return get_command(alone)
+
+
 app = typer.Typer(
-    help="Check an analytic model of a linkage against a multibody simulator.",
-    add_completion=False,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
+    cls=LoadedWhenTyped, help="Check an analytic model of a linkage against a multibody simulator.", **PLAIN
 )
-app.command("list")(catalog.list_mechanisms)
-for command in (
-    catalog.show,
-    catalog.solve,
-    catalog.export,
-    simulate.simulate,
-    validate.validate,
-    tradeoff.tradeoff,
-    dynamics.dynamics,
-    render.render,
-    plot.plot,
-    synthesize.synthesize,
-    doctor.doctor,
-    extremes.extremes,
-):
-    app.command()(command)
+for known, (_, about) in COMMANDS.items():
+    app.command(known, help=about)(lambda: None)
 
 
 @app.callback(invoke_without_command=True)
@@ -60,8 +104,6 @@ def _top(
 ) -> None:
     """Check an analytic model of a linkage against a multibody simulator."""
     if version:
-        from mechsim._version import __version__
-
         typer.echo(__version__)
         raise typer.Exit
     if context.invoked_subcommand is None:

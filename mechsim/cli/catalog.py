@@ -1,9 +1,12 @@
-"""Commands about the catalogue: list, show, solve, export."""
+"""Commands about the catalogue: list, show, solve."""
 
+import math
 from typing import Annotated, Any
 
 import typer
 
+from mechsim import files, units
+from mechsim.analytic import catalog
 from mechsim.cli.options import (
     Json,
     Name,
@@ -11,18 +14,15 @@ from mechsim.cli.options import (
     Sets,
     Speed,
     drive_of,
-    folder_for,
-    scene_of,
     speed_of,
     writable,
 )
-from mechsim.cli.output import print_json, print_table, progress
+from mechsim.cli.output import print_json, print_table
+from mechsim.report.facts import facts
 
 
 def list_mechanisms(as_json: Json = False) -> None:
     """List the mechanisms of the catalogue."""
-    from mechsim.analytic import catalog
-
     described = {name: (drive.__doc__ or "").splitlines()[0] for name, drive in catalog.DRIVES.items()}
     if as_json:
         print_json({"mechanisms": described})
@@ -42,9 +42,6 @@ def show(
     as_json: Json = False,
 ) -> None:
     """Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups."""
-    from mechsim import units
-    from mechsim.report.facts import facts
-
     drive = drive_of(name, sets)
     at = None if angle is None else units.parse_angle(angle, "the crank angle")
     found = facts(drive, at, driver)
@@ -55,8 +52,6 @@ def show(
 
 
 def _print_facts(found: dict[str, Any]) -> None:
-    import math
-
     rows = [(n, _number(p["value"]), p["unit"], p["doc"]) for n, p in found["parameters"].items()]
     print_table(f"{found['name']}: {found['about']}", ("parameter", "value", "unit", "meaning"), rows)
     joints = [(j["name"], j["kind"], f"{j['links'][0]} - {j['links'][1]}") for j in found["joints"]]
@@ -109,8 +104,6 @@ def solve(
     as_json: Json = False,
 ) -> None:
     """Solve a mechanism in closed form; write .csv or .npz, or print a table."""
-    from mechsim import files, units
-
     place = None if output is None else writable(output, ".csv", ".npz")
     drive = drive_of(name, sets)
     motion = drive.solve(units.parse_angles(angles, "the crank angles"), speed_of(speed))
@@ -125,48 +118,3 @@ def solve(
             print(",".join(repr(float(value)) for value in row))
     else:
         typer.echo(f"wrote {len(motion)} rows to {output}")
-
-
-def export(
-    name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="A mechanism of the catalogue.")
-    ] = None,
-    every: Annotated[
-        str | None, typer.Option("--all", metavar="DIR", help="Export every mechanism into this folder.")
-    ] = None,
-    scene: Annotated[str, typer.Option(help="pose, motion, dynamics or picture.")] = "motion",
-    cut: Annotated[str | None, typer.Option(help="Joints at which to cut the loops, with commas.")] = None,
-    sets: Sets = None,
-    output: Output = None,
-) -> None:
-    """Write the MuJoCo model of a mechanism."""
-    from mechsim import files
-    from mechsim.analytic import catalog
-    from mechsim.errors import InputError
-    from mechsim.pictures.render.exported_scene import exported
-    from mechsim.simulation import mjcf
-
-    wanted = scene_of(scene, cut)
-    if (name is None) == (every is None):
-        raise InputError("export takes either one NAME or --all DIR; give one of them")
-    if every is not None:
-        if sets or output or cut:
-            raise InputError("--all exports every mechanism as it is; leave out --set, --cut and -o")
-        folder = folder_for(every)
-        with progress("export", len(catalog.DRIVES)) as tick:
-            for one in catalog.DRIVES:
-                text = mjcf.to_xml(exported(catalog.make(one).mechanism, wanted))
-                with files.written_beside(folder / f"{one}.xml") as path:
-                    path.write_text(text)
-                tick(one)
-        typer.echo(f"wrote {len(catalog.DRIVES)} models to {every}")
-        return
-    assert name is not None
-    place = None if output is None else writable(output, ".xml")
-    text = mjcf.to_xml(exported(drive_of(name, sets).mechanism, wanted))
-    if place is None:
-        typer.echo(text, nl=False)
-        return
-    with files.written_beside(place) as path:
-        path.write_text(text)
-    typer.echo(f"wrote {output}")

@@ -1,11 +1,15 @@
 """Command about this machine: doctor."""
 
+import platform
 from typing import Any
 
 import typer
 
 from mechsim.cli.options import Json
 from mechsim.cli.output import print_json, print_table
+from mechsim.errors import MissingToolError
+from mechsim.pictures.render import describe_backend, find_ffmpeg
+from mechsim.report.page import versions
 
 
 def doctor(as_json: Json = False) -> None:
@@ -30,12 +34,6 @@ def doctor(as_json: Json = False) -> None:
 
 def examine() -> dict[str, Any]:
     """Return what this machine has, as plain data."""
-    import platform
-
-    from mechsim.errors import MissingToolError
-    from mechsim.pictures.render import describe_backend, find_ffmpeg
-    from mechsim.report.page import versions
-
     found = versions() | {"machine": platform.platform()}
     backends = describe_backend()
     remedies: list[str] = []

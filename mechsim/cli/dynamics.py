@@ -173,8 +173,7 @@ def _driven(machine: "Machine", speed: float, coefficient: float | None, asked: 
         from mechsim.pictures.plots import dynamics as drawn
 
         rings = None if found is None else (found.motion.angle, found.efforts.torque)
-        form = plots.form_of(asked.plot)
-        plots.write(asked.plot, drawn.dynamics_sheet(study, turn, even, rings, form=form))
+        plots.write(asked.plot, drawn.dynamics_sheet(study, turn, even, rings))
     promise = driven_promise(found)
     if asked.as_json:
         told: dict[str, Any] = {"mechanism": machine.mechanism.name, **study_facts(study)}
@@ -220,7 +219,7 @@ def _free(machine: "Machine", speed: float, asked: DynamicsAsked) -> bool:
         from mechsim.pictures import plots
         from mechsim.pictures.plots import dynamics as drawn
 
-        plots.write(asked.plot, drawn.free_plot(run, form=plots.form_of(asked.plot)))
+        plots.write(asked.plot, drawn.free_plot(run))
     promise = free_promise(found)
     if asked.as_json:
         told = {"mechanism": machine.mechanism.name, "free": run_facts(run), "promise": promise}

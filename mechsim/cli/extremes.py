@@ -1,16 +1,17 @@
 """Command that pushes every axis until something breaks: extremes."""
 
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
 from mechsim.cli.options import Json, drive_of, folder_for
 from mechsim.cli.output import print_json, print_table, progress
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from mechsim.studies.extremes import StabilityMap
+from mechsim.files import write_json
+from mechsim.pictures import plots
+from mechsim.studies.extremes import StabilityMap
+from mechsim.studies.extremes.plot import extremes_map
+from mechsim.studies.extremes.stability_map import axes_of, study
 
 
 def extremes(
@@ -28,8 +29,6 @@ def extremes(
         drive_of(name, None)
     folder = None if report is None else folder_for(report)
 
-    from mechsim.studies.extremes.stability_map import axes_of, study
-
     with progress("extremes", axes_of(names, quick)) as tick:
         found = study(names, quick=quick, done=tick)
     if folder is not None:
@@ -43,20 +42,12 @@ def extremes(
     raise typer.Exit(0 if found.passed else 1)
 
 
-def _write(folder: "Path", found: "StabilityMap") -> None:
-    import json
-
-    from mechsim.cli.output import plain
-    from mechsim.files import written_beside
-    from mechsim.pictures import plots
-    from mechsim.studies.extremes.plot import extremes_map
-
+def _write(folder: Path, found: StabilityMap) -> None:
     plots.write(folder / "extremes.svg", extremes_map(found))
-    with written_beside(folder / "extremes.json") as path:
-        path.write_text(json.dumps(plain(found.as_dict()), indent=1, allow_nan=False))
+    write_json(folder / "extremes.json", found.as_dict())
 
 
-def _print(found: "StabilityMap") -> None:
+def _print(found: StabilityMap) -> None:
     rows = [
         (b.axis, b.mechanism, f"{b.inside:.2g}", b.before, f"{b.outside:.2g}", b.after) for b in found.borders
     ]
@@ -73,7 +64,7 @@ def _print(found: "StabilityMap") -> None:
     typer.echo(f"{good} of {len(found.trials)} runs ended as the closed form says, and knew it")
 
 
-def _print_drifts(found: "StabilityMap") -> None:
+def _print_drifts(found: StabilityMap) -> None:
     rows = [
         (d.mechanism, f"{d.turns:g}", f"{d.first:.3e}", f"{d.last:.3e}", "no drift" if d.passed else "DRIFTS")
         for d in found.drifts

@@ -1,14 +1,16 @@
 """Options that several commands share, and how their text becomes values."""
 
-from typing import TYPE_CHECKING, Annotated, Any
+import os
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from mechsim.analytic.catalog.base import ClosedForm
-    from mechsim.model.scene import Scene
+from mechsim import units
+from mechsim.analytic import catalog
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.errors import InputError, OutputError
+from mechsim.model.scene import Scene
 
 # crank speeds in [rad/s]: a turn takes most of a day, and faster than any shaft; MuJoCo's own absolute
 # bounds on time and acceleration lie beyond
@@ -23,14 +25,12 @@ Sets = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 Speed = Annotated[str, typer.Option(help="Crank speed; a bare number is rad/s.")]
+File = Annotated[str, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
 Output = Annotated[str | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
 
 
-def drive_of(name: str, sets: list[str] | None) -> "ClosedForm":
+def drive_of(name: str, sets: list[str] | None) -> ClosedForm:
     """Return a catalogue mechanism with the parameters of `--set`."""
-    from mechsim.analytic import catalog
-    from mechsim.errors import InputError
-
     fields = catalog.parameters(name)
     values: dict[str, Any] = {}
     for text in sets or ():
@@ -47,8 +47,6 @@ def drive_of(name: str, sets: list[str] | None) -> "ClosedForm":
 
 
 def _value(mechanism: str, field: Any, parameter: str, text: str) -> Any:
-    from mechsim import units
-    from mechsim.errors import InputError
 
     unit, what = field.metadata["unit"], f"{parameter} of {mechanism}"
     options = field.metadata.get("options")
@@ -77,9 +75,6 @@ def _value(mechanism: str, field: Any, parameter: str, text: str) -> Any:
 
 def speed_of(text: str) -> float:
     """Return a crank speed in [rad/s], of a size that a run can have."""
-    from mechsim import units
-    from mechsim.errors import InputError
-
     speed = units.parse_speed(text, "the crank speed")
     if not SLOWEST <= abs(speed) <= FASTEST:
         raise InputError(
@@ -89,20 +84,13 @@ def speed_of(text: str) -> float:
     return speed
 
 
-def scene_of(level: str, cut: str | None = None) -> "Scene":
+def scene_of(level: str, cut: str | None = None) -> Scene:
     """Return a scene of a level, with loops cut at named joints."""
-    from mechsim.model.scene import Scene
-
     return Scene(level=level, cut=tuple(cut.split(",")) if cut else None)  # pyright: ignore[reportArgumentType]
 
 
-def writable(path: str, *extensions: str) -> "Path":
+def writable(path: str, *extensions: str) -> Path:
     """Return an output path, checked before any work is done for it."""
-    import os
-    from pathlib import Path
-
-    from mechsim.errors import InputError, OutputError
-
     place = Path(path)
     if place.is_dir():
         raise OutputError(f"cannot write {path!r}: it is a folder; give a file name")
@@ -117,13 +105,8 @@ def writable(path: str, *extensions: str) -> "Path":
     return place
 
 
-def folder_for(path: str) -> "Path":
+def folder_for(path: str) -> Path:
     """Return an output folder, made if it was not there, checked before any work is done for it."""
-    import os
-    from pathlib import Path
-
-    from mechsim.errors import OutputError
-
     folder = Path(path)
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"cannot write into {path!r}: it is a file; name a folder")

@@ -1,7 +1,6 @@
 """What commands print: one JSON object, or tables for people; progress on stderr."""
 
 import json
-import math
 import os
 import sys
 import time
@@ -11,6 +10,8 @@ from typing import Any, Protocol
 
 import typer
 
+from mechsim.files import plain
+
 # between two lines of progress where there is no terminal
 SECONDS = 10.0
 
@@ -18,19 +19,6 @@ SECONDS = 10.0
 def print_json(value: Any) -> None:
     """Print one JSON object; numbers that JSON does not have become null."""
     typer.echo(json.dumps(plain(value), indent=2, allow_nan=False))
-
-
-def plain(value: Any) -> Any:
-    """Return a value as JSON can hold it: arrays as lists, numbers that are none as None."""
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def print_table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> None:

@@ -1,15 +1,16 @@
 """Command that designs a linkage: synthesize."""
 
 import math
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from mechsim import units
+from mechsim.analytic.catalog.looper import Looper
 from mechsim.cli.options import Json, Name, Sets, drive_of
 from mechsim.cli.output import print_json
-
-if TYPE_CHECKING:
-    from mechsim.theory.synthesis import Synthesis
+from mechsim.errors import InputError
+from mechsim.theory.synthesis import Synthesis, synthesize_looper
 
 
 def synthesize(
@@ -26,11 +27,6 @@ def synthesize(
     the straightest, whose coupler point leaves the line least. The deviation of either is the farthest
     that the path of its coupler point is from the line, over the whole of the line.
     """
-    from mechsim import units
-    from mechsim.analytic.catalog.looper import Looper
-    from mechsim.errors import InputError
-    from mechsim.theory.synthesis import synthesize_looper
-
     base = drive_of(name, sets)
     if not isinstance(base, Looper):
         raise InputError(f"{name} cannot be synthesised; looper can")
@@ -48,11 +44,11 @@ def synthesize(
         typer.echo(f"straightest: {_words(straightest)}")
 
 
-def _numbers(found: "Synthesis") -> dict[str, float]:
+def _numbers(found: Synthesis) -> dict[str, float]:
     return {name: getattr(found, name) for name in ("frame", "frame_angle", "rocker", "deviation")}
 
 
-def _words(found: "Synthesis") -> str:
+def _words(found: Synthesis) -> str:
     return (
         f"frame {found.frame * 1e3:.6g} mm at {math.degrees(found.frame_angle):.6g} deg, "
         f"rocker {found.rocker * 1e3:.6g} mm; the coupler point stays within "

@@ -1,14 +1,28 @@
 """The command tradeoff: speed against accuracy, measured."""
 
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
+from mechsim import units
 from mechsim.cli.options import Json, Output, Sets, Speed, drive_of, speed_of, writable
 from mechsim.cli.output import Tick, print_json, print_table, progress
-
-if TYPE_CHECKING:
-    from mechsim.studies.tradeoff import Point, Subject, Tradeoff
+from mechsim.errors import InputError
+from mechsim.pictures import plots
+from mechsim.studies.tradeoff import (
+    BOUNDS,
+    DEFAULTS,
+    QUANTITIES,
+    Point,
+    Subject,
+    Tradeoff,
+    measure,
+    subject_of,
+    subject_of_model,
+    write_csv,
+)
+from mechsim.studies.tradeoff.plot import work_precision
 
 
 def tradeoff(
@@ -29,10 +43,6 @@ def tradeoff(
     as_json: Json = False,
 ) -> None:
     """Measure how fast and how accurate MuJoCo's settings are on one mechanism; recommend some."""
-    from mechsim import units
-    from mechsim.errors import InputError
-    from mechsim.studies.tradeoff import QUANTITIES, measure, write_csv
-
     place = None if output is None else writable(output, ".csv")
     drawing = None if plot is None else writable(plot, ".svg", ".png", ".pdf")
     if by not in QUANTITIES:
@@ -46,10 +56,7 @@ def tradeoff(
     if place is not None:
         write_csv(place, found, by)
     if drawing is not None:
-        from mechsim.pictures.plots import form_of, write
-        from mechsim.studies.tradeoff.plot import work_precision
-
-        write(drawing, work_precision(found, by, form=form_of(drawing)))
+        plots.write(drawing, work_precision(found, by))
     if as_json:
         print_json(found.as_dict(by) | {"seed": seed, "budget": seconds, "output": output, "plot": plot})
         return
@@ -59,12 +66,7 @@ def tradeoff(
             typer.echo(f"wrote {what} to {path}")
 
 
-def _subject(name: str, sets: list[str] | None, speed: float) -> "Subject":
-    from pathlib import Path
-
-    from mechsim.errors import InputError
-    from mechsim.studies.tradeoff import subject_of, subject_of_model
-
+def _subject(name: str, sets: list[str] | None, speed: float) -> Subject:
     path = Path(name)
     if path.suffix.lower() != ".xml" and not path.is_file():
         return subject_of(drive_of(name, sets), speed)
@@ -85,9 +87,7 @@ class _Percent:
             self.tick(done)
 
 
-def _print(found: "Tradeoff", by: str) -> None:
-    from mechsim.studies.tradeoff import BOUNDS, DEFAULTS
-
+def _print(found: Tradeoff, by: str) -> None:
     subject = found.subject
     rows = [(f"{bound:.0e}", *_cells(found.choice(bound, by))) for bound in BOUNDS]
     rows += [("(defaults)", *_cells(point)) for point in found.points if _worth(point, DEFAULTS)]
@@ -116,7 +116,7 @@ def _worth(point: Any, defaults: str) -> bool:
     return point.family.name == defaults and point.settings.steps_per_turn in (72, 720, 7200)
 
 
-def _cells(point: "Point | None") -> tuple[str, ...]:
+def _cells(point: Point | None) -> tuple[str, ...]:
     if point is None:
         return ("nothing measured reaches it", "", "")
     errors = (f"{error:.1e}" for error in point.errors.values())

@@ -1,14 +1,16 @@
 """The command that checks everything against everything: validate."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from mechsim.analytic import catalog
 from mechsim.cli.options import Json, Sets, Speed, drive_of, folder_for, speed_of
 from mechsim.cli.output import print_json, print_table, progress
-
-if TYPE_CHECKING:
-    from mechsim.studies.validate import Case
+from mechsim.errors import AssemblyError, InputError
+from mechsim.report.validation import write_validation_report
+from mechsim.studies.validate import Case, validate_all
+from mechsim.verdict.judge import HEAD
 
 
 def validate(
@@ -23,10 +25,6 @@ def validate(
     as_json: Json = False,
 ) -> None:
     """Check closed form, loop equations and MuJoCo against each other; the main job."""
-    from mechsim.analytic import catalog
-    from mechsim.errors import AssemblyError, InputError
-    from mechsim.studies.validate import validate_all
-
     names = names or list(catalog.DRIVES)
     if sets and len(names) != 1:
         raise InputError("--set changes one mechanism; name it")
@@ -44,8 +42,6 @@ def validate(
     passed = all(case.passed for case in cases.values())
     results = {"passed": passed, "mechanisms": {name: case.as_dict() for name, case in cases.items()}}
     if folder is not None:
-        from mechsim.report.validation import write_validation_report
-
         with progress("draw", len(cases)) as tick:
             notes = write_validation_report(folder, cases, results, done=tick)
         for note in notes:
@@ -62,8 +58,6 @@ def validate(
     raise typer.Exit(0 if passed else 1)
 
 
-def _print_case(name: str, case: "Case") -> None:
-    from mechsim.verdict.judge import HEAD
-
+def _print_case(name: str, case: Case) -> None:
     title = f"{name}: {case.outcome}" + (f" - {case.reason}" if case.reason else "")
     print_table(title, HEAD, [check.cells for check in case.checks])

@@ -82,17 +82,28 @@ def run_html(run: "Run") -> str:
     said = run.summary()
     rows = [(name, _text(value)) for name, value in said.items() if name != "settings"]
     rows += [(name.replace("_", " "), _text(value)) for name, value in said["settings"].items()]
-    drawing = plots.motion_plot(run.motion, form="svg").decode("utf-8")
-    picture = drawing[drawing.index("<svg") :] if len(run.motion) > 1 else ""
+    picture = figure_svg(plots.motion_plot(run.motion)) if len(run.motion) > 1 else ""
     colour = GOOD if run.outcome == "met" else BAD
     return (
         _title(run.outcome, colour) + f"<details><summary>how</summary>{_table((), rows)}</details>{picture}"
     )
 
 
+def figure_svg(figure: Any) -> str | None:
+    """Return a figure of matplotlib as SVG; None for one that pyplot looks after and shows itself."""
+    from mechsim.pictures import plots
+
+    if figure.canvas.manager is not None:
+        return None
+    drawing = plots.drawn(figure).decode("utf-8")
+    return drawing[drawing.index("<svg") :]
+
+
+# (module, class) -> what kind of data shows it, and how that is made
 SHOWN = {
-    ("mechsim.verdict.judge", "Verdict"): verdict_html,
-    ("mechsim.simulation.run_result", "Run"): run_html,
+    ("mechsim.verdict.judge", "Verdict"): ("text/html", verdict_html),
+    ("mechsim.simulation.run_result", "Run"): ("text/html", run_html),
+    ("matplotlib.figure", "Figure"): ("image/svg+xml", figure_svg),
 }
 
 
@@ -103,9 +114,8 @@ def register() -> None:
     shell: Any = get_ipython()
     if shell is None:
         return
-    html = shell.display_formatter.formatters["text/html"]
-    for (module, name), page in SHOWN.items():
-        html.for_type_by_name(module, name, page)
+    for (module, name), (kind, page) in SHOWN.items():
+        shell.display_formatter.formatters[kind].for_type_by_name(module, name, page)
 
 
 def _title(text: str, colour: str) -> str:

@@ -1,7 +1,6 @@
 """The report: one page that needs nothing but itself, and the same numbers as JSON beside it."""
 
 import base64
-import json
 import math
 import os
 import platform
@@ -16,7 +15,8 @@ from typing import Any
 
 from mechsim._version import __version__
 from mechsim.errors import OutputError
-from mechsim.files import written_beside
+from mechsim.files import write_json, written_beside
+from mechsim.pictures.number_text import number
 from mechsim.report.studies import StudyPart
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -99,9 +99,7 @@ def write_report(
         "machine": machine(),
     }
     page = render(results, sections, about, notes, studies)
-    numbers = plain({**results, "notes": list(notes), "about": about})
-    with written_beside(directory / "validate.json") as beside:
-        beside.write_text(json.dumps(numbers, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    write_json(directory / "validate.json", {**results, "notes": list(notes), "about": about})
     with written_beside(directory / "index.html") as beside:
         beside.write_text(page, encoding="utf-8")
     return directory / "index.html"
@@ -159,38 +157,6 @@ def machine() -> dict[str, str]:
         "processor": _processor(),
         "cores": str(os.cpu_count() or "unknown"),
     }
-
-
-def plain(thing: Any) -> Any:
-    """Return data that JSON can hold: numpy numbers as numbers, NaN and infinity as null."""
-    if isinstance(thing, Mapping):
-        return {str(key): plain(item) for key, item in thing.items()}
-    if isinstance(thing, str | bool) or thing is None:
-        return thing
-    if hasattr(thing, "tolist"):
-        return plain(thing.tolist())
-    if isinstance(thing, list | tuple):
-        return [plain(item) for item in thing]
-    if isinstance(thing, int):
-        return thing
-    if isinstance(thing, float):
-        return thing if math.isfinite(thing) else None
-    return str(thing)
-
-
-def number(x: Any) -> str:
-    """Return a number as the page shows it: three digits, whole numbers whole."""
-    if x is None or not math.isfinite(x):
-        return "not a number"
-    if x == 0 or (float(x).is_integer() and abs(x) < 1e6):
-        return f"{int(x):,}".replace(",", "\u202f")  # a narrow space between thousands
-    if 1e-3 <= abs(x) < 1e4:
-        return f"{x:.4g}"
-    mantissa, exponent = f"{x:.2e}".split("e")
-    return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}"
-
-
-SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def degrees(x: Any) -> str:

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from mechsim.errors import MissingToolError
-from mechsim.model.motion import Motion
+from mechsim.files import written_beside
 from mechsim.pictures import plots
 from mechsim.report.facts import facts
 from mechsim.report.page import Section, write_report
+from mechsim.report.plot_table import PLOTS, PlotSource
 from mechsim.report.studies import studies_in
 from mechsim.studies.validate import Case
 
@@ -48,8 +49,9 @@ def write_validation_report(
             if str(error) not in notes:
                 notes.append(str(error))
         drawings = _plots(case)
-        for file, drawing in drawings.values():
-            plots.write(folder / f"{name}_{file}.svg", drawing)
+        for kind, drawing in drawings.items():
+            with written_beside(folder / f"{name}_{kind}.svg") as beside:
+                beside.write_bytes(drawing)
         sections.append(
             Section(
                 name=name,
@@ -57,7 +59,7 @@ def write_validation_report(
                 facts=_facts(case),
                 still=still,
                 video=video,
-                plots=[(caption, drawing) for caption, (_, drawing) in drawings.items()],
+                plots=[(PLOTS[kind].about, drawing) for kind, drawing in drawings.items()],
                 settings=_settings(case),
             )
         )
@@ -78,24 +80,19 @@ def _drawn(folder: Path, name: str, case: Case) -> tuple[bytes, Path]:
     return picture.read_bytes(), video
 
 
-def _plots(case: Case) -> dict[str, tuple[str, bytes]]:
-    """Return the plots of a case: caption -> (file name, SVG)."""
-    angles = case.exact.angle
-    transmission = case.drive.transmission_angle(angles)
-    return {
-        "place error of the stepped run": ("error_step", _errors(case, case.run.motion)),
-        "place error of the solved poses": ("error_pose", _errors(case, case.poses.motion)),
-        "displacement, velocity and acceleration": ("motion", plots.motion_plot(case.exact)),
-        "paths of the tracked points": ("paths", plots.coupler_curve(case.drive.mechanism, case.exact)),
-        "transmission angle": ("transmission", plots.transmission_plot(angles, transmission)),
-    }
+def _plots(case: Case) -> dict[str, bytes]:
+    """Return the plots of a case as SVG: kind -> bytes."""
+    source = PlotSource(
+        drive=case.drive,
+        speed=float(np.abs(case.exact.speed).max()),
+        motions={"closed": case.exact, "simulated": case.run.motion, "posed": case.poses.motion},
+        bounds={"simulated": _bound(case, "step"), "posed": _bound(case, "pose")},
+    )
+    return {name: plots.drawn(kind.draw(source)) for name, kind in PLOTS.items() if kind.on_page}
 
 
-def _errors(case: Case, motion: Motion) -> bytes:
-    exact = case.drive.solve(motion.angle, motion.speed, motion.acceleration)
-    road = "step" if motion.source == "step" else "pose"
-    bound = next(check.bound for check in case.checks if check.quantity.startswith(f"{road}: position of"))
-    return plots.error_plot(motion.angle, motion.place_errors(exact), unit="m", bound=bound)
+def _bound(case: Case, road: str) -> float:
+    return next(check.bound for check in case.checks if check.quantity.startswith(f"{road}: position of"))
 
 
 def _facts(case: Case) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """The command line as people and scripts meet it: outputs, exit codes, one clear line for bad input."""
 
+import inspect
 import json
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from mechsim import catalog, files
+from mechsim import catalog, cli, files
 from mechsim.cli import main
 
 
@@ -295,6 +296,12 @@ def test_doctor_names_versions_back_ends_and_ffmpeg(mechsim: Call) -> None:
     assert said["versions"]["mujoco"]
     assert {row["name"] for row in said["opengl"]} >= {"egl", "osmesa"}
     assert said["ffmpeg"]
+
+
+@pytest.mark.parametrize("name", cli.COMMANDS)
+def test_every_command_says_in_the_list_what_it_says_of_itself(name: str) -> None:
+    said = inspect.getdoc(cli.loaded(name).callback) or ""
+    assert " ".join(said.split("\n\n")[0].split()) == cli.COMMANDS[name][1]
 
 
 def test_help_loads_nothing_heavy() -> None:

@@ -4,9 +4,10 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from mechsim.cli import main, plot
+from mechsim.cli import main
 from mechsim.errors import MissingToolError
 from mechsim.pictures.render import gl_backend
+from mechsim.report import plot_table
 from mechsim.studies.extremes import scaled, stability_map
 
 try:
@@ -106,7 +107,7 @@ def test_a_torque_plot_carries_both_roads(mechsim, tmp_path):
 
 
 def test_studies_are_drawn_as_they_are_measured(mechsim, tmp_path, monkeypatch):
-    monkeypatch.setattr(plot, "BUDGET", 0.5)
+    monkeypatch.setattr(plot_table, "BUDGET", 0.5)
     few = [("steps", scaled.steps, [100.0, 50.0])]
     monkeypatch.setattr(stability_map, "_pushes", lambda drive, quick: few)
     for kind in ("precision", "stability"):

@@ -26,6 +26,7 @@ MAY = {
     "report": {"maths", "model", "analytic", "theory", "verdict", "pictures", "studies", "files", "units"},
     "cli": {"maths", "model", "analytic", "simulation", "verdict", "shapes", "theory", "pictures", "studies"}
     | {"report", "files", "units"},
+    "__main__": {"cli"},
     "errors": set(),
     "files": {"maths", "model"},
     "units": set(),

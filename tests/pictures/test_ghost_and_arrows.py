@@ -4,17 +4,18 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
-from mechsim.cli.motion_source import joint_loads, motion_of, profile_of
 from mechsim.errors import InputError, MissingToolError
 from mechsim.model.mechanism import Pose
 from mechsim.model.motion import Motion
 from mechsim.pictures import render
-from mechsim.pictures.render import arrows, ghost, gl_backend, numbers
+from mechsim.pictures.number_text import prefixed
+from mechsim.pictures.render import arrows, ghost, gl_backend
 from mechsim.pictures.render.drawing import Source, draw
 from mechsim.pictures.render.drawn_model import GHOST
 from mechsim.pictures.render.frame_poses import track
 from mechsim.pictures.render.look import Look
 from mechsim.shapes import span
+from mechsim.studies.motion_source import joint_loads, motion_of, profile_of
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 25)
 SIZE = (320, 240)
@@ -209,7 +210,7 @@ def test_quantities_are_written_with_the_prefix_that_suits():
         -3e-13: "-0.0003 nN",
     }
     for value, text in written.items():
-        assert numbers.prefixed(value, "N") == text
+        assert prefixed(value, "N") == text
 
 
 @pytest.mark.parametrize(

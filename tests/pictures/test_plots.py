@@ -1,13 +1,17 @@
+import io
+import re
+import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 
 from mechsim import catalog
 from mechsim.errors import InputError, OutputError
 from mechsim.pictures import plots
-from mechsim.pictures.plots.figure import readable
+from mechsim.pictures.number_text import readable
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 37)
 ERRORS = {"P2": 1e-9 * np.sin(TURN), "P3": 0.0 * TURN}
@@ -30,26 +34,47 @@ class SmallPlan:
     scale = 0.02
 
 
-def drawings(drive, motion, form):
-    yield plots.motion_plot(motion, form=form)
-    yield plots.coupler_curve(drive.mechanism, motion, form=form, other=drive.solve(TURN[::6], 60.0))
-    yield plots.space_curve(drive.mechanism, motion, form=form)
-    yield plots.transmission_plot(TURN, drive.transmission_angle(TURN), form=form)
-    yield plots.error_plot(TURN, ERRORS, unit="m", bound=1e-8, form=form)
-    yield plots.velocity_plan_plot(SmallPlan(), "crank 2 stopped", form=form)
+@pytest.fixture(scope="module")
+def figures(drive, motion):
+    return [
+        plots.motion_plot(motion),
+        plots.coupler_curve(drive.mechanism, motion, other=drive.solve(TURN[::6], 60.0)),
+        plots.space_curve(drive.mechanism, motion),
+        plots.transmission_plot(TURN, drive.transmission_angle(TURN)),
+        plots.error_plot(TURN, ERRORS, unit="m", bound=1e-8),
+        plots.velocity_plan_plot(SmallPlan(), "crank 2 stopped"),
+    ]
 
 
 @pytest.fixture(scope="module")
-def vectors(drive, motion):
+def vectors(figures):
     """Every plot as SVG; drawing takes its time."""
-    return list(drawings(drive, motion, "svg"))
+    return [plots.drawn(figure) for figure in figures]
 
 
 @pytest.mark.parametrize(("form", "start"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
-def test_every_plot_comes_in_every_format(drive, motion, vectors, form, start):
-    for drawing in vectors if form == "svg" else drawings(drive, motion, form):
+def test_every_plot_comes_in_every_format(figures, vectors, form, start):
+    for drawing in vectors if form == "svg" else (plots.drawn(figure, form) for figure in figures):
         assert drawing.startswith(start)
         assert len(drawing) > 2000
+
+
+def test_a_figure_looks_the_same_drawn_by_its_user_as_by_the_house(figures):
+    # marks on the axes are made late, in whatever look then holds
+    for figure in figures:
+        with matplotlib.rc_context({"svg.hashsalt": "mechsim", "font.size": 20.0, "grid.color": "red"}):
+            out = io.BytesIO()
+            figure.savefig(out, format="svg", metadata={"Date": None})
+        sizes = [set(re.findall(rb"scale\(([0-9.]+)", one)) for one in (out.getvalue(), plots.drawn(figure))]
+        assert sizes[0] == sizes[1]
+        assert b"#ff0000" not in out.getvalue()
+
+
+def test_a_figure_can_be_changed_and_drawn_again(motion):
+    figure = plots.motion_plot(motion)
+    assert b"<!-- mine -->" not in plots.drawn(figure)
+    figure.axes[0].set_title("mine")
+    assert b"<!-- mine -->" in plots.drawn(figure)
 
 
 def test_plots_need_nothing_from_elsewhere_and_are_the_same_every_time(drive, motion, vectors):
@@ -58,7 +83,7 @@ def test_plots_need_nothing_from_elsewhere_and_are_the_same_every_time(drive, mo
         plots.error_plot(TURN, ERRORS, unit="m", bound=1e-8),
         plots.coupler_curve(drive.mechanism, motion, other=drive.solve(TURN[::6], 60.0)),
     )
-    assert set(again) <= set(vectors)
+    assert {plots.drawn(figure) for figure in again} <= set(vectors)
     for one in vectors:
         for element in ET.fromstring(one).iter():
             for name, link in element.attrib.items():
@@ -76,32 +101,33 @@ def test_a_plane_curve_is_seen_once_and_a_space_curve_from_three_sides(drive, mo
     flat = catalog.make("four_bar")
     one = plots.coupler_curve(flat.mechanism, flat.solve(TURN))
     three = plots.coupler_curve(drive.mechanism, motion)
-    axes = [drawing.count(b'id="axes_') for drawing in (one, three)]
-    assert axes == [1, 3]
+    assert [len(figure.axes) for figure in (one, three)] == [1, 3]
 
 
 def test_errors_that_are_not_numbers_leave_a_gap():
     errors = np.full(37, np.nan)
-    assert plots.error_plot(TURN, {"P2": errors}, unit="m").startswith(b"<?xml")
+    assert plots.drawn(plots.error_plot(TURN, {"P2": errors}, unit="m")).startswith(b"<?xml")
     errors[3:9] = 1e-7
-    assert plots.error_plot(TURN, {"P2": errors}, unit="m", bound=1e-6).startswith(b"<?xml")
+    figure = plots.error_plot(TURN, {"P2": errors}, unit="m", bound=1e-6)
+    assert plots.drawn(figure).startswith(b"<?xml")
+    (line, _) = figure.axes[0].get_lines()
+    assert np.isnan(line.get_ydata()).sum() == 31
 
 
 def test_what_cannot_be_plotted_is_refused(motion, tmp_path):
     with pytest.raises(InputError, match="no point 'Q'"):
         plots.motion_plot(motion, ["Q"])
     with pytest.raises(InputError, match="no plot format 'bmp'"):
-        plots.motion_plot(motion, form="bmp")
+        plots.drawn(plots.motion_plot(motion), "bmp")
     with pytest.raises(InputError, match=r"not one of .svg, .png, .pdf"):
         plots.form_of("plot.jpg")
     assert plots.form_of(Path("plot.pdf")) == "pdf"
     with pytest.raises(OutputError, match="no directory"):
-        plots.write(tmp_path / "missing" / "plot.svg", b"")
+        plots.write(tmp_path / "missing" / "plot.svg", plots.motion_plot(motion))
 
 
 def test_plotting_touches_no_global_state(motion):
-    import matplotlib
-
     before = dict(matplotlib.rcParams)
-    plots.motion_plot(motion)
+    plots.drawn(plots.motion_plot(motion))
+    assert "matplotlib.pyplot" not in sys.modules or not matplotlib.pyplot.get_fignums()
     assert dict(matplotlib.rcParams) == before

@@ -3,6 +3,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -21,7 +22,7 @@ def run():
 
 def page_of(value):
     """Return what IPython shows of a value, as registered with it."""
-    for (module, name), page in notebook.SHOWN.items():
+    for (module, name), (_, page) in notebook.SHOWN.items():
         if (type(value).__module__, type(value).__name__) == (module, name):
             return page(value)
     return value._repr_html_() if hasattr(value, "_repr_html_") else ""
@@ -80,3 +81,10 @@ def test_what_a_table_holds_cannot_smuggle_markup():
     verdict = ms.Verdict("missed", (), "<script>")
     assert "<script>" not in page_of(verdict)
     assert np.isfinite(len(page_of(verdict)))
+
+
+def test_a_plot_shows_itself_and_a_figure_of_pyplot_is_left_to_pyplot(run):
+    assert page_of(ms.plots.motion_plot(run.motion)).startswith("<svg")
+    figure = plt.figure()
+    assert page_of(figure) is None
+    plt.close(figure)

@@ -82,8 +82,8 @@ def section(tmp_path):
         },
         still=PNG,
         plots=[
-            ("Motion", plots.motion_plot(motion)),
-            ("Paths", plots.coupler_curve(drive.mechanism, motion, form="png")),
+            ("Motion", plots.drawn(plots.motion_plot(motion))),
+            ("Paths", plots.drawn(plots.coupler_curve(drive.mechanism, motion), "png")),
         ],
         settings={"integrator": "RK4", "timestep": 1e-4},
     )
@@ -208,7 +208,7 @@ def film_of(folder):
 
 
 def test_studies_left_in_the_folder_become_part_of_the_page(tmp_path):
-    drawing = plots.error_plot(TURN, {"a": 1e-3 + 0.0 * TURN}, unit="m")
+    drawing = plots.drawn(plots.error_plot(TURN, {"a": 1e-3 + 0.0 * TURN}, unit="m"))
     border = {"axis": "size", "mechanism": "rssr", "inside": 1e-9, "outside": 5e-10}
     trial = {"passed": True}
     numbers = {"borders": [{**border, "before": "met", "after": "cannot assemble"}], "trials": [trial, trial]}

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mechsim import catalog, cli
+from mechsim import catalog
 from mechsim.cli import main
 from mechsim.model.scene import LEVELS, Scene
 from mechsim.simulation.mjcf.alternatives import rod_of
@@ -234,10 +234,3 @@ def test_bad_input_is_one_line(words, capsys):
     captured = capsys.readouterr()
     assert captured.out == ""
     assert len(captured.err.strip().splitlines()) == 1
-
-
-def test_the_command_is_registered():
-    assert any(
-        command.name == "tradeoff" or command.callback.__name__ == "tradeoff"
-        for command in cli.app.registered_commands
-    )

@@ -23,7 +23,6 @@ from protocol import PEERS, Setting, Solver, load
 
 from mechsim.errors import InputError
 from mechsim.files import written_beside
-from mechsim.pictures.plots.figure import write
 
 ROUNDS = 9
 # steps or poses that the table on the page shows; 0 are the solver's own
@@ -161,7 +160,8 @@ def main() -> None:
         write_table(rows, given.out / "peers.csv")
         with written_beside(given.out / "peers.md") as beside:
             beside.write_text(markdown(rows) + "\n")
-        write(given.out / "peers.png", work_precision(rows))
+        with written_beside(given.out / "peers.png") as beside:
+            beside.write_bytes(work_precision(rows))
 
 
 if __name__ == "__main__":

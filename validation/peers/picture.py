@@ -4,7 +4,7 @@ import io
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from mechsim.pictures.plots.figure import COLOURS, canvas, decades
+from mechsim.pictures.plots.figure import COLOURS, blank, decades, drawn, styled
 
 if TYPE_CHECKING:
     from compare import Row
@@ -20,23 +20,24 @@ GREY, PALETTE = "#8a919b", 48
 MARKS, LINES = "osDv^P", ("-", "--", ":", "-.")
 
 
+@styled()
 def work_precision(rows: Sequence["Row"]) -> bytes:
     """Draw rows as a PNG: errors of place and of torque over ms a turn."""
     names = list(dict.fromkeys(row.problem for row in rows))
     looks = _looks(list(dict.fromkeys(row.family for row in rows)))
     size = 4.2 * len(names) + 2.6, 7.2
-    with canvas("png", len(QUANTITIES), len(names), size, sharex="col", sharey="row") as (figure, axes, out):
-        handles: dict[str, Any] = {}
-        for quantity, line in zip(QUANTITIES, axes, strict=True):
-            for name, ax in zip(names, line, strict=True):
-                handles |= _curves(ax, [row for row in rows if row.problem == name], quantity, looks)
-            line[0].set_ylabel(QUANTITIES[quantity])
-        for name, top, bottom in zip(names, axes[0], axes[-1], strict=True):
-            top.set_title(TITLES.get(name, name))
-            bottom.set_xlabel("processor time of the solver for one turn [ms]")
-        shown = [family for family in looks if family in handles]
-        figure.legend([handles[one] for one in shown], shown, loc="outside right upper", fontsize=7.5)
-    return _smaller(out.getvalue())
+    figure, axes = blank(len(QUANTITIES), len(names), size, sharex="col", sharey="row")
+    handles: dict[str, Any] = {}
+    for quantity, line in zip(QUANTITIES, axes, strict=True):
+        for name, ax in zip(names, line, strict=True):
+            handles |= _curves(ax, [row for row in rows if row.problem == name], quantity, looks)
+        line[0].set_ylabel(QUANTITIES[quantity])
+    for name, top, bottom in zip(names, axes[0], axes[-1], strict=True):
+        top.set_title(TITLES.get(name, name))
+        bottom.set_xlabel("processor time of the solver for one turn [ms]")
+    shown = [family for family in looks if family in handles]
+    figure.legend([handles[one] for one in shown], shown, loc="outside right upper", fontsize=7.5)
+    return _smaller(drawn(figure, "png"))
 
 
 def _curves(ax: "Axes", rows: Sequence["Row"], quantity: str, looks: dict[str, Any]) -> dict[str, Any]:

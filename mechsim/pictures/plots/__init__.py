@@ -1,10 +1,21 @@
-"""Plots of motions and comparisons, drawn off screen and returned as the bytes of a file.
+"""Plots of motions, efforts and comparisons, as figures of matplotlib that need no screen.
 
-Every function returns SVG, PNG or PDF bytes; `write` puts them in a file by its extension. Axes
-carry units, colours stay apart for colour-blind eyes.
+A figure shows itself in a notebook; `write` puts it in a file by its extension, `drawn` gives the bytes of
+one. Axes carry units, colours stay apart for colour-blind eyes.
 """
 
-from mechsim.pictures.plots.figure import COLOURS, FORMATS, Format, canvas, decades, form_of, write
+from mechsim.pictures.plots.dynamics import dynamics_sheet, energy_plot, free_plot, reaction_plot, torque_plot
+from mechsim.pictures.plots.figure import (
+    COLOURS,
+    FORMATS,
+    Format,
+    blank,
+    decades,
+    drawn,
+    form_of,
+    styled,
+    write,
+)
 from mechsim.pictures.plots.motion import error_plot, motion_plot, transmission_plot
 from mechsim.pictures.plots.paths import DrawablePlan, coupler_curve, space_curve, velocity_plan_plot
 
@@ -13,13 +24,20 @@ __all__ = [
     "FORMATS",
     "DrawablePlan",
     "Format",
-    "canvas",
+    "blank",
     "coupler_curve",
     "decades",
+    "drawn",
+    "dynamics_sheet",
+    "energy_plot",
     "error_plot",
     "form_of",
+    "free_plot",
     "motion_plot",
+    "reaction_plot",
     "space_curve",
+    "styled",
+    "torque_plot",
     "transmission_plot",
     "velocity_plan_plot",
     "write",

@@ -7,10 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.model.efforts import Efforts, Fluctuation, FreeRun
-from mechsim.pictures.plots.figure import COLOURS, STYLES, Format, angle_axis, canvas, readable
+from mechsim.pictures.number_text import readable
+from mechsim.pictures.plots.figure import COLOURS, STYLES, angle_axis, blank, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 RINGS = "#222831"
@@ -37,103 +39,92 @@ class Prescribed(Protocol):
         ...
 
 
-def torque_plot(
-    study: Prescribed, simulated: tuple[Array, Array] | None = None, *, form: Format = "svg"
-) -> bytes:
+@styled()
+def torque_plot(study: Prescribed, simulated: tuple[Array, Array] | None = None) -> "Figure":
     """Draw the drive torque over the crank angle, and what it is made of.
 
     Args:
         study: the analytic side.
         simulated: crank angles in [rad] and torques in [N m] of the other road, drawn as rings.
-        form: of the returned bytes.
     """
-    with canvas(form, 1, 1, (5.8, 3.2)) as (_, axes, out):
-        _torque(axes[0, 0], study, simulated)
-    return out.getvalue()
+    figure, axes = blank(1, 1, (5.8, 3.2))
+    _torque(axes[0, 0], study, simulated)
+    return figure
 
 
-def reaction_plot(study: Prescribed, *, form: Format = "svg") -> bytes:
+@styled()
+def reaction_plot(study: Prescribed) -> "Figure":
     """Draw the force in each joint as a vector over the turn: its path in x-y and, in space, in x-z."""
     reactions = study.efforts.reactions
     forces = {name: np.where(one.known[:3], one.force, 0.0) for name, one in reactions.items()}
     flat = all(np.ptp(force[:, 2]) <= 1e-9 * np.abs(force).max(initial=1e-300) for force in forces.values())
     planes = [(0, 1)] if flat else [(0, 1), (0, 2)]
-    with canvas(form, len(planes), len(forces), (2.5 * len(forces) + 0.4, 2.6 * len(planes))) as (
-        _,
-        axes,
-        out,
-    ):
-        for column, (name, force) in enumerate(forces.items()):
-            factor, unit = readable(force, "N")
-            for row, (i, j) in enumerate(planes):
-                ax = axes[row, column]
-                ax.plot(force[:, i] / factor, force[:, j] / factor, color=COLOURS[column % 6])
-                ax.plot(*(force[0, [i, j]] / factor), "o", ms=4, color=COLOURS[column % 6])
-                ax.plot(0.0, 0.0, "+", color=RINGS)
-                ax.set_xlabel(f"{'xyz'[i]} [{unit}]")
-                ax.set_ylabel(f"{'xyz'[j]} [{unit}]")
-                ax.set_aspect("equal", adjustable="datalim")
-            axes[0, column].set_title(f"{name}: on {reactions[name].link}")
-    return out.getvalue()
+    figure, axes = blank(len(planes), len(forces), (2.5 * len(forces) + 0.4, 2.6 * len(planes)))
+    for column, (name, force) in enumerate(forces.items()):
+        factor, unit = readable(force, "N")
+        for row, (i, j) in enumerate(planes):
+            ax = axes[row, column]
+            ax.plot(force[:, i] / factor, force[:, j] / factor, color=COLOURS[column % 6])
+            ax.plot(*(force[0, [i, j]] / factor), "o", ms=4, color=COLOURS[column % 6])
+            ax.plot(0.0, 0.0, "+", color=RINGS)
+            ax.set_xlabel(f"{'xyz'[i]} [{unit}]")
+            ax.set_ylabel(f"{'xyz'[j]} [{unit}]")
+            ax.set_aspect("equal", adjustable="datalim")
+        axes[0, column].set_title(f"{name}: on {reactions[name].link}")
+    return figure
 
 
-def energy_plot(study: Prescribed, *, form: Format = "svg") -> bytes:
+@styled()
+def energy_plot(study: Prescribed) -> "Figure":
     """Draw the powers that must balance: drive and loads in, losses out, the rest stored."""
-    with canvas(form, 1, 1, (5.8, 3.2)) as (_, axes, out):
-        _powers(axes[0, 0], study)
-    return out.getvalue()
+    figure, axes = blank(1, 1, (5.8, 3.2))
+    _powers(axes[0, 0], study)
+    return figure
 
 
-def fluctuation_plot(turn: Fluctuation, even: Fluctuation | None = None, *, form: Format = "svg") -> bytes:
-    """Draw the crank's speed over the turn under a constant torque, without and with a flywheel."""
-    with canvas(form, 1, 1, (5.8, 3.2)) as (_, axes, out):
-        _speeds(axes[0, 0], turn, even)
-    return out.getvalue()
-
-
-def free_plot(run: FreeRun, *, form: Format = "svg") -> bytes:
+@styled()
+def free_plot(run: FreeRun) -> "Figure":
     """Draw speed, torque of the motor and energies of a free run over time."""
-    with canvas(form, 3, 1, (5.8, 6.0), sharex=True) as (_, axes, out):
-        factor, unit = readable(run.time, "s")
-        time = run.time / factor
-        axes[0, 0].plot(time, run.speed, color=COLOURS[0])
-        axes[0, 0].set_ylabel("crank speed [rad/s]")
-        torque, newton = readable(run.motor, "N m")
-        axes[1, 0].plot(time, run.motor / torque, color=COLOURS[1])
-        axes[1, 0].set_ylabel(f"motor torque [{newton}]")
-        parts = {
-            "kinetic": run.kinetic,
-            "potential": run.potential - run.potential[0],
-            "work of motor and loads": run.work,
-            "lost": run.lost,
-        }
-        joule, name = readable(np.concatenate(list(parts.values())), "J")
-        for i, (label, values) in enumerate(parts.items()):
-            axes[2, 0].plot(time, values / joule, color=COLOURS[i], ls=STYLES[i % 3], label=label)
-        axes[2, 0].set_ylabel(f"energy [{name}]")
-        axes[2, 0].set_xlabel(f"time [{unit}]")
-        axes[2, 0].legend(loc="best")
-    return out.getvalue()
+    figure, axes = blank(3, 1, (5.8, 6.0), sharex=True)
+    factor, unit = readable(run.time, "s")
+    time = run.time / factor
+    axes[0, 0].plot(time, run.speed, color=COLOURS[0])
+    axes[0, 0].set_ylabel("crank speed [rad/s]")
+    torque, newton = readable(run.motor, "N m")
+    axes[1, 0].plot(time, run.motor / torque, color=COLOURS[1])
+    axes[1, 0].set_ylabel(f"motor torque [{newton}]")
+    parts = {
+        "kinetic": run.kinetic,
+        "potential": run.potential - run.potential[0],
+        "work of motor and loads": run.work,
+        "lost": run.lost,
+    }
+    joule, name = readable(np.concatenate(list(parts.values())), "J")
+    for i, (label, values) in enumerate(parts.items()):
+        axes[2, 0].plot(time, values / joule, color=COLOURS[i], ls=STYLES[i % 3], label=label)
+    axes[2, 0].set_ylabel(f"energy [{name}]")
+    axes[2, 0].set_xlabel(f"time [{unit}]")
+    axes[2, 0].legend(loc="best")
+    return figure
 
 
+@styled()
 def dynamics_sheet(
     study: Prescribed,
     turn: Fluctuation | None = None,
     even: Fluctuation | None = None,
     simulated: tuple[Array, Array] | None = None,
-    *,
-    form: Format = "svg",
-) -> bytes:
+) -> "Figure":
     """Draw torque, reactions, powers and speed fluctuation on one sheet."""
-    with canvas(form, 2, 2, (10.4, 6.6)) as (_, axes, out):
-        _torque(axes[0, 0], study, simulated)
-        _polar(axes[0, 1], study)
-        _powers(axes[1, 0], study)
-        if turn is None:
-            axes[1, 1].set_axis_off()
-        else:
-            _speeds(axes[1, 1], turn, even)
-    return out.getvalue()
+    figure, axes = blank(2, 2, (10.4, 6.6))
+    _torque(axes[0, 0], study, simulated)
+    _polar(axes[0, 1], study)
+    _powers(axes[1, 0], study)
+    if turn is None:
+        axes[1, 1].set_axis_off()
+    else:
+        _speeds(axes[1, 1], turn, even)
+    return figure
 
 
 def _torque(ax: "Axes", study: Prescribed, simulated: tuple[Array, Array] | None) -> None:

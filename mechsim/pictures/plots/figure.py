@@ -1,4 +1,4 @@
-"""What all plots share: how they look, their units and axes, the bytes of a file."""
+"""What all plots share: how they look, their axes, and how a figure becomes a file."""
 
 import io
 from collections.abc import Generator, Sequence
@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.files import written_beside
 from mechsim.model.motion import Motion
+from mechsim.pictures.number_text import power_of_ten
 from mechsim.shapes import PALETTE
 
 if TYPE_CHECKING:
@@ -24,8 +25,6 @@ Format = Literal["svg", "png", "pdf"]
 FORMATS: tuple[Format, ...] = ("svg", "png", "pdf")
 COLOURS = [colour[:3] for colour in PALETTE[:6]]
 STYLES = ("-", "--", ":")
-
-SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 LOOK: dict[str, Any] = {
     "font.size": 9.0,
@@ -47,16 +46,6 @@ LOOK: dict[str, Any] = {
 }
 
 
-def write(path: str | Path, drawing: bytes) -> None:
-    """Write a drawing to a file.
-
-    Raises:
-        OutputError: where the file cannot be written.
-    """
-    with written_beside(path) as beside:
-        beside.write_bytes(drawing)
-
-
 def form_of(path: str | Path) -> Format:
     """Return the format that a file's extension asks for.
 
@@ -72,27 +61,64 @@ def form_of(path: str | Path) -> Format:
 
 
 @contextmanager
-def canvas(
-    form: Format, rows: int, columns: int, size: tuple[float, float], **options: Any
-) -> Generator[tuple["Figure", NDArray[Any], io.BytesIO]]:
-    """Give a figure with axes; when the block ends, its bytes are in the buffer."""
-    if form not in FORMATS:
-        raise InputError(f"there is no plot format {form!r}; known are {', '.join(FORMATS)}")
-    # a Figure of its own needs no pyplot, hence no screen and no list of open figures
+def styled() -> Generator[None]:
+    """Draw with the look of the house; no setting of matplotlib's stays changed."""
     from matplotlib import rc_context
+
+    with rc_context(cast(Any, LOOK)), np.errstate(all="ignore"):
+        yield
+
+
+def blank(
+    rows: int, columns: int, size: tuple[float, float], **options: Any
+) -> tuple["Figure", NDArray[Any]]:
+    """Return a figure of a size in inches and its axes, (rows, columns).
+
+    It is a figure of its own: it needs no pyplot, hence no screen and no list of open figures.
+    """
     from matplotlib.figure import Figure
 
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, **options)
+    for ax in axes.flat:
+        # marks on axes are made when they are first seen, which may be long after
+        ax.tick_params(
+            labelsize=LOOK["font.size"], grid_color=LOOK["grid.color"], grid_linewidth=LOOK["grid.linewidth"]
+        )
+    return figure, axes
+
+
+def drawn(figure: "Figure", form: Format = "svg") -> bytes:
+    """Return a figure as the bytes of a file; the same plot made again gives the same bytes.
+
+    Raises:
+        InputError: for an unknown format.
+    """
+    if form not in FORMATS:
+        raise InputError(f"there is no plot format {form!r}; known are {', '.join(FORMATS)}")
     out = io.BytesIO()
-    with rc_context(cast(Any, LOOK)), np.errstate(all="ignore"):
-        figure = Figure(figsize=size, layout="constrained")
-        yield figure, figure.subplots(rows, columns, squeeze=False, **options), out
+    layout = figure.get_layout_engine()
+    with styled():
         # laid out once: left to itself, saving does it again for each of its two passes
-        layout = figure.get_layout_engine()
-        assert layout is not None
-        layout.execute(figure)
-        figure.set_layout_engine(None)
+        if layout is not None:
+            layout.execute(figure)
+            figure.set_layout_engine("none")
         dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[form]
         figure.savefig(out, format=form, dpi=160, metadata=dated)
+    figure.set_layout_engine(layout)
+    return out.getvalue()
+
+
+def write(path: str | Path, figure: "Figure") -> None:
+    """Write a figure to a file, in the format that its extension asks for.
+
+    Raises:
+        InputError: for an unknown extension.
+        OutputError: where the file cannot be written.
+    """
+    drawing = drawn(figure, form_of(path))
+    with written_beside(path) as beside:
+        beside.write_bytes(drawing)
 
 
 def chosen(motion: Motion, points: Sequence[str] | None) -> list[str]:
@@ -131,16 +157,7 @@ def decades(axis: "Axis") -> None:
 
     def power(value: float, _place: Any = None) -> str:
         exponent = round(float(np.log10(value))) if value > 0.0 else 0
-        return "10" + str(exponent).translate(SUPERSCRIPTS)
+        return power_of_ten(exponent)
 
     axis.set_major_formatter(FuncFormatter(power))
     axis.set_minor_locator(NullLocator())
-
-
-def readable(values: ArrayLike, unit: str) -> tuple[float, str]:
-    """Return a factor and the unit it gives, such that numbers are neither long nor tiny."""
-    largest = float(np.nanmax(np.abs(np.asarray(values)), initial=0.0))
-    for factor, prefix in ((1.0, ""), (1e-3, "m"), (1e-6, "µ")):
-        if largest >= 0.5 * factor:
-            return factor, prefix + unit
-    return (1.0, unit) if largest == 0.0 else (1e-6, "µ" + unit)

@@ -1,72 +1,76 @@
 """Plots over the crank angle: motions, transmission angle, errors."""
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.model.motion import Motion
+from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import (
     COLOURS,
     STYLES,
-    Format,
     angle_axis,
-    canvas,
+    blank,
     chosen,
     decades,
     degrees,
-    readable,
+    styled,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # errors at and below this are rounding to zero; a logarithm needs something to show
 FLOOR = 1e-18
 
 
-def motion_plot(motion: Motion, points: Sequence[str] | None = None, *, form: Format = "svg") -> bytes:
+@styled()
+def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> "Figure":
     """Draw displacement, velocity and acceleration of points over the crank angle.
 
     Args:
         motion: what to draw.
         points: tracked points; None draws all.
-        form: of the returned bytes.
     """
     names = chosen(motion, points)
     rows = (("position", "position"), ("velocity", "velocity"), ("acceleration", "acceleration"))
-    with canvas(form, 3, len(names), (3.0 * len(names) + 0.6, 6.0), sharex=True) as (figure, axes, out):
-        for column, name in enumerate(names):
-            for row, (attribute, label) in enumerate(rows):
-                ax, values = axes[row, column], getattr(motion.points[name], attribute)
-                factor, unit = readable(values, ("m", "m/s", "m/s²")[row])
-                for i, part in enumerate("xyz"):
-                    ax.plot(
-                        degrees(motion), values[:, i] / factor, color=COLOURS[i], ls=STYLES[i], label=part
-                    )
-                ax.set_ylabel(f"{label} [{unit}]")
-                # one line for all labels of a column; finding the line costs a third of the plot
-                ax.yaxis.set_label_coords(-0.19, 0.5)
-            axes[0, column].set_title(name)
-            angle_axis(axes[2, column])
-        lines = axes[0, 0].get_lines()
-        figure.legend(handles=lines, ncols=3, loc="outside upper right", handlelength=1.6)
-    return out.getvalue()
+    figure, axes = blank(3, len(names), (3.0 * len(names) + 0.6, 6.0), sharex=True)
+    for column, name in enumerate(names):
+        for row, (attribute, label) in enumerate(rows):
+            ax, values = axes[row, column], getattr(motion.points[name], attribute)
+            factor, unit = readable(values, ("m", "m/s", "m/s²")[row])
+            for i, part in enumerate("xyz"):
+                ax.plot(degrees(motion), values[:, i] / factor, color=COLOURS[i], ls=STYLES[i], label=part)
+            ax.set_ylabel(f"{label} [{unit}]")
+            # one line for all labels of a column; finding the line costs a third of the plot
+            ax.yaxis.set_label_coords(-0.19, 0.5)
+        axes[0, column].set_title(name)
+        angle_axis(axes[2, column])
+    lines = axes[0, 0].get_lines()
+    figure.legend(handles=lines, ncols=3, loc="outside upper right", handlelength=1.6)
+    return figure
 
 
-def transmission_plot(angles: ArrayLike, transmission: ArrayLike, *, form: Format = "svg") -> bytes:
+@styled()
+def transmission_plot(angles: ArrayLike, transmission: ArrayLike) -> "Figure":
     """Draw the transmission angle over the crank angle, both in [rad]."""
     x, y = np.rad2deg(np.asarray(angles)), np.rad2deg(np.asarray(transmission))
-    with canvas(form, 1, 1, (4.6, 2.8)) as (_, axes, out):
-        ax = axes[0, 0]
-        ax.plot(x, y, color=COLOURS[1])
-        worst = int(np.argmin(y))
-        ax.plot(x[worst], y[worst], "o", ms=4, color=COLOURS[0])
-        ax.annotate(f"{y[worst]:.1f}°", (x[worst], y[worst]), (0, 6), textcoords="offset points", ha="center")
-        ax.set_ylim(0.0, 95.0)
-        ax.set_yticks(range(0, 91, 30))
-        ax.set_ylabel("transmission angle [°]")
-        angle_axis(ax)
-    return out.getvalue()
+    figure, axes = blank(1, 1, (4.6, 2.8))
+    ax = axes[0, 0]
+    ax.plot(x, y, color=COLOURS[1])
+    worst = int(np.argmin(y))
+    ax.plot(x[worst], y[worst], "o", ms=4, color=COLOURS[0])
+    ax.annotate(f"{y[worst]:.1f}°", (x[worst], y[worst]), (0, 6), textcoords="offset points", ha="center")
+    ax.set_ylim(0.0, 95.0)
+    ax.set_yticks(range(0, 91, 30))
+    ax.set_ylabel("transmission angle [°]")
+    angle_axis(ax)
+    return figure
 
 
+@styled()
 def error_plot(
     angles: ArrayLike,
     errors: Mapping[str, ArrayLike],
@@ -74,8 +78,7 @@ def error_plot(
     unit: str,
     bound: float | None = None,
     title: str = "",
-    form: Format = "svg",
-) -> bytes:
+) -> "Figure":
     """Draw errors over the turn on a logarithmic scale, with the bound they must keep.
 
     Args:
@@ -84,25 +87,25 @@ def error_plot(
         unit: of errors and bound.
         bound: largest error allowed; None draws none.
         title: what was compared.
-        form: of the returned bytes.
     """
     x = np.rad2deg(np.asarray(angles))
-    with canvas(form, 1, 1, (5.6, 3.0)) as (_, axes, out):
-        ax = axes[0, 0]
-        for i, (label, values) in enumerate(errors.items()):
-            size = np.abs(np.asarray(values, dtype=np.float64))
-            size = np.where(np.isfinite(size), np.maximum(size, FLOOR), np.nan)
-            ax.semilogy(x, size, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], lw=1.2, label=label)
-        if bound is not None:
-            ax.axhline(bound, color="#b00020", lw=1.2, ls="--", label=f"bound {bound:.1e} {unit}")
-        decades(ax.yaxis)
-        # an error passes zero when it changes sign; following it there would flatten all the rest
-        ax.set_ylim(bottom=max(FLOOR, 1e-4 * min(peaks)) if (peaks := _peaks(errors)) else None)
-        ax.set_ylabel(f"error [{unit}]")
-        ax.set_title(title)
-        angle_axis(ax)
-        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return out.getvalue()
+    figure, axes = blank(1, 1, (5.6, 3.0))
+    ax = axes[0, 0]
+    for i, (label, values) in enumerate(errors.items()):
+        size = np.abs(np.asarray(values, dtype=np.float64))
+        size = np.where(np.isfinite(size), np.maximum(size, FLOOR), np.nan)
+        ax.semilogy(x, size, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], lw=1.2, label=label)
+    if bound is not None:
+        ax.axhline(bound, color="#b00020", lw=1.2, ls="--", label=f"bound {bound:.1e} {unit}")
+    decades(ax.yaxis)
+    # an error passes zero when it changes sign; following it there would flatten all the rest
+    peaks = _peaks(errors)
+    ax.set_ylim(bottom=max(FLOOR, 1e-4 * min(peaks)) if peaks else None)
+    ax.set_ylabel(f"error [{unit}]")
+    ax.set_title(title)
+    angle_axis(ax)
+    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
 
 
 def _peaks(errors: Mapping[str, ArrayLike]) -> list[float]:

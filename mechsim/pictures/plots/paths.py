@@ -1,14 +1,18 @@
 """Plots in space: paths of points, from three sides or in perspective, and velocity plans."""
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.pictures.plots.figure import COLOURS, Array, Format, canvas, chosen, readable
+from mechsim.pictures.number_text import readable
+from mechsim.pictures.plots.figure import COLOURS, Array, blank, chosen, styled
 from mechsim.shapes import PALETTE, link_colours
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class DrawablePlan(Protocol):
@@ -24,14 +28,14 @@ class DrawablePlan(Protocol):
     def scale(self) -> float: ...
 
 
+@styled()
 def coupler_curve(
     mechanism: Mechanism,
     motion: Motion,
     points: Sequence[str] | None = None,
     *,
     other: Motion | None = None,
-    form: Format = "svg",
-) -> bytes:
+) -> "Figure":
     """Draw the paths of points: in their plane where they have one in common, else seen along Z, X and Y.
 
     Args:
@@ -39,7 +43,6 @@ def coupler_curve(
         motion: paths drawn as lines.
         points: tracked points; None draws all.
         other: a second motion of the same points, drawn as rings.
-        form: of the returned bytes.
     """
     names, colours = chosen(motion, points), link_colours(mechanism)
     places = {name: motion.points[name].position for name in names}
@@ -47,25 +50,24 @@ def coupler_curve(
     factor, unit = readable(everything, "m")
     flat = np.ptp(everything[:, 2]) <= 1e-9 * np.ptp(everything, axis=0).max()
     views = [(0, 1)] if flat else [(0, 1), (2, 1), (0, 2)]
-    with canvas(form, 1, len(views), (3.6 * len(views) + 0.4, 3.4)) as (_, axes, out):
-        for ax, (i, j) in zip(axes[0], views, strict=True):
-            for name, place in places.items():
-                colour = colours.get(mechanism.points[name][0], PALETTE[0])
-                ax.plot(place[:, i] / factor, place[:, j] / factor, color=colour, label=name)
-                ax.plot(*(place[0, [i, j]] / factor), "o", ms=4, color=colour)
-                if other is not None:
-                    rings = other.points[name].position[:, [i, j]] / factor
-                    ax.plot(*rings.T, "o", ms=3.5, mfc="none", mew=0.7, color="#222831")
-            ax.set_xlabel(f"{'xyz'[i]} [{unit}]")
-            ax.set_ylabel(f"{'xyz'[j]} [{unit}]")
-            ax.set_aspect("equal", adjustable="datalim")
-        axes[0, 0].legend(loc="best")
-    return out.getvalue()
+    figure, axes = blank(1, len(views), (3.6 * len(views) + 0.4, 3.4))
+    for ax, (i, j) in zip(axes[0], views, strict=True):
+        for name, place in places.items():
+            colour = colours.get(mechanism.points[name][0], PALETTE[0])
+            ax.plot(place[:, i] / factor, place[:, j] / factor, color=colour, label=name)
+            ax.plot(*(place[0, [i, j]] / factor), "o", ms=4, color=colour)
+            if other is not None:
+                rings = other.points[name].position[:, [i, j]] / factor
+                ax.plot(*rings.T, "o", ms=3.5, mfc="none", mew=0.7, color="#222831")
+        ax.set_xlabel(f"{'xyz'[i]} [{unit}]")
+        ax.set_ylabel(f"{'xyz'[j]} [{unit}]")
+        ax.set_aspect("equal", adjustable="datalim")
+    axes[0, 0].legend(loc="best")
+    return figure
 
 
-def space_curve(
-    mechanism: Mechanism, motion: Motion, points: Sequence[str] | None = None, *, form: Format = "svg"
-) -> bytes:
+@styled()
+def space_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | None = None) -> "Figure":
     """Draw the paths of points in perspective, with their shadows on the floor; see `coupler_curve`."""
     names, colours = chosen(motion, points), link_colours(mechanism)
     places = {name: motion.points[name].position for name in names}
@@ -74,50 +76,51 @@ def space_curve(
     # a cube that holds everything, so that lengths compare across axes
     middle = (everything.min(0) + everything.max(0)) / 2.0 / factor
     half = 0.55 * float(np.ptp(everything, axis=0).max()) / factor
-    with canvas(form, 1, 1, (4.6, 4.4), subplot_kw={"projection": "3d"}) as (_, axes, out):
-        ax = axes[0, 0]
-        for name, place in places.items():
-            colour = colours.get(mechanism.points[name][0], PALETTE[0])
-            # the mechanism's y points up, matplotlib's z does
-            x, up, z = (place / factor).T
-            ax.plot(z, x, np.full_like(up, middle[1] - half), color="#b9bfc8", lw=1.0)
-            ax.plot(z, x, up, color=colour, label=name)
-            ax.plot(z[:1], x[:1], up[:1], "o", ms=4, color=colour)
-        for axis, i in (("x", 2), ("y", 0), ("z", 1)):
-            getattr(ax, f"set_{axis}lim")(middle[i] - half, middle[i] + half)
-            getattr(ax, f"set_{axis}label")(f"{'xyz'[i]} [{unit}]")
-            getattr(ax, f"{axis}axis").set_pane_color("#f5f6f8")
-        # left to itself this label turns with the axis and may stand on its head
-        ax.zaxis.set_rotate_label(False)
-        ax.zaxis.label.set_rotation(90.0)
-        ax.set_box_aspect((1.0, 1.0, 1.0), zoom=0.82)
-        ax.view_init(elev=22.0, azim=35.0)
-        ax.legend(loc="upper left")
-    return out.getvalue()
+    figure, axes = blank(1, 1, (4.6, 4.4), subplot_kw={"projection": "3d"})
+    ax = axes[0, 0]
+    for name, place in places.items():
+        colour = colours.get(mechanism.points[name][0], PALETTE[0])
+        # the mechanism's y points up, matplotlib's z does
+        x, up, z = (place / factor).T
+        ax.plot(z, x, np.full_like(up, middle[1] - half), color="#b9bfc8", lw=1.0)
+        ax.plot(z, x, up, color=colour, label=name)
+        ax.plot(z[:1], x[:1], up[:1], "o", ms=4, color=colour)
+    for axis, i in (("x", 2), ("y", 0), ("z", 1)):
+        getattr(ax, f"set_{axis}lim")(middle[i] - half, middle[i] + half)
+        getattr(ax, f"set_{axis}label")(f"{'xyz'[i]} [{unit}]")
+        getattr(ax, f"{axis}axis").set_pane_color("#f5f6f8")
+    # left to itself this label turns with the axis and may stand on its head
+    ax.zaxis.set_rotate_label(False)
+    ax.zaxis.label.set_rotation(90.0)
+    ax.set_box_aspect((1.0, 1.0, 1.0), zoom=0.82)
+    ax.view_init(elev=22.0, azim=35.0)
+    ax.legend(loc="upper left")
+    return figure
 
 
-def velocity_plan_plot(plan: DrawablePlan, title: str = "", *, form: Format = "svg") -> bytes:
+@styled()
+def velocity_plan_plot(plan: DrawablePlan, title: str = "") -> "Figure":
     """Draw a velocity plan: from the pole p a vector to every point, thin lines between them."""
     vectors = {name: plan.scale * (np.asarray(end)[:2] - plan.pole[:2]) for name, end in plan.vectors.items()}
     reach = max(float(np.linalg.norm(end)) for end in vectors.values())
     factor, unit = readable(np.array([reach]), "m/s")
-    with canvas(form, 1, 1, (4.4, 4.2)) as (_, axes, out):
-        ax = axes[0, 0]
-        for i, (name, end) in enumerate(vectors.items()):
-            tip = end / factor
-            arrow = {"arrowstyle": "-|>", "color": COLOURS[i % 6], "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
-            ax.annotate("", tip, (0.0, 0.0), arrowprops=arrow)
-            ax.plot(*tip, "o", ms=2, color=COLOURS[i % 6])
-            away = 8.0 * end / max(float(np.linalg.norm(end)), 1e-300)
-            ax.annotate(name, tip, away, textcoords="offset points", ha="center", va="center", style="italic")
-        for a, b in plan.lines:
-            both = np.array([vectors[a], vectors[b]]) / factor
-            ax.plot(*both.T, color="#5b6470", lw=0.9, ls="--")
-        ax.plot(0.0, 0.0, "o", ms=5, color="#222831")
-        ax.annotate("p", (0.0, 0.0), (-8, -8), textcoords="offset points", style="italic")
-        ax.set_xlabel(f"velocity along x [{unit}]")
-        ax.set_ylabel(f"velocity along y [{unit}]")
-        ax.set_title(title)
-        ax.set_aspect("equal", adjustable="datalim")
-        ax.margins(0.15)
-    return out.getvalue()
+    figure, axes = blank(1, 1, (4.4, 4.2))
+    ax = axes[0, 0]
+    for i, (name, end) in enumerate(vectors.items()):
+        tip = end / factor
+        arrow = {"arrowstyle": "-|>", "color": COLOURS[i % 6], "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
+        ax.annotate("", tip, (0.0, 0.0), arrowprops=arrow)
+        ax.plot(*tip, "o", ms=2, color=COLOURS[i % 6])
+        away = 8.0 * end / max(float(np.linalg.norm(end)), 1e-300)
+        ax.annotate(name, tip, away, textcoords="offset points", ha="center", va="center", style="italic")
+    for a, b in plan.lines:
+        both = np.array([vectors[a], vectors[b]]) / factor
+        ax.plot(*both.T, color="#5b6470", lw=0.9, ls="--")
+    ax.plot(0.0, 0.0, "o", ms=5, color="#222831")
+    ax.annotate("p", (0.0, 0.0), (-8, -8), textcoords="offset points", style="italic")
+    ax.set_xlabel(f"velocity along x [{unit}]")
+    ax.set_ylabel(f"velocity along y [{unit}]")
+    ax.set_title(title)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.margins(0.15)
+    return figure

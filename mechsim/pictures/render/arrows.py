@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.pictures.render.numbers import prefixed
+from mechsim.pictures.number_text import prefixed
 from mechsim.shapes.camera import nice
 
 Array = NDArray[np.float64]

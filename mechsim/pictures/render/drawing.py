@@ -16,13 +16,14 @@ from mechsim.pictures.render.drawn_model import CAMERA, DrawnModel
 from mechsim.pictures.render.frame_poses import FramePoses, mixed, places, track
 from mechsim.pictures.render.ghost import Ghost, errors, factor, magnified
 from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, written
-from mechsim.pictures.render.look import Look
+from mechsim.pictures.render.look import Look, changed
 from mechsim.pictures.render.overlays import Trace
 
 
 def frames(
     mechanism: Mechanism,
     motion: Motion,
+    look: Look | None = None,
     *,
     angles: ArrayLike | None = None,
     exact: Motion | None = None,
@@ -35,25 +36,27 @@ def frames(
     Args:
         mechanism: what moves.
         motion: how it moves, from either road; a frame per sample.
+        look: what the pictures show; None is the usual.
         angles: crank angles of the frames in [rad], inside the motion; None draws every sample.
         exact: the same motion by the closed form, sample by sample; drawn as a ghost over `motion`,
             their difference magnified (see `Look.magnify`) and the factor written on the picture.
         forces: tracked point or joint -> force at each sample, (len(motion), 3) in [N], for `arrows`;
             `dynamics.prescribed(...).efforts.reactions[joint].force` are those in the joints.
         moments: likewise in [N m].
-        options: see `Look`.
+        options: fields of `Look`, in place of the look's own.
 
     Raises:
-        InputError: for an unknown camera, point or back end, or a motion without links.
+        InputError: for an unknown option, camera, point or back end, or a motion without links.
         MissingToolError: where this machine has no OpenGL.
     """
-    stage = Source(mechanism, motion, exact, forces, moments).stage(Look(**options), angles)
+    stage = Source(mechanism, motion, exact, forces, moments).stage(changed(look, options), angles)
     return draw(stage, backends.choose(stage.look.backend))
 
 
 def still(
     mechanism: Mechanism,
     motion: Motion,
+    look: Look | None = None,
     *,
     angle: float | None = None,
     exact: Motion | None = None,
@@ -63,11 +66,12 @@ def still(
 ) -> Picture:
     """Return one picture, framed over the whole motion: at a crank angle in [rad], else at the first sample.
 
-    Paths are drawn whole unless asked for otherwise; other arguments as for `frames`.
+    Paths are drawn whole unless a look or `paths` says otherwise; other arguments as for `frames`.
     """
-    options.setdefault("paths", "whole")
+    if look is None:
+        options.setdefault("paths", "whole")
     source = Source(mechanism, motion, exact, forces, moments)
-    stage = source.stage(Look(**options))
+    stage = source.stage(changed(look, options))
     if angle is not None:
         shown = source.track([angle])
         stage.show(shown, source.ghost([angle], stage.ghost.by if stage.ghost else None))

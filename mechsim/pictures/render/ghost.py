@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.model.mechanism import Mechanism, Pose, Vector
+from mechsim.pictures.number_text import power_of_ten
 from mechsim.shapes import span
 
 Array = NDArray[np.float64]
-SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 # how far the ghost may stand off, in units of the mechanism's size, and how far it may be turned in [rad]
 FARTHEST, WIDEST = 0.06, 0.25
@@ -32,7 +32,7 @@ class Ghost:
     def legend(self) -> str:
         """What a picture says about it."""
         exponent = int(np.floor(np.log10(self.by) + 1e-9))
-        lead, power = self.by / 10.0**exponent, f"10{str(exponent).translate(SUPERSCRIPTS)}"
+        lead, power = self.by / 10.0**exponent, power_of_ten(exponent)
         return f"closed form dark, error × {power if round(lead, 6) == 1.0 else f'{self.by:.3g}'}"  # noqa: RUF001
 
 

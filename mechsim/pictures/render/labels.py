@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from mechsim.pictures.render.numbers import prefixed
+from mechsim.pictures.number_text import prefixed
 from mechsim.shapes.camera import Camera, nice
 
 Array = NDArray[np.float64]

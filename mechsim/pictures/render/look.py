@@ -1,14 +1,27 @@
 """What a picture shows: size, camera, paths, labels, projections, overlaid positions."""
 
-from dataclasses import dataclass
-from typing import Literal, get_args
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal, get_args
 
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.shapes.camera import PRESETS
+from mechsim.units import option, parse_names
 
 Paths = Literal["grow", "tail", "whole"]
 Arrow = Literal["velocity", "acceleration", "force", "moment"]
+
+
+def parse_pixels(text: str) -> tuple[int, int]:
+    """Return a size written as width x height.
+
+    Raises:
+        InputError: for what is none.
+    """
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
+        raise InputError(f"--size is {text!r}; write width x height in pixels, as in 960x720")
+    return int(parts[0]), int(parts[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,17 +46,25 @@ class Look:
         caption: a line to write at the foot of the picture.
     """
 
-    size: tuple[int, int] = (640, 480)
-    camera: str = "iso"
-    backend: str | None = None
-    paths: bool | Paths = True
-    labels: bool = True
+    size: tuple[int, int] = option((640, 480), "Pixels, width x height.", read=parse_pixels, text="960x720")
+    camera: str = option("iso", "iso, shaft, top or side.")
+    backend: str | None = option(None, "egl or osmesa; the first that works if left out.")
+    paths: bool | Paths = option(True, "Draw the paths of tracked points.")
+    labels: bool = option(True, "Write the names of tracked points.")
     notes: bool = True
-    sense: bool = False
-    projections: tuple[str, ...] = ()
-    overlay: int = 1
-    arrows: tuple[Arrow, ...] = ()
-    magnify: float | None = None
+    sense: bool = option(False, "Show which way the crank turns.")
+    projections: tuple[str, ...] = option(
+        (),
+        "Throw these points' paths on the coordinate planes.",
+        read=parse_names,
+        name="--project",
+        metavar="POINTS",
+    )
+    overlay: int = option(1, "Positions drawn over one another in a still picture.", name="--positions")
+    arrows: tuple[Arrow, ...] = option(
+        (), "Arrows: velocity, acceleration, force, moment.", read=parse_names, metavar="KINDS"
+    )
+    magnify: float | None = option(None, "Factor on the error with --from both; a power of ten if left out.")
     caption: str = ""
 
     def __post_init__(self) -> None:
@@ -76,3 +97,16 @@ class Look:
                     f"{mechanism.name} has no point {name!r} to project; "
                     f"known are {', '.join(mechanism.points)}"
                 )
+
+
+def changed(look: Look | None, options: dict[str, Any]) -> Look:
+    """Return a look, the usual one if None, with other values for some of its fields.
+
+    Raises:
+        InputError: for a field there is not, or a value that it cannot have.
+    """
+    known = [field.name for field in fields(Look)]
+    for name in options:
+        if name not in known:
+            raise InputError(f"a picture has no option {name!r}; known are {', '.join(known)}")
+    return replace(look or Look(), **options)

@@ -18,6 +18,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.pictures.render.drawing import frames, still
 from mechsim.pictures.render.labels import Picture
+from mechsim.pictures.render.look import Look
 
 PICTURES = (".png",)
 VIDEOS = (".mp4", ".webm", ".gif")
@@ -36,7 +37,9 @@ CODECS: dict[str, dict[str, Any]] = {
 }
 
 
-def write_picture(path: str | Path, mechanism: Mechanism, motion: Motion, **options: Any) -> None:
+def write_picture(
+    path: str | Path, mechanism: Mechanism, motion: Motion, look: Look | None = None, **options: Any
+) -> None:
     """Write one picture as PNG; see `still` and `Look` for the options.
 
     Raises:
@@ -47,13 +50,14 @@ def write_picture(path: str | Path, mechanism: Mechanism, motion: Motion, **opti
     path = Path(path)
     _known(path, PICTURES)
     with written_beside(path) as beside:
-        _write_png(beside, still(mechanism, motion, **options))
+        _write_png(beside, still(mechanism, motion, look, **options))
 
 
 def write_video(
     path: str | Path,
     mechanism: Mechanism,
     motion: Motion,
+    look: Look | None = None,
     *,
     fps: float = 30.0,
     angles: ArrayLike | None = None,
@@ -66,6 +70,7 @@ def write_video(
         path: where to; a directory must be new or empty.
         mechanism: what moves.
         motion: how; a frame per sample unless `angles` says otherwise.
+        look: what the pictures show; None is the usual.
         fps: frames per second.
         angles: crank angles of the frames in [rad]; `turn_angles` makes evenly spaced ones.
         done: called after each frame.
@@ -83,11 +88,11 @@ def write_video(
     if not 0.0 < fps <= 1000.0:
         raise InputError(f"{fps} frames per second; give a rate above 0 and up to 1000")
     if path.suffix == "":
-        return _write_sequence(path, frames(mechanism, motion, angles=angles, **options), done)
+        return _write_sequence(path, frames(mechanism, motion, look, angles=angles, **options), done)
     _known(path, VIDEOS)
     ffmpeg = find_ffmpeg()
     with written_beside(path) as beside:
-        return _encode(beside, frames(mechanism, motion, angles=angles, **options), fps, ffmpeg, done)
+        return _encode(beside, frames(mechanism, motion, look, angles=angles, **options), fps, ffmpeg, done)
 
 
 def turn_angles(motion: Motion, per_turn: int = 36) -> np.ndarray:

@@ -3,9 +3,12 @@
 import math
 from typing import TYPE_CHECKING
 
-from mechsim.pictures.plots.figure import COLOURS, Format, canvas
+from mechsim.pictures.plots.figure import COLOURS, blank, styled
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from mechsim.studies.extremes import StabilityMap
 
 # outcome -> where it is drawn (None: at its error), mark and colour
@@ -19,7 +22,8 @@ MARKS: dict[str, tuple[float | None, str, str]] = {
 FLOOR = 1e-17
 
 
-def extremes_map(study: "StabilityMap", *, form: Format = "svg") -> bytes:
+@styled()
+def extremes_map(study: "StabilityMap") -> "Figure":
     """Draw one panel an axis: the error in units of the size, a line a mechanism, a mark an outcome.
 
     Borders found by bisection are thin upright lines; the bound is dashed.
@@ -30,20 +34,20 @@ def extremes_map(study: "StabilityMap", *, form: Format = "svg") -> bytes:
     names = [axis for axis in AXES if any(trial.axis == axis for trial in study.trials)]
     rows = math.ceil(len(names) / 2)
     mechanisms = sorted({trial.mechanism for trial in study.trials})
-    with canvas(form, rows, 2, (11.0, 2.6 * rows + 0.6)) as (figure, axes, out):
-        for ax, name in zip(axes.flat, names, strict=False):
-            _panel(ax, study, name, mechanisms)
-            ax.axhline(PLACE, color="#b00020", lw=1.0, ls="--")
-            ax.set_xlabel(AXES[name])
-            ax.set_ylabel("error / size")
-            ax.set_title(name)
-        for ax in list(axes.flat)[len(names) :]:
-            ax.set_axis_off()
-        _legend(figure)
-    return out.getvalue()
+    figure, axes = blank(rows, 2, (11.0, 2.6 * rows + 0.6))
+    for ax, name in zip(axes.flat, names, strict=False):
+        _panel(ax, study, name, mechanisms)
+        ax.axhline(PLACE, color="#b00020", lw=1.0, ls="--")
+        ax.set_xlabel(AXES[name])
+        ax.set_ylabel("error / size")
+        ax.set_title(name)
+    for ax in list(axes.flat)[len(names) :]:
+        ax.set_axis_off()
+    _legend(figure)
+    return figure
 
 
-def _panel(ax, study: "StabilityMap", name: str, mechanisms: list[str]) -> None:  # pyright: ignore
+def _panel(ax: "Axes", study: "StabilityMap", name: str, mechanisms: list[str]) -> None:
     trials = [trial for trial in study.trials if trial.axis == name]
     for i, mechanism in enumerate(mechanisms):
         own = sorted((t for t in trials if t.mechanism == mechanism), key=lambda t: t.value)
@@ -66,7 +70,7 @@ def _panel(ax, study: "StabilityMap", name: str, mechanisms: list[str]) -> None:
         ax.invert_xaxis()
 
 
-def _legend(figure) -> None:  # pyright: ignore
+def _legend(figure: "Figure") -> None:
     from matplotlib.lines import Line2D
 
     marks = [

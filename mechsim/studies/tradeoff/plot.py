@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechsim.maths.convergence import Order
-from mechsim.pictures.plots.figure import COLOURS, Format, canvas, decades
+from mechsim.pictures.plots.figure import COLOURS, blank, decades, styled
 from mechsim.studies.tradeoff import BOUNDS, DEFAULTS, Point, Tradeoff
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 GREY, FRONT = "#b4bac2", "#222831"
 # points that err by a stroke or more are not drawn
@@ -24,35 +25,33 @@ AXES = {
 }
 
 
-def work_precision(found: Tradeoff, quantity: str = "position", *, form: Format = "svg") -> bytes:
+@styled()
+def work_precision(found: Tradeoff, quantity: str = "position") -> "Figure":
     """Draw every point, the best curve of each integrator with its observed order, and the Pareto front.
 
     Args:
         found: what was measured.
         quantity: whose error to draw; one of `AXES`.
-        form: of the returned bytes.
     """
-    with canvas(form, 1, 1, (7.6, 4.4)) as (_, axes, out):
-        ax: Axes = axes[0, 0]
-        ax.set_xscale("log")
-        ax.set_yscale("log")
-        cost, error = _places(list(found.points), quantity)
-        ax.plot(cost, error, "o", ms=1.8, color=GREY, label="every setting")
-        for i, (name, curve) in enumerate(found.best_curves(quantity).items()):
-            cost, error = _places(curve, quantity)
-            label = f"{name}: {_order(found.order(curve, quantity))}"
-            ax.plot(
-                cost, error, marker="s" if name == DEFAULTS else "o", ms=4, color=COLOURS[i % 6], label=label
-            )
-        cost, error = _places(found.front(quantity), quantity)
-        ax.step(cost, error, where="post", lw=0.9, color=FRONT, label="Pareto front")
-        bar = found.subject.reference.bar.get(quantity)
-        if bar:
-            ax.axhline(bar, color="#b00020", lw=1.0, ls="--", label="error of the reference")
-        _dress(ax, quantity)
-        ax.set_title(f"{found.subject.name} against {found.subject.reference.what}")
-        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return out.getvalue()
+    figure, axes = blank(1, 1, (7.6, 4.4))
+    ax: Axes = axes[0, 0]
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    cost, error = _places(list(found.points), quantity)
+    ax.plot(cost, error, "o", ms=1.8, color=GREY, label="every setting")
+    for i, (name, curve) in enumerate(found.best_curves(quantity).items()):
+        cost, error = _places(curve, quantity)
+        label = f"{name}: {_order(found.order(curve, quantity))}"
+        ax.plot(cost, error, marker="s" if name == DEFAULTS else "o", ms=4, color=COLOURS[i % 6], label=label)
+    cost, error = _places(found.front(quantity), quantity)
+    ax.step(cost, error, where="post", lw=0.9, color=FRONT, label="Pareto front")
+    bar = found.subject.reference.bar.get(quantity)
+    if bar:
+        ax.axhline(bar, color="#b00020", lw=1.0, ls="--", label="error of the reference")
+    _dress(ax, quantity)
+    ax.set_title(f"{found.subject.name} against {found.subject.reference.what}")
+    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
 
 
 def _dress(ax: "Axes", quantity: str) -> None:

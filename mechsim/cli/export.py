@@ -1,0 +1,52 @@
+"""Command `mechsim export`: the MuJoCo model of a mechanism, or of all."""
+
+from typing import Annotated
+
+import typer
+
+from mechsim import files
+from mechsim.analytic import catalog
+from mechsim.cli.options import Output, Sets, drive_of, folder_for, scene_of, writable
+from mechsim.cli.output import progress
+from mechsim.errors import InputError
+from mechsim.pictures.render.exported_scene import exported
+from mechsim.simulation import mjcf
+
+
+def export(
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help="A mechanism of the catalogue.")
+    ] = None,
+    every: Annotated[
+        str | None, typer.Option("--all", metavar="DIR", help="Export every mechanism into this folder.")
+    ] = None,
+    scene: Annotated[str, typer.Option(help="pose, motion, dynamics or picture.")] = "motion",
+    cut: Annotated[str | None, typer.Option(help="Joints at which to cut the loops, with commas.")] = None,
+    sets: Sets = None,
+    output: Output = None,
+) -> None:
+    """Write the MuJoCo model of a mechanism."""
+    wanted = scene_of(scene, cut)
+    if (name is None) == (every is None):
+        raise InputError("export takes either one NAME or --all DIR; give one of them")
+    if every is not None:
+        if sets or output or cut:
+            raise InputError("--all exports every mechanism as it is; leave out --set, --cut and -o")
+        folder = folder_for(every)
+        with progress("export", len(catalog.DRIVES)) as tick:
+            for one in catalog.DRIVES:
+                text = mjcf.to_xml(exported(catalog.make(one).mechanism, wanted))
+                with files.written_beside(folder / f"{one}.xml") as path:
+                    path.write_text(text)
+                tick(one)
+        typer.echo(f"wrote {len(catalog.DRIVES)} models to {every}")
+        return
+    assert name is not None
+    place = None if output is None else writable(output, ".xml")
+    text = mjcf.to_xml(exported(drive_of(name, sets).mechanism, wanted))
+    if place is None:
+        typer.echo(text, nl=False)
+        return
+    with files.written_beside(place) as path:
+        path.write_text(text)
+    typer.echo(f"wrote {output}")

@@ -1,0 +1,173 @@
+"""Every kind of plot there is: what it draws from, what it shows, whether the page of a validation has it.
+
+A new plot is a function in `pictures/plots`, or beside its study, and a row of `PLOTS` here; `mechsim plot`,
+its help and the page read the table.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from mechsim.analytic import dynamics
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.catalog.warp_knitter import WarpKnitter
+from mechsim.errors import InputError
+from mechsim.model.motion import Motion
+from mechsim.pictures import plots
+from mechsim.studies.extremes import stability_map
+from mechsim.studies.extremes.plot import extremes_map
+from mechsim.studies.motion_source import WEIGHT, motion_of, profile_of, simulated_torque
+from mechsim.studies.tradeoff import measure, subject_of
+from mechsim.studies.tradeoff.plot import work_precision
+from mechsim.theory.velocity_plan import velocity_plan
+from mechsim.units import option, parse_names
+
+if TYPE_CHECKING:
+    from mechsim.analytic.dynamics import InverseDynamics
+    from mechsim.pictures.plots.figure import Figure
+
+SAMPLES = 360
+# a run whose errors are drawn is recorded in fewer: they are smooth
+ERROR_SAMPLES = 180
+# what a work-precision plot may take to measure, in [s]; `mechsim tradeoff --plot` takes a budget
+BUDGET = 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlotOptions:
+    """What may be chosen about a plot."""
+
+    points: tuple[str, ...] | None = option(
+        None, "Tracked points, with commas; all if left out.", read=parse_names
+    )
+    road: str = option("closed", "closed: the closed form; simulated: MuJoCo.", name="--from")
+    angle: float = option(0.0, "Crank angle of a velocity plan.", unit="rad", text="0deg")
+    stopped: str = option("crank2", "Crank stopped in a velocity plan: crank1 or crank2.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlotSource:
+    """What a plot is drawn from: a mechanism, and motions of it, made when first asked for.
+
+    Attributes:
+        drive: the mechanism.
+        speed: of the crank in [rad/s].
+        asked: what was chosen.
+        motions: road -> a motion that is there already.
+        bounds: road -> bound on the places of its points in [m], where there is one.
+        done: called after each piece of long work.
+    """
+
+    drive: ClosedForm
+    speed: float
+    asked: PlotOptions = field(default_factory=PlotOptions)
+    motions: dict[str, Motion] = field(default_factory=dict[str, Motion])
+    bounds: Mapping[str, float] = field(default_factory=dict[str, float])
+    done: Callable[[str], None] = lambda _: None
+
+    def motion(self, road: str, samples: int = SAMPLES) -> Motion:
+        """Return a motion by the "closed" form, "simulated" in time, or "posed" angle by angle."""
+        if road not in self.motions:
+            profile = profile_of(self.drive, self.speed, 1.0)
+            self.motions[road] = motion_of(self.drive, road, profile, samples)
+        return self.motions[road]
+
+    @property
+    def asked_motion(self) -> Motion:
+        """The motion by the road that was chosen."""
+        return self.motion(self.asked.road)
+
+    def study(self) -> "InverseDynamics":
+        """Return drive torque and reactions, with links of steel that weigh as in `mechsim dynamics`."""
+        machine, closed = dynamics.machine(self.drive, WEIGHT), self.motion("closed")
+        return dynamics.prescribed(machine, closed.angle, closed.speed, closed.acceleration)
+
+
+@dataclass(frozen=True, slots=True)
+class PlotKind:
+    """A row of the table.
+
+    Attributes:
+        about: what the plot shows, in a few words; its caption.
+        draw: from a source.
+        on_page: whether the page of a validation shows it.
+    """
+
+    about: str
+    draw: Callable[[PlotSource], "Figure"]
+    on_page: bool = False
+
+
+def _errors(source: PlotSource, road: str) -> "Figure":
+    run = source.motion(road, ERROR_SAMPLES)
+    exact = source.drive.solve(run.angle, run.speed, run.acceleration)
+    return plots.error_plot(run.angle, run.place_errors(exact), unit="m", bound=source.bounds.get(road))
+
+
+def _transmission(source: PlotSource) -> "Figure":
+    angles = source.motion("closed").angle
+    return plots.transmission_plot(angles, source.drive.transmission_angle(angles))
+
+
+def _velocity_plan(source: PlotSource) -> "Figure":
+    drive, asked = source.drive, source.asked
+    if not isinstance(drive, WarpKnitter):
+        raise InputError(f"{drive.name} has no velocity plan with a crank stopped; warp_knitter has")
+    both = velocity_plan(drive, asked.angle, source.speed)
+    plans = {"crank2": both.crank2_stopped, "crank1": both.crank1_stopped}
+    if asked.stopped not in plans:
+        raise InputError(f"there is no crank {asked.stopped!r} to stop; known are crank1, crank2")
+    plan = plans[asked.stopped]
+    at = f"crank angle {math.degrees(asked.angle):g} deg"
+    return plots.velocity_plan_plot(plan, f"{asked.stopped} stopped, {at}, {plan.scale:.4g} m/s per unit")
+
+
+def _torque(source: PlotSource) -> "Figure":
+    rings = None
+    if source.asked.road == "simulated":
+        rings = simulated_torque(source.drive, profile_of(source.drive, source.speed, 1.0), SAMPLES)
+    return plots.torque_plot(source.study(), rings)
+
+
+def _stability(source: PlotSource) -> "Figure":
+    drive = source.drive
+    if drive != type(drive)():
+        raise InputError("a stability map is of the catalogue's own dimensions; leave out --set")
+    return extremes_map(stability_map.study([drive.name], quick=True, done=source.done))
+
+
+PLOTS = {
+    "error": PlotKind(
+        "place error of the stepped run", lambda source: _errors(source, "simulated"), on_page=True
+    ),
+    "poses": PlotKind(
+        "place error of the solved poses", lambda source: _errors(source, "posed"), on_page=True
+    ),
+    "motion": PlotKind(
+        "displacement, velocity and acceleration",
+        lambda source: plots.motion_plot(source.asked_motion, source.asked.points),
+        on_page=True,
+    ),
+    "curve": PlotKind(
+        "paths of the tracked points",
+        lambda source: plots.coupler_curve(source.drive.mechanism, source.asked_motion, source.asked.points),
+        on_page=True,
+    ),
+    "space": PlotKind(
+        "paths of the tracked points in perspective",
+        lambda source: plots.space_curve(source.drive.mechanism, source.asked_motion, source.asked.points),
+    ),
+    "transmission": PlotKind("transmission angle", _transmission, on_page=True),
+    "plan": PlotKind("velocity plan with one crank stopped", _velocity_plan),
+    "torque": PlotKind("drive torque and its parts; simulated: MuJoCo's as rings", _torque),
+    "reactions": PlotKind(
+        "force in each joint as a path", lambda source: plots.reaction_plot(source.study())
+    ),
+    "power": PlotKind("powers that must balance", lambda source: plots.energy_plot(source.study())),
+    "precision": PlotKind(
+        "error over cost of MuJoCo's settings, measured now",
+        lambda source: work_precision(measure(subject_of(source.drive, source.speed), budget=BUDGET)),
+    ),
+    "stability": PlotKind("where runs stop to be right along every axis, found now", _stability),
+}

@@ -1,0 +1,77 @@
+"""Motions to draw, and what acts in the joints over them, by the closed form or by MuJoCo."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic import dynamics
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.errors import InputError
+from mechsim.model.crank_profile import CrankProfile, within_range
+from mechsim.model.forces import Forces
+from mechsim.model.motion import Motion
+from mechsim.simulation import simulate
+from mechsim.simulation.dynamics.prescribed_motion import driven
+
+Array = NDArray[np.float64]
+# what one picture or video may hold
+MOST_SAMPLES = 100_000
+WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
+
+
+def profile_of(drive: ClosedForm, speed: float, turns: float, through: float | None = None) -> CrankProfile:
+    """Return the crank's motion: whole turns, or for a crank that cannot turn fully one swing to and fro.
+
+    The swing passes a crank angle, or where assembly begins.
+    """
+    if not (turns != 0.0 and abs(turns) < 1e4):
+        raise InputError(f"{turns:g} turns; give turns other than 0, fewer than 10000 either way")
+    return within_range(drive, speed if turns > 0 else -speed, abs(turns), through)
+
+
+def motion_of(drive: ClosedForm, road: str, profile: CrankProfile, samples: float) -> Motion:
+    """Return a motion to be drawn, with so many evenly spread samples after the first.
+
+    Args:
+        drive: what moves.
+        road: "closed", "simulated" (stepped by MuJoCo) or "posed" (solved by it pose by pose).
+        profile: of the crank.
+        samples: how many; rounded.
+    """
+    if road not in ("closed", "simulated", "posed"):
+        raise InputError(f"there is no road {road!r} here; known are closed, simulated and, to draw, both")
+    count = round(samples)
+    if not 1 <= count <= MOST_SAMPLES:
+        raise InputError(f"{samples:g} frames or samples asked for; give 1 to {MOST_SAMPLES}")
+    if road == "closed":
+        return drive.solve(*profile.state(np.linspace(0.0, profile.duration, count + 1)))
+    method = "step" if road == "simulated" else "pose"
+    return simulate(drive.mechanism, profile=profile, samples=count, method=method).motion
+
+
+def joint_loads(drive: ClosedForm, road: str, profile: CrankProfile, motion: Motion) -> dict[str, Any]:
+    """Return forces and moments in the joints at the samples of a motion, from the same road as the motion.
+
+    They act on the link b of each joint; links are rods of steel and weigh, as `mechsim dynamics` has it.
+    """
+    machine = dynamics.machine(drive, WEIGHT)
+    if road == "simulated":
+        run = driven(machine.mechanism, machine.forces, profile=profile, samples=len(motion) - 1)
+        found = run.efforts.reactions
+    else:
+        found = dynamics.prescribed(
+            machine, motion.angle, motion.speed, motion.acceleration
+        ).efforts.reactions
+    forces = {name: one.force for name, one in found.items()}
+    # a moment that the largest force makes on a billionth of the size is rounding, and no arrow
+    least = 1e-9 * drive.mechanism.size * max(float(np.abs(force).max()) for force in forces.values())
+    moments = {name: np.where(np.abs(one.moment) > least, one.moment, 0.0) for name, one in found.items()}
+    return {"forces": forces, "moments": moments}
+
+
+def simulated_torque(drive: ClosedForm, profile: CrankProfile, samples: int) -> tuple[Array, Array]:
+    """Return crank angles in [rad] and MuJoCo's drive torques in [N m], with links as in `joint_loads`."""
+    machine = dynamics.machine(drive, WEIGHT)
+    run = driven(machine.mechanism, machine.forces, profile=profile, samples=samples)
+    return run.motion.angle, run.efforts.torque
