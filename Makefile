@@ -14,4 +14,4 @@ test-all:
 	$(PYTHON) -m pytest -q -n 2 -m 'slow or not slow'
 
 validate:
-	$(PYTHON) -m mechsim.cli validate --report out/
+	$(PYTHON) -m mechsim validate --report out/
