@@ -302,14 +302,13 @@ def driven_promise(run: "Driven | None") -> dict[str, Any] | None:
     if run is None or run.promise is None:
         return None
     one = run.promise
-    parts = f"torque {one.torque:.1e}, reactions {one.reactions:.1e}, halved steps {one.halving:.1e}"
+    found = {name: one.estimates.get(name, 0.0) for name in ("torque", "reactions", "halving", "balance")}
+    names = {"torque": "torque", "reactions": "reactions", "halving": "halved steps"}
+    parts = ", ".join(f"{words} {found[name]:.1e}" for name, words in names.items())
     return _promise(run, one) | {
         "of": "of torque and reactions",
-        "by": f"by solved poses {parts}" if run.method == "step" else f"balance {one.balance:.1e}",
-        "torque": one.torque,
-        "reactions": one.reactions,
-        "halving": one.halving,
-        "balance": one.balance,
+        "by": f"by solved poses {parts}" if run.method == "step" else f"balance {found['balance']:.1e}",
+        **found,
     }
 
 

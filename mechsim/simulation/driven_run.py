@@ -129,7 +129,7 @@ class DrivenRun:
         return ""
 
 
-def begun(closed: ClosedModel, profile: CrankProfile) -> tuple[Array, Array]:
+def first_state(closed: ClosedModel, profile: CrankProfile) -> tuple[Array, Array]:
     """Return the closed state and the rates at time zero of a crank motion, (nq,) and (nv,).
 
     Raises:
@@ -151,7 +151,7 @@ def solved(closed: ClosedModel, profile: CrankProfile, samples: int | None, tole
     angle, speed, acceleration = profile.state(time)
     if not profile.steady:
         # between two samples it may go where it cannot
-        begun(closed, profile)
+        first_state(closed, profile)
     begin = clock.perf_counter()
     qpos = follow.follow(closed.loops, closed.closed, angle)
     seconds = clock.perf_counter() - begin

@@ -237,7 +237,7 @@ class ModelLoops:
         """Return on which side of the dead centres states lie, (n,): +1 or -1; 0 where that is not known.
 
         It is the sign of the Jacobian's determinant with the crank held: two assemblies that meet at a
-        dead centre have opposite signs, and on the way from one dead centre to the next it stays.
+        dead centre have opposite signs, and from one dead centre to the next it stays.
         """
         held = jacobian[:, :, self.free]
         rows = self._independent(held)
@@ -250,10 +250,10 @@ class ModelLoops:
 
     def tangent(self, jacobian: Array) -> Array:
         """Return the rates of all freedoms per radian of the crank, (n, nv), that keep the loops closed."""
-        pull = -jacobian[:, :, [self.crank]]
-        rates = self.solve(jacobian, pull)
+        driven = -jacobian[:, :, [self.crank]]
+        rates = self.solve(jacobian, driven)
         # least norm comes by normal equations, which square the condition; what they left undone mends that
-        rates += self.solve(jacobian, pull - jacobian[:, :, self.free] @ rates)
+        rates += self.solve(jacobian, driven - jacobian[:, :, self.free] @ rates)
         return self._spread(rates[..., 0], 1.0)
 
     def newton(self, residual: Array, jacobian: Array) -> tuple[Array, Array]:

@@ -252,8 +252,8 @@ def _moved_point(
     sims: batch.Batch, model: mujoco.MjModel, name: str, point: PointMotion, change: Array
 ) -> PointMotion:
     linear, _ = sims.jac(int(model.site_bodyid[model.site(name).id]), point.position)
-    pulled = point.acceleration + (linear @ change[..., None])[..., 0]
-    return PointMotion(point.position, point.velocity, pulled)
+    acceleration = point.acceleration + (linear @ change[..., None])[..., 0]
+    return PointMotion(point.position, point.velocity, acceleration)
 
 
 def _joints(model: mujoco.MjModel, states: States, qacc: Array) -> dict[str, JointMotion]:

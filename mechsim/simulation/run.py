@@ -8,7 +8,7 @@ from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.scene import Scene
 from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import Source
-from mechsim.simulation.driven_run import DrivenRun, begun, check_records, solved
+from mechsim.simulation.driven_run import DrivenRun, check_records, first_state, solved
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.place_tolerance import within
 from mechsim.simulation.run_result import Method, Run
@@ -55,7 +55,7 @@ def simulate(
 
     Raises:
         InputError: for values that cannot be used.
-        AssemblyError: if the loops close nowhere or only over part of the way.
+        AssemblyError: if the loops close nowhere or only over part of the crank motion.
     """
     if tolerance is not None and not 0.0 < number(tolerance) < np.inf:
         remedy = units_remedy(tolerance, "units.parse_length('1 um')")
@@ -84,6 +84,6 @@ def simulate(
     bound = SAME * closed.loops.size if tolerance is None else tolerance
     if method == "pose":
         return solved(closed, profile, samples, bound)
-    run = DrivenRun(closed, profile, begun(closed, profile), samples, watch or unwatched)
+    run = DrivenRun(closed, profile, first_state(closed, profile), samples, watch or unwatched)
     settings = settings or Settings()
     return run.stepped(settings, bound) if tolerance is None else within(run, settings, bound)

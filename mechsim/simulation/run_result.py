@@ -1,4 +1,4 @@
-"""A run in MuJoCo and how it ended."""
+"""Runs in MuJoCo and how they ended: a driven one, one with its efforts, a free one."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -6,6 +6,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mechsim.model.display import short_repr
+from mechsim.model.efforts import Efforts, FreeRun
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import Outcome
 from mechsim.simulation.refine import Promise
@@ -57,3 +58,60 @@ class Run:
             "method": self.method,
             "settings": self.settings.as_dict() | {"timestep": self.timestep} if self.settings else {},
         }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Driven:
+    """A machine under a prescribed crank, as MuJoCo has it.
+
+    Attributes:
+        motion: at the recorded instants.
+        efforts: at the same instants.
+        outcome: "done" or "diverged"; where a tolerance was asked for, "met" or "missed".
+        method: "pose" or "step".
+        steps: time steps taken, or poses solved.
+        seconds: time spent stepping or solving, the evaluation of the records not counted.
+        settings: how it was stepped; None for method "pose".
+        timestep: in [s]; None for method "pose".
+        promise: what was asked of it and how it came out; None where no tolerance was.
+    """
+
+    motion: Motion
+    efforts: Efforts
+    outcome: Outcome
+    method: Method
+    steps: int
+    seconds: float
+    settings: Settings | None = None
+    timestep: float | None = None
+    promise: Promise | None = None
+
+    __repr__ = short_repr
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SteppedFreeRun:
+    """A free run as MuJoCo has it.
+
+    Attributes:
+        motion: at the recorded instants.
+        efforts: at the same instants; no drive acts, so that the torque in it is what MuJoCo's equation
+            of motion leaves over.
+        free: crank motion, energies and how it ended, at the same instants.
+        steps: time steps taken.
+        seconds: time spent stepping.
+        timestep: in [s].
+        settings: how it was stepped.
+        promise: what was asked of it and how it came out; None where no tolerance was.
+    """
+
+    motion: Motion
+    efforts: Efforts
+    free: FreeRun
+    steps: int
+    seconds: float
+    timestep: float
+    settings: Settings
+    promise: Promise | None = None
+
+    __repr__ = short_repr

@@ -1,7 +1,7 @@
 """MuJoCo's own tendon, actuator and constraint forces as wrenches on bodies.
 
 MuJoCo projects these forces onto coordinates. What a joint of the tree carries depends on the bodies they
-pull at, so for reactions each is put back where it acts.
+act on, so for reactions each is put back where it acts.
 """
 
 from collections.abc import Mapping
@@ -44,7 +44,7 @@ def native(model: mujoco.MjModel, fields: Fields) -> AppliedForces:
 
 
 def _add_tendon(model: mujoco.MjModel, fields: Fields, i: int, wrenches: Array) -> None:
-    """Add the pull of a spring between two sites."""
+    """Add the force of a spring between two sites."""
     first = int(model.tendon_adr[i])
     if model.wrap_type[first] != int(mujoco.mjtWrap.mjWRAP_SITE):
         return
@@ -55,19 +55,19 @@ def _add_tendon(model: mujoco.MjModel, fields: Fields, i: int, wrenches: Array) 
     sites = model.wrap_objid[first : first + 2]
     a, b = (fields["site_xpos"][:, site] for site in sites)
     length = np.sqrt(((b - a) ** 2).sum(1))
-    pull = (tension / np.where(length > 0.0, length, 1.0))[:, None] * (b - a)
+    force = (tension / np.where(length > 0.0, length, 1.0))[:, None] * (b - a)
     for site, place, sign in ((sites[0], a, 1.0), (sites[1], b, -1.0)):
-        add_force(wrenches, fields, int(model.site_bodyid[site]), place, sign * pull)
+        add_force(wrenches, fields, int(model.site_bodyid[site]), place, sign * force)
 
 
-def dry_friction(bench: LoadedModel, fields: Fields, qvel: Array) -> AppliedForces:
+def dry_friction(loaded: LoadedModel, fields: Fields, qvel: Array) -> AppliedForces:
     """Return the dry friction of all joints: its size against the sign of the joint's rate."""
-    model, forces = bench.model, bench.nothing(len(qvel))
+    model, forces = loaded.model, loaded.nothing(len(qvel))
     forces.generalised[:] = -model.dof_frictionloss * np.sign(qvel)
     for i in np.flatnonzero(model.tendon_frictionloss):
-        joint = bench.mechanism.joint(model.tendon(i).name.removeprefix("friction in "))
-        body = model.body(joint.b.link).id if joint.b.link in bench.track.links else 0
-        other = model.body(joint.a.link).id if joint.a.link in bench.track.links else 0
+        joint = loaded.mechanism.joint(model.tendon(i).name.removeprefix("friction in "))
+        body = model.body(joint.b.link).id if joint.b.link in loaded.track.links else 0
+        other = model.body(joint.a.link).id if joint.a.link in loaded.track.links else 0
         axis = fields["xmat"][:, body].reshape(-1, 3, 3) @ np.asarray(joint.b.axis)
         couple = (-model.tendon_frictionloss[i] * np.sign(fields["ten_velocity"][:, i]))[:, None] * axis
         forces.wrenches[:, body, 3:] += couple
@@ -75,18 +75,21 @@ def dry_friction(bench: LoadedModel, fields: Fields, qvel: Array) -> AppliedForc
     return forces
 
 
-def sliding(bench: LoadedModel, fields: Fields, qvel: Array) -> Array:
-    """Return which way each joint with dry friction goes, (n, k) of -1, 0, 1."""
-    model = bench.model
-    ways = [qvel[:, model.dof_frictionloss > 0.0], fields["ten_velocity"][:, model.tendon_frictionloss > 0.0]]
-    # the spin of a ball joint has no sign; it passes from one way to another without a jump
-    ways += [fields["actuator_velocity"][:, one.actuators] for one in bench.dry if len(one.actuators) == 1]
-    return np.sign(np.concatenate(ways, 1))
+def sliding(loaded: LoadedModel, fields: Fields, qvel: Array) -> Array:
+    """Return the direction in which each joint with dry friction goes, (n, k) of -1, 0, 1."""
+    model = loaded.model
+    rates = [
+        qvel[:, model.dof_frictionloss > 0.0],
+        fields["ten_velocity"][:, model.tendon_frictionloss > 0.0],
+    ]
+    # the spin of a ball joint has no sign; it passes from one direction to another without a jump
+    rates += [fields["actuator_velocity"][:, one.actuators] for one in loaded.dry if len(one.actuators) == 1]
+    return np.sign(np.concatenate(rates, 1))
 
 
-def loop_forces(bench: LoadedModel, fields: Fields, multipliers: Array) -> AppliedForces:
-    """Return the forces that close the loops: a multiplier pulls the first point of its pair."""
-    loops, forces = bench.loops, bench.nothing(len(multipliers))
+def loop_forces(loaded: LoadedModel, fields: Fields, multipliers: Array) -> AppliedForces:
+    """Return the forces that close the loops: a multiplier acts on the first point of its pair."""
+    loops, forces = loaded.loops, loaded.nothing(len(multipliers))
     for number, pair in enumerate(loops.pairs):
         force = multipliers[:, 3 * number : 3 * number + 3]
         for (body, local), sign in zip(pair.ends, (1.0, -1.0), strict=True):

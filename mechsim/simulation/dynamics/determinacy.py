@@ -18,52 +18,52 @@ Array = NDArray[np.float64]
 # joint -> whether fx, fy, fz, mx, my, mz is settled, (6,)
 Known = Mapping[str, NDArray[np.bool_]]
 
-# way of the crank from one pose looked at to the next, in [rad], and how many
+# turn of the crank from one pose looked at to the next, in [rad], and how many
 STEP, POSES = 0.05, 4
 # a component that changes by less than this part of the self-stress is settled
 TINY = 1e-9
 
 
-def settled(bench: LoadedModel) -> Known:
+def settled(loaded: LoadedModel) -> Known:
     """Return which components of the joints' forces and moments the loop constraints determine."""
-    known = {joint.name: np.ones(6, dtype=np.bool_) for joint in bench.mechanism.joints}
-    qpos = follow.follow(bench.loops, bench.begun, bench.begun[bench.loops.crank_place] + _way(bench))
-    jacobian = bench.loops.linearise(qpos)[1]
+    known = {joint.name: np.ones(6, dtype=np.bool_) for joint in loaded.mechanism.joints}
+    qpos = follow.follow(loaded.loops, loaded.closed, loaded.angle + _turned(loaded))
+    jacobian = loaded.loops.linearise(qpos)[1]
     rows = jacobian.shape[1]
     if not rows:
         return known
-    scale = row_scale(bench, rows)
+    scale = row_scale(loaded, rows)
     left, values, _ = np.linalg.svd(jacobian * scale[:, None])
     rank = int((values > RANK_TOLERANCE * values[:, :1]).sum(1).min())
     if rank == rows:
         return known
     n = len(qpos)
-    at = situation(bench, States(np.zeros(n), qpos, np.zeros((n, bench.model.nv))))
-    size = np.array([1.0] * 3 + [bench.mechanism.size] * 3)
+    at = situation(loaded, States(np.zeros(n), qpos, np.zeros((n, loaded.model.nv))))
+    size = np.array([1.0] * 3 + [loaded.mechanism.size] * 3)
 
     def carried(multipliers: Array) -> dict[str, Array]:
-        stressed = loop_forces(bench, at.plain, multipliers)
-        fields = bench.look(bench.looking(native=False), at.states, stressed)
+        stressed = loop_forces(loaded, at.plain, multipliers)
+        fields = loaded.look(loaded.looking(native=False), at.states, stressed)
         found = {
-            joint.name: transmitted(bench, joint, fields, multipliers) for joint in bench.mechanism.joints
+            joint.name: transmitted(loaded, joint, fields, multipliers) for joint in loaded.mechanism.joints
         }
         return {name: np.concatenate([one.force, one.moment], 1) / size for name, one in found.items()}
 
     alone = carried(np.zeros((n, rows)))
     for k in range(rank, rows):
-        stressed = carried(scale * left[:, :, k] * bench.loops.size)
+        stressed = carried(scale * left[:, :, k] * loaded.loops.size)
         for name, one in stressed.items():
             known[name] &= np.abs(one - alone[name]).max(0) <= TINY
     return known
 
 
-def _way(bench: LoadedModel) -> Array:
-    """Return ways of the crank from where it begins to poses it can reach, in [rad]."""
-    ways = STEP * np.arange(float(POSES))
+def _turned(loaded: LoadedModel) -> Array:
+    """Return by how much the crank turns from the closed state to poses it can reach, (n,) in [rad]."""
+    turned = STEP * np.arange(float(POSES))
     for sign in (1.0, -1.0):
         try:
-            follow.follow(bench.loops, bench.begun, bench.begun[bench.loops.crank_place] + sign * ways)
+            follow.follow(loaded.loops, loaded.closed, loaded.angle + sign * turned)
         except AssemblyError:
             continue
-        return sign * ways
+        return sign * turned
     return np.zeros(1)

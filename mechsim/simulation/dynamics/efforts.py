@@ -30,105 +30,105 @@ class Situation:
     plain: Fields
 
 
-def situation(bench: LoadedModel, states: States) -> Situation:
+def situation(loaded: LoadedModel, states: States) -> Situation:
     """Return states under loads, springs, friction and motor, with their loops open and no drive."""
-    angle = states.qpos[:, bench.loops.crank_place]
-    model = bench.looking()
-    loaded = bench.nothing(len(angle))
-    loaded.controls[:] = bench.controls(angle, states.time)
-    rates = bench.look(model, states, loaded)
-    oppose(bench.dry, rates["actuator_velocity"], loaded.controls)
-    outer = together(loaded, dry_friction(bench, rates, states.qvel))
-    return Situation(states, bench.loops.linearise(states.qpos)[1], outer, bench.look(model, states, outer))
+    angle = states.qpos[:, loaded.loops.crank_place]
+    model = loaded.looking()
+    applied = loaded.nothing(len(angle))
+    applied.controls[:] = loaded.controls(angle, states.time)
+    rates = loaded.look(model, states, applied)
+    oppose(loaded.dry, rates["actuator_velocity"], applied.controls)
+    outer = together(applied, dry_friction(loaded, rates, states.qvel))
+    return Situation(states, loaded.loops.linearise(states.qpos)[1], outer, loaded.look(model, states, outer))
 
 
-def tangent(bench: LoadedModel, qpos: Array, inertia: Array) -> Array:
+def tangent(loaded: LoadedModel, qpos: Array, inertia: Array) -> Array:
     """Return the rates per radian of the crank that keep the loops closed with the least energy, (n, nv).
 
     A link whose spin nothing determines then has no momentum about its own line.
     """
-    _, jacobian = bench.loops.linearise(qpos)
-    held = _held(bench, jacobian)
+    _, jacobian = loaded.loops.linearise(qpos)
+    held = _held(loaded, jacobian)
     right = np.zeros(held.shape[:2])
     right[:, -1] = 1.0
-    return _least(held, row_scale(bench, held.shape[1]), inertia, right)[0]
+    return _least(held, row_scale(loaded, held.shape[1]), inertia, right)[0]
 
 
-def needed(bench: LoadedModel, at: Situation, crank_acceleration: Array) -> tuple[Array, Array, Array]:
+def needed(loaded: LoadedModel, at: Situation, crank_acceleration: Array) -> tuple[Array, Array, Array]:
     """Return accelerations (n, nv), loop multipliers (n, m) and drive torque (n,) of a prescribed crank.
 
     M q'' + h = Q + J' multipliers + torque on the crank, J q'' + J' q' = 0, the crank's q'' given.
     """
-    links = link_motions(bench.model, bench.track, at.plain)
-    opened = opening(bench.loops, at.states, at.plain["qacc"], links)
-    lacking = crank_acceleration - at.plain["qacc"][:, bench.loops.crank]
+    links = link_motions(loaded.model, loaded.track, at.plain)
+    opened = opening(loaded.loops, at.states, at.plain["qacc"], links)
+    lacking = crank_acceleration - at.plain["qacc"][:, loaded.loops.crank]
     right = np.concatenate([-opened, lacking[:, None]], 1)
-    held = _held(bench, at.jacobian)
-    change, multipliers = _least(held, row_scale(bench, held.shape[1]), at.plain["inertia"], right)
+    held = _held(loaded, at.jacobian)
+    change, multipliers = _least(held, row_scale(loaded, held.shape[1]), at.plain["inertia"], right)
     return at.plain["qacc"] + change, multipliers[:, :-1], multipliers[:, -1]
 
 
-def constrained(bench: LoadedModel, at: Situation, fields: Fields) -> tuple[Array, Array]:
+def constrained(loaded: LoadedModel, at: Situation, fields: Fields) -> tuple[Array, Array]:
     """Return the multipliers of MuJoCo's own constraint forces, and the drive torque that goes with them.
 
     Args:
-        bench: the mechanism.
+        loaded: the mechanism.
         at: the situation.
         fields: what the stepped model makes of it.
     """
-    forces, scale = fields["qfrc_constraint"], row_scale(bench, at.jacobian.shape[1])
+    forces, scale = fields["qfrc_constraint"], row_scale(loaded, at.jacobian.shape[1])
     turned = np.swapaxes(at.jacobian * scale[:, None], 1, 2)
     multipliers = np.zeros(turned.shape[::2])
     if turned.shape[2]:
         multipliers = scale * (np.linalg.pinv(turned, rcond=RANK_TOLERANCE) @ forces[..., None])[..., 0]
-    crank = bench.loops.crank
+    crank = loaded.loops.crank
     spent = (at.plain["inertia"][:, crank] * fields["qacc"]).sum(1)
     return multipliers, spent - at.plain["qfrc_smooth"][:, crank] - forces[:, crank]
 
 
-def efforts(bench: LoadedModel, at: Situation, qacc: Array, multipliers: Array, torque: Array) -> Efforts:
+def efforts(loaded: LoadedModel, at: Situation, qacc: Array, multipliers: Array, torque: Array) -> Efforts:
     """Return everything transmitted: all forces act as wrenches, and MuJoCo carries them through the tree."""
-    n, crank = len(qacc), bench.loops.crank
-    drive = bench.nothing(n)
+    n, crank = len(qacc), loaded.loops.crank
+    drive = loaded.nothing(n)
     drive.generalised[:, crank] = torque
-    placed = native(bench.model, at.plain)
-    loops = loop_forces(bench, at.plain, multipliers)
-    fields = bench.look(bench.looking(native=False), at.states, together(at.outer, placed, loops, drive))
+    placed = native(loaded.model, at.plain)
+    loops = loop_forces(loaded, at.plain, multipliers)
+    fields = loaded.look(loaded.looking(native=False), at.states, together(at.outer, placed, loops, drive))
     largest = max(float(np.abs(qacc).max()), np.finfo(np.float64).tiny)
-    lost, outer, motor = powers(bench, at)
+    lost, outer, motor = powers(loaded, at)
     rates = at.states.qvel
     return Efforts(
-        size=bench.mechanism.size,
+        size=loaded.mechanism.size,
         time=at.states.time,
-        angle=at.states.qpos[:, bench.loops.crank_place],
+        angle=at.states.qpos[:, loaded.loops.crank_place],
         speed=rates[:, crank],
         acceleration=qacc[:, crank],
         torque=torque,
         reactions={
-            joint.name: transmitted(bench, joint, fields, multipliers) for joint in bench.mechanism.joints
+            joint.name: transmitted(loaded, joint, fields, multipliers) for joint in loaded.mechanism.joints
         },
-        gears=_gears(bench, multipliers),
+        gears=_gears(loaded, multipliers),
         kinetic=0.5 * (rates * (at.plain["inertia"] @ rates[..., None])[..., 0]).sum(1),
-        potential=at.plain["energy"][:, 0] + _wound(bench, at.plain),
+        potential=at.plain["energy"][:, 0] + _wound(loaded, at.plain),
         power_in=torque * rates[:, crank] + motor,
         power_loads=outer,
         power_lost=lost,
         residual=np.abs(fields["qacc"] - qacc).max(1) / largest,
-        sliding=sliding(bench, at.plain, rates),
+        sliding=sliding(loaded, at.plain, rates),
     )
 
 
-def _held(bench: LoadedModel, jacobian: Array) -> Array:
+def _held(loaded: LoadedModel, jacobian: Array) -> Array:
     """Return the loops' Jacobian with a last row for the crank, (n, m + 1, nv)."""
-    row = np.zeros((len(jacobian), 1, bench.model.nv))
-    row[..., bench.loops.crank] = 1.0
+    row = np.zeros((len(jacobian), 1, loaded.model.nv))
+    row[..., loaded.loops.crank] = 1.0
     return np.concatenate([jacobian, row], 1)
 
 
-def row_scale(bench: LoadedModel, rows: int) -> Array:
+def row_scale(loaded: LoadedModel, rows: int) -> Array:
     """Return factors that make rows of lengths free of units."""
     scale = np.ones(rows)
-    scale[: 3 * len(bench.loops.pairs)] /= bench.loops.size
+    scale[: 3 * len(loaded.loops.pairs)] /= loaded.loops.size
     return scale
 
 
@@ -148,24 +148,24 @@ def _least(rows: Array, scale: Array, inertia: Array, right: Array) -> tuple[Arr
     return np.asarray(x, dtype=np.float64), scale * (left @ (inverse * part)[..., None])[..., 0]
 
 
-def _gears(bench: LoadedModel, multipliers: Array) -> dict[str, Array]:
-    first = 3 * len(bench.loops.pairs)
+def _gears(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
+    first = 3 * len(loaded.loops.pairs)
     return {
         f"{gear.driver}-{gear.driven}": multipliers[:, first + i]
-        for i, gear in enumerate(bench.mechanism.gears)
+        for i, gear in enumerate(loaded.mechanism.gears)
     }
 
 
-def _wound(bench: LoadedModel, fields: Fields) -> Array:
+def _wound(loaded: LoadedModel, fields: Fields) -> Array:
     """Return the energy of springs in revolute joints, which MuJoCo does not count, (n,) in [J]."""
-    model = bench.model
+    model = loaded.model
     stiffness = np.where(model.actuator_trntype == SITE, -model.actuator_biasprm[:, 1], 0.0)
     return 0.5 * (stiffness * fields["actuator_length"] ** 2).sum(1)
 
 
-def powers(bench: LoadedModel, at: Situation) -> tuple[Array, Array, Array]:
+def powers(loaded: LoadedModel, at: Situation) -> tuple[Array, Array, Array]:
     """Return the power lost, of the loads, and of the motor, (n,) each in [W]."""
-    model, rates = bench.model, at.states.qvel
+    model, rates = loaded.model, at.states.qvel
     power = at.plain["actuator_force"] * at.plain["actuator_velocity"]
     shares = {"load": np.zeros(len(rates)), "friction": np.zeros(len(rates)), "motor": np.zeros(len(rates))}
     for i in range(model.nu):
@@ -179,14 +179,14 @@ def powers(bench: LoadedModel, at: Situation) -> tuple[Array, Array, Array]:
     return lost, shares["load"], shares["motor"]
 
 
-def started(bench: LoadedModel, angle: float, speed: float) -> tuple[Array, Array]:
+def started(loaded: LoadedModel, angle: float, speed: float) -> tuple[Array, Array]:
     """Return the closed state at a crank angle and its rates at a crank speed, (nq,) and (nv,)."""
-    qpos = follow.follow(bench.loops, bench.begun, [angle])
-    return qpos[0], (_rates(bench, qpos) * speed)[0]
+    qpos = follow.follow(loaded.loops, loaded.closed, [angle])
+    return qpos[0], (_rates(loaded, qpos) * speed)[0]
 
 
 def required(
-    bench: LoadedModel, time: Array, angle: Array, speed: Array, acceleration: Array
+    loaded: LoadedModel, time: Array, angle: Array, speed: Array, acceleration: Array
 ) -> tuple[States, Efforts]:
     """Return the closed states of a crank motion, (n,) each in SI, and what it needs, by inverse dynamics.
 
@@ -195,21 +195,21 @@ def required(
 
     Accuracy: rounding.
     """
-    qpos = follow.follow(bench.loops, bench.begun, angle)
+    qpos = follow.follow(loaded.loops, loaded.closed, angle)
     parts = []
     for first in range(0, len(time), CHUNK):
         part = slice(first, first + CHUNK)
-        states = States(time[part], qpos[part], _rates(bench, qpos[part]) * speed[part, None])
-        at = situation(bench, states)
-        parts.append((states, efforts(bench, at, *needed(bench, at, acceleration[part]))))
+        states = States(time[part], qpos[part], _rates(loaded, qpos[part]) * speed[part, None])
+        at = situation(loaded, states)
+        parts.append((states, efforts(loaded, at, *needed(loaded, at, acceleration[part]))))
     return join([states for states, _ in parts]), join([found for _, found in parts])
 
 
-def _rates(bench: LoadedModel, qpos: Array) -> Array:
+def _rates(loaded: LoadedModel, qpos: Array) -> Array:
     """Return the rates per radian of the crank at closed states, (n, nv)."""
     n = len(qpos)
-    rest = States(np.zeros(n), qpos, np.zeros((n, bench.model.nv)))
-    return tangent(bench, qpos, bench.look(bench.looking(), rest, bench.nothing(n))["inertia"])
+    rest = States(np.zeros(n), qpos, np.zeros((n, loaded.model.nv)))
+    return tangent(loaded, qpos, loaded.look(loaded.looking(), rest, loaded.nothing(n))["inertia"])
 
 
 # factor on the inverse weights below which forces are not evaluated, and Newton steps for them: between
@@ -221,36 +221,36 @@ LIGHTER = 1e-6
 
 
 def efforts_of(
-    bench: LoadedModel, stepped: mujoco.MjModel, hardness: float, states: States, force: Array | None = None
+    loaded: LoadedModel, stepped: mujoco.MjModel, hardness: float, states: States, force: Array | None = None
 ) -> Efforts:
     """Return the efforts at recorded states of a stepped model, from its own constraint forces.
 
     Args:
-        bench: the mechanism.
+        loaded: the mechanism.
         stepped: the model as it was stepped, the drive's inertia in it.
         hardness: factor on its inverse weights.
         states: recorded.
         force: of the drive on the crank at each state besides what holds its speed, (n,) in [N m].
     """
     model = copy.copy(stepped)
-    bench.prepare(model)
+    loaded.prepare(model)
     # forces are the softness times a tiny gap: harder than this, rounding of the gap shows in them
     soften = max(1.0, HARDEST / hardness)
     model.body_invweight0[:] *= soften
     model.dof_invweight0[:] *= soften
     model.opt.iterations = ITERATIONS
     if force is not None:
-        model.dof_armature[bench.loops.crank] *= LIGHTER
+        model.dof_armature[loaded.loops.crank] *= LIGHTER
     parts = []
     for first in range(0, len(states.time), CHUNK):
         part = states.at(first)
-        at = situation(bench, part)
+        at = situation(loaded, part)
         acting = replace(at.outer, generalised=at.outer.generalised.copy())
         if force is not None:
-            acting.generalised[:, bench.loops.crank] += LIGHTER * force[first : first + CHUNK]
-        fields = bench.look(model, part, acting)
-        multipliers, torque = constrained(bench, at, fields)
-        parts.append(efforts(bench, at, fields["qacc"], multipliers, torque))
+            acting.generalised[:, loaded.loops.crank] += LIGHTER * force[first : first + CHUNK]
+        fields = loaded.look(model, part, acting)
+        multipliers, torque = constrained(loaded, at, fields)
+        parts.append(efforts(loaded, at, fields["qacc"], multipliers, torque))
     return join(parts)
 
 

@@ -38,17 +38,17 @@ class ExpectedSpeed:
         return min(step, PART_OF_DECAY * self.decay)
 
 
-def pace(
-    bench: LoadedModel, angle: float, speed: float, turns: float | None, duration: float | None
+def expect_speed(
+    loaded: LoadedModel, angle: float, speed: float, turns: float | None, duration: float | None
 ) -> ExpectedSpeed:
     """Return what to expect, from the energy that motor, loads and weight can give.
 
     That is the energy of one turn, or of the turns asked for where no speed limits the motor.
     """
-    inertia, damping = _along(bench, angle)
-    weight = float(bench.model.body_mass.sum() * np.linalg.norm(bench.model.opt.gravity))
-    stored = 2.0 * weight * bench.mechanism.size
-    forces, torque, limit, fall = bench.forces, 0.0, np.inf, 0.0
+    inertia, damping = _along(loaded, angle)
+    weight = float(loaded.model.body_mass.sum() * np.linalg.norm(loaded.model.opt.gravity))
+    stored = 2.0 * weight * loaded.mechanism.size
+    forces, torque, limit, fall = loaded.forces, 0.0, np.inf, 0.0
     if forces.motor is not None:
         torque, fall = abs(float(forces.motor.torque(0.0))), -forces.motor.slope
         limit = abs(forces.motor.no_load)
@@ -56,10 +56,10 @@ def pace(
         around = np.linspace(0.0, TURN, 73)
         torque += float(np.abs(forces.crank_torque.at(around, np.zeros(73))).max())
     for spring in forces.springs:
-        stored += 0.5 * spring.stiffness * bench.mechanism.size**2
+        stored += 0.5 * spring.stiffness * loaded.mechanism.size**2
     least = float(inertia.min())
-    way = TURN * abs(turns) if turns is not None else TURN
-    driven = min(float(np.sqrt(2.0 * torque * way / least)), limit)
+    far = TURN * abs(turns) if turns is not None else TURN
+    driven = min(float(np.sqrt(2.0 * torque * far / least)), limit)
     if duration is not None:
         driven = min(driven, torque * duration / least)
     # the crank is fastest where the inertia is least
@@ -69,17 +69,17 @@ def pace(
     return ExpectedSpeed(fastest, float((inertia / slowing).min()) if (slowing > 0.0).all() else np.inf)
 
 
-def _along(bench: LoadedModel, angle: float) -> tuple[Array, Array]:
+def _along(loaded: LoadedModel, angle: float) -> tuple[Array, Array]:
     """Return generalised inertia [kg m2] and damping [N m s] at the crank over the turn, or at one angle."""
     angles = angle + np.linspace(0.0, TURN, PROBES + 1)[:-1]
     try:
-        qpos = follow.follow(bench.loops, bench.begun, angles)
+        qpos = follow.follow(loaded.loops, loaded.closed, angles)
     except AssemblyError:
-        qpos = follow.follow(bench.loops, bench.begun, angles[:1])
-    n, model = len(qpos), bench.looking()
-    rest = States(np.zeros(n), qpos, np.zeros((n, bench.model.nv)))
-    inertia = bench.look(model, rest, bench.nothing(n))["inertia"]
-    rates = tangent(bench, qpos, inertia)
-    fields = bench.look(model, States(rest.time, qpos, rates), bench.nothing(n))
+        qpos = follow.follow(loaded.loops, loaded.closed, angles[:1])
+    n, model = len(qpos), loaded.looking()
+    rest = States(np.zeros(n), qpos, np.zeros((n, loaded.model.nv)))
+    inertia = loaded.look(model, rest, loaded.nothing(n))["inertia"]
+    rates = tangent(loaded, qpos, inertia)
+    fields = loaded.look(model, States(rest.time, qpos, rates), loaded.nothing(n))
     lost = -(fields["qfrc_damper"] * rates).sum(1)
     return (rates * (inertia @ rates[..., None])[..., 0]).sum(1), np.maximum(lost, 0.0)

@@ -1,6 +1,5 @@
 """Free running in MuJoCo: the crank moves as motor, loads, weight, springs and friction make it."""
 
-import copy
 import time as clock
 from dataclasses import dataclass, replace
 
@@ -9,11 +8,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from mechsim.errors import InputError
-from mechsim.model.efforts import Efforts, FreeRun
+from mechsim.model.efforts import FreeRun
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
-from mechsim.simulation.dynamics.angle_tolerance import Gone, Promise, promised
+from mechsim.simulation.dynamics.angle_tolerance import FreeStepping, within
 from mechsim.simulation.dynamics.efforts import (
     efforts_of,
     powers,
@@ -21,12 +19,13 @@ from mechsim.simulation.dynamics.efforts import (
     started,
     stiffen_friction,
 )
-from mechsim.simulation.dynamics.expected_speed import pace
-from mechsim.simulation.dynamics.free_steps import march
-from mechsim.simulation.dynamics.loaded_model import LoadedModel
+from mechsim.simulation.dynamics.expected_speed import expect_speed
+from mechsim.simulation.dynamics.free_steps import step_freely
+from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
 from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
+from mechsim.simulation.run_result import SteppedFreeRun
 from mechsim.simulation.settings import Settings
 
 Array = NDArray[np.float64]
@@ -44,32 +43,6 @@ ITERATIONS = 2
 # times the step that damping allows, in the coarsest of the trials: with 4 the work of a motor in the first
 # instants, summed over so few steps, is off by 1e-3 of itself
 COARSER = 2.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SteppedFreeRun:
-    """A free run as MuJoCo has it.
-
-    Attributes:
-        motion: at the recorded instants.
-        efforts: at the same instants; no drive acts, so that the torque in it is what MuJoCo's equation
-            of motion leaves over.
-        free: crank motion, energies and how it ended, at the same instants.
-        steps: time steps taken.
-        seconds: time spent stepping.
-        timestep: in [s].
-        settings: how it was stepped.
-        promise: what was asked of it and how it came out; None where no tolerance was.
-    """
-
-    motion: Motion
-    efforts: Efforts
-    free: FreeRun
-    steps: int
-    seconds: float
-    timestep: float
-    settings: Settings
-    promise: Promise | None = None
 
 
 @quiet()
@@ -97,7 +70,7 @@ def free_run(
         turns: turns of the crank after which to end; negative backwards.
         duration: time after which to end in [s]; give it or `turns`.
         tolerance: bound on the error of the crank angle at every instant in [rad]; the time step is then
-            chosen by trials, and the error taken from a run with steps twice as long (`free_promise`).
+            chosen by trials, and the error taken from a run with steps twice as long (`angle_tolerance`).
         samples: instants recorded after the first, about as many where only turns are given.
         timestep: in [s]; None takes the settings' part of a turn at the speed to be expected.
         settings: how to step; the flywheel in them is left out.
@@ -117,26 +90,26 @@ def free_run(
     )
     if turns is None and duration is None:
         raise InputError("a free run needs turns of the crank, or a duration above 0, after which to end")
-    bench = LoadedModel(mechanism, forces or Forces(), cut)
-    settings = settings or (REDUNDANT if _is_redundant(bench) else Settings())
+    loaded = loaded_model(mechanism, forces or Forces(), cut)
+    settings = settings or (REDUNDANT if _is_redundant(loaded) else Settings())
     first = mechanism.start if angle is None else angle
-    plan = _Plan(bench, settings, started(bench, first, speed), turns, duration, samples, 0.0, np.inf)
+    plan = _Plan(loaded, settings, started(loaded, first, speed), turns, duration, samples, 0.0, np.inf)
     if timestep is None or duration is None or tolerance is not None:
-        expected = pace(bench, first, speed, turns, duration)
+        expected = expect_speed(loaded, first, speed, turns, duration)
         plan = replace(plan, fastest=expected.speed, longest=expected.timestep(np.inf))
     if tolerance is not None:
         if timestep is not None:
             raise InputError("a free run was given a time step and a tolerance; leave one of them out")
         # Runge's method is stable for steps of five times that; only a trial takes such
         plan = replace(plan, longest=COARSER * plan.longest)
-        gone, promise = promised(plan.gone, tolerance, TURN / plan.fastest / plan.longest)
-        found = _recorded(plan, gone)
+        stepping, promise = within(plan.let_run, tolerance, TURN / plan.fastest / plan.longest)
+        found = _recorded(plan, stepping)
         if found.free.outcome == "done" and not promise.met:
             found = replace(found, free=replace(found.free, outcome="missed", reason=promise.reason))
         return replace(found, promise=promise)
     if timestep is None:
-        return _recorded(plan, plan.gone(settings.steps_per_turn))
-    return _recorded(plan, plan.gone(settings.steps_per_turn, timestep=timestep))
+        return _recorded(plan, plan.let_run(settings.steps_per_turn))
+    return _recorded(plan, plan.let_run(settings.steps_per_turn, timestep=timestep))
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +117,7 @@ class _Plan:
     """A free run but for its time step.
 
     Attributes:
-        bench: the mechanism.
+        loaded: the mechanism.
         settings: how to step.
         start: closed state and rates.
         turns: as asked for.
@@ -154,7 +127,7 @@ class _Plan:
         longest: time step that damping allows, in [s].
     """
 
-    bench: LoadedModel
+    loaded: LoadedModel
     settings: Settings
     start: tuple[Array, Array]
     turns: float | None
@@ -163,7 +136,7 @@ class _Plan:
     fastest: float
     longest: float
 
-    def gone(self, steps: int, per_record: int = 1, *, timestep: float | None = None) -> Gone:
+    def let_run(self, steps: int, per_record: int = 1, *, timestep: float | None = None) -> FreeStepping:
         """Return the run with so many steps in a turn at the speed to be expected.
 
         Args:
@@ -188,24 +161,24 @@ class _Plan:
         every = max(1, likely // stride // self.samples)
         settings = replace(self.settings, steps_per_turn=steps)
         step, total, stride = step / per_record, total * per_record, stride * per_record
-        loops = _prepared(self.bench, settings, step)
+        loops = _prepared(self.loaded, settings, step)
         begin = clock.perf_counter()
-        run = march(self.bench, loops, self.start, total, stride, self.turns, self.fastest)
+        run = step_freely(self.loaded, loops, self.start, total, stride, self.turns, self.fastest)
         seconds = clock.perf_counter() - begin
-        return Gone(run, loops, settings, seconds, every)
+        return FreeStepping(run, loops, settings, seconds, every)
 
 
-def _is_redundant(bench: LoadedModel) -> bool:
+def _is_redundant(loaded: LoadedModel) -> bool:
     """Say whether some loop constraints repeat what others say; rows that say nothing do no harm."""
-    _, jacobian = bench.loops.linearise(bench.begun[None])
+    _, jacobian = loaded.loops.linearise(loaded.closed[None])
     sizes = np.abs(jacobian[0]).max(1, initial=0.0)
     rows = jacobian[0][sizes > RANK_TOLERANCE * sizes.max(initial=0.0)]
     return len(rows) > 0 and int(np.linalg.matrix_rank(rows, RANK_TOLERANCE * float(sizes.max()))) < len(rows)
 
 
-def _prepared(bench: LoadedModel, settings: Settings, step: float) -> ModelLoops:
+def _prepared(loaded: LoadedModel, settings: Settings, step: float) -> ModelLoops:
     """Return the model as it is stepped: hard loops, and on the crank no inertia but the machine's."""
-    loops = ModelLoops(copy.copy(bench.model))
+    loops = loaded.loops.over_copy()
     flywheel = float(loops.model.dof_armature[loops.crank])
     settings.apply(loops, step)
     stiffen_friction(loops.model, step)
@@ -215,14 +188,14 @@ def _prepared(bench: LoadedModel, settings: Settings, step: float) -> ModelLoops
     return loops
 
 
-def _recorded(plan: _Plan, gone: Gone) -> SteppedFreeRun:
+def _recorded(plan: _Plan, stepping: FreeStepping) -> SteppedFreeRun:
     """Return the run at every so many of its records, the last one too; work is summed over all."""
-    bench, run, loops = plan.bench, gone.march, gone.loops
-    kept = np.unique(np.append(np.arange(0, len(run.time), gone.every), len(run.time) - 1))
+    loaded, run, loops = plan.loaded, stepping.steps, stepping.loops
+    kept = np.unique(np.append(np.arange(0, len(run.time), stepping.every), len(run.time) - 1))
     states = States(run.time[kept], run.qpos[kept], run.qvel[kept])
-    work, lost = _work(bench, States(run.time, run.qpos, run.qvel))
-    found = efforts_of(bench, loops.model, gone.settings.hardness, states)
-    motion = evaluate(bench.loops, bench.track, states, "step", crank_acceleration=found.acceleration)
+    work, lost = _work(loaded, States(run.time, run.qpos, run.qvel))
+    found = efforts_of(loaded, loops.model, stepping.settings.hardness, states)
+    motion = evaluate(loaded.loops, loaded.track, states, "step", crank_acceleration=found.acceleration)
     return SteppedFreeRun(
         motion=motion,
         efforts=found,
@@ -235,24 +208,24 @@ def _recorded(plan: _Plan, gone: Gone) -> SteppedFreeRun:
             potential=found.potential,
             work=work[kept],
             lost=lost[kept],
-            motor=bench.forces.motor_torque(found.speed),
+            motor=loaded.forces.motor_torque(found.speed),
             outcome=run.outcome,
             reason=run.reason,
         ),
         steps=run.steps,
-        seconds=gone.seconds,
+        seconds=stepping.seconds,
         timestep=float(loops.model.opt.timestep),
-        settings=gone.settings,
+        settings=stepping.settings,
     )
 
 
-def _work(bench: LoadedModel, states: States) -> tuple[Array, Array]:
+def _work(loaded: LoadedModel, states: States) -> tuple[Array, Array]:
     """Return work done by motor and loads, and lost, since the first state, (n,) each in [J]."""
-    forces, n = bench.forces, len(states.time)
+    forces, n = loaded.forces, len(states.time)
     outer = forces.motor or forces.courses
     if not (outer or forces.friction or any(spring.damping for spring in forces.springs)):
         return np.zeros(n), np.zeros(n)
-    parts = [powers(bench, situation(bench, states.at(i))) for i in range(0, n, CHUNK)]
+    parts = [powers(loaded, situation(loaded, states.at(i))) for i in range(0, n, CHUNK)]
     lost, loads, motor = (np.concatenate(part) for part in zip(*parts, strict=True))
     return _integral(states.time, loads + motor), _integral(states.time, lost)
 

@@ -39,8 +39,8 @@ class FreeSteps:
     steps: int
 
 
-def march(
-    bench: LoadedModel,
+def step_freely(
+    loaded: LoadedModel,
     loops: ModelLoops,
     start: tuple[Array, Array],
     total: int,
@@ -51,7 +51,7 @@ def march(
     """Step a model that is set up for it.
 
     Args:
-        bench: the mechanism; says what controls act.
+        loaded: the mechanism; says what controls act.
         loops: of the model as it is stepped.
         start: closed state and rates, (nq,) and (nv,).
         total: most steps to take.
@@ -61,11 +61,11 @@ def march(
     """
     place, dof = loops.crank_place, loops.crank
     timestep = float(loops.model.opt.timestep)
-    soft, creep = _softened(bench, start, timestep)
+    soft, creep = _softened(loaded, start, timestep)
     rest = max(REST * fastest, creep)
     records = [(np.zeros(1), start[0][None], start[1][None])]
     outcome, reason, done = ("done" if turns is None else "time over"), "", 0
-    advance = _advance(bench, loops, start, soft)
+    advance = _advance(loaded, loops, start, soft)
     while done < total:
         count = min(stride * max(1, BLOCK // stride), total - done)
         time, qpos, qvel, bad = advance(count, stride)
@@ -83,7 +83,7 @@ def march(
         if bad or not good.all():
             outcome, reason = "diverged", f"MuJoCo's state went bad after {timestep * done:.6g} s"
             break
-        end = _given_up(bench, records, turns, rest, place, dof)
+        end = _given_up(loaded, records, turns, rest, place, dof)
         if end is not None:
             outcome, reason = end
             break
@@ -95,17 +95,17 @@ def march(
 
 
 def _given_up(
-    bench: LoadedModel, records: list[Any], turns: float | None, rest: float, place: int, dof: int
+    loaded: LoadedModel, records: list[Any], turns: float | None, rest: float, place: int, dof: int
 ) -> tuple[Outcome, str] | None:
     """Return how a run for turns ends that will not make them; None while it may."""
-    if turns is None or _over_time(bench):
+    if turns is None or _over_time(loaded):
         return None
     angle = np.concatenate([qpos[:, place] for _, qpos, _ in records])
     speed = np.concatenate([qvel[:, dof] for _, _, qvel in records]) * np.sign(turns)
-    way = abs(float(angle[-1] - angle[0]))
+    gone = abs(float(angle[-1] - angle[0]))
     from_rest = speed[0] == 0.0
     if (np.abs(records[-1][2][:, dof]) < rest).all():
-        if from_rest and way < 1e-3:
+        if from_rest and gone < 1e-3:
             return "cannot start", f"the crank stays at {angle[0]:.6g} rad: what drives it is too weak"
         return "stopped", f"the crank came to rest at {angle[-1]:.6g} rad"
     ahead = np.flatnonzero(speed > rest)
@@ -119,43 +119,42 @@ def _given_up(
     return None
 
 
-def _over_time(bench: LoadedModel) -> bool:
-    return any(course.over == "time" for course in bench.forces.courses)
+def _over_time(loaded: LoadedModel) -> bool:
+    return any(course.over == "time" for course in loaded.forces.courses)
 
 
-def _softened(bench: LoadedModel, start: tuple[Array, Array], timestep: float) -> tuple[list[float], float]:
+def _softened(loaded: LoadedModel, start: tuple[Array, Array], timestep: float) -> tuple[list[float], float]:
     """Return the speeds at which dry frictions that are controls soften, and the crank's creep in them.
 
     A crank that they hold at rest creeps no faster than the speed they would take from it in two steps.
     """
-    if not bench.dry:
+    if not loaded.dry:
         return [], 0.0
-    one, none = np.zeros(1), np.zeros((1, bench.model.nv))
+    one, none = np.zeros(1), np.zeros((1, loaded.model.nv))
     rest = States(one, start[0][None], none)
-    inertia = bench.look(bench.looking(), rest, bench.nothing(1))["inertia"]
-    rates = tangent(bench, rest.qpos, inertia)
-    ways = bench.look(bench.looking(), States(one, rest.qpos, rates), bench.nothing(1))["actuator_velocity"][
-        0
-    ]
+    inertia = loaded.look(loaded.looking(), rest, loaded.nothing(1))["inertia"]
+    rates = tangent(loaded, rest.qpos, inertia)
+    moving = loaded.look(loaded.looking(), States(one, rest.qpos, rates), loaded.nothing(1))
+    turning = moving["actuator_velocity"][0]
     whole = float((rates[0] @ inertia[0] @ rates[0]).item())
-    soft = softness(bench.dry, ways, whole, timestep)
-    held = sum(one.size * float(np.sqrt((ways[one.actuators] ** 2).sum())) for one in bench.dry)
+    soft = softness(loaded.dry, turning, whole, timestep)
+    held = sum(one.size * float(np.sqrt((turning[one.actuators] ** 2).sum())) for one in loaded.dry)
     return soft, STEPS * timestep * held / whole
 
 
-def _advance(bench: LoadedModel, loops: ModelLoops, start: tuple[Array, Array], soft: list[float]) -> Any:
+def _advance(loaded: LoadedModel, loops: ModelLoops, start: tuple[Array, Array], soft: list[float]) -> Any:
     """Return what takes steps and returns the records: time, qpos, qvel, and whether MuJoCo warned."""
-    if not bench.dry and all(course.over is None for course in bench.forces.courses):
-        return _in_c(bench, loops, start)
-    return _with_callback(bench, loops, start, soft)
+    if not loaded.dry and all(course.over is None for course in loaded.forces.courses):
+        return _in_c(loaded, loops, start)
+    return _with_callback(loaded, loops, start, soft)
 
 
-def _in_c(bench: LoadedModel, loops: ModelLoops, start: tuple[Array, Array]) -> Any:
+def _in_c(loaded: LoadedModel, loops: ModelLoops, start: tuple[Array, Array]) -> Any:
     """Take steps under controls that do not change, all in C."""
     sims = batch.Batch(loops.model, 1, 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = start
     if loops.model.nu:
-        sims.bind("ctrl")[:] = bench.controls(np.zeros(1), np.zeros(1))
+        sims.bind("ctrl")[:] = loaded.controls(np.zeros(1), np.zeros(1))
 
     def advance(count: int, stride: int) -> tuple[Array, Array, Array, bool]:
         out = sims.rollout(count, record=("qpos", "qvel", TIME))
@@ -166,15 +165,15 @@ def _in_c(bench: LoadedModel, loops: ModelLoops, start: tuple[Array, Array]) -> 
 
 
 def _with_callback(
-    bench: LoadedModel, loops: ModelLoops, start: tuple[Array, Array], soft: list[float]
+    loaded: LoadedModel, loops: ModelLoops, start: tuple[Array, Array], soft: list[float]
 ) -> Any:
     """Take steps under controls that change with angle, time or rates, at every stage of every step."""
     model, data = loops.model, mujoco.MjData(loops.model)
     data.qpos[:], data.qvel[:] = start
 
     def control(_: mujoco.MjModel, at: mujoco.MjData) -> None:
-        controls = bench.controls(at.qpos[[loops.crank_place]], np.array([at.time]))
-        oppose(bench.dry, at.actuator_velocity[None], controls, soft)
+        controls = loaded.controls(at.qpos[[loops.crank_place]], np.array([at.time]))
+        oppose(loaded.dry, at.actuator_velocity[None], controls, soft)
         at.ctrl[:] = controls[0]
 
     def advance(count: int, stride: int) -> tuple[Array, Array, Array, bool]:

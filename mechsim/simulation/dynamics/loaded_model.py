@@ -1,12 +1,13 @@
-"""A mechanism on the test bench: its MuJoCo model with all forces, looked at in any state without stepping.
+"""The MuJoCo model of a mechanism and its forces, looked at in any state without stepping.
 
 Dry friction is left out of the model looked at, where it would be a soft constraint, and applied as what
 it is: a given size against the joint's rate.
 """
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -17,12 +18,12 @@ from mechsim.model.forces import Forces
 from mechsim.model.mechanism import GROUND, Joint, Mechanism
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.model.scene import Scene
-from mechsim.simulation import mjcf
-from mechsim.simulation.closed_model import assembled
-from mechsim.simulation.dynamics.friction import dry_frictions
+from mechsim.simulation import closed_model
+from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.dynamics.friction import DryJoint, dry_frictions
 from mechsim.simulation.mjcf.force_elements import motor_control
-from mechsim.simulation.model_loops import ONE_THREAD, ModelLoops
-from mechsim.simulation.recorded_motion import States, add_sensors
+from mechsim.simulation.model_loops import ONE_THREAD
+from mechsim.simulation.recorded_motion import States
 
 Array = NDArray[np.float64]
 
@@ -66,30 +67,19 @@ class AppliedForces:
     wrenches: Array
 
 
-class LoadedModel:
-    """The model of a mechanism and its forces.
+@dataclass(frozen=True)
+class LoadedModel(ClosedModel):
+    """The closed model of a mechanism and its forces.
 
     Attributes:
         mechanism: with an inertia on every link.
         forces: what acts on it.
-        model: compiled, as exported at level dynamics.
-        loops: its loops.
-        track: what is recorded of it.
-        begun: its closed state at the mechanism's start, (nq,).
         dry: dry frictions that are controls of the model.
     """
 
-    def __init__(self, mechanism: Mechanism, forces: Forces, cut: tuple[str, ...] | None = None):
-        """Generate and assemble the model; joints in `cut` are where its loops are cut."""
-        self.mechanism, self.forces = with_inertia(mechanism), forces
-        spec = assembled(self.mechanism, Scene(level="dynamics", forces=forces, cut=cut))
-        points = [name for name, (link, _) in mechanism.points.items() if link != GROUND]
-        self.track = add_sensors(spec, tuple(points))
-        self.model = mjcf.compiled(spec)
-        self.loops = ModelLoops(copy.copy(self.model))
-        self.begun = self.loops.close(self.model.qpos0[None])[0]
-        self.dry = dry_frictions(self.model, forces.friction)
-        self._dense = _dense_index(self.model)
+    mechanism: Mechanism
+    forces: Forces
+    dry: Sequence[DryJoint]
 
     def controls(self, angle: Array, time: Array | None) -> Array:
         """Return the controls at crank angles and times, (n, nu): motor, loads and torque on the crank."""
@@ -123,7 +113,8 @@ class LoadedModel:
         fields = {name: sims.bind(name) for name in FIELDS}
         sims.forward()
         sparse = np.concatenate([fields["M"], np.zeros((n, 1))], 1)
-        return {name: np.array(field) for name, field in fields.items()} | {"inertia": sparse[:, self._dense]}
+        inertia = sparse[:, self._dense_index]
+        return {name: np.array(field) for name, field in fields.items()} | {"inertia": inertia}
 
     def body(self, link: str) -> int:
         """Return the number of a link's body."""
@@ -164,12 +155,38 @@ class LoadedModel:
         model.dof_frictionloss[:] = 0.0
         model.tendon_frictionloss[:] = 0.0
 
+    @cached_property
+    def _dense_index(self) -> NDArray[np.intp]:
+        """Where MuJoCo's sparse mass matrix holds each element, -1 for zeros it leaves out, (nv, nv)."""
+        model = self.model
+        index = np.full((model.nv, model.nv), -1, dtype=np.intp)
+        for row in range(model.nv):
+            first, count = int(model.M_rowadr[row]), int(model.M_rownnz[row])
+            columns = model.M_colind[first : first + count]
+            index[row, columns] = index[columns, row] = np.arange(first, first + count)
+        return index
 
-def _dense_index(model: mujoco.MjModel) -> NDArray[np.intp]:
-    """Return where MuJoCo's sparse mass matrix holds each element, -1 for zeros it leaves out, (nv, nv)."""
-    index = np.full((model.nv, model.nv), -1, dtype=np.intp)
-    for row in range(model.nv):
-        first, count = int(model.M_rowadr[row]), int(model.M_rownnz[row])
-        columns = model.M_colind[first : first + count]
-        index[row, columns] = index[columns, row] = np.arange(first, first + count)
-    return index
+
+def loaded_model(mechanism: Mechanism, forces: Forces, cut: tuple[str, ...] | None = None) -> LoadedModel:
+    """Generate the model of a mechanism and its forces, and close its loops.
+
+    Args:
+        mechanism: links without an inertia are rods, as in `rod_inertia.with_inertia`.
+        forces: what acts.
+        cut: joints where the loops are cut; None lets the generator choose.
+
+    Raises:
+        AssemblyError: if the loops do not close at the mechanism's start.
+    """
+    described = with_inertia(mechanism)
+    spec = closed_model.assembled(described, Scene(level="dynamics", forces=forces, cut=cut))
+    points = [name for name, (link, _) in mechanism.points.items() if link != GROUND]
+    closed = closed_model.of_spec(spec, tuple(points))
+    return LoadedModel(
+        loops=closed.loops,
+        track=closed.track,
+        closed=closed.closed,
+        mechanism=described,
+        forces=forces,
+        dry=dry_frictions(closed.model, forces.friction),
+    )

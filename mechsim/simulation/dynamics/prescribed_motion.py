@@ -1,64 +1,32 @@
 """What a machine needs while its crank moves as prescribed: by solved poses, and by stepping in time."""
 
-import copy
 import time as clock
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.model.crank_profile import CrankProfile, constant
-from mechsim.model.efforts import Efforts
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
-from mechsim.model.outcome import Outcome
 from mechsim.simulation.dynamics.efforts import efforts_of, required, started, stiffen_friction
-from mechsim.simulation.dynamics.loaded_model import LoadedModel
-from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, Promise, promised
+from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
+from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, within
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recorded_motion import evaluate
+from mechsim.simulation.refine import Promise
+from mechsim.simulation.run_result import Driven, Method
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stepping import step
 
 Array = NDArray[np.float64]
-Method = Literal["pose", "step"]
 
 # instants recorded a turn where nothing else is asked
 SAMPLES = 72
 # crank angles at which a profile is probed beforehand
 PROBES = 64
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Driven:
-    """A machine under a prescribed crank, as MuJoCo has it.
-
-    Attributes:
-        motion: at the recorded instants.
-        efforts: at the same instants.
-        outcome: "done" or "diverged"; where a tolerance was asked for, "met" or "missed".
-        method: "pose" or "step".
-        steps: time steps taken, or poses solved.
-        seconds: time spent stepping or solving, the evaluation of the records not counted.
-        settings: how it was stepped; None for method "pose".
-        timestep: in [s]; None for method "pose".
-        promise: what was asked of it and how it came out; None where no tolerance was.
-    """
-
-    motion: Motion
-    efforts: Efforts
-    outcome: Outcome
-    method: Method
-    steps: int
-    seconds: float
-    settings: Settings | None = None
-    timestep: float | None = None
-    promise: Promise | None = None
 
 
 @quiet()
@@ -87,7 +55,7 @@ def driven(
             rounding. "step" integrates in time; every number then belongs to the recorded instant,
             and the drive's own inertia is not in it. None takes "pose", with a tolerance "step".
         tolerance: bound on the error of drive torque and joint reactions at every recorded instant, as
-            a part of their root mean square over the run (`torque_promise`); the number of steps is
+            a part of their root mean square over the run (`torque_tolerance`); the number of steps is
             then chosen by trials and the result checked by two estimates. For method "pose" the
             accelerations MuJoCo gets from the forces are checked against it.
         samples: instants recorded after the first, evenly spread; None takes about 72 a turn.
@@ -96,7 +64,7 @@ def driven(
 
     Raises:
         InputError: for values that cannot be used.
-        AssemblyError: if the loops close nowhere or only over part of the way.
+        AssemblyError: if the loops close nowhere or only over part of it.
     """
     if method not in (None, "pose", "step"):
         raise InputError(f"there is no method {method!r}; known are pose, step")
@@ -104,30 +72,32 @@ def driven(
         raise InputError(f"tolerance of torque is {tolerance}; give a part above 0, as in 1e-6")
     if samples is not None and not samples >= 1:
         raise InputError(f"{samples} samples asked for; take at least 1")
-    bench = LoadedModel(mechanism, (forces or Forces()).without_motor(), cut)
+    loaded = loaded_model(mechanism, (forces or Forces()).without_motor(), cut)
     if profile is None:
         if speed is None:
             raise InputError("neither a crank speed nor a profile was given; give one of them")
         profile = constant(speed, turns, mechanism.start)
     if method == "pose" or (method is None and tolerance is None):
-        return _kept(_solved(bench, profile, samples), tolerance)
+        return _kept(_solved(loaded, profile, samples), tolerance)
     angle = profile.state(np.linspace(0.0, profile.duration, PROBES))[0]
-    # all the way, so that a crank that cannot go there is refused before anything is stepped
-    follow.follow(bench.loops, bench.begun, angle)
+    # all of it, so that a crank that cannot go there is refused before anything is stepped
+    follow.follow(loaded.loops, loaded.closed, angle)
     settings = settings or Settings()
     if tolerance is None:
-        return _stepped(bench, profile, settings, *_paced(profile, settings, samples))
+        return _stepped(loaded, profile, settings, *_paced(profile, settings, samples))
 
-    def whole(chosen: Settings) -> Driven:
-        return _stepped(bench, profile, chosen, *_paced(profile, chosen, samples))
+    def whole(steps: int) -> Driven:
+        chosen = replace(settings, steps_per_turn=steps)
+        return _stepped(loaded, profile, chosen, *_paced(profile, chosen, samples))
 
     short = _one_turn(profile)
     count = max(1, int(np.ceil(TRIAL_SAMPLES * short.turns - 1e-9)))
 
-    def trial(chosen: Settings) -> Driven:
-        return _stepped(bench, short, chosen, count, chosen.steps_per_turn // TRIAL_SAMPLES)
+    def trial(steps: int) -> Driven:
+        chosen = replace(settings, steps_per_turn=steps)
+        return _stepped(loaded, short, chosen, count, steps // TRIAL_SAMPLES)
 
-    return promised(bench, settings, tolerance, whole, trial)
+    return within(loaded, tolerance, whole, trial)
 
 
 def _paced(profile: CrankProfile, settings: Settings, samples: int | None) -> tuple[int, int]:
@@ -151,18 +121,18 @@ def _kept(run: Driven, tolerance: float | None) -> Driven:
     """Return a run by poses, judged by a tolerance if there is one."""
     if tolerance is None:
         return run
-    promise = Promise(tolerance=tolerance, balance=float(run.efforts.residual.max()))
+    promise = Promise(tolerance=tolerance, estimates={"balance": float(run.efforts.residual.max())})
     return replace(run, outcome="met" if promise.met else "missed", promise=promise)
 
 
-def _solved(bench: LoadedModel, profile: CrankProfile, samples: int | None) -> Driven:
+def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None) -> Driven:
     count = samples or max(1, int(np.ceil(SAMPLES * profile.turns - 1e-9)))
     time = np.linspace(0.0, profile.duration, count + 1)
     angle, speed, acceleration = profile.state(time)
     begin = clock.perf_counter()
-    states, found = required(bench, time, angle, speed, acceleration)
+    states, found = required(loaded, time, angle, speed, acceleration)
     seconds = clock.perf_counter() - begin
-    motion = evaluate(bench.loops, bench.track, states, "pose", crank_acceleration=acceleration)
+    motion = evaluate(loaded.loops, loaded.track, states, "pose", crank_acceleration=acceleration)
     return Driven(
         motion=motion,
         efforts=found,
@@ -174,19 +144,19 @@ def _solved(bench: LoadedModel, profile: CrankProfile, samples: int | None) -> D
 
 
 def _stepped(
-    bench: LoadedModel, profile: CrankProfile, settings: Settings, samples: int, stride: int
+    loaded: LoadedModel, profile: CrankProfile, settings: Settings, samples: int, stride: int
 ) -> Driven:
     total = samples * stride
     first, speed, _ = (float(one[0]) for one in profile.state(np.zeros(1)))
-    model = copy.copy(bench.model)
+    loops = loaded.loops.over_copy()
+    model = loops.model
     stiffen_friction(model, profile.duration / total)
     time = profile.duration / total * np.arange(float(total))
-    controls = bench.controls(profile.state(time)[0], time) if model.nu else None
-    loops = ModelLoops(model)
-    steps = step(loops, settings, profile, started(bench, first, speed), total, stride, controls)
+    controls = loaded.controls(profile.state(time)[0], time) if model.nu else None
+    steps = step(loops, settings, profile, started(loaded, first, speed), total, stride, controls)
     states = steps.states
-    found = efforts_of(bench, model, settings.hardness, states, steps.force)
-    motion = evaluate(bench.loops, bench.track, states, "step", crank_acceleration=found.acceleration)
+    found = efforts_of(loaded, model, settings.hardness, states, steps.force)
+    motion = evaluate(loaded.loops, loaded.track, states, "step", crank_acceleration=found.acceleration)
     if steps.diverged:
         motion = replace(motion, broken=f"MuJoCo's state went bad after {states.time[-1]:.6g} s")
     return Driven(

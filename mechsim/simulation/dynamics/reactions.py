@@ -14,32 +14,32 @@ Array = NDArray[np.float64]
 
 
 def transmitted(
-    bench: LoadedModel, joint: Joint, fields: Mapping[str, Array], multipliers: Array
+    loaded: LoadedModel, joint: Joint, fields: Mapping[str, Array], multipliers: Array
 ) -> Reaction:
     """Return what a joint transmits; what rigid links leave open it does not tell.
 
     Args:
-        bench: the mechanism.
+        loaded: the mechanism.
         joint: one of its joints, in the tree or cut.
         fields: of a model on whose bodies all forces act as wrenches.
-        multipliers: of the loop constraints, (n, m); each pulls a pair's first point, which is on link a.
+        multipliers: of the loop constraints, (n, m); each acts on a pair's first point, which is on link a.
     """
     axes = fields["xmat"].reshape(len(multipliers), -1, 3, 3)
-    first, second = bench.body(joint.a.link), bench.body(joint.b.link)
+    first, second = loaded.body(joint.a.link), loaded.body(joint.b.link)
     point = fields["xpos"][:, second] + axes[:, second] @ np.asarray(joint.b.point)
-    numbers = bench.cut_pairs(joint)
+    numbers = loaded.cut_pairs(joint)
     if numbers:
         force, moment = np.zeros((2, len(point), 3))
         for number in numbers:
-            pulled = -multipliers[:, 3 * number : 3 * number + 3]
-            body, local = bench.loops.pairs[number].ends[1]
-            force += pulled
-            moment += np.cross(fields["xpos"][:, body] + axes[:, body] @ local - point, pulled)
+            on_second = -multipliers[:, 3 * number : 3 * number + 3]
+            body, local = loaded.loops.pairs[number].ends[1]
+            force += on_second
+            moment += np.cross(fields["xpos"][:, body] + axes[:, body] @ local - point, on_second)
     else:
-        below = bench.parent(joint.b.link) == joint.a.link
+        below = loaded.parent(joint.b.link) == joint.a.link
         body, sign = (second, 1.0) if below else (first, -1.0)
         wrench = sign * fields["cfrc_int"][:, body]  # on the child by its parent: moment, force
-        root = fields["subtree_com"][:, bench.model.body_rootid[body]]
+        root = fields["subtree_com"][:, loaded.model.body_rootid[body]]
         force = wrench[:, 3:]
         moment = wrench[:, :3] + np.cross(root - point, force)
     force, moment = _constraint_part(joint, axes[:, first], axes[:, second], force, moment)

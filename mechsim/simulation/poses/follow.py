@@ -13,12 +13,12 @@ from mechsim.simulation.poses.strides import SHORTEST, STRIDE, walk
 
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
-# from a closed state to a crank angle: states on the way, or None where it is not certain
+# from a closed state to a crank angle: states on the path, or None where it is not certain
 Steps = Callable[[ModelLoops, Array, float], Sequence[Array] | Array | None]
 
 # how far from its start a state may be after a turn to count as the same: rounding of a walk, squared up
 SAME = 1e-9
-# where so many poses are asked for each knot, the way is first given so many times the knots: then one
+# where so many poses are asked for each knot, the path is first given so many times the knots: then one
 # Newton step closes a pose, or none
 REFINED = ((32, 8), (4, 2))
 # poses closed in one go: their arrays stay in the cache, and a long run needs little memory
@@ -53,18 +53,18 @@ def follow(loops: ModelLoops, start: Array, angles: ArrayLike) -> Array:
     return states
 
 
-def _along(way: AssemblyPath, angles: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return closed states at crank angles, and of which it is sure that they are of the way."""
+def _along(path: AssemblyPath, angles: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return closed states at crank angles, and of which it is sure that they lie on the path."""
     for many, times in REFINED:
-        if len(angles) > many * len(way.knots):
-            way = way.refined(times)
+        if len(angles) > many * len(path.knots):
+            path = path.refined(times)
             break
-    parts = [way.at(angles[i : i + CHUNK]) for i in range(0, len(angles), CHUNK)]
+    parts = [path.at(angles[i : i + CHUNK]) for i in range(0, len(angles), CHUNK)]
     return np.concatenate([states for states, _ in parts]), np.concatenate([sure for _, sure in parts])
 
 
 def _sprinted(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath | None:
-    """Return the way over the range of crank angles by stepping; None where that is not certain."""
+    """Return the path over the range of crank angles by stepping; None where that is not certain."""
     if float(angles.max() - angles.min()) < STRIDE:
         reach = np.abs(angles - start[loops.crank_place]).max()
         if reach < STRIDE:
@@ -77,11 +77,11 @@ def _sprinted(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath | 
 
 
 def _walked(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath:
-    """Return the way over the range of crank angles by strides."""
+    """Return the path over the range of crank angles by strides."""
     found = _knots(loops, start, angles, walk)
     assert found is not None
     knots, gain = loops.close(found[0]), found[1]
-    # most of the knots: at a dead centre, where a way may begin or end, rounding settles the sign
+    # most of the knots: at a dead centre, where a path may begin or end, rounding settles the sign
     side = float(np.sign(loops.side(loops.linearise(knots)[1]).sum()))
     return AssemblyPath(loops, knots, gain, side)
 
@@ -91,15 +91,15 @@ def _knots(loops: ModelLoops, start: Array, angles: Array, steps: Steps) -> tupl
     here = float(start[loops.crank_place])
     low, high = min(here, float(angles.min())), max(here, float(angles.max()))
     if high - low > 1.5 * TURN:
-        lap = _both_ways(loops, start, here, here + TURN, steps)
+        lap = _both_directions(loops, start, here, here + TURN, steps)
         gain = None if lap is None else _gain(loops, lap)
         if lap is not None and gain is not None:
             return lap, gain
-    knots = _both_ways(loops, start, low, high, steps)
+    knots = _both_directions(loops, start, low, high, steps)
     return None if knots is None else (knots, None)
 
 
-def _both_ways(loops: ModelLoops, start: Array, low: float, high: float, steps: Steps) -> Array | None:
+def _both_directions(loops: ModelLoops, start: Array, low: float, high: float, steps: Steps) -> Array | None:
     here = float(start[loops.crank_place])
     before = steps(loops, start, low) if here - low > SHORTEST else []
     after = steps(loops, start, high) if high - here > SHORTEST else []
@@ -117,10 +117,10 @@ def _gain(loops: ModelLoops, lap: Array) -> Array | None:
     return whole if back and np.abs(gain - whole).max() < SAME else None
 
 
-def _walked_to(way: AssemblyPath, angle: Array) -> Array:
+def _walked_to(path: AssemblyPath, angle: Array) -> Array:
     """Return the closed state at a crank angle, (1,), walked to from the nearest knot, (nq,)."""
-    loops, place = way.loops, way.loops.crank_place
-    knots = way.knots if way.gain is None else way.knots + way.laps(angle) * way.gain
+    loops, place = path.loops, path.loops.crank_place
+    knots = path.knots if path.gain is None else path.knots + path.laps(angle) * path.gain
     nearest = knots[np.argmin(np.abs(knots[:, place] - angle))]
     there = [nearest, *walk(loops, nearest, float(angle[0]))][-1].copy()
     there[place] = angle[0]

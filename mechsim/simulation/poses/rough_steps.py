@@ -1,4 +1,4 @@
-"""The way of an assembly by a few steps of MuJoCo in C: rough, and checked for having stayed in it."""
+"""The path of an assembly by a few steps of MuJoCo in C: rough, and checked for having stayed in it."""
 
 import copy
 from weakref import WeakKeyDictionary
@@ -19,8 +19,8 @@ TURN = 2.0 * np.pi
 # 2e-5 over the catalogue
 STEPS = 48
 CLOCK = TURN / STEPS
-# a pose farther than this from where it belongs may be on its way elsewhere; well above those, and below
-# any way there
+# a pose farther than this from where it belongs may be about to leave the assembly; well above those, and
+# below any distance to another
 ASTRAY = 1e-3
 # steps in one go: what their states need of memory
 MOST = 1_000_000
@@ -28,7 +28,7 @@ MOST = 1_000_000
 
 @quiet()
 def sprint(loops: ModelLoops, start: Array, end: float, jacobian: Array) -> Array | None:
-    """Return nearly closed states, (n, nq), on the way from a closed one to a crank angle, the last there.
+    """Return nearly closed states, (n, nq), on the path from a closed one to a crank angle, the last there.
 
     None where it is not certain that they stay in the assembly: loops that open, a state on the other
     side of a dead centre, or on a side that is not known.

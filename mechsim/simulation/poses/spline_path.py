@@ -28,7 +28,7 @@ class AssemblyPath:
         loops: of the model.
         knots: states by rising crank angle, (k, nq), closed to within `far`.
         gain: what a turn adds to a state, (nq,), where the knots span one turn that leads back; else None.
-        side: on which side of the dead centres the way lies, +1 or -1; 0 where that is not known.
+        side: on which side of the dead centres the path lies, +1 or -1; 0 where that is not known.
         near: a correction of a pose up to this cannot lead into another assembly.
         far: a correction beyond this may, though the side be the same.
     """
@@ -41,7 +41,7 @@ class AssemblyPath:
     far: float = DOUBT
 
     def at(self, angles: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Return closed states at crank angles, (n, nq), and of which it is sure that they are of the way."""
+        """Return closed states at crank angles, (n, nq), and which lie on the path for sure."""
         laps = self.laps(angles)
         guess = self._guess(angles - laps * TURN)
         if self.gain is not None:
@@ -68,7 +68,7 @@ class AssemblyPath:
         return np.floor((angles - self.knots[0, self.loops.crank_place]) / TURN)
 
     def refined(self, times: int) -> "AssemblyPath":
-        """Return the same way through so many times its knots, closed; the same where that is not sure."""
+        """Return the same path through so many times its knots, closed; the same where that is not sure."""
         first, last = self.knots[[0, -1], self.loops.crank_place]
         knots, sure = self.at(np.linspace(first, last, times * len(self.knots)))
         return replace(self, knots=knots, near=SURE, far=DOUBT) if sure.all() else self

@@ -1,4 +1,4 @@
-"""The way of an assembly by strides short enough that each is shown to stay in it."""
+"""The path of an assembly by strides short enough that each is shown to stay in it."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ SAFE = 0.25
 
 
 def walk(loops: ModelLoops, start: Array, end: float) -> list[Array]:
-    """Return nearly closed states on the way from a closed state to a crank angle, the last one there.
+    """Return nearly closed states on the path from a closed state to a crank angle, the last one there.
 
     Raises:
         AssemblyError: at the crank angle beyond which the loops cannot close in this assembly.
@@ -34,7 +34,7 @@ def walk(loops: ModelLoops, start: Array, end: float) -> list[Array]:
     found: list[Array] = []
     while sense * (end - angle) > SHORTEST:
         left = abs(end - angle)
-        # no crumb is left for the end
+        # a stride a tenth longer saves a last one that would be next to nothing
         step = left if left < 1.1 * stride else stride
         target = end if step == left else angle + sense * step
         guess = loops.moved(here, sense * step * slope + 0.5 * step**2 * bend)

@@ -10,7 +10,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.simulation import CrankProfile, Settings, closed_model, constant
 from mechsim.simulation.closed_model import ClosedModel, Model
-from mechsim.simulation.driven_run import begun
+from mechsim.simulation.driven_run import first_state
 from mechsim.simulation.mjcf.alternatives import LENGTH, MOTOR, inertia_felt
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recorded_motion import evaluate
@@ -123,7 +123,7 @@ def build_model(
     closed = closed_model.of_spec(spec, closed_model.tracked_points(source, spec))
     profile = profile or constant(speed, 1.0, closed.angle)
     if build.rod is None:
-        start = begun(closed, profile)
+        start = first_state(closed, profile)
     else:
         start = _started_as(build_model(source, profile, speed), closed)
     servo = _servo(closed, start, build.gain) if build.drive == "servo" else None
