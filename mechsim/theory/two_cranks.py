@@ -8,8 +8,9 @@ from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import Array
 from mechsim.analytic.catalog.warp_knitter import WarpKnitter
+from mechsim.analytic.vector_method.jets import Jet
 from mechsim.analytic.vector_method.plane import flat, xyz
-from mechsim.analytic.vector_method.triad_legs import leg_vectors, rates
+from mechsim.analytic.vector_method.triad_legs import carried
 from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
 from mechsim.errors import AssemblyError
 from mechsim.model.mechanism import GROUND, End, Mechanism, Pose
@@ -37,15 +38,11 @@ def velocities(
     given = np.broadcast_arrays(*np.atleast_1d(angle1, angle2, speed1, speed2))
     f1, f2, w1, w2 = (np.asarray(x, dtype=np.float64) for x in given)
     o2, e = complex(*drive.pivot2), complex(*drive.pivot_rocker)
-    place, turn = _poses(drive, f1, f2)
-    a, arm2 = drive.crank1 * np.exp(1j * f1), drive.crank2 * np.exp(1j * f2)
-    vectors = leg_vectors(place, turn, [a, o2 + arm2, e], drive.platform)
-    a_v, d_v = 1j * w1 * a, 1j * w2 * arm2
-    still = np.zeros_like(a)
-    v, spin, _, _ = rates(turn, vectors, drive.platform, (a_v, d_v, still), (still, still, still))
-    b_v, c_v, k_v = (v + 1j * spin * turn * point for point in drive.platform)
-    moved = {"A": a_v, "B": b_v, "C": c_v, "D": d_v, "K": k_v}
-    return {name: xyz(value).T for name, value in moved.items()}
+    turned1, turned2 = (Jet(f, w, np.zeros_like(w)) for f, w in ((f1, w1), (f2, w2)))
+    a, d = drive.crank1 * np.exp(1j * turned1), o2 + drive.crank2 * np.exp(1j * turned2)
+    place, turn = carried(*_poses(drive, f1, f2), [a, d, e], drive.platform, drive.sides)
+    b, c, k = (place + turn * point for point in drive.platform)
+    return {name: xyz(point.rate).T for name, point in zip("ABCDK", (a, b, c, d, k), strict=True)}
 
 
 def one_crank_stopped(drive: WarpKnitter, stopped: Literal["crank1", "crank2"], angle: float) -> Mechanism:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
+from mechsim.analytic.catalog.base import CHUNK
 from mechsim.errors import AssemblyError, InputError
 
 
@@ -89,10 +90,11 @@ def test_shorter_and_shorter_couplers_end_in_numbers_or_in_a_sentence(name):
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr"])
 def test_many_angles_in_pieces_are_the_same_as_one_by_one(name):
     drive = catalog.make(name)
-    angles = np.linspace(0.0, 40.0, 5000)
-    whole = drive.solve(angles, speed=np.linspace(1.0, 2.0, 5000))
-    assert len(whole) == 5000
-    for i in (0, 2047, 2048, 4999):
+    count = 2 * CHUNK + 1000
+    angles = np.linspace(0.0, 40.0, count)
+    whole = drive.solve(angles, speed=np.linspace(1.0, 2.0, count))
+    assert len(whole) == count
+    for i in (0, CHUNK - 1, CHUNK, count - 1):
         alone = drive.solve(angles[i : i + 1], speed=float(whole.speed[i]))
         for point, motion in alone.points.items():
             assert np.abs(whole.points[point].acceleration[i] - motion.acceleration[0]).max() <= 1e-13

@@ -1,60 +1,30 @@
 """What every catalogue mechanism has in common: checked parameters, crank range, assemblies, solving."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, ClassVar, Literal, Self
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechsim.analytic.catalog.parameter_fields import checked, checked_rate
+from mechsim.analytic.vector_method import link_frames
+from mechsim.analytic.vector_method.jets import Jet, Values
+from mechsim.analytic.vector_method.link_frames import GROUND_FRAME, LinkFrame
 from mechsim.analytic.vector_method.trig_arcs import Arcs, reachable_arcs
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.mechanism import Mechanism, Pose
-from mechsim.model.motion import Motion, join
+from mechsim.model.mechanism import FREEDOMS, GROUND, Mechanism, Pose
+from mechsim.model.motion import JointMotion, Motion, join
 
 Array = NDArray[np.float64]
-Unit = Literal["m", "rad", "1"]
-# how much of a motion is wanted: places of points; also their rates; also whole links and joints
-Detail = Literal["places", "rates", "links"]
 
-# squares and fourth powers of lengths and rates below this stay far from overflow
-HUGE = 1e30
 # parameters that say which assembly is meant
 SELECTORS = ("branch", "side", "assembly")
 
 # angles a closed form takes in one go: its arrays of this length stay in a core's own cache
-CHUNK = 2048
-
-
-def length(default: float, doc: str) -> Any:
-    """Declare a length in [m] that must be positive and finite."""
-    return field(default=default, metadata={"unit": "m", "doc": doc, "positive": True})
-
-
-def offset(default: float, doc: str) -> Any:
-    """Declare a length in [m] of either sign."""
-    return field(default=default, metadata={"unit": "m", "doc": doc})
-
-
-def angle(default: float, doc: str) -> Any:
-    """Declare an angle in [rad]."""
-    return field(default=default, metadata={"unit": "rad", "doc": doc})
-
-
-def number(default: float, doc: str) -> Any:
-    """Declare a pure number."""
-    return field(default=default, metadata={"unit": "1", "doc": doc})
-
-
-def place(default: tuple[float, ...], doc: str) -> Any:
-    """Declare a point in [m]."""
-    return field(default=default, metadata={"unit": "m", "doc": doc})
-
-
-def choice(default: Any, options: tuple[Any, ...], doc: str) -> Any:
-    """Declare a parameter that takes one of a few values."""
-    return field(default=default, metadata={"unit": "1", "doc": doc, "options": options})
+CHUNK = 8192
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +32,8 @@ class ClosedForm(ABC):
     """A catalogue mechanism with a driven crank and a closed form.
 
     A subclass is a frozen dataclass of parameters, checked at construction. It gives the abstract
-    members below; `positions`, `solve` and the checks follow from them.
+    members below, among them the pose of every link as a formula of the crank angle; `positions`,
+    `solve` and the checks follow from them.
     """
 
     name: ClassVar[str]
@@ -70,13 +41,23 @@ class ClosedForm(ABC):
     def __post_init__(self) -> None:
         for parameter in fields(self):
             given, rule = getattr(self, parameter.name), parameter.metadata
-            kept = _check(self.name, parameter.name, given, parameter.default, rule)
+            kept = checked(self.name, parameter.name, given, parameter.default, rule)
             object.__setattr__(self, parameter.name, kept)
 
     @property
     @abstractmethod
-    def mechanism(self) -> Mechanism:
-        """The description: links, joints, crank, tracked points, and a guess that names the assembly."""
+    def description(self) -> Mechanism:
+        """Links, joints, crank and tracked points, without a guess."""
+
+    @abstractmethod
+    def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
+        """Yield links and their frames at crank angles, those that carry tracked points first.
+
+        Args:
+            angle: (n,) in [rad], as an array, which gives places, or as a jet, which gives the motion.
+
+        Frames are NaN where the loop does not close.
+        """
 
     @abstractmethod
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
@@ -114,9 +95,15 @@ class ClosedForm(ABC):
             listed.append((chosen, {name: place[0] for name, place in one.positions([angle]).items()}))
         return listed
 
-    @abstractmethod
-    def _motion(self, angles: Array, speed: Array, acceleration: Array, detail: Detail) -> Motion:
-        """Return the motion at one chunk of crank angles, NaN where the loop does not close."""
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """The description, with a guess that names the assembly."""
+        return self._described.with_guess(*self.guess())
+
+    @property
+    def spinning(self) -> frozenset[str]:
+        """Links whose spin about their own line nothing determines."""
+        return frozenset()
 
     def variants(self) -> Mapping[str, Self]:
         """Return what is validated besides this mechanism itself: name -> the same with something changed."""
@@ -128,11 +115,10 @@ class ClosedForm(ABC):
         Raises:
             AssemblyError: where the loop cannot close; says over which part of the turn it can.
         """
-        parts = self._parts(angles, 0.0, 0.0, "places")
-        names = parts[0].points
-        places = {name: np.concatenate([part.points[name].position for part in parts]) for name in names}
-        if not all(np.isfinite(place).all() for place in places.values()):
-            self._require_finite(join(parts))
+        angles = self._angles(angles)
+        parts = [self._places(angles[part]) for part in _chunks(len(angles))]
+        places = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        self._require_closed(angles, places)
         return places
 
     def solve(
@@ -157,10 +143,19 @@ class ClosedForm(ABC):
         Raises:
             AssemblyError: where the loop cannot close; says over which part of the turn it can.
 
-        Accuracy: loops close to 8 ulp of the longest link; rates by the differentiated loop
-            equations, relative error a few ulp divided by the sine of the transmission angle.
+        Accuracy: loops close to 8 ulp of the longest link; rates are carried through the formula of
+            the pose, relative error a few ulp divided by the sine of the transmission angle.
         """
-        return self._chunked(angles, speed, acceleration, "links" if links else "rates")
+        angles = self._angles(angles)
+        speed = checked_rate(self.name, "speed", speed, angles.shape)
+        acceleration = checked_rate(self.name, "acceleration", acceleration, angles.shape)
+        parts = [
+            self._motion(Jet(angles[part], speed[part], acceleration[part]), links)
+            for part in _chunks(len(angles))
+        ]
+        motion = join(parts)
+        self._require_finite(motion)
+        return replace(motion, origin=self)
 
     def dead_centres(self) -> tuple[float, ...]:
         """Return the crank angles at which the assemblies meet, in [rad]; empty if the crank turns fully."""
@@ -170,8 +165,14 @@ class ClosedForm(ABC):
     def guess(self) -> tuple[dict[str, Pose], float]:
         """Return link poses at a crank angle well inside the range, and that angle in [rad]."""
         start = self._start()
-        motion = self._motion(np.array([start]), np.zeros(1), np.zeros(1), "links")
-        return {name: Pose(link.position[0], link.rotation[0]) for name, link in motion.links.items()}, start
+        frames = self._frames(np.array([start]), links=True)
+        guess = {
+            link.name: Pose(
+                link_frames.place(frames[link.name].origin, 1)[0], frames[link.name].rotation(1)[0]
+            )
+            for link in self._described.links
+        }
+        return guess, start
 
     def _start(self) -> float:
         """Return the crank angle of the guess in [rad]."""
@@ -180,44 +181,92 @@ class ClosedForm(ABC):
             raise AssemblyError(f"{self.name}: the loops close at no crank angle; change the dimensions")
         return arcs.start()
 
-    def _chunked(
-        self, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike, detail: Detail
-    ) -> Motion:
-        motion = join(self._parts(angles, speed, acceleration, detail))
-        self._require_finite(motion)
-        return replace(motion, origin=self)
+    @cached_property
+    def _described(self) -> Mechanism:
+        return self.description
 
-    def _parts(
-        self, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike, detail: Detail
-    ) -> list[Motion]:
-        """Return the motion chunk by chunk, not yet judged: NaN where the loop does not close."""
+    def _angles(self, angles: ArrayLike) -> Array:
+        """Return crank angles as an array; raise InputError for what are none."""
         try:
-            angles = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+            given = np.atleast_1d(np.asarray(angles, dtype=np.float64))
         except (TypeError, ValueError):
-            angles = np.array([np.nan])
-        if angles.ndim != 1 or angles.size == 0 or not np.isfinite(angles).all():
+            given = np.array([np.nan])
+        if given.ndim != 1 or given.size == 0 or not np.isfinite(given).all():
             raise InputError(
-                f"{self.name}: crank angles must be a list of finite numbers, not of shape {angles.shape} "
+                f"{self.name}: crank angles must be a list of finite numbers, not of shape {given.shape} "
                 "or with NaN; give angles in [rad]"
             )
-        speed = _rate(self.name, "speed", speed, angles.shape)
-        acceleration = _rate(self.name, "acceleration", acceleration, angles.shape)
-        parts = [slice(start, start + CHUNK) for start in range(0, len(angles), CHUNK)]
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return [self._motion(angles[i], speed[i], acceleration[i], detail) for i in parts]
+        return given
 
-    def _require_finite(self, motion: Motion) -> None:
-        """Raise AssemblyError where a closed form gave no number."""
-        for point in motion.points.values():
-            closed = np.isfinite(point.position).all(1)
+    def _frames(self, angle: Values, *, links: bool) -> dict[str, LinkFrame]:
+        """Return frames of links, or of those only that carry tracked points; NaN where the loop is open."""
+        wanted = {link for link, _ in self._described.points.values()}
+        found: dict[str, LinkFrame] = {}
+        for name, frame in self.frames(angle):
+            found[name] = frame
+            if not links and wanted <= found.keys():
+                break
+        return found
+
+    def _places(self, angles: Array) -> dict[str, Array]:
+        """Return the tracked points at one chunk of crank angles, NaN where the loop does not close."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            frames = self._frames(angles, links=False)
+            return {
+                name: link_frames.place(frames[link].point(local), len(angles))
+                for name, (link, local) in self._described.points.items()
+            }
+
+    def _motion(self, angle: Jet, links: bool) -> Motion:
+        """Return the motion at one chunk of crank angles, NaN where the loop does not close."""
+        whole, n = self._described, len(angle.value)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            frames = self._frames(angle, links=links)
+            points = {
+                name: link_frames.point_motion(frames[link].point(local), n)
+                for name, (link, local) in whole.points.items()
+            }
+            motion = Motion("closed form", angle.value, angle.rate, angle.second, points)
+            if not links:
+                return motion
+            moved = {link.name: link_frames.link_motion(frames[link.name], n) for link in whole.links}
+            joints = self._joints(angle, frames, n)
+        return replace(motion, links=moved, joints=joints, spinning=self.spinning)
+
+    def _joints(self, angle: Jet, frames: Mapping[str, LinkFrame], n: int) -> dict[str, JointMotion]:
+        """Return the motion of the joints with one coordinate; geared ones count the turns of the crank."""
+        whole = self._described
+        at = {**frames, GROUND: GROUND_FRAME}
+        geared = {gear.driven: gear.ratio * angle + gear.phase for gear in whole.gears}
+        counted = {whole.driver: angle, **geared}
+        return {
+            joint.name: link_frames.joint_motion(
+                joint,
+                counted[joint.name]
+                if joint.name in counted
+                else link_frames.joint_coordinate(joint, at[joint.a.link], at[joint.b.link]),
+                n,
+            )
+            for joint in whole.joints
+            if FREEDOMS[joint.kind] == 1
+        }
+
+    def _require_closed(self, angles: Array, places: Mapping[str, Array]) -> None:
+        """Raise AssemblyError where a closed form gave no place."""
+        for position in places.values():
+            closed = np.isfinite(position).all(1)
             if not closed.all():
                 arcs = self.crank_range()
                 where = f"it can stand {arcs}" if arcs.arcs else "it can close nowhere in the turn"
                 raise AssemblyError(
                     f"{self.name}: the loop does not close at crank angle "
-                    f"{motion.angle[np.argmin(closed)]:.6g} rad; {where}; "
+                    f"{angles[np.argmin(closed)]:.6g} rad; {where}; "
                     "change the dimensions or stay inside the range"
                 )
+
+    def _require_finite(self, motion: Motion) -> None:
+        """Raise AssemblyError where a closed form gave no number."""
+        self._require_closed(motion.angle, {name: point.position for name, point in motion.points.items()})
         for point in motion.points.values():
             bounded = np.isfinite(point.acceleration).all(1)
             if not bounded.all():
@@ -269,43 +318,5 @@ class TwoBranchForm(ClosedForm):
         return [replace(self, branch=branch) for branch in (1, -1)]
 
 
-def _check(mechanism: str, name: str, value: Any, default: Any, rule: Mapping[str, Any]) -> Any:
-    """Return a parameter as it is to be kept; raise InputError for what its declaration does not allow."""
-    if "options" in rule:
-        if np.ndim(value) != 0 or value not in rule["options"]:
-            options = " or ".join(str(option) for option in rule["options"])
-            raise InputError(f"{mechanism}: {name} is {value!r}; it can be {options}")
-        return value
-    try:
-        numbers = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        numbers = np.array(np.nan)
-    shape, most = np.shape(default), HUGE if rule["unit"] == "m" else np.inf
-    if numbers.shape != shape or not (np.abs(numbers) < most).all():
-        count = f"{shape[0]} finite numbers" if shape else "a finite number"
-        raise InputError(f"{mechanism}: {name} is {value} {rule['unit']}; give {count}{_below(most)}")
-    if rule.get("positive") and not float(numbers) > 1.0 / HUGE:
-        raise InputError(
-            f"{mechanism}: {name} is {value} {rule['unit']}; give a length above 0, {1.0 / HUGE:g} m at least"
-        )
-    if shape:
-        return tuple(numbers.tolist())
-    return value.item() if isinstance(value, np.generic) else value
-
-
-def _rate(mechanism: str, what: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Return a crank rate for each crank angle; raise InputError for what is none."""
-    try:
-        rate = np.broadcast_to(np.asarray(value, dtype=np.float64), shape)
-    except (TypeError, ValueError):
-        rate = np.full(shape, np.nan)
-    if not (np.abs(rate) < HUGE).all():
-        raise InputError(
-            f"{mechanism}: the crank's {what} must be one finite number{_below(HUGE)}, or one for each of "
-            f"the {shape[0]} crank angles; give it in SI units"
-        )
-    return rate
-
-
-def _below(most: float) -> str:
-    return f" below {most:g}" if most < np.inf else ""
+def _chunks(count: int) -> list[slice]:
+    return [slice(start, start + CHUNK) for start in range(0, count, CHUNK)]

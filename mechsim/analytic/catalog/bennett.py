@@ -1,6 +1,6 @@
 """Bennett linkage: four skew revolutes that move only because their dimensions are special."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Self
@@ -8,13 +8,14 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import Array, ClosedForm, Detail, angle, length
-from mechsim.analytic.vector_method import link_frames
+from mechsim.analytic.catalog.base import Array, ClosedForm
+from mechsim.analytic.catalog.parameter_fields import angle, length
+from mechsim.analytic.vector_method.jets import Values, cos_sin
+from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.trig_arcs import Arcs
-from mechsim.analytic.vector_method.vectors import column, cross
+from mechsim.analytic.vector_method.vectors import column, cross, spun
 from mechsim.errors import InputError
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
-from mechsim.model.motion import JointMotion, LinkMotion, Motion
+from mechsim.model.mechanism import EX, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism
 
 # ratio of the half-angle tangents beyond which a turn of the crank is a jump of the rocker
 STEEPEST = 1e6
@@ -24,15 +25,15 @@ STEEPEST = 1e6
 class Bennett(ClosedForm):
     """Overconstrained spatial 4R O-A-B-O4 after Bennett; opposite links are alike.
 
-    Frame and coupler have length0 and twist0, crank and rocker length1 and twist1; each link's length is
+    LinkFrame and coupler have length0 and twist0, crank and rocker length1 and twist1; each link's length is
     the common normal of its two axes, so that no joint has an offset. The linkage moves because
     length / sin(twist) is one number: length1 follows from the other three. The crank turns about Z at
-    the origin, its angle counted from X, where O4 lies; a twist turns the far axis about the way to it.
+    the origin, its angle counted from X, where O4 lies; a twist turns the far axis about the line to it.
 
     The loop closes in one way only. The twist pi - twist1 gives links of the same lengths that put B on
     the other side of the plane of O4A and the rocker axis: that is the other circle-sphere intersection.
 
-    Source: G. T. Bennett, "A new mechanism", Engineering 76 (1903); closed form in `_motion`.
+    Source: G. T. Bennett, "A new mechanism", Engineering 76 (1903); closed form in `frames`.
     """
 
     name: ClassVar[str] = "bennett"
@@ -72,9 +73,8 @@ class Bennett(ClosedForm):
         return float(over)
 
     @property
-    def mechanism(self) -> Mechanism:
+    def description(self) -> Mechanism:
         near, far = self.length0, self.length1
-        guess, start = self.guess()
         return Mechanism(
             name=self.name,
             links=(Link("crank"), Link("coupler"), Link("rocker")),
@@ -91,8 +91,6 @@ class Bennett(ClosedForm):
             ),
             driver="crank",
             points={"A": ("crank", (far, 0.0, 0.0)), "B": ("rocker", (far, 0.0, 0.0))},
-            guess=guess,
-            start=start,
         )
 
     def crank_range(self) -> Arcs:
@@ -114,76 +112,37 @@ class Bennett(ClosedForm):
         The hinges of the coupler pass moments too, so that the angle of the rod alone says nothing: a
         Bennett linkage moves on where A, B and both pivots lie in a line.
         """
-        speed = np.abs(self._rocker_rates(np.asarray(angles, dtype=np.float64))[0])
+        half = 0.5 * np.asarray(angles, dtype=np.float64)
+        speed = np.abs(self.ratio) / (np.cos(half) ** 2 + (self.ratio * np.sin(half)) ** 2)
         return np.arcsin(np.minimum(speed, 1.0 / speed))
 
     @cached_property
     def _rocker_axis(self) -> Array:
         return np.array([0.0, -np.sin(self.twist0), np.cos(self.twist0)])
 
-    def _rocker_rates(self, angles: Array) -> tuple[Array, Array]:
-        """First and second derivative of the rocker's angle by the crank's."""
-        r = self.ratio
-        c, s = np.cos(0.5 * angles), np.sin(0.5 * angles)
-        spread = c * c + r * r * s * s
-        return r / spread, r * (1.0 - r) * (1.0 + r) * s * c / spread**2
-
-    def _motion(self, angles: Array, speed: Array, acceleration: Array, detail: Detail) -> Motion:
+    def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
         """tan(u/2) = r tan(f/2): f crank angle, u rocker angle from X and coupler angle from the crank.
 
         With B on the rocker's circle, |AB| = length0 reads, in the half-angle tangents t and w,
         (length1 - length0) w2 - 2 length1 cos(twist0) t w + (length0 + length1) t2 = 0: two straight
         lines w = r t under Bennett's condition, of which the axes at B pick the one.
         """
-        ex, ez, pivot = column((1.0, 0.0, 0.0)), column((0.0, 0.0, 1.0)), column((self.length0, 0.0, 0.0))
+        ex, ez, pivot = column(EX), column(EZ), column((self.length0, 0.0, 0.0))
         axis = column(self._rocker_axis)
-        c, s = np.cos(0.5 * angles), self.ratio * np.sin(0.5 * angles)
+        c, s = cos_sin(0.5 * angle)
+        s = self.ratio * s
         spread = c * c + s * s
         cosine, sine = (c - s) * (c + s) / spread, 2.0 * s * c / spread  # of the rocker angle
-        ahead = np.cos(angles) * ex + np.sin(angles) * cross(ez, ex)
-        arm = cosine * ex + sine * cross(axis, ex)
-        a, b = self.length1 * ahead, pivot + self.length1 * arm
-        if detail == "places":
-            points = {"A": link_frames.point(a), "B": link_frames.point(b)}
-            return Motion("closed form", angles, speed, acceleration, points)
-
-        first, second = self._rocker_rates(angles)
-        spin, pull = first * speed, first * acceleration + second * speed**2
-        points = {
-            "A": link_frames.point(a, *_circular(ez, a, speed, acceleration)),
-            "B": link_frames.point(b, *_circular(axis, self.length1 * arm, spin, pull)),
-        }
-        if detail == "rates":
-            return Motion("closed form", angles, speed, acceleration, points)
-        across = cross(ez, ahead)
-        hinge = np.cos(self.twist1) * ez - np.sin(self.twist1) * across
-        rod = cosine * ahead + sine * cross(hinge, ahead)
-        links: dict[str, LinkMotion] = {
-            "crank": link_frames.pinned_link(column((0.0, 0.0, 0.0)), ahead, ez, speed, acceleration),
-            "coupler": link_frames.link(
-                points["A"],
-                (rod, cross(hinge, rod), hinge),
-                speed * ez + spin * hinge,
-                acceleration * ez + pull * hinge + speed * spin * cross(ez, hinge),
-            ),
-            "rocker": link_frames.pinned_link(pivot, arm, axis, spin, pull),
-        }
-        turned = np.arctan2(sine, cosine)
-        joints = {
-            "crank": JointMotion(angles, speed, acceleration),
-            "A": JointMotion(turned, spin, pull),
-            "rocker": JointMotion(turned, spin, pull),
-        }
-        return Motion("closed form", angles, speed, acceleration, points, links, joints)
+        radial = spun(ex, ez, angle)
+        crank = LinkFrame(column(ORIGIN), x=radial, z=ez)
+        yield "crank", crank
+        yield "rocker", LinkFrame(pivot, x=cosine * ex + sine * cross(axis, ex), z=axis)
+        hinge = crank.direction((0.0, -float(np.sin(self.twist1)), float(np.cos(self.twist1))))
+        ahead = cosine * radial + sine * cross(hinge, radial)
+        yield "coupler", LinkFrame(crank.point((self.length1, 0.0, 0.0)), x=ahead, z=hinge)
 
 
-def _far_end(link: str, way: float, twist: float) -> End:
+def _far_end(link: str, reach: float, twist: float) -> End:
     """Return the far end of a link: along its x axis, its axis turned about x by the twist."""
     axis = (0.0, -float(np.sin(twist)), float(np.cos(twist)))
-    return End(link, (way, 0.0, 0.0), axis)
-
-
-def _circular(axis: Array, arm: Array, spin: Array, pull: Array) -> tuple[Array, Array]:
-    """Return velocity and acceleration of the end of an arm that turns about an axis across it."""
-    across = cross(axis, arm)
-    return spin * across, pull * across - spin**2 * arm
+    return End(link, (reach, 0.0, 0.0), axis)

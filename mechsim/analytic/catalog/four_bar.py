@@ -1,17 +1,18 @@
 """Planar four-bar linkage with a coupler point: its dimensions and its closed form."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import Array, Detail, TwoBranchForm, angle, choice, length
-from mechsim.analytic.vector_method import link_frames
-from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, cross, dot
-from mechsim.model.mechanism import EZ, GROUND, End, Joint, Link, Mechanism
-from mechsim.model.motion import JointMotion, Motion
+from mechsim.analytic.catalog.base import Array, TwoBranchForm
+from mechsim.analytic.catalog.parameter_fields import angle, choice, length
+from mechsim.analytic.vector_method.jets import Values
+from mechsim.analytic.vector_method.link_frames import LinkFrame
+from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, dot, spun
+from mechsim.model.mechanism import EX, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +34,7 @@ class FourBar(TwoBranchForm):
     arm_angle: float = angle(np.deg2rad(31.0), "angle from AB to AC")
 
     @property
-    def mechanism(self) -> Mechanism:
-        guess, start = self.guess()
+    def description(self) -> Mechanism:
         tip = (self.crank, 0.0, 0.0)
         on_coupler, on_rocker = (self.coupler, 0.0, 0.0), (self.rocker, 0.0, 0.0)
         point = (self.arm * float(np.cos(self.arm_angle)), self.arm * float(np.sin(self.arm_angle)), 0.0)
@@ -49,13 +49,12 @@ class FourBar(TwoBranchForm):
             ),
             driver="crank",
             points={"A": ("crank", tip), "B": ("rocker", on_rocker), "C": ("coupler", point)},
-            guess=guess,
-            start=start,
         )
 
     def margin(self, angles: ArrayLike) -> Array:
         """4 r2 d2 - (d2 + r2 - l2)2 for rocker r, coupler l and d = |O4A|."""
-        to_crank = self._tip(np.asarray(angles)) - column((self.ground, 0.0, 0.0))
+        tip = self.crank * spun(column(EX), column(EZ), np.asarray(angles))
+        to_crank = tip - column((self.ground, 0.0, 0.0))
         reach2 = dot(to_crank, to_crank)
         return 4.0 * self.rocker**2 * reach2 - (reach2 + self.rocker**2 - self.coupler**2) ** 2
 
@@ -70,55 +69,13 @@ class FourBar(TwoBranchForm):
         arm = (points["B"] - np.array([self.ground, 0.0, 0.0])) / self.rocker
         return np.arcsin(np.minimum(np.abs(np.cross(rod, arm)[:, 2]), 1.0))
 
-    def _tip(self, angles: Array) -> Array:
-        return self.crank * np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
-
-    def _motion(self, angles: Array, speed: Array, acceleration: Array, detail: Detail) -> Motion:
+    def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
+        """B lies on the rocker's circle about O4 and on the sphere about A."""
         ez, pivot = column(EZ), column((self.ground, 0.0, 0.0))
-        a = self._tip(angles)
+        ahead = spun(column(EX), ez, angle)
+        a = self.crank * ahead
         swing = circle_sphere(pivot, ez, self.rocker, a, self.coupler, self.branch)
-        arm = self.rocker * swing
-        b = pivot + arm
-        ahead = (b - a) / self.coupler
-        to_c = self.arm * (np.cos(self.arm_angle) * ahead + np.sin(self.arm_angle) * cross(ez, ahead))
-        if detail == "places":
-            points = {"A": link_frames.point(a), "B": link_frames.point(b), "C": link_frames.point(a + to_c)}
-            return Motion("closed form", angles, speed, acceleration, points)
-
-        tangent = cross(ez, a)
-        a_v, a_a = speed * tangent, acceleration * tangent - speed**2 * a
-        spin, pull = link_frames.rocker_rates(ez, arm, b - a, a_v, a_a)
-        across = cross(ez, arm)
-        b_v, b_a = spin * across, pull * across - spin**2 * arm
-        # the coupler turns as B moves about A
-        turning, turn_rate = link_frames.planar_turn(b - a, b_v - a_v, b_a - a_a)
-        c_across = cross(ez, to_c)
-        points = {
-            "A": link_frames.point(a, a_v, a_a),
-            "B": link_frames.point(b, b_v, b_a),
-            "C": link_frames.point(
-                a + to_c, a_v + turning * c_across, a_a + turn_rate * c_across - turning**2 * to_c
-            ),
-        }
-        if detail == "rates":
-            return Motion("closed form", angles, speed, acceleration, points)
-        at_origin = link_frames.point(np.zeros_like(a))
-        return Motion(
-            "closed form",
-            angles,
-            speed,
-            acceleration,
-            points,
-            links={
-                "crank": link_frames.planar_link(at_origin, a / self.crank, speed, acceleration),
-                "coupler": link_frames.planar_link(points["A"], ahead, turning, turn_rate),
-                "rocker": link_frames.pinned_link(pivot, swing, ez, spin, pull),
-            },
-            joints={
-                "crank": JointMotion(angles, speed, acceleration),
-                "A": JointMotion(
-                    np.arctan2(ahead[1], ahead[0]) - angles, turning - speed, turn_rate - acceleration
-                ),
-                "rocker": JointMotion(np.arctan2(swing[1], swing[0]), spin, pull),
-            },
-        )
+        b = pivot + self.rocker * swing
+        yield "crank", LinkFrame(column(ORIGIN), x=ahead, z=ez)
+        yield "coupler", LinkFrame(a, x=(b - a) / self.coupler, z=ez)
+        yield "rocker", LinkFrame(pivot, x=swing, z=ez)

@@ -1,21 +1,23 @@
 """Looper drive: spatial five-link with a cylindrical pair, its dimensions and its closed form."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import Array, ClosedForm, Detail, angle, choice, length, number, offset
-from mechsim.analytic.vector_method import link_frames, trig_quartic
+from mechsim.analytic.catalog.base import Array, ClosedForm
+from mechsim.analytic.catalog.parameter_fields import angle, choice, length, number, offset
+from mechsim.analytic.vector_method import trig_quartic
+from mechsim.analytic.vector_method.jets import Jet, Values, cos_sin, root, values
+from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.root_sheets import Sheet, sheets
 from mechsim.analytic.vector_method.trig_arcs import Arcs, reachable_arcs
-from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, cross, dot, norm
+from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, cross, dot, norm, spun
 from mechsim.errors import InputError
-from mechsim.model.mechanism import EX, EY, EZ, GROUND, End, Joint, Link, Mechanism
-from mechsim.model.motion import JointMotion, Motion
+from mechsim.model.mechanism import EX, EY, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism
 
 Side = int
 # in nine hundred random linkages the highest number met was five
@@ -23,12 +25,13 @@ SIDES = tuple(sign * count for count in range(1, 9) for sign in (1, -1))
 
 
 class _Planar(NamedTuple):
-    """The planar four-bar: joints A and B and unit vectors along AB and across it, (3, n) each."""
+    """The planar four-bar: A, unit vectors along crank, O2B and AB, and across AB, (3, n) each."""
 
-    a: Array
-    b: Array
-    ahead: Array
-    across: Array
+    a: Any
+    crank: Any
+    swing: Any
+    ahead: Any
+    across: Any
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,13 +88,12 @@ class Looper(ClosedForm):
         return column((np.cos(self.frame_angle), np.sin(self.frame_angle), 0.0))
 
     @property
-    def mechanism(self) -> Mechanism:
-        guess, start = self.guess()
+    def description(self) -> Mechanism:
         tip, on_rocker = (self.crank, 0.0, 0.0), (self.rocker, 0.0, 0.0)
         on_coupler = (self.arm * float(np.cos(self.arm_angle)), self.arm * float(np.sin(self.arm_angle)), 0.0)
         on_follower, far = (0.0, self.follower, 0.0), (0.0, -self.follower_ratio * self.follower, 0.0)
         # counted from the direction to O1, which a crank-rocker's angle stays near: it never wraps
-        inward = link_frames.vector(-self._outward[:, 0])
+        inward = vector(-self._outward[:, 0])
         line = End(GROUND, (0.0, self.axis_y, self.axis_z), axis=EX, mark=EY)
         return Mechanism(
             name=self.name,
@@ -103,7 +105,7 @@ class Looper(ClosedForm):
                 Joint(
                     "rocker",
                     "revolute",
-                    End(GROUND, link_frames.vector(self.pivot[:, 0]), mark=inward),
+                    End(GROUND, vector(self.pivot[:, 0]), mark=inward),
                     End("rocker"),
                 ),
                 Joint("C", "spherical", End("coupler", on_coupler), End("follower", on_follower)),
@@ -117,8 +119,6 @@ class Looper(ClosedForm):
                 "D": ("follower", (0.0, 0.0, 0.0)),
                 "E": ("follower", far),
             },
-            guess=guess,
-            start=start,
         )
 
     def planar_range(self) -> Arcs:
@@ -197,32 +197,25 @@ class Looper(ClosedForm):
 
     def _planar_margin(self, angles: Array) -> Array:
         """4 c2 e2 - (e2 + c2 - b2)2 for rocker c, coupler b and e = |O2A|."""
-        to_crank = self._tip(angles) - self.pivot
+        to_crank = self.crank * spun(column(EX), column(EZ), angles) - self.pivot
         reach2 = dot(to_crank, to_crank)
         return 4.0 * self.rocker**2 * reach2 - (reach2 + self.rocker**2 - self.coupler**2) ** 2
 
-    def _tip(self, angles: Array) -> Array:
-        return self.crank * np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
-
-    def _planar(self, angles: Array) -> _Planar:
-        ez, a = column(EZ), self._tip(angles)
-        b = self.pivot + self.rocker * circle_sphere(
-            self.pivot, ez, self.rocker, a, self.coupler, self.branch
-        )
+    def _planar(self, angle: Values) -> _Planar:
+        ez = column(EZ)
+        crank = spun(column(EX), ez, angle)
+        a = self.crank * crank
+        swing = circle_sphere(self.pivot, ez, self.rocker, a, self.coupler, self.branch)
+        rod = self.pivot + self.rocker * swing - a
         # a short coupler off by an ulp must not make a long arm off by many
-        ahead = (b - a) / norm(b - a)
-        return _Planar(a, b, ahead, cross(ez, ahead))
-
-    def _swing(self, ahead: Array) -> Array:
-        """Return the rocker's angle from the direction to O1, (n,) in [rad]."""
-        x, y, _ = -self._outward
-        return np.arctan2(x * ahead[1] - y * ahead[0], x * ahead[0] + y * ahead[1])
+        ahead = rod / norm(rod)
+        return _Planar(a, crank, swing, ahead, cross(ez, ahead))
 
     def _residual(self, angles: Array) -> Array:
-        return self._cylinder(self._planar(angles))
+        return _stacked(self._cylinder(self._planar(angles)))
 
-    def _cylinder(self, flat: _Planar) -> Array:
-        """Return (y_C - q)2 + (z_C - p)2 - f2 as a polynomial of the cone angle, (5, n).
+    def _cylinder(self, flat: _Planar) -> trig_quartic.Coefficients:
+        """Return (y_C - q)2 + (z_C - p)2 - f2 as a polynomial of the cone angle.
 
         Source: paper 004, eqs (2): with the cone angle t, y_C = y0 + r cos t and z_C = R sin t.
         """
@@ -231,15 +224,21 @@ class Looper(ClosedForm):
         # (r2 - R2)/2 by the exact slant of the coupler, not as a difference
         second = -0.5 * (out * flat.ahead[1]) ** 2
         mean = height**2 + 0.5 * (flank**2 + out**2) + (depth - self.follower) * (depth + self.follower)
-        zero = np.zeros_like(height)
-        return np.stack([mean, 2.0 * height * flank, zero - 2.0 * depth * out, second, zero])
+        return mean, 2.0 * height * flank, -2.0 * depth * out, second, 0.0
 
-    def _cone_angle(self, angles: Array, flat: _Planar) -> Array:
+    def _cone_angle(self, angle: Values, flat: _Planar) -> Values:
         """Return the root of the chosen sheet at each crank angle, (n,) in [rad]; NaN off the sheet."""
+        polynomial = self._cylinder(flat)
+        at_rest = _stacked(polynomial)
+        found = self._root_on_sheet(values(angle), at_rest)
+        if not isinstance(angle, Jet):
+            return found
+        return root(lambda t: trig_quartic.value(polynomial, t), found, trig_quartic.slope(at_rest, found))
+
+    def _root_on_sheet(self, angles: Array, polynomial: Array) -> Array:
         if self._sheet is None:
             return np.full_like(angles, np.nan)
         sheet, layer = self._sheet
-        polynomial = self._cylinder(flat)
         roots = trig_quartic.real_roots(polynomial)
         fits = np.sign(self.side) * trig_quartic.slope(polynomial, roots) > 0.0
         away = np.abs(np.mod(roots - sheet.guide(sheet.unrolled(angles, layer)) + np.pi, 2.0 * np.pi) - np.pi)
@@ -248,102 +247,21 @@ class Looper(ClosedForm):
         found = fits[best, columns] & ~np.isnan(away[best, columns])
         return np.where(found, roots[best, columns], np.nan)
 
-    def _motion(self, angles: Array, speed: Array, acceleration: Array, detail: Detail) -> Motion:
-        flat = self._planar(angles)
-        cone = self._cone_angle(angles, flat)
-        ez = column(EZ)
-        flank = np.cos(cone) * flat.across + np.sin(cone) * ez
-        c = flat.a + self._along * flat.ahead + self._out * flank
-        foot = np.stack([c[0], np.full_like(angles, self.axis_y), np.full_like(angles, self.axis_z)])
-        lever = c - foot
-        places = {"A": flat.a, "B": flat.b, "C": c, "D": foot, "E": foot - self.follower_ratio * lever}
-        if detail == "places":
-            points = {name: link_frames.point(place) for name, place in places.items()}
-            return Motion("closed form", angles, speed, acceleration, points)
-
-        tangent = cross(ez, flat.a)
-        a_v, a_a = speed * tangent, acceleration * tangent - speed**2 * flat.a
-        arm = flat.b - self.pivot
-        spin, pull = link_frames.rocker_rates(ez, arm, flat.b - flat.a, a_v, a_a)
-        swept = cross(ez, arm)
-        b_v, b_a = spin * swept, pull * swept - spin**2 * arm
-        c_v, c_a = _held_rates(flat, c, lever, (a_v, a_a), (b_v, b_a))
-        ex = column(EX)
-        d_v, d_a = c_v[0] * ex, c_a[0] * ex
-        ratio = self.follower_ratio
-        moves = {
-            "A": (a_v, a_a),
-            "B": (b_v, b_a),
-            "C": (c_v, c_a),
-            "D": (d_v, d_a),
-            "E": (d_v - ratio * (c_v - d_v), d_a - ratio * (c_a - d_a)),
-        }
-        points = {name: link_frames.point(places[name], *moves[name]) for name in places}
-        if detail == "rates":
-            return Motion("closed form", angles, speed, acceleration, points)
-
-        x_v, x_a = (b_v - a_v) / self.coupler, (b_a - a_a) / self.coupler
-        y_v = (c_v - a_v - self._along * x_v) / self._out
-        y_a = (c_a - a_a - self._along * x_a) / self._out
-        coupler_spin, coupler_pull = _turn_rates((flat.ahead, flank), (x_v, y_v), (x_a, y_a))
-        swing_spin = (lever[1] * c_v[2] - lever[2] * c_v[1]) / self.follower**2
-        swing_pull = (lever[1] * c_a[2] - lever[2] * c_a[1]) / self.follower**2
-        at_origin, up = link_frames.point(np.zeros_like(c)), lever / self.follower
-        swing = arm / self.rocker
-        return Motion(
-            "closed form",
-            angles,
-            speed,
-            acceleration,
-            points,
-            links={
-                "crank": link_frames.planar_link(at_origin, flat.a / self.crank, speed, acceleration),
-                "coupler": link_frames.link(
-                    points["A"], (flat.ahead, flank, cross(flat.ahead, flank)), coupler_spin, coupler_pull
-                ),
-                "rocker": link_frames.pinned_link(self.pivot, swing, ez, spin, pull),
-                "follower": link_frames.link(
-                    points["D"], (ex, up, cross(ex, up)), swing_spin * ex, swing_pull * ex
-                ),
-            },
-            joints={
-                "crank": JointMotion(angles, speed, acceleration),
-                "rocker": JointMotion(self._swing(swing), spin, pull),
-            },
-        )
+    def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
+        """The planar four-bar, then C on its circle about AB, turned by the cone angle from the plane."""
+        flat = self._planar(angle)
+        c, s = cos_sin(self._cone_angle(angle, flat))
+        ex, ez = column(EX), column(EZ)
+        coupler = LinkFrame(flat.a, x=flat.ahead, y=c * flat.across + s * ez)
+        yield "crank", LinkFrame(column(ORIGIN), x=flat.crank, z=ez)
+        yield "coupler", coupler
+        yield "rocker", LinkFrame(self.pivot, x=flat.swing, z=ez)
+        tip = coupler.point((self._along, self._out, 0.0))
+        foot = tip[0] * ex + column((0.0, self.axis_y, self.axis_z))
+        yield "follower", LinkFrame(foot, x=ex, y=(tip - foot) / self.follower)
 
 
-def _held_rates(
-    flat: _Planar, c: Array, lever: Array, a_rates: tuple[Array, Array], b_rates: tuple[Array, Array]
-) -> tuple[Array, Array]:
-    """Return velocity and acceleration of C, (3, n) each.
-
-    Source: |AC|, AC . AB and |DC| are constant; differentiated once and twice by time, three equations
-    linear in the rate of C, whose determinant is the volume that `side` is the sign of.
-    """
-    arm, rod = c - flat.a, flat.b - flat.a
-    (a_v, a_a), (b_v, b_a) = a_rates, b_rates
-    rod_v, rod_a = b_v - a_v, b_a - a_a
-    normal = cross(arm, rod)
-    sideways, volume = cross(lever, arm), dot(normal, lever)
-    arm_v = (-dot(arm, rod_v) * sideways - dot(lever, a_v) * normal) / volume
-    c_v = a_v + arm_v
-    lever_v2 = c_v[1] ** 2 + c_v[2] ** 2
-    arm_a = (
-        -dot(arm_v, arm_v) * cross(rod, lever)
-        - (dot(arm, rod_a) + 2.0 * dot(arm_v, rod_v)) * sideways
-        - (dot(lever, a_a) + lever_v2) * normal
-    ) / volume
-    return c_v, a_a + arm_a
-
-
-def _turn_rates(
-    axes: tuple[Array, Array], rates: tuple[Array, Array], seconds: tuple[Array, Array]
-) -> tuple[Array, Array]:
-    """Return angular velocity and acceleration of a link, (3, n) each, from two axes and their rates."""
-    (x, y), (x_v, y_v), (x_a, y_a) = axes, rates, seconds
-    z = cross(x, y)
-    roll = dot(y_v, z)
-    spin = cross(x, x_v) + roll * x
-    roll_rate = dot(y_a, z) + dot(y_v, cross(spin, z))
-    return spin, cross(x, x_a) + roll_rate * x + roll * x_v
+def _stacked(polynomial: trig_quartic.Coefficients) -> Array:
+    """Return the coefficients without their rates, (5, n)."""
+    rest = (values(part) if isinstance(part, Jet) else part for part in polynomial)
+    return np.stack(np.broadcast_arrays(*rest))

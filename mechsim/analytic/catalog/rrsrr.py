@@ -1,19 +1,30 @@
 """RRSRR: spatial five-link crank-rocker, its dimensions and its closed form."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.catalog.base import Array, Detail, TwoBranchForm, angle, choice, length, place
-from mechsim.analytic.vector_method import link_frames
-from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, cross, dot, norm, rotation
+from mechsim.analytic.catalog.base import Array, TwoBranchForm
+from mechsim.analytic.catalog.parameter_fields import angle, choice, length, place
+from mechsim.analytic.vector_method.jets import Values, revalued, values
+from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
+from mechsim.analytic.vector_method.vectors import (
+    Sign,
+    circle_sphere,
+    column,
+    cross,
+    dot,
+    norm,
+    rotation,
+    spun,
+)
 from mechsim.errors import AssemblyError
-from mechsim.model.mechanism import EX, EY, EZ, GROUND, End, Joint, Link, Mechanism, Pose
-from mechsim.model.motion import JointMotion, LinkMotion, Motion
+from mechsim.model.mechanism import EX, EY, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism, Pose
+from mechsim.model.motion import Motion
 
 # cosine of v2 below which the rocker angle counts as lost: its acceleration grows as 1/cos2 and a
 # third of the digits are gone already
@@ -50,14 +61,13 @@ class Rrsrr(TwoBranchForm):
 
     @cached_property
     def rocker_frame(self) -> Array:
-        """Frame at P02 whose third column is the rocker axis, (3, 3); T2 of paper 002."""
+        """LinkFrame at P02 whose third column is the rocker axis, (3, 3); T2 of paper 002."""
         return rotation("y", self.gamma1) @ rotation("x", self.gamma2)
 
     @property
-    def mechanism(self) -> Mechanism:
-        x, _, z = (link_frames.vector(column) for column in self.rocker_frame.T)
+    def description(self) -> Mechanism:
+        x, _, z = (vector(column) for column in self.rocker_frame.T)
         at_c, tip = (0.0, self.crank, 0.0), (self.coupler, 0.0, 0.0)
-        guess, start = self.guess()
         # both inner hinges are signed so that they count v1 from er to ex and v2 from x to z
         coupler_hinge = End("crank", at_c, axis=(0.0, 0.0, -1.0), mark=EY)
         link_hinge = End("rocker", axis=(0.0, -1.0, 0.0), mark=EX)
@@ -73,8 +83,6 @@ class Rrsrr(TwoBranchForm):
             ),
             driver="crank",
             points={"C": ("crank", at_c), "S": ("coupler", tip)},
-            guess=guess,
-            start=start,
         )
 
     def margin(self, angles: ArrayLike) -> Array:
@@ -108,8 +116,7 @@ class Rrsrr(TwoBranchForm):
         return np.arctan2(np.abs(dot(arm, tangent)), np.abs(dot(push / lever, tangent)))
 
     def guess(self) -> tuple[dict[str, Pose], float]:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            poses, start = super().guess()
+        poses, start = super().guess()
         if self.margin(start) >= 0.0:
             self._require_off_pole(np.array([start]), np.isfinite(poses["rocker"].rotation[:1, 0]))
         return poses, start
@@ -128,80 +135,31 @@ class Rrsrr(TwoBranchForm):
             self._require_off_pole(motion.angle, known | ~stands)
         super()._require_finite(motion)
 
-    def _motion(self, angles: Array, speed: Array, acceleration: Array, detail: Detail) -> Motion:
-        zero, ex, pivot = np.zeros_like(angles), column(EX), column(self.pivot)
-        radial = np.stack([zero, np.cos(angles), np.sin(angles)])  # er of papers.md
-        hinge = np.stack([zero, radial[2], -radial[1]])  # axis at C, v1 turns from er to ex about it
+    def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
+        """S lies on the coupler's circle about C and on the sphere about P02; link and rocker point at it."""
+        origin, ex, pivot = column(ORIGIN), column(EX), column(self.pivot)
+        radial = spun(column(EY), ex, angle)  # er of papers.md
+        hinge = cross(radial, ex)  # axis at C, v1 turns from er to ex about it
         c = self.crank * radial
         rod = self.coupler * circle_sphere(c, hinge, self.coupler, pivot, self.link, self.branch)
         rod = _settled(rod, cross(hinge, rod), c + rod - pivot, self.link)
-        s = c + rod
-        if detail == "places":
-            points = {"C": link_frames.point(c), "S": link_frames.point(s)}
-            return Motion("closed form", angles, speed, acceleration, points)
-
-        c_v = -speed * self.crank * hinge
-        c_a = -acceleration * self.crank * hinge - speed**2 * c
-        swing = cross(hinge, rod)
-        # how S would move with the coupler held in the crank, then |P02S| = link differentiated twice
-        arm, carried = s - pivot, speed * cross(ex, s)
-        v1_v = -dot(arm, carried) / dot(arm, swing)
-        s_v = carried + v1_v * swing
-        held = acceleration * cross(ex, s) + cross(speed * ex, carried + 2.0 * v1_v * swing) - v1_v**2 * rod
-        v1_a = -(dot(arm, held) + dot(s_v, s_v)) / dot(arm, swing)
-        s_a = held + v1_a * swing
-        points = {"C": link_frames.point(c, c_v, c_a), "S": link_frames.point(s, s_v, s_a)}
-        if detail == "rates":
-            return Motion("closed form", angles, speed, acceleration, points)
-
-        ahead = rod / self.coupler
-        v1 = JointMotion(np.arctan2(ahead[0], dot(ahead, radial)), v1_v, v1_a)
-        spin = speed * ex + v1_v * hinge
-        pull = acceleration * ex + v1_a * hinge + speed * v1_v * radial
-        at_origin, crank = link_frames.point(np.zeros_like(c)), (ex, radial, -hinge)
-        links, joints = self._rocker_side(arm, s_v, s_a)
-        links = {
-            "crank": link_frames.link(at_origin, crank, speed * ex, acceleration * ex),
-            "coupler": link_frames.link(points["C"], (ahead, cross(hinge, ahead), hinge), spin, pull),
-            **links,
-        }
-        joints = {"crank": JointMotion(angles, speed, acceleration), "C": v1, **joints}
-        return Motion("closed form", angles, speed, acceleration, points, links, joints)
-
-    def _rocker_side(
-        self, arm: Array, s_v: Array, s_a: Array
-    ) -> tuple[dict[str, LinkMotion], dict[str, JointMotion]]:
-        """Return link and rocker from P02S and the rates of S, (3, n) each: S in polar coordinates u2, v2."""
-        x0, y0, z = (column(axis) for axis in self.rocker_frame.T)
-        pivot, height = column(self.pivot), dot(arm, z)
-        flat = arm - height * z
+        yield "crank", LinkFrame(origin, x=ex, y=radial)
+        yield "coupler", LinkFrame(c, x=rod / self.coupler, z=hinge)
+        axis, arm = column(self.rocker_frame[:, 2]), c + rod - pivot
+        flat = arm - dot(arm, axis) * axis
         reach = norm(flat)
-        reach = np.where(reach >= POLE * self.link, reach, np.nan)
-        ahead = flat / reach
-        side = cross(z, ahead)
-        u2_v, v2_v = dot(s_v, side) / reach, dot(s_v, z) / reach
-        reach_v = dot(s_v, ahead)
-        u2_a = (dot(s_a, side) - 2.0 * reach_v * u2_v) / reach
-        v2_a = (dot(s_a, z) - reach_v * v2_v) / reach
-        along = arm / self.link
-        link = link_frames.link(
-            link_frames.point(np.broadcast_to(pivot, arm.shape)),
-            (along, cross(along, side), -side),
-            u2_v * z - v2_v * side,
-            u2_a * z - v2_a * side + u2_v * v2_v * ahead,
-        )
-        joints = {
-            "link": JointMotion(np.arctan2(height, reach), v2_v, v2_a),
-            "rocker": JointMotion(np.arctan2(dot(arm, y0), dot(arm, x0)), u2_v, u2_a),
-        }
-        return {"link": link, "rocker": link_frames.pinned_link(pivot, ahead, z, u2_v, u2_a)}, joints
+        known = values(reach)
+        ahead = flat / revalued(reach, np.where(known >= POLE * self.link, known, np.nan))
+        yield "link", LinkFrame(pivot, x=arm / self.link, z=cross(ahead, axis))
+        yield "rocker", LinkFrame(pivot, x=ahead, z=axis)
 
 
-def _settled(rod: Array, swing: Array, arm: Array, link: float) -> Array:
+def _settled(rod: Values, swing: Values, arm: Values, link: float) -> Any:
     """Return rod vectors turned by the last few ulp that bring |arm| to the length of the link.
 
     A short link against long others would otherwise stand open by the rounding of their squares.
     """
     gap = (norm(arm) - link) * link / dot(arm, swing)
     # a turn above 1e-8 is a dead centre, where the gap is rounding of the wrong order to act on
-    return rod - np.where(np.abs(gap) < 1e-8, gap, 0.0) * swing
+    known = values(gap)
+    return rod - revalued(gap, np.where(np.abs(known) < 1e-8, known, 0.0)) * swing

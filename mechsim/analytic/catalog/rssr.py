@@ -1,15 +1,17 @@
 """RSSR: spatial four-bar crank-rocker, its dimensions and its closed form."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import Array, Detail, TwoBranchForm, angle, choice, length, place
-from mechsim.analytic.vector_method import link_frames
+from mechsim.analytic.catalog.base import Array, TwoBranchForm
+from mechsim.analytic.catalog.parameter_fields import angle, choice, length, place
+from mechsim.analytic.vector_method.jets import Values
+from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.vectors import (
     Sign,
     circle_sphere,
@@ -17,10 +19,10 @@ from mechsim.analytic.vector_method.vectors import (
     cross,
     dot,
     rotation,
+    spun,
     unit_at_angles,
 )
-from mechsim.model.mechanism import EX, EY, EZ, GROUND, End, Joint, Link, Mechanism
-from mechsim.model.motion import JointMotion, Motion
+from mechsim.model.mechanism import EX, EY, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,20 +59,19 @@ class Rssr(TwoBranchForm):
 
     @cached_property
     def rocker_frame(self) -> Array:
-        """Frame at P4 whose third column is the rocker axis, (3, 3). Paper 000, eqs (8), (9)."""
+        """LinkFrame at P4 whose third column is the rocker axis, (3, 3). Paper 000, eqs (8), (9)."""
         return rotation("y", self.gamma1) @ rotation("x", self.gamma2)
 
     @property
-    def mechanism(self) -> Mechanism:
-        x, _, z = (link_frames.vector(column) for column in self.rocker_frame.T)
+    def description(self) -> Mechanism:
+        x, _, z = (vector(column) for column in self.rocker_frame.T)
         if self.guide:
-            pin = End("crank", (0.0, self.crank, 0.0), axis=link_frames.vector(self._pin_at_zero))
+            pin = End("crank", (0.0, self.crank, 0.0), axis=vector(self._pin_at_zero))
             guide = End("coupler", axis=(float(np.cos(self.beta2)), 0.0, float(np.sin(self.beta2))))
             at_crank = Joint("P2", "universal", pin, guide, cross_angle=self.beta1)
         else:
             at_crank = Joint("P2", "spherical", End("crank", (0.0, self.crank, 0.0)), End("coupler"))
         at_rocker = (End("coupler", (-self.coupler, 0.0, 0.0)), End("rocker", (self.rocker, 0.0, 0.0)))
-        guess, start = self.guess()
         return Mechanism(
             name=self.name,
             links=(Link("crank"), Link("coupler"), Link("rocker")),
@@ -82,8 +83,6 @@ class Rssr(TwoBranchForm):
             ),
             driver="crank",
             points={"P2": ("crank", (0.0, self.crank, 0.0)), "P3": ("rocker", (self.rocker, 0.0, 0.0))},
-            guess=guess,
-            start=start,
         )
 
     def variants(self) -> dict[str, Self]:
@@ -91,7 +90,7 @@ class Rssr(TwoBranchForm):
 
     def margin(self, angles: ArrayLike) -> Array:
         """4 r2 d2 - (d2 + h2 + r2 - l2)2; rocker r, coupler l, P4P2 with parts d across, h along the axis."""
-        to_crank = self._crank_pin(np.asarray(angles)) - column(self.pivot)
+        to_crank = self.crank * self._radial(np.asarray(angles)) - column(self.pivot)
         height = dot(to_crank, column(self.rocker_frame[:, 2]))
         reach2 = dot(to_crank, to_crank) - height**2
         side = reach2 + height**2 + self.rocker**2 - self.coupler**2
@@ -109,79 +108,34 @@ class Rssr(TwoBranchForm):
         along = (rod * np.cross(self.rocker_frame[:, 2], arm)).sum(-1)
         return np.arcsin(np.minimum(np.abs(along), 1.0))
 
-    def _crank_pin(self, f: Array) -> Array:
-        """P2, (3, n). Paper 000, eqs (4)-(6)."""
-        return np.stack([np.zeros_like(f), self.crank * np.cos(f), self.crank * np.sin(f)])
+    @property
+    def spinning(self) -> frozenset[str]:
+        return frozenset() if self.guide else frozenset({"coupler"})
 
-    def _motion(self, angles: Array, speed: Array, acceleration: Array, detail: Detail) -> Motion:
+    def _radial(self, angle: Values) -> Any:
+        """Direction of the crank, (3, n). Paper 000, eqs (4)-(6)."""
+        return spun(column(EY), column(EX), angle)
+
+    def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
+        """P3 lies on the rocker's circle about P4 and on the sphere about P2."""
         pivot, axis = column(self.pivot), column(self.rocker_frame[:, 2])
-        p2 = self._crank_pin(angles)
-        arm = self.rocker * circle_sphere(pivot, axis, self.rocker, p2, self.coupler, self.branch)
-        p3 = pivot + arm
-        if detail == "places":
-            points = {"P2": link_frames.point(p2), "P3": link_frames.point(p3)}
-            return Motion("closed form", angles, speed, acceleration, points)
+        crank = LinkFrame(column(ORIGIN), x=column(EX), y=self._radial(angle))
+        p2 = crank.point((0.0, self.crank, 0.0))
+        swing = circle_sphere(pivot, axis, self.rocker, p2, self.coupler, self.branch)
+        yield "crank", crank
+        yield "rocker", LinkFrame(pivot, x=swing, z=axis)
+        along = (p2 - (pivot + self.rocker * swing)) / self.coupler
+        yield "coupler", LinkFrame(p2, x=along, y=self._side(crank, along))
 
-        tangent = np.stack([np.zeros_like(angles), -p2[2], p2[1]])
-        p2_v, p2_a = speed * tangent, acceleration * tangent - speed**2 * p2
-        spin, pull = link_frames.rocker_rates(axis, arm, p3 - p2, p2_v, p2_a)
-        across = cross(axis, arm)
-        p3_v, p3_a = spin * across, pull * across - spin**2 * arm
-        points = {"P2": link_frames.point(p2, p2_v, p2_a), "P3": link_frames.point(p3, p3_v, p3_a)}
-        if detail == "rates":
-            return Motion("closed form", angles, speed, acceleration, points)
+    def _side(self, crank: LinkFrame, along: Values) -> Any:
+        """Return the coupler's y axis, (3, n), from its x axis. Paper 000, eqs (27)-(30).
 
-        swing = np.arctan2(
-            dot(arm, column(self.rocker_frame[:, 1])), dot(arm, column(self.rocker_frame[:, 0]))
-        )
-        ex, crank_ahead = column(EX), p2 / self.crank
-        crank = link_frames.link(
-            link_frames.point(np.zeros_like(p2)),
-            (ex, crank_ahead, tangent / self.crank),
-            speed * ex,
-            acceleration * ex,
-        )
-        ahead, turned, pulled = self._coupler(
-            crank_ahead,
-            (p2 - p3) / self.coupler,
-            (p2_v - p3_v) / self.coupler,
-            (p2_a - p3_a) / self.coupler,
-            speed,
-            acceleration,
-        )
-        return Motion(
-            "closed form",
-            angles,
-            speed,
-            acceleration,
-            points,
-            links={
-                "crank": crank,
-                "coupler": link_frames.link(points["P2"], ahead, turned, pulled),
-                "rocker": link_frames.pinned_link(pivot, arm / self.rocker, axis, spin, pull),
-            },
-            joints={
-                "crank": JointMotion(angles, speed, acceleration),
-                "rocker": JointMotion(swing, spin, pull),
-            },
-            spinning=frozenset() if self.guide else frozenset({"coupler"}),
-        )
-
-    def _coupler(
-        self, crank_ahead: Array, x: Array, x_v: Array, x_a: Array, speed: Array, acceleration: Array
-    ) -> tuple[tuple[Array, Array, Array], Array, Array]:
-        """Return the coupler's axes, angular velocity and acceleration. Paper 000, eqs (27)-(30).
-
-        Without a guide the spin is nobody's: the usual guide (all four angles as a rule) defines it.
+        Without a guide nothing determines it: the usual guide (all four angles as a rule) defines it.
         """
-        guided, ex = self.guide, column(EX)
-        pin_x, pin_y, pin_z = self._pin_at_zero if guided else (-1.0, 0.0, 0.0)
-        beta1, beta2 = (self.beta1, self.beta2) if guided else (np.pi / 2, np.pi / 2)
-        pin = pin_x * ex + pin_y * crank_ahead + pin_z * cross(ex, crank_ahead)
-        guide = unit_at_angles(pin, x, beta1, beta2, self.guide_branch)
-        y = cross(guide, x) / np.sin(beta2)
-        spins = speed * ex, acceleration * ex
-        return (x, y, cross(x, y)), *link_frames.guided_spin(x, x_v, x_a, pin, guide, *spins)
+        beta1, beta2 = (self.beta1, self.beta2) if self.guide else (np.pi / 2, np.pi / 2)
+        pin = crank.direction(vector(self._pin_at_zero) if self.guide else (-1.0, 0.0, 0.0))
+        guide = unit_at_angles(pin, along, beta1, beta2, self.guide_branch)
+        return cross(guide, along) / np.sin(beta2)
 
     @cached_property
     def _pin_at_zero(self) -> Array:

@@ -1,17 +1,18 @@
 """Offset slider-crank: its dimensions and its closed form."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import Array, Detail, TwoBranchForm, choice, length, offset
-from mechsim.analytic.vector_method import link_frames
-from mechsim.analytic.vector_method.vectors import Sign, column, sine_of
-from mechsim.model.mechanism import EX, EY, GROUND, End, Joint, Link, Mechanism
-from mechsim.model.motion import JointMotion, Motion
+from mechsim.analytic.catalog.base import Array, TwoBranchForm
+from mechsim.analytic.catalog.parameter_fields import choice, length, offset
+from mechsim.analytic.vector_method.jets import Values
+from mechsim.analytic.vector_method.link_frames import LinkFrame
+from mechsim.analytic.vector_method.vectors import Sign, column, sine_of, spun
+from mechsim.model.mechanism import EX, EY, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,8 +30,7 @@ class SliderCrank(TwoBranchForm):
     branch: Sign = choice(1, (1, -1), "assembly: +1 if B lies ahead of A along the slide")
 
     @property
-    def mechanism(self) -> Mechanism:
-        guess, start = self.guess()
+    def description(self) -> Mechanism:
         tip, eye = (self.crank, 0.0, 0.0), (self.rod, 0.0, 0.0)
         on_slide = End(GROUND, (0.0, self.offset, 0.0), axis=EX, mark=EY)
         return Mechanism(
@@ -44,8 +44,6 @@ class SliderCrank(TwoBranchForm):
             ),
             driver="crank",
             points={"A": ("crank", tip), "B": ("slider", (0.0, 0.0, 0.0))},
-            guess=guess,
-            start=start,
         )
 
     def margin(self, angles: ArrayLike) -> Array:
@@ -60,48 +58,13 @@ class SliderCrank(TwoBranchForm):
         along = np.abs((points["B"] - points["A"])[:, 0]) / self.rod
         return np.arcsin(np.minimum(along, 1.0))
 
-    def _motion(self, angles: Array, speed: Array, acceleration: Array, detail: Detail) -> Motion:
-        zero, ex = np.zeros_like(angles), column(EX)
-        a = self.crank * np.stack([np.cos(angles), np.sin(angles), zero])
-        height = self.offset - a[1]
-        reach = self.branch * _leg(self.rod, height)
-        b = np.stack([a[0] + reach, np.full_like(angles, self.offset), zero])
-        if detail == "places":
-            points = {"A": link_frames.point(a), "B": link_frames.point(b)}
-            return Motion("closed form", angles, speed, acceleration, points)
-
-        tangent = np.stack([-a[1], a[0], zero])
-        a_v, a_a = speed * tangent, acceleration * tangent - speed**2 * a
-        # the loop |AB| = rod with B held to the slide, differentiated once and twice by time
-        gap_v = height * a_v[1] / reach
-        gap_a = (height * a_a[1] - a_v[1] ** 2 - gap_v**2) / reach
-        b_v, b_a = (a_v[0] + gap_v) * ex, (a_a[0] + gap_a) * ex
-        points = {"A": link_frames.point(a, a_v, a_a), "B": link_frames.point(b, b_v, b_a)}
-        if detail == "rates":
-            return Motion("closed form", angles, speed, acceleration, points)
-        ahead = (b - a) / self.rod
-        spin, pull = link_frames.planar_turn(b - a, b_v - a_v, b_a - a_a)
-        return Motion(
-            "closed form",
-            angles,
-            speed,
-            acceleration,
-            points,
-            links={
-                "crank": link_frames.planar_link(
-                    link_frames.point(np.zeros_like(a)), a / self.crank, speed, acceleration
-                ),
-                "rod": link_frames.planar_link(points["A"], ahead, spin, pull),
-                "slider": link_frames.planar_link(points["B"], np.broadcast_to(ex, a.shape), zero, zero),
-            },
-            joints={
-                "crank": JointMotion(angles, speed, acceleration),
-                "A": JointMotion(np.arctan2(ahead[1], ahead[0]) - angles, spin - speed, pull - acceleration),
-                "slide": JointMotion(b[0], b_v[0], b_a[0], "m"),
-            },
-        )
-
-
-def _leg(hypotenuse: float, leg: Array) -> Array:
-    """Return the other leg of a right triangle; NaN where there is none by more than rounding."""
-    return hypotenuse * sine_of(leg / hypotenuse)
+    def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
+        """B is ahead of A by a leg of the right triangle over the rod, the height above A is the other."""
+        ez, origin = column(EZ), column(ORIGIN)
+        ahead = spun(column(EX), ez, angle)
+        a = self.crank * ahead
+        reach = self.branch * self.rod * sine_of((self.offset - a[1]) / self.rod)
+        b = column((0.0, self.offset, 0.0)) + (a[0] + reach) * column(EX)
+        yield "crank", LinkFrame(origin, x=ahead, z=ez)
+        yield "slider", LinkFrame(b, x=column(EX), z=ez)
+        yield "rod", LinkFrame(a, x=(b - a) / self.rod, z=ez)

@@ -1,24 +1,27 @@
 """Two-crank six-link mechanism of a warp-knitting machine: its dimensions and its closed form."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import Array, ClosedForm, Detail, angle, length, number, place
-from mechsim.analytic.vector_method import link_frames, triad_assemblies
+from mechsim.analytic.catalog.base import Array, ClosedForm
+from mechsim.analytic.catalog.parameter_fields import angle, length, number, place
+from mechsim.analytic.vector_method import triad_assemblies
+from mechsim.analytic.vector_method.jets import Jet, Values, values
+from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.plane import cross, flat, xyz
-from mechsim.analytic.vector_method.triad_legs import determinant, leg_vectors, moments, rates
+from mechsim.analytic.vector_method.triad_legs import carried, determinant, leg_vectors, moments
 from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
 from mechsim.analytic.vector_method.trig_arcs import Arcs
+from mechsim.analytic.vector_method.vectors import column, spun
 from mechsim.errors import InputError
-from mechsim.model.mechanism import GROUND, End, Gear, Joint, Link, Mechanism, Pose
-from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
+from mechsim.model.mechanism import EX, EZ, GROUND, ORIGIN, End, Gear, Joint, Link, Mechanism, Pose, Vector
 
 # gears have hardly more teeth than this
 MOST_TEETH = 1000
@@ -88,9 +91,42 @@ class WarpKnitter(ClosedForm):
             )
 
     @property
-    def mechanism(self) -> Mechanism:
-        guess, start = self.guess()
-        return description(self, guess, start)
+    def description(self) -> Mechanism:
+        """Six links, eight revolute joints and the gears.
+
+        Frames: cranks and rocker at their pivots, rods at their cranks, x along the link; the base link
+        at B as its parameters say.
+        """
+        places = {
+            ("crank2", GROUND): self.pivot2,
+            ("rocker", GROUND): self.pivot_rocker,
+            ("A", "crank1"): (self.crank1, 0.0),
+            ("D", "crank2"): (self.crank2, 0.0),
+            ("B", "rod3"): (self.rod3, 0.0),
+            ("C", "rod5"): (self.rod5, 0.0),
+            ("C", "base"): self.base_c,
+            ("K", "base"): self.base_k,
+            ("K", "rocker"): (self.rocker, 0.0),
+        }
+
+        def at(joint: str, link: str) -> Vector:
+            x, y = places.get((joint, link), (0.0, 0.0))
+            return float(x), float(y), 0.0
+
+        def end(joint: str, link: str) -> End:
+            return End(link, at(joint, link))
+
+        points = {"A": "crank1", "B": "base", "C": "base", "D": "crank2", "K": "base"}
+        return Mechanism(
+            name=self.name,
+            links=tuple(Link(name) for name in ("crank1", "crank2", "rod3", "rod5", "base", "rocker")),
+            joints=tuple(
+                Joint(name, "revolute", end(name, a), end(name, b)) for name, (a, b) in JOINED.items()
+            ),
+            driver="crank",
+            points={name: (link, at(name, link)) for name, link in points.items()},
+            gears=(Gear("crank", "crank2", self.gear_ratio, self.phase),),
+        )
 
     @property
     def two_degrees_of_freedom(self) -> Mechanism:
@@ -119,10 +155,10 @@ class WarpKnitter(ClosedForm):
 
     def guess(self) -> tuple[dict[str, Pose], float]:
         """Return link poses at crank angle 0, where assemblies are numbered; none if it cannot stand."""
-        if self._path is None:
-            return {}, 0.0
-        links = self._motion(np.zeros(1), np.zeros(1), np.zeros(1), "links").links
-        return {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}, 0.0
+        return super().guess() if self._path is not None else ({}, 0.0)
+
+    def _start(self) -> float:
+        return 0.0
 
     def crank_range(self) -> Arcs:
         """Return the arc of crank angle that this assembly reaches from crank angle 0.
@@ -158,8 +194,7 @@ class WarpKnitter(ClosedForm):
         known = [(n, {name: p[0] for name, p in points.items()}) for n, points in numbered]
         found: list[tuple[dict[str, int | None], dict[str, Array]]] = []
         for pose in self._assemblies_at(self.pivots.at(angle)):
-            points = self._points(np.array([angle]), np.array([pose[0]]), np.array([pose[1]]))
-            here = {name: link_frames.point(p).position[0] for name, p in points.items()}
+            here = {name: xyz(point) for name, point in self._points(angle, *pose).items()}
             gaps = [max(float(np.abs(here[name] - other[name]).max()) for name in here) for _, other in known]
             near = int(np.argmin(gaps)) if gaps else None
             matched = near is not None and gaps[near] < 1e-6 * self._longest
@@ -190,41 +225,35 @@ class WarpKnitter(ClosedForm):
         size = np.maximum(abs(force), np.finfo(np.float64).tiny)
         return np.arcsin(np.minimum(abs(cross(force, e6)) / size, 1.0))
 
-    def _motion(self, angles: Array, speed: Array, acceleration: Array, detail: Detail) -> Motion:
-        if self._path is None:
-            place = turn = np.full(angles.shape, np.nan + 0j)
-        else:
-            place, turn = self._path.poses(angles)
-        points = self._points(angles, place, turn)
-        if detail == "places":
-            still = {name: link_frames.point(point) for name, point in points.items()}
-            return Motion("closed form", angles, speed, acceleration, still)
-        a, _, _, d, _ = (point[0] + 1j * point[1] for point in points.values())
-        e, ratio = complex(*self.pivot_rocker), self.gear_ratio
-        vectors = leg_vectors(place, turn, [a, d, e], self.platform)
-        arm2 = d - complex(*self.pivot2)
-        a_v, d_v = 1j * speed * a, 1j * ratio * speed * arm2
-        a_a = (1j * acceleration - speed**2) * a
-        d_a = (1j * ratio * acceleration - (ratio * speed) ** 2) * arm2
-        still = np.zeros_like(a)
-        v, spin, pull_at, pull = rates(turn, vectors, self.platform, (a_v, d_v, still), (a_a, d_a, still))
-        arms = [turn * point for point in self.platform]
-        on_base = [(v + 1j * spin * arm, pull_at + (1j * pull - spin**2) * arm) for arm in arms]
-        moves = [(a_v, a_a), on_base[0], on_base[1], (d_v, d_a), on_base[2]]
-        motions = {
-            name: link_frames.point(point, xyz(velocity), xyz(rate))
-            for (name, point), (velocity, rate) in zip(points.items(), moves, strict=True)
-        }
-        if detail == "rates":
-            return Motion("closed form", angles, speed, acceleration, motions)
-        links, joints = link_motions(self, angles, speed, acceleration, motions, turn, spin, pull)
-        return Motion("closed form", angles, speed, acceleration, motions, links, joints)
-
-    def _points(self, angles: Array, place: Any, turn: Any) -> dict[str, Array]:
-        """Return A, B, C, D, K for a pose of the base link, (3, n) each."""
-        a, d, _ = self.pivots.at_all(angles)
+    def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
+        """The base link as the triad carries it; rods and rocker between its points and the pivots."""
+        place, turn = self._base(angle)
+        a, d, e = self.pivots.at_all(angle)
         b, c, k = (place + turn * point for point in self.platform)
-        return {name: xyz(point) for name, point in zip("ABCDK", (a, b, c, d, k), strict=True)}
+        ez = column(EZ)
+        yield "crank1", LinkFrame(column(ORIGIN), x=spun(column(EX), ez, angle), z=ez)
+        turned = self.gear_ratio * angle + self.phase
+        yield "crank2", LinkFrame(column((*self.pivot2, 0.0)), x=spun(column(EX), ez, turned), z=ez)
+        yield "base", LinkFrame(xyz(b), x=xyz(turn), z=ez)
+        yield "rod3", LinkFrame(xyz(a), x=xyz((b - a) / self.rod3), z=ez)
+        yield "rod5", LinkFrame(xyz(d), x=xyz((c - d) / self.rod5), z=ez)
+        yield "rocker", LinkFrame(column((*self.pivot_rocker, 0.0)), x=xyz((k - e) / self.rocker), z=ez)
+
+    def _base(self, angle: Values) -> tuple[Any, Any]:
+        """Return place and turn of the base link, (n,) each."""
+        at = values(angle)
+        if self._path is None:
+            return np.full(at.shape, np.nan + 0j), np.full(at.shape, np.nan + 0j)
+        place, turn = self._path.poses(at)
+        if not isinstance(angle, Jet):
+            return place, turn
+        return carried(place, turn, self.pivots.at_all(angle), self.platform, self.sides)
+
+    def _points(self, angle: float, place: complex, turn: complex) -> dict[str, complex]:
+        """Return A, B, C, D, K at one crank angle for a pose of the base link."""
+        a, d, _ = self.pivots.at(angle)
+        b, c, k = (place + turn * point for point in self.platform)
+        return dict(zip("ABCDK", (a, b, c, d, k), strict=True))
 
     def _assemblies_at(self, pivots: list[complex]) -> list[tuple[complex, complex]]:
         """Return place and turn of the base link in every assembly, by rising angle."""
@@ -238,7 +267,7 @@ class WarpKnitter(ClosedForm):
 
     @cached_property
     def _family(self) -> list[Self]:
-        """This mechanism in every assembly of crank angle 0; kept, for each knows its way."""
+        """This mechanism in every assembly of crank angle 0; kept, for each knows its path."""
         numbers = range(1, 1 + len(self._at_zero))
         return [self if n == self.assembly else replace(self, assembly=n) for n in numbers]
 
@@ -255,123 +284,12 @@ class WarpKnitter(ClosedForm):
         vectors = leg_vectors(place, turn, self.pivots.at(0.0), self.platform)
         return determinant(vectors, moments(vectors, turn, self.platform))
 
-    @cached_property
-    def angles_at_zero(self) -> dict[str, float]:
-        """Angles of the links that are no cranks at crank angle 0, in [rad]."""
-        place, turn = self._at_zero[self.assembly - 1] if self._at_zero else (0j, 1.0 + 0j)
-        vectors = leg_vectors(place, turn, self.pivots.at(0.0), self.platform)
-        names = ("rod3", "rod5", "rocker", "base")
-        return {name: float(np.angle(v)) for name, v in zip(names, [*vectors, turn], strict=True)}
-
     @property
     def _longest(self) -> float:
         return max(*self.sides, *(abs(point) for point in self.platform))
 
     def _reaches(self, angle: float) -> bool:
         return self._path is not None and bool(np.isfinite(self._path.poses(np.array([angle]))[0][0]))
-
-
-def description(drive: WarpKnitter, guess: Mapping[str, Pose], start: float) -> Mechanism:
-    """Return the mechanism of a warp knitter: six links, eight revolute joints and the gears.
-
-    Frames: cranks and rocker at their pivots, rods at their cranks, x along the link; the base link
-    at B as its parameters say.
-    """
-
-    def in_plane(x: float, y: float = 0.0) -> tuple[float, float, float]:
-        return float(x), float(y), 0.0
-
-    places = {
-        ("crank2", GROUND): in_plane(*drive.pivot2),
-        ("rocker", GROUND): in_plane(*drive.pivot_rocker),
-        ("A", "crank1"): in_plane(drive.crank1),
-        ("D", "crank2"): in_plane(drive.crank2),
-        ("B", "rod3"): in_plane(drive.rod3),
-        ("C", "rod5"): in_plane(drive.rod5),
-        ("C", "base"): in_plane(*drive.base_c),
-        ("K", "base"): in_plane(*drive.base_k),
-        ("K", "rocker"): in_plane(drive.rocker),
-    }
-
-    def end(joint: str, link: str) -> End:
-        return End(link, places.get((joint, link), in_plane(0.0)))
-
-    points = {"A": "crank1", "B": "base", "C": "base", "D": "crank2", "K": "base"}
-    return Mechanism(
-        name=drive.name,
-        links=tuple(Link(name) for name in ("crank1", "crank2", "rod3", "rod5", "base", "rocker")),
-        joints=tuple(Joint(name, "revolute", end(name, a), end(name, b)) for name, (a, b) in JOINED.items()),
-        driver="crank",
-        points={name: (link, places.get((name, link), in_plane(0.0))) for name, link in points.items()},
-        gears=(Gear("crank", "crank2", drive.gear_ratio, drive.phase),),
-        guess=guess,
-        start=start,
-    )
-
-
-def link_motions(
-    drive: WarpKnitter,
-    angles: Array,
-    speed: Array,
-    acceleration: Array,
-    points: Mapping[str, PointMotion],
-    turn: NDArray[np.complex128],
-    spin: Array,
-    pull: Array,
-) -> tuple[dict[str, LinkMotion], dict[str, JointMotion]]:
-    """Return the motions of links and joints, given those of the points and of the base link.
-
-    Angles of cranks are not wrapped; those of the other links are counted within half a turn of
-    where they stand at crank angle 0, so that links that only rock never jump.
-    """
-    still = np.zeros((3, len(angles)))
-    fixed = {
-        name: link_frames.point(still + np.array([[x], [y], [0.0]]))
-        for name, (x, y) in {"O1": (0.0, 0.0), "O2": drive.pivot2, "E": drive.pivot_rocker}.items()
-    }
-    places = {**points, **fixed}
-    ratio = drive.gear_ratio
-    turned: dict[str, tuple[Array, Array, Array]] = {
-        "crank1": (angles, speed, acceleration),
-        "crank2": (ratio * angles + drive.phase, ratio * speed, ratio * acceleration),
-    }
-    links: dict[str, LinkMotion] = {}
-    bars = {
-        "crank1": ("O1", "A", drive.crank1),
-        "crank2": ("O2", "D", drive.crank2),
-        "rod3": ("A", "B", drive.rod3),
-        "rod5": ("D", "C", drive.rod5),
-        "rocker": ("E", "K", drive.rocker),
-    }
-    for name, (near, far, size) in bars.items():
-        a, b = places[near], places[far]
-        rod, rod_v = (b.position - a.position).T, (b.velocity - a.velocity).T
-        if name not in turned:
-            rates = link_frames.planar_turn(rod, rod_v, (b.acceleration - a.acceleration).T)
-            turned[name] = np.arctan2(rod[1], rod[0]), *rates
-        links[name] = link_frames.planar_link(a, rod / size, *turned[name][1:])
-    turned["base"] = np.angle(turn), spin, pull
-    ahead = np.stack([turn.real, turn.imag, still[0]])
-    links["base"] = link_frames.planar_link(points["B"], ahead, spin, pull)
-    order = ("crank1", "crank2", "rod3", "rod5", "base", "rocker")
-    return {name: links[name] for name in order}, _joint_motions(drive, turned)
-
-
-def _joint_motions(
-    drive: WarpKnitter, turned: dict[str, tuple[Array, Array, Array]]
-) -> dict[str, JointMotion]:
-    counted = dict(turned)
-    for name, zero in drive.angles_at_zero.items():
-        value, rate, pull = turned[name]
-        counted[name] = zero + (value - zero + np.pi) % (2.0 * np.pi) - np.pi, rate, pull
-    nothing = np.zeros_like(turned["base"][0])
-    counted[GROUND] = nothing, nothing, nothing
-
-    def relative(a: str, b: str) -> JointMotion:
-        value, rate, pull = (there - here for here, there in zip(counted[a], counted[b], strict=True))
-        return JointMotion(value, rate, pull)
-
-    return {joint: relative(a, b) for joint, (a, b) in JOINED.items()}
 
 
 def period_of(ratio: float) -> float | None:

@@ -1,114 +1,134 @@
-"""Building link motions from component-first vectors: what the closed forms share."""
+"""Frames of links, at rest or in motion, and what follows from them: points, joint coordinates, turning.
+
+A frame is made of arrays, which gives poses, or of jets, which gives the motion too.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.vector_method.vectors import cross, dot
-from mechsim.model.mechanism import Vector
-from mechsim.model.motion import LinkMotion, PointMotion
+from mechsim.analytic.vector_method.jets import Jet, Values, values
+from mechsim.analytic.vector_method.vectors import column, cross, dot
+from mechsim.model.mechanism import EX, EY, EZ, Joint, Vector
+from mechsim.model.motion import JointMotion, LinkMotion, PointMotion
 
 Array = NDArray[np.float64]
-STILL = np.zeros((3, 1))
 
 
-def vector(values: Array) -> Vector:
+@dataclass(frozen=True)
+class LinkFrame:
+    """A link's origin and axes in the ground frame, (3, n) each, or (3, 1) where they never move.
+
+    One axis may be left out: it is the vector product of the other two, made when asked for.
+    """
+
+    origin: Values
+    x: Values | None = None
+    y: Values | None = None
+    z: Values | None = None
+
+    def axis(self, i: int) -> Any:
+        """Return axis x, y or z by number."""
+        given = self._given[i]
+        return self._third if given is None else given
+
+    @property
+    def _given(self) -> tuple[Any, Any, Any]:
+        return self.x, self.y, self.z
+
+    @cached_property
+    def _third(self) -> Any:
+        i = next(i for i in range(3) if self._given[i] is None)
+        return cross(self.axis((i + 1) % 3), self.axis((i + 2) % 3))
+
+    def direction(self, local: Vector) -> Any:
+        """Return a vector given in the link's frame, (3, n)."""
+        parts = [part * self.axis(i) for i, part in enumerate(local) if part]
+        return sum(parts[1:], parts[0]) if parts else np.zeros((3, 1))
+
+    def point(self, local: Vector) -> Any:
+        """Return the place of a point given in the link's frame, (3, n) in [m]."""
+        return self.origin + self.direction(local) if any(local) else self.origin
+
+    def rotation(self, n: int) -> Array:
+        """Return the matrices whose columns are the axes, (n, 3, 3)."""
+        rest = LinkFrame(self.origin, *(None if axis is None else values(axis) for axis in self._given))
+        matrix = np.empty((3, 3, n))
+        for i in range(3):
+            matrix[:, i] = rest.axis(i)
+        return np.moveaxis(matrix, -1, 0)
+
+    def turning(self) -> tuple[Array, Array]:
+        """Return angular velocity and acceleration, (3, n) or (3, 1) each.
+
+        Source: for axes e, e' = w x e, so that the sum of e x e' is 2 w and that of e x e'' is 2 w'. A
+        link with an axis that never moves turns about it.
+        """
+        moving = [axis for axis in self._given if isinstance(axis, Jet)]
+        fixed = [axis for axis in self._given if isinstance(axis, np.ndarray)]
+        if not moving:
+            return np.zeros((3, 1)), np.zeros((3, 1))
+        if fixed:
+            axis, across = fixed[0], cross(fixed[0], moving[0].value)
+            return axis * dot(across, moving[0].rate), axis * dot(across, moving[0].second)
+        axes = [self.axis(i) for i in range(3)]
+        spin = [cross(axis.value, axis.rate) for axis in axes]
+        acceleration = [cross(axis.value, axis.second) for axis in axes]
+        return 0.5 * np.sum(spin, 0), 0.5 * np.sum(acceleration, 0)
+
+
+GROUND_FRAME = LinkFrame(np.zeros((3, 1)), column(EX), column(EY), column(EZ))
+
+
+def vector(numbers: Array) -> Vector:
     """Return three numbers of an array as a plain tuple."""
-    x, y, z = (float(value) for value in values)
+    x, y, z = (float(number) for number in numbers)
     return x, y, z
 
 
-def point(position: Array, velocity: Array = STILL, acceleration: Array = STILL) -> PointMotion:
-    """Return the motion of a point from (3, n) vectors; fields are (n, 3) views."""
-    shape = position.shape
-    return PointMotion(position.T, np.broadcast_to(velocity, shape).T, np.broadcast_to(acceleration, shape).T)
+def place(position: Values, n: int) -> Array:
+    """Return a place, (3, n) or (3, 1), as the rows of a motion, (n, 3)."""
+    return np.broadcast_to(values(position), (3, n)).T
 
 
-def link(origin: PointMotion, axes: tuple[Array, Array, Array], spin: Array, pull: Array) -> LinkMotion:
-    """Return a link's motion from origin, three axes, angular velocity and acceleration, (3, n) each."""
-    n = len(origin.position)
-    rotation = np.empty((3, 3, n))
-    for column, axis in enumerate(axes):
-        rotation[:, column] = axis
+def point_motion(position: Values, n: int) -> PointMotion:
+    """Return the motion of a point, fields (n, 3)."""
+    if not isinstance(position, Jet):
+        nothing = np.zeros((n, 3))
+        return PointMotion(place(position, n), nothing, nothing)
+    return PointMotion(place(position, n), place(position.rate, n), place(position.second, n))
+
+
+def link_motion(frame: LinkFrame, n: int) -> LinkMotion:
+    """Return the motion of a link, fields (n, 3) and (n, 3, 3)."""
+    origin, (spin, acceleration) = point_motion(frame.origin, n), frame.turning()
     return LinkMotion(
         origin.position,
-        np.moveaxis(rotation, -1, 0),
+        frame.rotation(n),
         origin.velocity,
-        np.broadcast_to(spin, (3, n)).T,
+        place(spin, n),
         origin.acceleration,
-        np.broadcast_to(pull, (3, n)).T,
+        place(acceleration, n),
     )
 
 
-def pinned_link(origin: Array, ahead: Array, axis: Array, spin: Array, pull: Array) -> LinkMotion:
-    """Return the motion of a link that turns about a fixed axis through its origin.
-
-    Args:
-        origin: (3, 1) in [m].
-        ahead: the link's x axis, (3, n) unit vectors.
-        axis: the link's z axis and axis of turning, (3, 1) unit vector.
-        spin: angular velocity about it, (n,).
-        pull: angular acceleration about it, (n,).
-    """
-    place = point(np.broadcast_to(origin, ahead.shape))
-    return link(place, (ahead, cross(axis, ahead), axis), spin * axis, pull * axis)
+def joint_coordinate(joint: Joint, a: LinkFrame, b: LinkFrame) -> Any:
+    """Return the coordinate of a joint that has one between two frames, (n,) in [m] or in (-pi, pi] rad."""
+    mark, side, axis = (vector(local) for local in joint.a.frame.T)
+    if joint.kind == "prismatic":
+        return dot(b.point(joint.b.point) - a.point(joint.a.point), a.direction(axis))
+    assert joint.b.mark is not None
+    seen = b.direction(joint.b.mark)
+    return np.arctan2(dot(a.direction(side), seen), dot(a.direction(mark), seen))
 
 
-def planar_link(origin: PointMotion, ahead: Array, spin: Array, pull: Array) -> LinkMotion:
-    """Return the motion of a link that moves in the XY plane with its x axis along `ahead`, (3, n)."""
-    ez = np.array([[0.0], [0.0], [1.0]])
-    return link(origin, (ahead, cross(ez, ahead), ez), spin * ez, pull * ez)
-
-
-def rocker_rates(
-    axis: Array, arm: Array, rod: Array, driving_v: Array, driving_a: Array
-) -> tuple[Array, Array]:
-    """Return angular velocity and acceleration of a rocker pulled by a rod, (n,) each.
-
-    Args:
-        axis: the rocker's axis, (3, 1) unit vector.
-        arm: from the rocker's pivot to the rod, (3, n).
-        rod: from the driving point to the rocker's, (3, n).
-        driving_v: velocity of the driving point, (3, n); `driving_a` its acceleration.
-
-    Source: the loop |rod| = constant, differentiated once and twice by time.
-    """
-    across = cross(axis, arm)
-    lever = dot(rod, across)
-    spin = dot(rod, driving_v) / lever
-    gap_v = spin * across - driving_v
-    pull = (dot(rod, driving_a + spin**2 * arm) - dot(gap_v, gap_v)) / lever
-    return spin, pull
-
-
-def guided_spin(
-    x: Array, x_v: Array, x_a: Array, pin: Array, guide: Array, crank_spin: Array, crank_pull: Array
-) -> tuple[Array, Array]:
-    """Return angular velocity and acceleration of a rod whose guide keeps its angle to a pin.
-
-    Args:
-        x: unit vector along the rod, and its first two rates `x_v`, `x_a`, (3, n).
-        pin: unit vector of the pin, fixed in the crank, (3, n).
-        guide: unit vector fixed in the rod, at a constant angle to the pin, (3, n).
-        crank_spin: angular velocity of the crank, (3, n); `crank_pull` its acceleration.
-
-    Source: (spin - crank_spin) . (guide x pin) = 0, the rate of paper 000, eq. (29), and its own rate.
-    """
-    normal = cross(guide, pin)
-    bend = cross(x, x_v)
-    roll = dot(crank_spin - bend, normal) / dot(x, normal)
-    spin = bend + roll * x
-    normal_v = cross(cross(spin, guide), pin) + cross(guide, cross(crank_spin, pin))
-    bend_v = cross(x, x_a) + roll * x_v
-    free = dot(crank_pull - bend_v, normal) - dot(spin - crank_spin, normal_v)
-    return spin, bend_v + free / dot(x, normal) * x
-
-
-def planar_turn(rod: Array, rod_v: Array, rod_a: Array) -> tuple[Array, Array]:
-    """Return angular velocity and acceleration of a rod of constant length in the XY plane, (n,) each.
-
-    Args:
-        rod: from one end to the other, (3, n); `rod_v` and `rod_a` its first two rates.
-    """
-    length2 = rod[0] * rod[0] + rod[1] * rod[1]
-    spin = (rod[0] * rod_v[1] - rod[1] * rod_v[0]) / length2
-    return spin, (rod[0] * rod_a[1] - rod[1] * rod_a[0]) / length2
+def joint_motion(joint: Joint, coordinate: Values, n: int) -> JointMotion:
+    """Return the motion of a joint from its coordinate."""
+    unit = "m" if joint.kind == "prismatic" else "rad"
+    if not isinstance(coordinate, Jet):
+        coordinate = Jet(coordinate, np.zeros(1), np.zeros(1))
+    value, rate, second = coordinate.value, coordinate.rate, coordinate.second
+    return JointMotion(np.broadcast_to(value, n), np.broadcast_to(rate, n), np.broadcast_to(second, n), unit)

@@ -1,9 +1,11 @@
-"""Vectors of a plane as complex numbers x + iy, single or in arrays."""
+"""Vectors of a plane as complex numbers x + iy, single, in arrays or in jets."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from mechsim.analytic.vector_method.jets import Jet
 
 Array = NDArray[np.float64]
 
@@ -13,8 +15,10 @@ def flat(point: Array) -> Any:
     return point[..., 0] + 1j * point[..., 1]
 
 
-def xyz(point: Any) -> Array:
+def xyz(point: Any) -> Any:
     """Return points of the plane as (3, n) vectors."""
+    if isinstance(point, Jet):
+        return Jet(xyz(point.value), xyz(point.rate), xyz(point.second))
     return np.stack([point.real, point.imag, np.zeros_like(point.real)])
 
 

@@ -1,10 +1,10 @@
-"""A planar link held by three legs: leg vectors, Jacobian, closing, rates.
+"""A planar link held by three legs: leg vectors, Jacobian, closing, motion.
 
 Link 4 of a class III triad carries three points; each is tied by a leg of given length to a pivot
 whose place is known. Points of the plane are complex numbers, x + iy. A pose of the link is its
 place (of the origin of its frame) and its turn exp(i theta). Whatever concerns the three legs is a
-sequence of three, of numbers or of arrays, so that the same few lines serve one pose and a hundred
-thousand.
+sequence of three, of numbers, arrays or jets, so that the same few lines serve one pose, a hundred
+thousand, and their motion.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.vector_method.plane import cross, dot
+from mechsim.analytic.vector_method.jets import revalued, still
+from mechsim.analytic.vector_method.plane import cross
 
 Three = Sequence[Any]  # one entry a leg: complex or float, number or array
 
@@ -69,31 +70,7 @@ def close(place: Any, turn: Any, pivots: Three, platform: Three, legs: Three, st
     return place, turn
 
 
-def rates(
-    turn: Any, vectors: Three, platform: Three, pivot_v: Three, pivot_a: Three
-) -> tuple[Any, Any, Any, Any]:
-    """Return velocity, angular velocity, acceleration and angular acceleration of link 4's origin.
-
-    Args:
-        turn: exp(i theta), (n,).
-        vectors: the legs, from pivot to link, (3, n).
-        platform: points of link 4 in its frame.
-        pivot_v: velocities of the pivots, (3, n); `pivot_a` their accelerations.
-
-    Source: leg . (rate of leg) = 0 and its own rate, three linear equations each.
-    """
-    arms = [turn * b for b in platform]
-    shift, turning = inverse(vectors, moments(vectors, turn, platform))
-
-    def solved(right: Three) -> tuple[Any, Any]:
-        return (
-            sum(column * value for column, value in zip(shift, right, strict=True)),
-            sum(column * value for column, value in zip(turning, right, strict=True)),
-        )
-
-    velocity, spin = solved([dot(leg, v) for leg, v in zip(vectors, pivot_v, strict=True)])
-    right = []
-    for leg, arm, v, a in zip(vectors, arms, pivot_v, pivot_a, strict=True):
-        gap_v = velocity + 1j * spin * arm - v
-        right.append(dot(leg, a + spin**2 * arm) - abs(gap_v) ** 2)
-    return velocity, spin, *solved(right)
+def carried(place: Any, turn: Any, pivots: Three, platform: Three, legs: Three) -> tuple[Any, Any]:
+    """Return a closed pose as jets, from the pivots as jets: two Newton steps, which give one rate each."""
+    moved = close(still(place), still(turn), pivots, platform, legs, steps=2)
+    return revalued(moved[0], place), revalued(moved[1], turn)

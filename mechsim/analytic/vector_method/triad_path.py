@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.analytic.vector_method.jets import Values
 from mechsim.analytic.vector_method.triad_legs import close, determinant, inverse, leg_vectors, moments
 from mechsim.errors import AssemblyError
 
@@ -48,8 +49,8 @@ class Pivots:
         parts = zip(self.centres, self.cranks, self.ratios, self.phases, strict=True)
         return [centre + cmath.rect(crank, ratio * angle + phase) for centre, crank, ratio, phase in parts]
 
-    def at_all(self, angles: Array) -> list[Any]:
-        """Return the pivots at many crank angles, three (n,)."""
+    def at_all(self, angles: Values) -> list[Any]:
+        """Return the pivots at many crank angles, three (n,); as jets if the angles are one."""
         parts = zip(self.centres, self.cranks, self.ratios, self.phases, strict=True)
         return [
             centre + crank * np.exp(1j * (ratio * angles + phase)) for centre, crank, ratio, phase in parts

@@ -3,10 +3,16 @@
 A polynomial is c0 + c1 cos t + s1 sin t + c2 cos 2t + s2 sin 2t; coefficients are (5, n) in that order.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.analytic.vector_method.jets import Values, cos_sin
+
 Array = NDArray[np.float64]
+# one for each harmonic; as an array they are stacked, (5, n)
+Coefficients = tuple[Values | float, Values | float, Values | float, Values | float, Values | float]
 EPS = np.finfo(np.float64).eps
 
 # an eigenvalue this near the real line may be a double root that rounding has split (1e-8)
@@ -15,10 +21,10 @@ NEARLY_REAL = 1e-5
 LEFT_OVER = 64.0 * EPS
 
 
-def value(coefficients: Array, t: Array) -> Array:
-    """Return the polynomials at angles, (5, n) and (..., n) -> (..., n)."""
+def value(coefficients: Array | Coefficients, t: Values) -> Any:
+    """Return the polynomials at angles, (5, n) and (..., n) -> (..., n); in jets if either is."""
     c0, c1, s1, c2, s2 = coefficients
-    c, s = np.cos(t), np.sin(t)
+    c, s = cos_sin(t)
     return c0 - c2 + c * (c1 + 2.0 * (c2 * c + s2 * s)) + s1 * s
 
 

@@ -1,13 +1,15 @@
 """The vector method: turning, triangle angles and unit vectors at given angles, on arrays of vectors.
 
 Vectors are stored component first, shape (3,) or (3, n): whole-array operations on each component
-are what makes the closed forms fast. Angles are in [rad].
+are what makes the closed forms fast. Angles are in [rad]. What takes `Values` works on jets too.
 """
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from mechsim.analytic.vector_method.jets import Values, cos_sin, product, revalued, values
 
 Array = NDArray[np.float64]
 Sign = Literal[1, -1]
@@ -16,21 +18,17 @@ Sign = Literal[1, -1]
 ROUNDING = 16.0 * np.finfo(np.float64).eps
 
 
-def dot(a: Array, b: Array) -> Array:
+def dot(a: Values, b: Values) -> Any:
     """Return the scalar product of vectors, (3, ...) and (3, ...) -> (...)."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return product(_dot, a, b)
 
 
-def cross(a: Array, b: Array) -> Array:
+def cross(a: Values, b: Values) -> Any:
     """Return the vector product of vectors, (3, ...) and (3, ...) -> (3, ...)."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    np.subtract(a[1] * b[2], a[2] * b[1], out=out[0, ...])
-    np.subtract(a[2] * b[0], a[0] * b[2], out=out[1, ...])
-    np.subtract(a[0] * b[1], a[1] * b[0], out=out[2, ...])
-    return out
+    return product(_cross, a, b)
 
 
-def norm(a: Array) -> Array:
+def norm(a: Values) -> Any:
     """Return the length of vectors, (3, ...) -> (...)."""
     return np.sqrt(dot(a, a))
 
@@ -52,6 +50,18 @@ def rotation(axis: Literal["x", "y", "z"], angle: float) -> Array:
     matrix[j, j] = matrix[k, k] = c
     matrix[k, j], matrix[j, k] = s, -s
     return matrix
+
+
+def spun(mark: Array, axis: Array, angle: Values) -> Any:
+    """Return a unit vector turned about an axis across it, (3, n).
+
+    Args:
+        mark: the vector at angle zero, (3, 1).
+        axis: unit vector, (3, 1).
+        angle: anticlockwise seen from the tip of the axis, (n,) in [rad].
+    """
+    c, s = cos_sin(angle)
+    return c * mark + s * cross(axis, mark)
 
 
 def turn(vector: Array, about: Array, angle: ArrayLike, length: ArrayLike | None = None) -> Array:
@@ -103,7 +113,7 @@ def triangle_angle(l1: ArrayLike, l2: ArrayLike, l3: ArrayLike) -> Array:
     return np.where(possible, 2.0 * np.arctan2(np.sqrt(ratio[0]), np.sqrt(ratio[1])), np.nan)
 
 
-def unit_at_angles(v1: Array, v2: Array, angle1: ArrayLike, angle2: ArrayLike, sign: Sign) -> Array:
+def unit_at_angles(v1: Values, v2: Values, angle1: ArrayLike, angle2: ArrayLike, sign: Sign) -> Any:
     """Return the unit vector at `angle1` to `v1` and `angle2` to `v2`.
 
     Args:
@@ -128,18 +138,18 @@ def unit_at_angles(v1: Array, v2: Array, angle1: ArrayLike, angle2: ArrayLike, s
     c1, c2 = np.cos(angle1), np.cos(angle2)
     a, b = (c1 - g * c2) / s2, (c2 - g * c1) / s2
     h2 = 1.0 - (a * a + b * b + 2.0 * a * b * g)
-    h = np.sqrt(np.where(h2 >= -ROUNDING, np.maximum(h2, 0.0), np.nan) / s2)
+    h = np.sqrt(_possible(h2) / s2)
     return a * u1 + b * u2 + sign * h * n
 
 
 def circle_sphere(
-    centre: Array, axis: Array, radius: float, sphere_centre: Array, sphere_radius: float, sign: Sign
-) -> Array:
+    centre: Values, axis: Values, radius: float, sphere_centre: Values, sphere_radius: float, sign: Sign
+) -> Any:
     """Return where a circle meets a sphere.
 
     Args:
-        centre: centre of the circle, (3, 1).
-        axis: unit normal of its plane, (3, 1).
+        centre: centre of the circle, (3, 1) or (3, n).
+        axis: unit normal of its plane, (3, 1) or (3, n).
         radius: of the circle.
         sphere_centre: centre of the sphere, (3, n).
         sphere_radius: of the sphere.
@@ -162,13 +172,27 @@ def circle_sphere(
         2.0 * radius * reach
     )
     ahead = flat / reach
-    return (1.0 - off) * ahead + sign * _root(off * (2.0 - off)) * cross(ahead, axis)
+    return (1.0 - off) * ahead + sign * np.sqrt(_possible(off * (2.0 - off))) * cross(ahead, axis)
 
 
-def sine_of(cosine: Array) -> Array:
+def sine_of(cosine: Values) -> Any:
     """Return the positive sine that goes with a cosine; NaN where it is beyond +-1 by more than rounding."""
-    return _root((1.0 - cosine) * (1.0 + cosine))
+    return np.sqrt(_possible((1.0 - cosine) * (1.0 + cosine)))
 
 
-def _root(square: Array) -> Array:
-    return np.sqrt(np.where(square >= -ROUNDING, np.maximum(square, 0.0), np.nan))
+def _possible(square: Values) -> Any:
+    """Return a squared sine rid of rounding below zero; NaN where it is negative by more."""
+    given = values(square)
+    return revalued(square, np.where(given >= -ROUNDING, np.maximum(given, 0.0), np.nan))
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _cross(a: Array, b: Array) -> Array:
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    np.subtract(a[1] * b[2], a[2] * b[1], out=out[0, ...])
+    np.subtract(a[2] * b[0], a[0] * b[2], out=out[1, ...])
+    np.subtract(a[0] * b[1], a[1] * b[0], out=out[2, ...])
+    return out

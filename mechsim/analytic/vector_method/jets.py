@@ -1,0 +1,188 @@
+"""Jets: a quantity with its first and second rate by time, carried through the formula of the quantity.
+
+A position function written with + - * /, `np.sqrt`, `np.sin`, `np.cos`, `np.exp`, `np.arctan2` and the
+functions of `vectors` runs on plain arrays, which gives places, and on jets, which gives the motion.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Jet:
+    """A quantity and its first two rates; arrays that broadcast against each other, real or complex."""
+
+    __slots__ = ("rate", "second", "value")
+
+    def __init__(self, value: Any, rate: Any, second: Any):
+        self.value, self.rate, self.second = value, rate, second
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        rule = RULES.get(ufunc)
+        return NotImplemented if rule is None or method != "__call__" or options else rule(*inputs)
+
+    def __getitem__(self, index: Any) -> "Jet":
+        return Jet(self.value[index], self.rate[index], self.second[index])
+
+    def __neg__(self) -> "Jet":
+        return Jet(-self.value, -self.rate, -self.second)
+
+    def __add__(self, other: "Values | complex") -> "Jet":
+        if isinstance(other, Jet):
+            return Jet(self.value + other.value, self.rate + other.rate, self.second + other.second)
+        return Jet(self.value + other, self.rate, self.second)
+
+    def __sub__(self, other: "Values | complex") -> "Jet":
+        if isinstance(other, Jet):
+            return Jet(self.value - other.value, self.rate - other.rate, self.second - other.second)
+        return Jet(self.value - other, self.rate, self.second)
+
+    def __rsub__(self, other: "Array | complex") -> "Jet":
+        return Jet(other - self.value, -self.rate, -self.second)
+
+    def __mul__(self, other: "Values | complex") -> "Jet":
+        if isinstance(other, Jet):
+            a, b, c = self.value, self.rate, self.second
+            u, v, w = other.value, other.rate, other.second
+            if other is self:
+                return Jet(a * a, 2.0 * (a * b), 2.0 * (a * c + b * b))
+            return Jet(a * u, a * v + b * u, a * w + (2.0 * b) * v + c * u)
+        return Jet(self.value * other, self.rate * other, self.second * other)
+
+    def __truediv__(self, other: "Values | complex") -> "Jet":
+        if isinstance(other, Jet):
+            value = self.value / other.value
+            rate = (self.rate - value * other.rate) / other.value
+            second = (self.second - (2.0 * rate) * other.rate - value * other.second) / other.value
+            return Jet(value, rate, second)
+        return Jet(self.value / other, self.rate / other, self.second / other)
+
+    def __rtruediv__(self, other: "Array | complex") -> "Jet":
+        value = other / self.value
+        rate = -value * self.rate / self.value
+        return Jet(value, rate, -((2.0 * rate) * self.rate + value * self.second) / self.value)
+
+    def __pow__(self, power: int) -> "Jet":
+        if power != 2:
+            raise ValueError(f"a jet to the power {power} is not known; write it as products")
+        return self * self
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __abs__(self) -> "Jet":
+        return np.sqrt(self.real * self.real + self.imag * self.imag)
+
+    @property
+    def real(self) -> "Jet":
+        """The real part of a complex jet."""
+        return Jet(self.value.real, self.rate.real, self.second.real)
+
+    @property
+    def imag(self) -> "Jet":
+        """The imaginary part of a complex jet."""
+        return Jet(self.value.imag, self.rate.imag, self.second.imag)
+
+    def conjugate(self) -> "Jet":
+        """Return the complex conjugate."""
+        return Jet(self.value.conjugate(), self.rate.conjugate(), self.second.conjugate())
+
+
+Values = Array | Jet
+
+
+def values(x: Values) -> Array:
+    """Return the quantity without its rates."""
+    return x.value if isinstance(x, Jet) else x
+
+
+def product(multiply: Callable[[Array, Array], Array], a: Values, b: Values) -> Any:
+    """Return a bilinear product of arrays or jets, such as a scalar or vector product."""
+    if not isinstance(a, Jet):
+        if not isinstance(b, Jet):
+            return multiply(a, b)
+        return Jet(multiply(a, b.value), multiply(a, b.rate), multiply(a, b.second))
+    if not isinstance(b, Jet):
+        return Jet(multiply(a.value, b), multiply(a.rate, b), multiply(a.second, b))
+    if a is b:
+        return Jet(
+            multiply(a.value, a.value),
+            2.0 * multiply(a.value, a.rate),
+            2.0 * (multiply(a.value, a.second) + multiply(a.rate, a.rate)),
+        )
+    return Jet(
+        multiply(a.value, b.value),
+        multiply(a.value, b.rate) + multiply(a.rate, b.value),
+        multiply(a.value, b.second) + 2.0 * multiply(a.rate, b.rate) + multiply(a.second, b.value),
+    )
+
+
+def cos_sin(angle: Values) -> tuple[Any, Any]:
+    """Return cosine and sine of angles in [rad]."""
+    c, s = np.cos(values(angle)), np.sin(values(angle))
+    return (_composed(angle, c, -s, -c), _composed(angle, s, c, -s)) if isinstance(angle, Jet) else (c, s)
+
+
+def revalued(x: Values, value: Array) -> Any:
+    """Return the quantity with another value, such as one rid of rounding, and its own rates."""
+    return Jet(value, x.rate, x.second) if isinstance(x, Jet) else value
+
+
+def still(value: Array) -> Jet:
+    """Return a quantity that does not change."""
+    return Jet(value, np.zeros_like(value), np.zeros_like(value))
+
+
+def root(residual: Callable[[Jet], Jet], found: Array, slope: Array) -> Jet:
+    """Return a root, found numerically, as a jet: two Newton steps in jets, which give one rate each.
+
+    Args:
+        residual: what vanishes at the root, in jets.
+        found: the root, (n,).
+        slope: derivative of the residual by the root, (n,).
+    """
+    at = still(found)
+    for _ in range(2):
+        at = at - residual(at) / slope
+    return revalued(at, found)
+
+
+def _composed(x: Jet, value: Array, slope: Array, bend: Array) -> Jet:
+    """Return a function of a jet from the function's value and first two derivatives there."""
+    return Jet(value, slope * x.rate, slope * x.second + bend * (x.rate * x.rate))
+
+
+def _sqrt(x: Jet) -> Jet:
+    value = np.sqrt(x.value)
+    over = 0.5 / value
+    rate = x.rate * over
+    return Jet(value, rate, x.second * over - rate * rate / value)
+
+
+def _exp(x: Jet) -> Jet:
+    value = np.exp(x.value)
+    return _composed(x, value, value, value)
+
+
+def _arctan2(y: Jet, x: Jet) -> Jet:
+    """The rate is (x y' - y x') / r2 with r2 = x2 + y2; the second rate follows from it as a quotient."""
+    r2 = x.value * x.value + y.value * y.value
+    rate = (x.value * y.rate - y.value * x.rate) / r2
+    second = x.value * y.second - y.value * x.second - 2.0 * rate * (x.value * x.rate + y.value * y.rate)
+    return Jet(np.arctan2(y.value, x.value), rate, second / r2)
+
+
+RULES: dict[np.ufunc, Callable[..., Jet]] = {
+    np.add: lambda a, b: b + a,
+    np.subtract: lambda a, b: b.__rsub__(a),
+    np.multiply: lambda a, b: b * a,
+    np.true_divide: lambda a, b: b.__rtruediv__(a),
+    np.sqrt: _sqrt,
+    np.sin: lambda x: cos_sin(x)[1],
+    np.cos: lambda x: cos_sin(x)[0],
+    np.exp: _exp,
+    np.arctan2: _arctan2,
+}

@@ -1,0 +1,107 @@
+"""Jets carry both rates through every operation: fifty digits, and the same places as arrays."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from mpmath import mp
+
+from mechsim.analytic.vector_method import jets, vectors
+from mechsim.analytic.vector_method.jets import Jet
+
+EPS = np.finfo(np.float64).eps
+rates = st.integers(-3000, 3000).map(lambda value: (value + 0.37) * 1e-3)
+sizes = st.integers(200, 3000).map(lambda value: (value + 0.41) * 1e-3)
+series = st.tuples(sizes, rates, rates)
+
+IN_NUMPY = SimpleNamespace(sqrt=np.sqrt, sin=np.sin, cos=np.cos, exp=np.exp, arctan2=np.arctan2)
+IN_DIGITS = SimpleNamespace(sqrt=mp.sqrt, sin=mp.sin, cos=mp.cos, exp=mp.exp, arctan2=mp.atan2)
+# what a formula may be made of; f is the library of functions
+FORMULAS = {
+    "sum": lambda f, x, y: 3.0 + x + y - 2.0 - (y - x) + (1.5 - x),
+    "product": lambda f, x, y: x * y * 2.0 - -x * x,
+    "square": lambda f, x, y: (x + y) ** 2,
+    "quotient": lambda f, x, y: x / y + 2.0 / x - y / 3.0,
+    "root": lambda f, x, y: f.sqrt(x * x + y),
+    "sine": lambda f, x, y: f.sin(x * y),
+    "cosine": lambda f, x, y: f.cos(x + y),
+    "exponential": lambda f, x, y: f.exp(0.5 * x),
+    "direction": lambda f, x, y: f.arctan2(y, x - 1.0),
+}
+
+
+def jet(parts):
+    return Jet(*(np.array([part]) for part in parts))
+
+
+@pytest.mark.parametrize("name", FORMULAS)
+@given(series, series)
+def test_value_and_rates_agree_with_fifty_digits(name, x, y):
+    formula = FORMULAS[name]
+    with mp.workdps(50):
+
+        def at(t):
+            u, v = (mp.mpf(a) + mp.mpf(b) * t + mp.mpf(c) * t * t / 2 for a, b, c in (x, y))
+            return formula(IN_DIGITS, u, v)
+
+        value, first, half_second = (float(part) for part in mp.taylor(at, 0, 2))
+    found = formula(IN_NUMPY, jet(x), jet(y))
+    assume(name != "direction" or np.hypot(x[0] - 1.0, y[0]) > 0.1)
+    scale = 1.0 + max(abs(value), abs(first), abs(2.0 * half_second))
+    for part, expected in ((found.value, value), (found.rate, first), (found.second, 2.0 * half_second)):
+        assert abs(part[0] - expected) <= 1e-11 * scale
+
+
+@given(st.lists(series, min_size=6, max_size=6))
+def test_vector_products_have_the_rates_of_their_components(parts):
+    stacked = [
+        Jet(*(np.array([part[i] for part in three])[:, None] for i in range(3)))
+        for three in (parts[:3], parts[3:])
+    ]
+    a, b = stacked
+    components = [[jet(part) for part in three] for three in (parts[:3], parts[3:])]
+    (a0, a1, a2), (b0, b1, b2) = components
+    by_parts = {
+        "dot": a0 * b0 + a1 * b1 + a2 * b2,
+        "norm": np.sqrt(a0 * a0 + a1 * a1 + a2 * a2),
+        "z of cross": a0 * b1 - a1 * b0,
+    }
+    found = {"dot": vectors.dot(a, b), "norm": vectors.norm(a), "z of cross": vectors.cross(a, b)[2]}
+    for name, expected in by_parts.items():
+        for part in ("value", "rate", "second"):
+            gap = getattr(found[name], part) - getattr(expected, part)
+            assert np.abs(gap).max() <= 1e-12 * (1.0 + np.abs(getattr(expected, part)).max())
+
+
+def test_the_same_formula_gives_the_same_places_on_arrays_and_on_jets():
+    angles = np.linspace(0.1, 6.0, 50)
+    centre, axis = vectors.column((0.02, -0.03, 0.01)), vectors.column((0.6, 0.0, 0.8))
+
+    def point(angle):
+        pin = 0.013 * vectors.spun(vectors.column((0.0, 1.0, 0.0)), vectors.column((1.0, 0.0, 0.0)), angle)
+        return vectors.circle_sphere(centre, axis, 0.027, pin, 0.04, 1)
+
+    assert np.isfinite(point(angles)).all()
+    assert (point(Jet(angles, 1.0, 0.0)).value == point(angles)).all()
+
+
+def test_a_root_found_numerically_gets_both_its_rates():
+    time = np.linspace(0.0, 1.0, 5)
+    offset = Jet(np.sin(time), np.cos(time), -np.sin(time))
+    # t3 + t = offset
+    found = np.array([np.roots([1.0, 0.0, 1.0, -value]).real[-1] for value in offset.value])
+    t = jets.root(lambda t: t * t * t + t - offset, found, 3.0 * found**2 + 1.0)
+    rate = offset.rate / (3.0 * found**2 + 1.0)
+    second = (offset.second - 6.0 * found * rate**2) / (3.0 * found**2 + 1.0)
+    assert (t.value == found).all()
+    assert np.abs(t.rate - rate).max() <= 8 * EPS
+    assert np.abs(t.second - second).max() <= 32 * EPS
+
+
+def test_a_function_without_a_rule_is_refused():
+    with pytest.raises(TypeError):
+        np.tan(jet((1.0, 2.0, 3.0)))
+    with pytest.raises(ValueError, match="write it as products"):
+        jet((1.0, 2.0, 3.0)) ** 3
