@@ -15,7 +15,8 @@ from mechsim.analytic.vector_method.jets import Jet, Values
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME, LinkFrame
 from mechsim.analytic.vector_method.trig_arcs import Arcs, reachable_arcs
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.mechanism import FREEDOMS, GROUND, Mechanism, Pose
+from mechsim.model.joints import KINDS
+from mechsim.model.mechanism import GROUND, Mechanism, Pose
 from mechsim.model.motion import JointMotion, Motion, join
 
 Array = NDArray[np.float64]
@@ -248,7 +249,7 @@ class ClosedForm(ABC):
                 n,
             )
             for joint in whole.joints
-            if FREEDOMS[joint.kind] == 1
+            if KINDS[joint.kind].single
         }
 
     def _require_closed(self, angles: Array, places: Mapping[str, Array]) -> None:

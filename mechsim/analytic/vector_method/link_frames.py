@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.vector_method.jets import Jet, Values, values
 from mechsim.analytic.vector_method.vectors import column, cross, dot
+from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import EX, EY, EZ, Joint, Vector
 from mechsim.model.motion import JointMotion, LinkMotion, PointMotion
 
@@ -118,16 +119,15 @@ def link_motion(frame: LinkFrame, n: int) -> LinkMotion:
 def joint_coordinate(joint: Joint, a: LinkFrame, b: LinkFrame) -> Any:
     """Return the coordinate of a joint that has one between two frames, (n,) in [m] or in (-pi, pi] rad."""
     mark, side, axis = (vector(local) for local in joint.a.frame.T)
-    if joint.kind == "prismatic":
+    if KINDS[joint.kind].slides:
         return dot(b.point(joint.b.point) - a.point(joint.a.point), a.direction(axis))
-    assert joint.b.mark is not None
-    seen = b.direction(joint.b.mark)
+    seen = b.direction(vector(joint.b.frame[:, 0]))
     return np.arctan2(dot(a.direction(side), seen), dot(a.direction(mark), seen))
 
 
 def joint_motion(joint: Joint, coordinate: Values, n: int) -> JointMotion:
     """Return the motion of a joint from its coordinate."""
-    unit = "m" if joint.kind == "prismatic" else "rad"
+    unit = "m" if KINDS[joint.kind].slides else "rad"
     if not isinstance(coordinate, Jet):
         coordinate = Jet(coordinate, np.zeros(1), np.zeros(1))
     value, rate, second = coordinate.value, coordinate.rate, coordinate.second
