@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import InputError, OutputError
+from mechsim.maths.arrays import Array
 from mechsim.model.motion import Motion
 
-Array = NDArray[np.float64]
 Table = dict[str, Array]
 EXTENSIONS = (".csv", ".npz")
 

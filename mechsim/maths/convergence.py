@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.maths.norms import worst
 
-Array = NDArray[np.float64]
 # orders of convergence that two runs may show: beyond the highest, of the methods used, it is chance
 BELIEVED = (1.0, 4.0)
 

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 from mechsim.maths.given import number, numbers, units_remedy
 from mechsim.model.mechanism import Mechanism
 
-Array = NDArray[np.float64]
-TURN = 2.0 * np.pi
 # a crank that cannot turn fully swings over this part of its range
 PART_OF_RANGE = 0.9
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mechsim.maths.arrays import Array
+
 Axis = Literal["a", "b", "x", "y", "z"]
 KindName = Literal["revolute", "prismatic", "cylindrical", "universal", "spherical"]
 

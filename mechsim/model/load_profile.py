@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
 from mechsim.errors import InputError
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 
-Array = NDArray[np.float64]
 Over = Literal["angle", "time"]
-TURN = 2.0 * np.pi
 # how far a table may miss the turn, in [rad], and be drawn to it: angles written with six digits
 WRITTEN = 1e-5
 

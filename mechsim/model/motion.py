@@ -6,16 +6,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import MissingToolError
+from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
 
 if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
-Array = NDArray[np.float64]
 Record = TypeVar("Record")
 Source = Literal["closed form", "loop equations", "pose", "step", "user"]
 

@@ -1,12 +1,10 @@
 """Whether a mechanism is planar: the direction across which each link moves, from the description alone."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.model.joints import COLUMN, KINDS
 from mechsim.model.mechanism import End, Joint, Mechanism
-
-Array = NDArray[np.float64]
 
 # directions this little out of parallel are parallel: frames are made to 1e-16, a real tilt is far larger
 PARALLEL = 1e-9

@@ -3,11 +3,11 @@
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 
-Array = NDArray[np.float64]
 # beyond this a number is a slip of the unit or the exponent, and its square too large for a double
 HUGE = 1e30
 

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
+from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Fluctuation, FreeRun
-
-Array = NDArray[np.float64]
 
 
 def facts(drive: ClosedForm, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:

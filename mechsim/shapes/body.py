@@ -6,8 +6,9 @@ from itertools import combinations
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
-from mechsim.shapes.shape import PALETTE, Array, Rgba
+from mechsim.shapes.shape import PALETTE, Rgba
 
 
 def link_colours(mechanism: Mechanism) -> dict[str, Rgba]:

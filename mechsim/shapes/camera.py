@@ -7,13 +7,12 @@ tells the truth, and framing is exact.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.shapes.planar import planar_normals
 
-Array = NDArray[np.float64]
 PRESETS = ("iso", "shaft", "top", "side")
 
 # share of the picture kept free on each side for labels, scale bar and read-out

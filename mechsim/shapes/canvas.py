@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, End, Joint, Mechanism, joint_coordinate
 from mechsim.model.mechanism import IDENTITY as GROUND_POSE
 from mechsim.shapes.body import link_colours, rod_radius
 from mechsim.shapes.planar import layers_of, planar_normals
-from mechsim.shapes.shape import HOUSING, Array, Kind, Rgba, Shape, vector
+from mechsim.shapes.shape import HOUSING, Kind, Rgba, Shape, vector
 
 
 class Canvas:

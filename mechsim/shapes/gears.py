@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, End, Gear
 from mechsim.shapes.canvas import Canvas, upright_end
-from mechsim.shapes.shape import Array, Shape, pale, vector
+from mechsim.shapes.shape import Shape, pale, vector
 
 
 def gear_pair(canvas: Canvas, gear: Gear) -> None:

@@ -4,11 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from mechsim.maths.arrays import Array
 from mechsim.model.joints import KindName
 from mechsim.model.mechanism import GROUND, End, Joint
 from mechsim.shapes.body import stations
 from mechsim.shapes.canvas import Canvas, upright_end
-from mechsim.shapes.shape import HOUSING, STEEL, Array, Shape, vector
+from mechsim.shapes.shape import HOUSING, STEEL, Shape, vector
 
 
 def revolute(canvas: Canvas, joint: Joint) -> None:

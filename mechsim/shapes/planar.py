@@ -1,9 +1,9 @@
 """Planar mechanisms as they are drawn: flat links in layers, so that they pass one another."""
 
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import plane_normals
 from mechsim.shapes.body import span
-from mechsim.shapes.shape import Array
 
 
 def planar_normals(mechanism: Mechanism) -> dict[str, Array] | None:

@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Vector
 
-Array = NDArray[np.float64]
 Rgba = tuple[float, float, float, float]
 Kind = Literal["capsule", "cylinder", "sphere", "box"]
 Role = Literal["body", "bearing"]

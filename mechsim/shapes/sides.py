@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Mechanism, Pose
 from mechsim.shapes.body import edges, rod_radius, stations
-from mechsim.shapes.shape import Array
 
 
 def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, float]:

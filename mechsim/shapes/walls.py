@@ -5,10 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, Mechanism
 from mechsim.shapes.camera import Camera
 from mechsim.shapes.planar import planar_normals
-from mechsim.shapes.shape import HOUSING, Array, Shape
+from mechsim.shapes.shape import HOUSING, Shape
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """Running models in MuJoCo: time stepping under a driven crank, and pose solving without time."""
 
-from mechsim.model.crank_profile import TURN, CrankProfile, constant, swing, table
+from mechsim.maths.angles import TURN
+from mechsim.model.crank_profile import CrankProfile, constant, swing, table
 from mechsim.simulation.run import Run, simulate
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stepping import check_step

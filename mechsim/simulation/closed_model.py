@@ -6,16 +6,14 @@ from typing import Protocol
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism, Pose
 from mechsim.model.scene import Scene
 from mechsim.simulation.mjcf import compiled, generate, quiet
 from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
 from mechsim.simulation.recorded_motion import Track, add_sensors
-
-Array = NDArray[np.float64]
 
 
 class Described(Protocol):

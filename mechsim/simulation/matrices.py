@@ -9,9 +9,9 @@ from typing import Literal
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mechsim.maths.arrays import Array
+
 Jacobian = Literal["dense", "sparse"]
 KINDS: dict[Jacobian, int] = {
     "dense": int(mujoco.mjtJacobian.mjJAC_DENSE),

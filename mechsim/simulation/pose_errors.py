@@ -1,14 +1,12 @@
 """How far recorded states are from the poses solved at their crank angles; whether they left the assembly."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
+from mechsim.maths.arrays import Array
 from mechsim.model.motion import Motion
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.poses import follow
-
-Array = NDArray[np.float64]
 
 # a pose this much nearer than the right one, and in units of the stroke this far from it, is another
 # assembly; it is looked for at so many pairs of records

@@ -4,8 +4,8 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import mujoco
-import numpy as np
 
+from mechsim.maths.angles import TURN
 from mechsim.simulation import setting_fields
 from mechsim.simulation.matrices import KINDS, quicker
 from mechsim.simulation.mjcf.generator import FLYWHEEL
@@ -13,7 +13,6 @@ from mechsim.simulation.model_loops import ModelLoops
 
 INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4", "discrete")
 JACOBIANS = ("auto", *KINDS)
-TURN = 2.0 * np.pi
 # time constant of the constraints, in steps, below which stepping rings
 LEAST_CONSTANT = 10.0
 

@@ -7,16 +7,15 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from mujoco import batch
-from numpy.typing import NDArray
 
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recorded_motion import States
 from mechsim.simulation.settings import Settings
 
-Array = NDArray[np.float64]
 # is told in words how far a run has come
 Watch = Callable[[str], None]
 

@@ -3,18 +3,17 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic import dynamics
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile, within_range
 from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion
 from mechsim.simulation import simulate
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
-Array = NDArray[np.float64]
 # what one picture or video may hold
 MOST_SAMPLES = 100_000
 WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))

@@ -9,13 +9,12 @@ ground frame.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mechsim.analytic.vector_method.rotations import cross, dot, skew, wrap
+from mechsim.maths.arrays import Array
 from mechsim.model.joints import COLUMN, KINDS
 from mechsim.model.mechanism import Joint, Pose
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mechsim.analytic.closure.joint_rows import Rows, Side, Stack, add_joint, is_length
 from mechsim.analytic.vector_method.rotations import wrap
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, joint_coordinate
 
-Array = NDArray[np.float64]
 Poses = Mapping[str, Pose]
 
 

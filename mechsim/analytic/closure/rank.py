@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.closure.loop_equations import Poses, equations, scaled
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
-
-Array = NDArray[np.float64]
 
 # singular values below this part of the largest count as zero: between the 1e-16 of rounding and
 # the 1e-6 or so of a mechanism that is merely near a dead centre

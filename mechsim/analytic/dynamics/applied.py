@@ -14,9 +14,10 @@ from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import cross, dot, wrap
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.model.forces import Spring
 from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import IDENTITY, Array, Joint, joint_coordinate
+from mechsim.model.mechanism import IDENTITY, Joint, joint_coordinate
 
 Stack = NDArray[np.float64]
 

@@ -8,18 +8,16 @@ that the last coefficients are rounding.
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics.applied import applied
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.reduced_equation import coefficients, load_leverage
 from mechsim.errors import AssemblyError
-
-Array = NDArray[np.float64]
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 
 # points on an arc, the longest arc, and the shortest before the crank is said to be at a dead centre
 POINTS = 20
-TURN = 2.0 * np.pi
 PLACES = 24
 ARC = TURN / PLACES
 SHORTEST = 1e-5

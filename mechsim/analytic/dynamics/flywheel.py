@@ -3,17 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics.applied import applied, loads
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.reduced_equation import coefficients
 from mechsim.errors import InputError
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 from mechsim.maths.roots import root
 from mechsim.model.efforts import Fluctuation
-
-Array = NDArray[np.float64]
-TURN = 2.0 * np.pi
 
 # the smallest coefficient of fluctuation that can be told from rounding
 LEAST = 1e-9

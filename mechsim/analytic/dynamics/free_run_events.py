@@ -4,18 +4,16 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from mechsim.analytic.dynamics.crank_table import CrankTable
 from mechsim.analytic.dynamics.friction import dry_sizes
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.errors import AssemblyError
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 from mechsim.maths.roots import root
 from mechsim.model.outcome import Outcome
-
-Array = NDArray[np.float64]
-TURN = 2.0 * np.pi
 
 # a run for turns with no time limit of its own may take this many times what it seems to need
 PATIENCE = 1000.0

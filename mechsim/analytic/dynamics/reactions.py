@@ -5,16 +5,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.closure import RANK_TOLERANCE
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import cross
+from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Reaction
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import Gear, Joint, Mechanism
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

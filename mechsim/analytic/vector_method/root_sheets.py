@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.vector_method import trig_quartic
 from mechsim.analytic.vector_method.trig_arcs import Arcs
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 
-Array = NDArray[np.float64]
-TURN = 2.0 * np.pi
 Coefficients = Callable[[Array], Array]
 
 # nodes a turn: neighbouring roots of one sign are tens of degrees apart, a root moves by one or two

@@ -1,9 +1,8 @@
 """Vectors stored last, (..., 3), and rotation matrices, (..., 3, 3): products, angles, small turns."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mechsim.maths.arrays import Array
 
 # an element of a rotation this small is nought; its square would underflow some steps later
 NOUGHT = 1e-40

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.vector_method.triad_legs import close, cross, leg_vectors
+from mechsim.maths.arrays import Array
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 EPS = float(np.finfo(np.float64).eps)

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-TURN = 2.0 * np.pi
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
+
 # between the two roots that rounding makes of a double one the polynomial rises this much at most
 FLAT = 256.0 * np.finfo(np.float64).eps
 

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Efforts, Fluctuation, FreeRun
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import COLOURS, STYLES, angle_axis, blank, styled
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 RINGS = "#222831"
 # curves may fill the axes
 BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.files import written_beside
+from mechsim.maths.arrays import Array
 from mechsim.model.motion import Motion
 from mechsim.pictures.number_text import power_of_ten
 from mechsim.shapes import PALETTE
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 Format = Literal["svg", "png", "pdf"]
 FORMATS: tuple[Format, ...] = ("svg", "png", "pdf")
 COLOURS = [colour[:3] for colour in PALETTE[:6]]

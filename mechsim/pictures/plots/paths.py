@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.pictures.number_text import readable
-from mechsim.pictures.plots.figure import COLOURS, Array, blank, chosen, styled
+from mechsim.pictures.plots.figure import COLOURS, blank, chosen, styled
 from mechsim.shapes import PALETTE, link_colours
 
 if TYPE_CHECKING:

@@ -5,12 +5,11 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.pictures.number_text import prefixed
 from mechsim.shapes.camera import nice
 
-Array = NDArray[np.float64]
 ARROW = mujoco.mjtGeom.mjGEOM_ARROW
 
 UNITS = {"velocity": "m/s", "acceleration": "m/s²", "force": "N", "moment": "N m"}

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, Mechanism, Pose
 from mechsim.pictures.render import scenery
 from mechsim.pictures.render.arrows import Arrows, arrows
@@ -21,7 +21,6 @@ from mechsim.shapes import camera as cameras
 from mechsim.shapes.extent import extent, travels
 from mechsim.shapes.walls import Wall, backdrop, corner, stands
 
-Array = NDArray[np.float64]
 CAMERA = "view"
 GHOST: Rgba = (0.10, 0.11, 0.14, 0.5)
 # parallel projection shows a thing in the same place however deep it lies: a ghost stands this many rod

@@ -2,9 +2,9 @@
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
 from mechsim.model.scene import Scene
 from mechsim.pictures.render import scenery
@@ -15,7 +15,6 @@ from mechsim.shapes.walls import backdrop, stands
 from mechsim.simulation.closed_model import assembled, guessed
 from mechsim.simulation.model_loops import ModelLoops
 
-Array = NDArray[np.float64]
 CAMERA = "view"
 SIZE = (960, 720)
 # sites stand for points and ends of joints; MuJoCo draws groups 0 to 2 unless told otherwise

@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, Mechanism, Pose
 from mechsim.model.motion import Motion
-
-Array = NDArray[np.float64]
 
 # path points kept over a motion: a picture cannot show more
 PATH_POINTS = 360

@@ -4,13 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism, Pose, Vector
 from mechsim.pictures.number_text import power_of_ten
 from mechsim.shapes import span
-
-Array = NDArray[np.float64]
 
 # how far the ghost may stand off, in units of the mechanism's size, and how far it may be turned in [rad]
 FARTHEST, WIDEST = 0.06, 0.25

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from mechsim.maths.arrays import Array
 from mechsim.pictures.number_text import prefixed
 from mechsim.shapes.camera import Camera, nice
 
-Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
 Ink = tuple[int, int, int]

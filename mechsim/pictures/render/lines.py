@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from mechsim.maths.arrays import Array
+
 BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
 DECOR = int(mujoco.mjtCatBit.mjCAT_DECOR)
 

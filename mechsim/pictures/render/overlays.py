@@ -2,14 +2,11 @@
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.pictures.render.drawn_model import BEFORE, DrawnModel
 from mechsim.pictures.render.lines import Chain, chain
 from mechsim.pictures.render.shadow import Shadow
 from mechsim.shapes import link_colours
-
-Array = NDArray[np.float64]
 
 
 class Trace:

@@ -3,9 +3,9 @@
 import mujoco
 import numpy as np
 
+from mechsim.maths.arrays import Array
 from mechsim.shapes import Shape
 from mechsim.shapes.camera import Camera
-from mechsim.shapes.shape import Array
 from mechsim.shapes.walls import Wall
 from mechsim.simulation.mjcf.body_inertia import quaternion
 

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.pictures.render import scenery
 
 if TYPE_CHECKING:
     from mechsim.pictures.render.drawn_model import DrawnModel
 
-Array = NDArray[np.float64]
 PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
 DECOR = int(mujoco.mjtCatBit.mjCAT_DECOR)
 

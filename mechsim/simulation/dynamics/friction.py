@@ -13,10 +13,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.model.forces import Friction
 from mechsim.simulation.mjcf.force_elements import AXES, dry_name
-
-Array = NDArray[np.float64]
 
 # steps in which a joint near rest loses its speed
 STEPS = 2.0

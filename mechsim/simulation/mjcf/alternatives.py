@@ -5,15 +5,14 @@ None is what the generator makes; why not is measured in validation/choices/driv
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Mechanism
 from mechsim.model.motion_plane import plane_normals
 from mechsim.simulation.mjcf.generator import FLYWHEEL
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 
-Array = NDArray[np.float64]
 MOTOR = "crank@motor"
 # what the names of the sites at the ends of a length end with
 LENGTH = "@length"

@@ -6,15 +6,12 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import MechsimError
 from mechsim.model.outcome import Outcome
 from mechsim.simulation import Run, simulate
 from mechsim.verdict.judge import crosscheck
-
-Array = NDArray[np.float64]
 
 # bound on the place of any tracked point, in units of the mechanism's size
 PLACE = 1e-6

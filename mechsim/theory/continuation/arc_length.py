@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import DOP853
 
 from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.arrays import Array
 from mechsim.maths.roots import root
 from mechsim.model.display import short_repr
-
-Array = NDArray[np.float64]
 
 # singular values below this part of the largest count as zero: then more than one direction is free
 SINGULAR = 1e-9

@@ -3,17 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic import closure
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
 from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose, joint_coordinate
 from mechsim.theory.continuation.arc_length import SINGULAR, Curve, Frame, turns, walk
-
-Array = NDArray[np.float64]
-TURN = 2.0 * np.pi
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,12 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.arrays import Array
 from mechsim.theory.continuation.arc_length import SINGULAR, Curve, Frame, turns, walk
 
-Array = NDArray[np.float64]
 EPS = float(np.finfo(np.float64).eps)
 
 

@@ -5,13 +5,11 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.closure import equations
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, Mechanism, Pose, Vector
 from mechsim.theory.structure.twist import NOTHING, Twist, joints_of, motion_words
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,13 +4,11 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Joint, Mechanism
 from mechsim.model.motion_plane import PARALLEL, plane_normals
-
-Array = NDArray[np.float64]
 
 
 def plane_normal(mechanism: Mechanism) -> Array | None:

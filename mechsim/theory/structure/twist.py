@@ -5,12 +5,10 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS, Axis, Kind
 from mechsim.model.mechanism import End, Joint, Mechanism, Pose
-
-Array = NDArray[np.float64]
 
 # parts of a null vector below this are rounding: singular vectors come to about 1e-16 over the gap
 # of RANK_TOLERANCE between zero and nonzero singular values

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
-
-Array = NDArray[np.float64]
+from mechsim.maths.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,15 +11,13 @@ greatest by such programmes one after another, each about the linkage of the las
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.looper import Looper
 from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
 from mechsim.theory.synthesis.chebyshev import Best, best_circle, circle_of, circle_rows, least_worst
 from mechsim.theory.synthesis.passage import Passage, crank_pin, dyad, levers_on, passage, wedge
-
-Array = NDArray[np.float64]
 
 # points of a line for the rocker's circle: the ripple between them is hidden to a thousandth of its height
 POINTS = 101

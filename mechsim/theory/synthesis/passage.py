@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.looper import Looper
 from mechsim.analytic.vector_method.vectors import Sign
 from mechsim.errors import AssemblyError, InputError
-
-Array = NDArray[np.float64]
+from mechsim.maths.arrays import Array
 
 # step of the crank for the speed of C, in [rad]: a central difference good to 1e-10
 STEP = 1e-5
