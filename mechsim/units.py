@@ -59,17 +59,26 @@ def option(
 
 def rpm(value: float) -> float:
     """Return revolutions per minute in [rad/s]."""
-    return float(value) * np.pi / 30.0
+    return _plain(value, "rpm", "parse_speed") * np.pi / 30.0
 
 
 def deg(value: float) -> float:
     """Return degrees in [rad]."""
-    return float(value) * np.pi / 180.0
+    return _plain(value, "deg", "parse_angle") * np.pi / 180.0
 
 
 def mm(value: float) -> float:
     """Return millimetres in [m]."""
-    return float(value) / 1000.0
+    return _plain(value, "mm", "parse_length") / 1000.0
+
+
+def _plain(value: float, unit: str, reader: str) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{unit} is given {value!r}; give a number, or read text by units.{reader}"
+        ) from None
 
 
 def parse(text: str, unit: Unit, name: str = "the value") -> float:
@@ -83,6 +92,7 @@ def parse(text: str, unit: Unit, name: str = "the value") -> float:
     Raises:
         InputError: for what is no finite number or has another dimension.
     """
+    _require_text(text, unit, name)
     return _several([text], unit, text, name)[0]
 
 
@@ -112,6 +122,7 @@ def parse_vector(text: str, unit: Unit, name: str = "the vector") -> tuple[float
     Raises:
         InputError: as `parse`, for any of them.
     """
+    _require_text(text, unit, name)
     return tuple(_several(text.split(","), unit, text, name))
 
 
@@ -129,6 +140,7 @@ def parse_angles(text: str, name: str = "the angles") -> Array:
     Raises:
         InputError: as `parse`; also for a step of zero or in the wrong direction.
     """
+    _require_text(text, "rad", name)
     if ":" not in text:
         return np.array(_several(text.split(","), "rad", text, name))
     parts = text.split(":")
@@ -154,6 +166,16 @@ def parse_angles(text: str, name: str = "the angles") -> Array:
     else:
         values = np.concatenate([values, [stop]])
     return values * factors[0]
+
+
+def _require_text(text: str, unit: Unit, name: str) -> None:
+    if unit not in _KINDS:
+        raise InputError(f"there is no unit {unit!r} to turn {name} into; known are {', '.join(_KINDS)}")
+    if not isinstance(text, str):  # pyright: ignore[reportUnnecessaryIsInstance]
+        example = _KINDS[unit][1]
+        raise InputError(
+            f"{name} is {text!r}, which is no text; give text such as {example!r}, or the number"
+        )
 
 
 def _several(parts: list[str], unit: Unit, text: str, name: str) -> list[float]:

@@ -1,9 +1,13 @@
 """What a caller gave: numbers, NaN for what is none, so that one comparison refuses both; kinds of things."""
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
+
+Kind = TypeVar("Kind")
 
 
 def number(value: object) -> float:
@@ -28,7 +32,8 @@ def units_remedy(value: object, example: str) -> str:
     return f"; text is made a number by {example}" if isinstance(value, str) else ""
 
 
-def require(what: str, given: object, kind: type) -> None:
-    """Raise InputError unless a thing is of a kind."""
+def require(what: str, given: object, kind: type[Kind]) -> Kind:
+    """Return a thing of a kind; raise InputError for any other."""
     if not isinstance(given, kind):
         raise InputError(f"{what} is of type {type(given).__name__}; give one of type {kind.__name__}")
+    return given

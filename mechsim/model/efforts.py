@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.model.display import short_repr
 from mechsim.model.outcome import Outcome
 
 Array = NDArray[np.float64]
@@ -37,6 +38,8 @@ class Reaction:
     moment: Array
     point: Array
     determined: NDArray[np.bool_] | None = None
+
+    __repr__ = short_repr
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -90,6 +93,8 @@ class Efforts:
     power_lost: Array
     residual: Array
     sliding: Array
+
+    __repr__ = short_repr
 
     def __len__(self) -> int:
         return len(self.angle)
@@ -153,6 +158,8 @@ class FreeRun:
     outcome: Outcome
     reason: str = ""
 
+    __repr__ = short_repr
+
     def __len__(self) -> int:
         return len(self.time)
 
@@ -203,3 +210,5 @@ class Fluctuation:
     excess: float
     coefficient: float
     flywheel: float
+
+    __repr__ = short_repr

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
+from mechsim.maths.given import number, numbers, require
 from mechsim.model.joints import KINDS, Kind, kinds_that
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import GROUND, ORIGIN, Mechanism, Vector
@@ -106,7 +107,7 @@ class JointSpring:
 
     def __post_init__(self) -> None:
         _at_least_zero(f"stiffness of the spring in joint {self.joint!r}", self.stiffness)
-        if not abs(self.rest) < np.inf:
+        if not abs(number(self.rest)) < np.inf:
             raise InputError(
                 f"rest of the spring in joint {self.joint!r} is {self.rest}; give a finite number"
             )
@@ -125,6 +126,7 @@ class Load:
     force: LoadProfile
 
     def __post_init__(self) -> None:
+        require(f"the load on {self.place}", self.force, LoadProfile)
         if self.force.width != 3:
             raise InputError(f"the load on {self.place} has one component; give three, in the ground frame")
 
@@ -142,6 +144,7 @@ class Couple:
     moment: LoadProfile
 
     def __post_init__(self) -> None:
+        require(f"the couple on {self.link}", self.moment, LoadProfile)
         if self.moment.width != 3:
             raise InputError(f"the couple on {self.link} has one component; give three, in the ground frame")
 
@@ -175,7 +178,7 @@ class Forces:
     motor: Motor | None = None
 
     def __post_init__(self) -> None:
-        gravity = np.asarray(self.gravity, dtype=np.float64)
+        gravity = numbers(self.gravity)
         if gravity.shape != (3,) or not np.isfinite(gravity).all():
             raise InputError(f"gravity is {self.gravity} m/s2; give three finite numbers")
         object.__setattr__(self, "gravity", tuple(gravity.tolist()))
@@ -249,5 +252,5 @@ def located(mechanism: Mechanism, place: Place) -> tuple[str, Vector]:
 
 
 def _at_least_zero(what: str, value: float) -> None:
-    if not 0.0 <= value < np.inf:
+    if not 0.0 <= number(value) < np.inf:
         raise InputError(f"{what} is {value}; give a finite number, 0 or more")

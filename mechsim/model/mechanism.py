@@ -272,6 +272,15 @@ class Mechanism:
         return replace(self, guess=dict(guess), start=start)
 
 
+def described(source: object) -> Mechanism:
+    """Return a mechanism, given itself or what has one, as those of the catalogue have.
+
+    Raises:
+        InputError: for anything else.
+    """
+    return require("a mechanism", getattr(source, "mechanism", source), Mechanism)
+
+
 def joint_coordinate(joint: Joint, a: Pose, b: Pose) -> Array:
     """Return the coordinates of a joint between two posed links, (..., k).
 

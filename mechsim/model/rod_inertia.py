@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
+from mechsim.maths.given import number
 from mechsim.model.inertia import Inertia, Matrix, Vector, combine
-from mechsim.model.mechanism import Mechanism
+from mechsim.model.mechanism import Mechanism, described
 
 Array = NDArray[np.float64]
 
@@ -73,6 +74,7 @@ def with_inertia(
         shape: "slender" keeps the rods' masses and takes their moments in the limit of no thickness.
         replace_all: whether links that have an inertia get a new one too.
     """
+    mechanism = described(mechanism)
     _positive("density of the rods", density, "kg/m3")
     thick = THICKNESS * mechanism.size if diameter is None else diameter
     if replace_all or any(link.inertia is None for link in mechanism.links):
@@ -140,7 +142,7 @@ def _length(start: Vector, end: Vector) -> float:
 
 
 def _positive(what: str, value: float, unit: str) -> None:
-    if not 0.0 < value < HUGE:
+    if not 0.0 < number(value) < HUGE:
         raise InputError(f"{what} is {value} {unit}; give a finite number above 0, below {HUGE:g}")
 
 

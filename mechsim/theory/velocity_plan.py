@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mechsim.analytic.catalog.warp_knitter import WarpKnitter
 from mechsim.analytic.vector_method.plane import cross, flat
 from mechsim.errors import AssemblyError
+from mechsim.model.display import short_repr
 
 Array = NDArray[np.float64]
 
@@ -47,6 +48,8 @@ class Plan:
     lines: tuple[tuple[str, str], ...]
     scale: float
 
+    __repr__ = short_repr
+
     @property
     def velocities(self) -> dict[str, Array]:
         """Velocity of each point with this crank stopped: A, B, C, D, K -> (3,) in [m/s]."""
@@ -70,6 +73,8 @@ class VelocityPlan:
     crank2_stopped: Plan
     crank1_stopped: Plan
     velocities: Mapping[str, Array]
+
+    __repr__ = short_repr
 
 
 def velocity_plan(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.given import numbers, require
 from mechsim.model.motion import Motion, PointMotion, Solver
 from mechsim.model.outcome import Outcome
 from mechsim.verdict import tolerances
@@ -125,6 +126,11 @@ def crosscheck(
     Returns:
         The verdict. An error of the drive stands on lines of its own.
     """
+    require("the simulated side", simulated, Motion)
+    if not (isinstance(analytic, Motion) or hasattr(analytic, "solve") or callable(analytic)):
+        raise InputError(
+            f"the analytic side is of type {type(analytic).__name__}; give a motion or a function"
+        )
     if len(simulated) == 0:
         raise InputError("the simulated motion has no instants; give at least one")
     if speed is None and isinstance(analytic, Motion) and np.ptp(analytic.speed) == 0.0:
@@ -252,7 +258,7 @@ def _differentiated(function: PointFunction, simulated: Motion) -> Motion:
             f"the function gives a {type(around[4]).__name__}; give a dictionary from points to places (n, 3)"
         )
     for name in around[4]:
-        parts = [np.asarray(one[name], dtype=np.float64) for one in around]
+        parts = [numbers(one[name]) for one in around]
         if {part.shape for part in parts} != {(len(angle), 3)}:
             raise InputError(
                 f"the function gives point {name!r} of shape {parts[4].shape} for {len(angle)} crank "

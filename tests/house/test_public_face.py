@@ -14,6 +14,7 @@ import mechsim as ms
 
 DRIVE = ms.catalog.make("rssr")
 MECHANISM = DRIVE.mechanism
+RUN = ms.simulate(DRIVE, speed=10.0, turns=0.1)
 NAN = float("nan")
 
 
@@ -74,6 +75,23 @@ REFUSED = {
     ),
     "an axis as text": (lambda: ms.End("crank", axis="z"), "axis z of a joint .* three finite numbers"),
     "a gear as text": (lambda: replace(MECHANISM, gears=(ms.Gear("crank", "crank", "2"),)), "ratio of gear"),
+    "no mechanism by the loops": (lambda: ms.closure.solve(None, [0.0]), "a mechanism is of type NoneType"),
+    "no crank angles": (lambda: ms.closure.solve(MECHANISM, []), "or there is none; give a list in"),
+    "angles as text": (lambda: ms.closure.solve(MECHANISM, "0:1"), "give a list in"),
+    "loop speed as text": (lambda: ms.closure.solve(MECHANISM, [0.0], "600rpm"), "the crank's speed is no"),
+    "a name of nothing": (lambda: ms.catalog.make(None), "there is no mechanism None"),
+    "a run for a motion": (lambda: ms.crosscheck(RUN, DRIVE), "is of type Run; give one of type Motion"),
+    "nothing to compare": (lambda: ms.crosscheck(RUN.motion, None), "the analytic side is of type NoneType"),
+    "places as text": (lambda: ms.crosscheck(RUN.motion, lambda f: {"P3": "x"}), "'P3' of shape"),
+    "a load as text": (lambda: ms.Load("P3", "3 N"), "the load on P3 is of type str"),
+    "a spring as text": (lambda: ms.Spring("P2", "P3", "soft"), "stiffness of the spring .* is soft"),
+    "gravity as text": (lambda: ms.Forces(gravity="down"), "gravity is down m/s2; give three finite"),
+    "no machine": (lambda: ms.dynamics.prescribed(DRIVE, [0.0], 1.0), "type Rssr; give one of type Machine"),
+    "rods for nothing": (lambda: ms.rods.with_inertia(None), "a mechanism is of type NoneType"),
+    "density as text": (lambda: ms.rods.with_inertia(MECHANISM, "steel"), "density of the rods is steel"),
+    "a number for text": (lambda: ms.units.parse_length(3.0), "the length is 3.0, which is no text"),
+    "text for rpm": (lambda: ms.units.rpm("600 rpm"), r"or read text by units\.parse_speed"),
+    "an unknown unit": (lambda: ms.units.parse("3", "mm"), "no unit 'mm' to turn the value into"),
 }
 
 
@@ -86,9 +104,11 @@ def test_what_cannot_be_used_is_refused_in_one_sentence(name):
 
 
 def test_a_catalogue_mechanism_runs_as_its_description_does():
-    run, other = (ms.simulate(one, speed=10.0, turns=0.1) for one in (DRIVE, MECHANISM))
-    assert run.outcome == "met"
-    np.testing.assert_array_equal(run.motion.points["P3"].position, other.motion.points["P3"].position)
+    assert RUN.outcome == "met"
+    other = ms.simulate(MECHANISM, speed=10.0, turns=0.1)
+    np.testing.assert_array_equal(RUN.motion.points["P3"].position, other.motion.points["P3"].position)
+    by_loops = ms.closure.solve(DRIVE, [0.1]).points["P3"].position
+    np.testing.assert_array_equal(by_loops, ms.closure.solve(MECHANISM, [0.1]).points["P3"].position)
 
 
 def test_an_incomplete_guess_is_completed_by_the_joints():

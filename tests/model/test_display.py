@@ -3,13 +3,14 @@ import sys
 import numpy as np
 import pytest
 
-from mechsim import catalog, crosscheck, simulate
+from mechsim import catalog, crosscheck, dynamics, simulate
 from mechsim.errors import MissingToolError
 from mechsim.files import read, write
 from mechsim.theory.continuation import trace_mechanism
 
 DRIVE = catalog.make("rssr")
 RUN = simulate(DRIVE, speed=60.0, turns=0.1)
+INVERSE = dynamics.prescribed(dynamics.machine(DRIVE), np.linspace(0.0, 6.0, 200), 60.0)
 
 
 @pytest.mark.parametrize(
@@ -19,6 +20,9 @@ RUN = simulate(DRIVE, speed=60.0, turns=0.1)
         (RUN, 3, "outcome='met'"),
         (RUN.motion, 5, "angle=<(9,): 0 to 0.6283>"),
         (RUN.motion.points["P3"], 3, "position=<(9, 3): "),
+        (INVERSE, 4, "efforts=<Efforts>"),
+        (INVERSE.efforts, 6, "reactions={crank, P2, P3"),
+        (INVERSE.efforts.reactions["P2"], 3, "link='coupler', by='crank'"),
         (trace_mechanism(DRIVE, tolerance=1e-3), 4, "dead_centres=<array (0,)>"),
         (crosscheck(RUN.motion, DRIVE), 11, "met\n  position of P2 "),
     ],

@@ -42,8 +42,8 @@ def parameters(name: str) -> dict[str, Field[Any]]:
     Raises:
         InputError: for an unknown name, with the nearest known one.
     """
-    if name not in DRIVES:
-        raise InputError(f"there is no mechanism {name!r}{nearest(name, list(DRIVES))}")
+    if str(name) not in DRIVES:
+        raise InputError(f"there is no mechanism {name!r}{nearest(str(name), list(DRIVES))}")
     return {field.name: field for field in fields(DRIVES[name])}
 
 

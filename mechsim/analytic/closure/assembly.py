@@ -10,8 +10,9 @@ from mechsim.analytic.closure.loop_equations import Poses, equations
 from mechsim.analytic.closure.rank import least_norm
 from mechsim.analytic.vector_method.rotations import dot, turned_by
 from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.given import numbers
 from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
+from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose, described
 
 Array = NDArray[np.float64]
 
@@ -50,6 +51,7 @@ def assemble(
     Accuracy: Newton's method to rounding: residuals of a few ulp of the longest link away from a
     dead centre.
     """
+    mechanism = described(mechanism)
     angles = crank_angles(mechanism, angles)
     start = rough_poses(mechanism) if guess is None else guess
     poses = {
@@ -101,10 +103,10 @@ def _require_axes_alike(mechanism: Mechanism, poses: Poses, angles: Array) -> No
 
 def crank_angles(mechanism: Mechanism, angles: ArrayLike) -> Array:
     """Return crank angles as (n,) in [rad], or say what is wrong with them."""
-    values = np.atleast_1d(np.asarray(angles, dtype=np.float64))
-    if values.ndim != 1 or not np.isfinite(values).all():
+    values = np.atleast_1d(numbers(angles))
+    if values.ndim != 1 or not values.size or not np.isfinite(values).all():
         raise InputError(
-            f"{mechanism.name}: a crank angle is no finite number; give a list of angles in [rad]"
+            f"{mechanism.name}: a crank angle is no finite number, or there is none; give a list in [rad]"
         )
     return values
 
@@ -165,6 +167,7 @@ def follow(mechanism: Mechanism, angles: ArrayLike, *, step: float = np.pi / 36)
     Raises:
         AssemblyError: where the loops do not close.
     """
+    mechanism = described(mechanism)
     angles = crank_angles(mechanism, angles)
     current = assemble(mechanism, [mechanism.start])
     found: list[dict[str, Pose]] = []

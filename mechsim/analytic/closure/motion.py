@@ -9,8 +9,10 @@ from mechsim.analytic.closure.assembly import follow
 from mechsim.analytic.closure.loop_equations import Poses, equations
 from mechsim.analytic.closure.rank import least_norm
 from mechsim.analytic.vector_method.rotations import cross, dot
+from mechsim.errors import InputError
+from mechsim.maths.given import numbers
 from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, joint_coordinate
+from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, described, joint_coordinate
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 
 Array = NDArray[np.float64]
@@ -36,8 +38,8 @@ def rates(
     names = [link.name for link in mechanism.links]
     angle = np.atleast_1d(np.asarray(angle, dtype=np.float64))
     n = len(angle)
-    speed = np.broadcast_to(np.asarray(speed, dtype=np.float64), (n,))
-    acceleration = np.broadcast_to(np.asarray(acceleration, dtype=np.float64), (n,))
+    speed = _rate(mechanism, "speed", speed, n)
+    acceleration = _rate(mechanism, "acceleration", acceleration, n)
 
     rows = equations(mechanism, poses, angle)
     asked = np.zeros_like(rows.residual)
@@ -82,6 +84,7 @@ def solve(
     mechanism: Mechanism, angles: ArrayLike, speed: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
 ) -> Motion:
     """Return the motion of any mechanism from its loop equations alone; `follow`, then `rates`."""
+    mechanism = described(mechanism)
     poses = follow(mechanism, angles)
     return rates(mechanism, poses, angles, speed, acceleration)
 
@@ -92,6 +95,13 @@ def point_on(link: LinkMotion, local: ArrayLike) -> PointMotion:
     swing = cross(link.angular_velocity, arm)
     bend = cross(link.angular_acceleration, arm) + cross(link.angular_velocity, swing)
     return PointMotion(link.position + arm, link.velocity + swing, link.acceleration + bend)
+
+
+def _rate(mechanism: Mechanism, what: str, value: ArrayLike, n: int) -> Array:
+    rate = numbers(value)
+    if rate.shape not in ((), (1,), (n,)) or not np.isfinite(rate).all():
+        raise InputError(f"{mechanism.name}: the crank's {what} is no finite number; give one, or {n}, in SI")
+    return np.broadcast_to(rate, (n,))
 
 
 def _joint_motion(joint: Joint, links: Mapping[str, LinkMotion]) -> JointMotion:

@@ -10,6 +10,7 @@ from mechsim.analytic import closure
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.dynamics.unit_motion import UnitMotion, from_motion
 from mechsim.errors import InputError
+from mechsim.model.display import short_repr
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import GROUND, Mechanism, Pose
 from mechsim.model.rod_inertia import STEEL, with_inertia
@@ -35,6 +36,8 @@ class Machine:
     forces: Forces
     drive: ClosedForm | None = None
     known: dict[float, Mapping[str, Pose]] = field(default_factory=dict, repr=False, compare=False)
+
+    __repr__ = short_repr
 
     def unit_motion(self, angles: ArrayLike) -> UnitMotion:
         """Return poses, first and second derivatives by the crank angle, at crank angles (n,) in [rad].

@@ -14,6 +14,8 @@ from mechsim.analytic.dynamics.reduced_equation import Reduced, coefficients, ki
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
+from mechsim.maths.given import require
+from mechsim.model.display import short_repr
 from mechsim.model.efforts import Efforts, wrench_columns
 
 Array = NDArray[np.float64]
@@ -44,6 +46,8 @@ class InverseDynamics:
     indeterminacy: int
     shaking_force: Array
     shaking_moment: Array
+
+    __repr__ = short_repr
 
     def __len__(self) -> int:
         return len(self.efforts)
@@ -100,6 +104,7 @@ def prescribed(
         InputError: for rates that are not finite, or loads over time where no time is known.
         AssemblyError: where the loops do not close.
     """
+    require("what is to be solved", machine, Machine)
     angle = np.atleast_1d(np.asarray(angles, dtype=np.float64))
     w, e = _rate("speed", speed, angle), _rate("acceleration", acceleration, angle)
     at = None if time is None else np.broadcast_to(np.asarray(time, dtype=np.float64), angle.shape)

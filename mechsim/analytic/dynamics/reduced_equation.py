@@ -13,6 +13,7 @@ from mechsim.analytic.dynamics.applied import Applied, applied, power
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import dot
+from mechsim.model.display import short_repr
 
 Array = NDArray[np.float64]
 
@@ -40,6 +41,8 @@ class Reduced:
     damping: Array
     coulomb: Array
     energy: Array
+
+    __repr__ = short_repr
 
     def force(self, speed: ArrayLike) -> Array:
         """Return Q of all that depends on angle and speed alone, (n,) in [N m]."""

@@ -14,6 +14,7 @@ from mechsim.analytic import closure
 from mechsim.analytic.closure import Rows
 from mechsim.analytic.vector_method.rotations import cross, skew
 from mechsim.errors import InputError
+from mechsim.model.display import short_repr
 from mechsim.model.forces import Place, located
 from mechsim.model.mechanism import GROUND, End, Joint, Mechanism, Pose, Vector
 from mechsim.model.motion import Motion
@@ -45,6 +46,8 @@ class UnitMotion:
     twist: Array
     bias: Array
     idle: Array
+
+    __repr__ = short_repr
 
     def __len__(self) -> int:
         return len(self.angle)
