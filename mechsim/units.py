@@ -41,6 +41,7 @@ def option(
     text: str | None = None,
     name: str | None = None,
     metavar: str | None = None,
+    many: bool = False,
 ) -> Any:
     """Declare a field of a dataclass that can be set on the command line.
 
@@ -52,9 +53,10 @@ def option(
         text: the default as people would write it, where help should show that.
         name: on the command line, where it is not the field's.
         metavar: what stands for the value in help.
+        many: whether it may be given several times; the value is a tuple, each written by itself.
     """
     rule = {"doc": doc, "unit": unit, "read": read, "text": text, "name": name, "metavar": metavar}
-    return field(default=default, metadata=rule)
+    return field(default=default, metadata=rule | {"many": many})
 
 
 def rpm(value: float) -> float:

@@ -41,10 +41,10 @@ def spread(command: Callable[..., None]) -> Callable[..., None]:
 
 def _parameter(field: Field[Any], kind: Any) -> inspect.Parameter:
     rule, default = field.metadata, field.default
-    if rule["unit"] or rule["read"]:
-        kind, default = (str, rule["text"]) if rule["text"] else (str | None, None)
-    elif isinstance(default, tuple):
+    if rule["many"]:
         kind, default = list[str] | None, None
+    elif rule["unit"] or rule["read"]:
+        kind, default = (str, rule["text"]) if rule["text"] else (str | None, None)
     elif isinstance(default, bool):
         kind = bool
     names = (rule["name"],) if rule["name"] else ()
@@ -59,8 +59,10 @@ def _value(field: Field[Any], written: Any) -> Any:
     rule = field.metadata
     if written is None:
         return field.default
+    if rule["many"]:
+        return tuple(rule["read"](one) for one in written)
     if rule["read"]:
         return rule["read"](written)
     if rule["unit"]:
         return units.parse(written, rule["unit"], rule["name"] or f"--{field.name.replace('_', '-')}")
-    return tuple(written) if isinstance(field.default, tuple) else written
+    return written

@@ -1,16 +1,21 @@
-"""Text of the command line to forces: gravity, friction, motors, load tables."""
+"""What a machine is made of and what acts on it, as the command line says it: text to `Forces`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import NDArray
 
-    from mechsim.analytic.catalog.base import ClosedForm
-    from mechsim.model.forces import Forces, Friction, JointSpring, Place, Spring
-    from mechsim.model.motors import Motor, PlainMotor
+from mechsim import files, units
+from mechsim.analytic import dynamics
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.errors import InputError
+from mechsim.model import motors
+from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Place, Spring
+from mechsim.model.load_profile import table
+from mechsim.model.motors import Geared, PlainMotor
+from mechsim.units import option
 
 MOTORS = {
     "constant": "constant:TORQUE in N m",
@@ -19,72 +24,16 @@ MOTORS = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Given:
-    """The options about forces as they were written.
-
-    Attributes:
-        gravity: three numbers.
-        load: a file.
-        motor: KIND:NUMBERS.
-        gear: turns of the motor per turn of the crank.
-        friction: JOINT=VISCOUS,COULOMB each.
-        spring: A:B=STIFFNESS,REST or JOINT=STIFFNESS,REST each.
-        damper: A:B=DAMPING or JOINT=DAMPING each.
-        flywheel: in [kg m2].
-    """
-
-    gravity: str
-    load: str | None
-    motor: str | None
-    gear: float | None
-    friction: Sequence[str]
-    spring: Sequence[str]
-    damper: Sequence[str]
-    flywheel: float
+def gravity_of(text: str) -> tuple[float, float, float]:
+    """Return the acceleration of gravity, three numbers in [m/s2]."""
+    given = units.parse_vector(text, "1", "--gravity")
+    if len(given) != 3:
+        raise InputError(f"--gravity is {text!r}, {len(given)} numbers; give three in m/s2, with commas")
+    return given[0], given[1], given[2]
 
 
-def forces_of(drive: "ClosedForm", given: Given) -> "Forces":
-    """Return the forces that options ask for."""
-    from mechsim import units
-    from mechsim.errors import InputError
-    from mechsim.model.forces import Forces, Friction, JointSpring, Spring
-
-    pull = units.parse_vector(given.gravity, "1", "--gravity")
-    if len(pull) != 3:
-        raise InputError(
-            f"--gravity is {given.gravity!r}, {len(pull)} numbers; give three in m/s2, with commas"
-        )
-    if given.gear is not None and given.motor is None:
-        raise InputError("--gear is the gear of a motor, and none is given; add --motor")
-    made: dict[str, Any] = {} if given.load is None else loads_of(drive, given.load)
-    sprung = [spring_of(text) for text in given.spring] + [damper_of(text) for text in given.damper]
-    return Forces(
-        gravity=(pull[0], pull[1], pull[2]),
-        friction=(
-            *(friction_of(text) for text in given.friction),
-            *(one for one in sprung if isinstance(one, Friction)),
-        ),
-        springs=tuple(one for one in sprung if isinstance(one, Spring)),
-        joint_springs=tuple(one for one in sprung if isinstance(one, JointSpring)),
-        flywheel=given.flywheel,
-        motor=None if given.motor is None else _geared(motor_of(given.motor), given.gear),
-        **made,
-    )
-
-
-def _geared(motor: "PlainMotor", ratio: float | None) -> "Motor":
-    from mechsim.model.motors import Geared
-
-    return motor if ratio is None else Geared(motor, ratio)
-
-
-def motor_of(text: str) -> "PlainMotor":
+def motor_of(text: str) -> PlainMotor:
     """Return a motor written as KIND:NUMBERS."""
-    from mechsim import units
-    from mechsim.errors import InputError
-    from mechsim.model import motors
-
     kind, _, rest = text.partition(":")
     parts = rest.split(",") if rest else []
     wanted = {"constant": 1, "line": 2, "dc": 3}.get(kind)
@@ -97,18 +46,14 @@ def motor_of(text: str) -> "PlainMotor":
     return motors.ConstantTorque(values[0]) if kind == "constant" else motors.DCMotor(*values)
 
 
-def friction_of(text: str) -> "Friction":
+def friction_of(text: str) -> Friction:
     """Return friction written as JOINT=VISCOUS or JOINT=VISCOUS,COULOMB, in SI; of a sleeve four numbers."""
-    from mechsim.model.forces import Friction
-
     joint, values = _named(text, "--friction", (1, 2, 4), "JOINT=VISCOUS,COULOMB", "crank=1e-4,2e-3")
     return Friction(joint, *values)
 
 
-def spring_of(text: str) -> "Spring | JointSpring":
+def spring_of(text: str) -> Spring | JointSpring:
     """Return a spring written as A:B=STIFFNESS,REST between places, or JOINT=STIFFNESS,REST in a joint."""
-    from mechsim.model.forces import JointSpring, Spring
-
     form = "A:B=STIFFNESS,REST or JOINT=STIFFNESS,REST"
     name, values = _named(text, "--spring", (1, 2), form, "P3:ground@0,0.1,0=500,0.05")
     if ":" in name:
@@ -116,10 +61,8 @@ def spring_of(text: str) -> "Spring | JointSpring":
     return JointSpring(name, *values)
 
 
-def damper_of(text: str) -> "Spring | Friction":
+def damper_of(text: str) -> Spring | Friction:
     """Return a damper written as A:B=DAMPING between places, or JOINT=DAMPING in a joint."""
-    from mechsim.model.forces import Friction, Spring
-
     form = "A:B=DAMPING or JOINT=DAMPING"
     name, values = _named(text, "--damper", (1,), form, "P3:ground@0,0.1,0=2")
     if ":" in name:
@@ -131,9 +74,6 @@ def _named(
     text: str, option: str, counts: tuple[int, ...], form: str, example: str
 ) -> tuple[str, tuple[float, ...]]:
     """Return the name and the numbers of an option written as NAME=NUMBERS."""
-    from mechsim import units
-    from mechsim.errors import InputError
-
     name, equals, rest = text.partition("=")
     values = units.parse_vector(rest, "1", option) if equals else ()
     if len(values) not in counts:
@@ -141,12 +81,10 @@ def _named(
     return name.strip(), tuple(values)
 
 
-def _places(text: str, option: str) -> "tuple[Place, Place]":
+def _places(text: str, option: str) -> tuple[Place, Place]:
     """Return two places written as A:B; each a point, or LINK@X,Y,Z in the link's frame."""
-    from mechsim import units
-    from mechsim.errors import InputError
 
-    def place(part: str) -> "Place":
+    def place(part: str) -> Place:
         link, at, rest = part.strip().partition("@")
         if not at:
             return link
@@ -159,13 +97,8 @@ def _places(text: str, option: str) -> "tuple[Place, Place]":
     return place(first), place(second)
 
 
-def loads_of(drive: "ClosedForm", path: str) -> dict[str, Any]:
+def loads_of(drive: ClosedForm, path: str) -> dict[str, Any]:
     """Return loads from a table: angle [rad] or time [s]; P3.fx .. [N], LINK.mx .. [N m], crank [N m]."""
-    from mechsim import files
-    from mechsim.errors import InputError
-    from mechsim.model.forces import Couple, Load
-    from mechsim.model.load_profile import table
-
     columns = files.read(path)
     over = "angle" if "angle" in columns else "time"
     if over not in columns:
@@ -200,7 +133,69 @@ def loads_of(drive: "ClosedForm", path: str) -> dict[str, Any]:
     return made
 
 
-def _vectors(columns: Mapping[str, "NDArray[np.float64]"], what: str, rows: int) -> "NDArray[np.float64]":
-    import numpy as np
-
+def _vectors(columns: Mapping[str, "NDArray[np.float64]"], what: str, rows: int) -> NDArray[np.float64]:
     return np.column_stack([columns.get(what + axis, np.zeros(rows)) for axis in "xyz"])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineOptions:
+    """What the links are made of, and what acts on them."""
+
+    gravity: tuple[float, float, float] = option(
+        (0.0, -9.81, 0.0), "Three numbers in m/s2, with commas.", read=gravity_of, text="0,-9.81,0"
+    )
+    load: str | None = option(
+        None, "Loads: angle [rad] or time [s], POINT.fx.. [N], LINK.mx.., crank [N m].", metavar="FILE"
+    )
+    motor: PlainMotor | None = option(
+        None,
+        "constant:N m, line:N m,no-load speed or dc:V,ohm,N m/A; the machine runs free from rest, "
+        "with --free from --speed.",
+        read=motor_of,
+    )
+    gear: float | None = option(None, "Turns of the motor per turn of the crank, by a gear between.")
+    friction: tuple[Friction, ...] = option(
+        (), "Friction in a joint, SI.", read=friction_of, many=True, metavar="JOINT=VISCOUS,COULOMB"
+    )
+    spring: tuple[Spring | JointSpring, ...] = option(
+        (),
+        "A spring between points, or places LINK@X,Y,Z; JOINT=STIFFNESS,REST in a joint. SI.",
+        read=spring_of,
+        many=True,
+        metavar="A:B=STIFFNESS,REST",
+    )
+    damper: tuple[Spring | Friction, ...] = option(
+        (),
+        "A damper, likewise between points or in a joint. SI.",
+        read=damper_of,
+        many=True,
+        metavar="A:B=DAMPING",
+    )
+    flywheel: float = option(0.0, "Moment of inertia on the crank, kg m2.")
+    density: float = option(7850.0, "Of links, which are round rods, kg/m3.")
+    diameter: float | None = option(None, "Of those rods; 0.05 of the size if left out.", unit="m")
+
+    def __post_init__(self) -> None:
+        if self.gear is not None and self.motor is None:
+            raise InputError("--gear is the gear of a motor, and none is given; add --motor")
+
+    def forces(self, drive: ClosedForm) -> Forces:
+        """Return all that acts on a mechanism."""
+        loads: dict[str, Any] = {} if self.load is None else loads_of(drive, self.load)
+        motor = self.motor
+        if motor is not None and self.gear is not None:
+            motor = Geared(motor, self.gear)
+        elastic = (*self.spring, *self.damper)
+        return Forces(
+            gravity=self.gravity,
+            friction=(*self.friction, *(one for one in elastic if isinstance(one, Friction))),
+            springs=tuple(one for one in elastic if isinstance(one, Spring)),
+            joint_springs=tuple(one for one in elastic if isinstance(one, JointSpring)),
+            flywheel=self.flywheel,
+            motor=motor,
+            **loads,
+        )
+
+    def machine(self, drive: ClosedForm) -> dynamics.Machine:
+        """Return a mechanism with links that weigh and all that acts on it."""
+        return dynamics.machine(drive, self.forces(drive), density=self.density, diameter=self.diameter)

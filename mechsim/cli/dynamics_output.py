@@ -1,0 +1,130 @@
+"""What `mechsim dynamics` prints: peaks, how a free run ended, what came of a tolerance, the verdict."""
+
+from typing import Any
+
+import typer
+
+from mechsim.analytic.dynamics import InverseDynamics
+from mechsim.cli.output import print_table
+from mechsim.model.efforts import Fluctuation, FreeRun
+from mechsim.report.facts import run_facts, study_facts
+from mechsim.simulation.dynamics.free_running import SteppedFreeRun
+from mechsim.simulation.dynamics.prescribed_motion import Driven
+from mechsim.verdict.judge import HEAD, Verdict
+
+Row = tuple[str, str, str, str, str]
+
+
+def print_study(
+    name: str, study: InverseDynamics, turn: Fluctuation | None, even: Fluctuation | None
+) -> None:
+    """Print peaks of torque, reactions and shaking forces, and the speed fluctuation where there is one."""
+    head = ("quantity", "largest", "at [rad]", "unit", "")
+    print_table(f"{name}: prescribed crank", head, _rows(study, turn, even))
+
+
+def print_free(name: str, run: FreeRun) -> None:
+    """Print how a free run ended."""
+    told = run_facts(run)
+    begun = f"{run.speed[0]:.6g}" if run.speed[0] else "rest"
+    typer.echo(f"{name}: {run.outcome}" + (f": {run.reason}" if run.reason else ""))
+    typer.echo(
+        f"{told['turns']:.6g} turns in {told['seconds']:.6g} s, from {begun} to {told['speed']:.6g} rad/s; "
+        f"work {told['work']:.6g} J, lost {told['lost']:.6g} J, energy balance to {told['energy_error']:.1e}"
+    )
+
+
+def print_promise(told: dict[str, Any] | None) -> None:
+    """Print what came of a tolerance, if one was given."""
+    if told is None:
+        return
+    reason = f": {told['reason']}" if told["reason"] else ""
+    kept = "kept" if told["met"] else "MISSED"
+    typer.echo(
+        f"tolerance {told['tolerance']:.3g} {told['of']} {kept} by {told['estimate']:.2g}, "
+        f"a margin of {told['margin']:.3g}{reason}"
+    )
+    if told["settings"]:
+        used = told["settings"]
+        typer.echo(
+            f"{used['integrator']}, {used['steps_per_turn']} steps a turn of {used['timestep']:.4g} s, "
+            f"hardness {used['hardness']:.0e}: {told['steps']} steps, {told['trials']} more on trials; "
+            f"{told['by']}"
+        )
+
+
+def driven_promise(run: Driven | None) -> dict[str, Any] | None:
+    """Return what came of the tolerance of a prescribed run as plain data; None where none was given."""
+    if run is None or run.promise is None:
+        return None
+    one = run.promise
+    found = {name: one.estimates.get(name, 0.0) for name in ("torque", "reactions", "halving", "balance")}
+    names = {"torque": "torque", "reactions": "reactions", "halving": "halved steps"}
+    parts = ", ".join(f"{words} {found[name]:.1e}" for name, words in names.items())
+    return _promise(run, one) | {
+        "of": "of torque and reactions",
+        "by": f"by solved poses {parts}" if run.method == "step" else f"balance {found['balance']:.1e}",
+        **found,
+    }
+
+
+def free_promise(run: SteppedFreeRun | None) -> dict[str, Any] | None:
+    """Return what came of the tolerance of a free run as plain data; None where none was given."""
+    if run is None or run.promise is None:
+        return None
+    return _promise(run, run.promise) | {"of": "rad of the crank", "by": "by halved steps"}
+
+
+def _promise(run: Any, one: Any) -> dict[str, Any]:
+    used = None if run.settings is None else run.settings.as_dict() | {"timestep": run.timestep}
+    return {
+        "tolerance": one.tolerance,
+        "met": one.met,
+        "estimate": one.estimate,
+        "margin": one.margin,
+        "order": one.order,
+        "trials": one.trials,
+        "reason": one.reason,
+        "steps": run.steps,
+        "settings": used,
+    }
+
+
+def verdict_facts(verdict: Verdict | None, method: str) -> dict[str, Any]:
+    """Return a verdict as plain data."""
+    if verdict is None:
+        return {"passed": None, "outcome": None, "method": "none", "checks": []}
+    checks = [check.as_dict() for check in verdict.checks]
+    told: dict[str, Any] = {"passed": verdict.passed, "outcome": verdict.outcome}
+    return told | {"method": method, "checks": checks}
+
+
+def print_verdict(verdict: Verdict | None) -> None:
+    """Print a verdict check by check."""
+    if verdict is None:
+        typer.echo("MuJoCo was not asked")
+        return
+    title = f"against MuJoCo: {verdict.outcome}" + (f" - {verdict.reason}" if verdict.reason else "")
+    print_table(title, HEAD[:-1], [check.cells[:-1] for check in verdict.checks])
+
+
+def _rows(study: InverseDynamics, turn: Fluctuation | None, even: Fluctuation | None) -> list[Row]:
+    facts = study_facts(study)
+
+    def row(what: str, peak: dict[str, float], unit: str, note: str = "") -> Row:
+        return what, f"{peak['largest']:.6g}", f"{peak['at_angle']:.4f}", unit, note
+
+    torque = facts["torque"]
+    rows = [row("drive torque", torque, "N m", f"mean {torque['mean']:.6g}, rms {torque['rms']:.6g}")]
+    for name, one in facts["reactions"].items():
+        left = ", ".join(one["not_determined"])
+        note = f"not determined: {left}" if left else ""
+        rows.append(row(f"force in {name} on {one['on']}", one["force"], "N", note))
+        rows.append(row(f"moment in {name} on {one['on']}", one["moment"], "N m"))
+    rows.append(row("shaking force on the frame", facts["shaking_force"], "N"))
+    rows.append(row("shaking moment about the origin", facts["shaking_moment"], "N m"))
+    for one in (turn, even):
+        if one is not None:
+            note = f"constant torque {one.torque:.6g} N m, flywheel {one.flywheel:.6g} kg m2"
+            rows.append(("speed fluctuation", f"{one.coefficient:.6g}", "", "1", note))
+    return rows
