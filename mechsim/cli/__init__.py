@@ -22,10 +22,10 @@ from mechsim.errors import MechsimError
 COMMANDS = {
     "list": ("catalog.list_mechanisms", "List the mechanisms of the catalogue."),
     "show": (
-        "catalog.show",
+        "show.show",
         "Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups.",
     ),
-    "solve": ("catalog.solve", "Solve a mechanism in closed form; write .csv or .npz, or print a table."),
+    "solve": ("solve.solve", "Solve a mechanism in closed form; write .csv or .npz, or print a table."),
     "export": ("export.export", "Write the MuJoCo model of a mechanism."),
     "simulate": ("simulate.simulate", "Run a mechanism in MuJoCo under a driven crank."),
     "validate": (

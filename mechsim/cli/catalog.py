@@ -1,24 +1,8 @@
-"""Commands about the catalogue: list, show, solve."""
+"""Command `mechsim list`: what the catalogue holds."""
 
-import math
-from typing import Annotated, Any
-
-import typer
-
-from mechsim import files, units
 from mechsim.analytic import catalog
-from mechsim.cli.options import (
-    Json,
-    Name,
-    Output,
-    Sets,
-    Speed,
-    drive_of,
-    speed_of,
-    writable,
-)
+from mechsim.cli.options import Json
 from mechsim.cli.output import print_json, print_table
-from mechsim.report.facts import facts
 
 
 def list_mechanisms(as_json: Json = False) -> None:
@@ -28,93 +12,3 @@ def list_mechanisms(as_json: Json = False) -> None:
         print_json({"mechanisms": described})
     else:
         print_table("The catalogue", ("name", "what it is"), described.items())
-
-
-def show(
-    name: Name,
-    sets: Sets = None,
-    angle: Annotated[
-        str | None, typer.Option(help="List the assemblies at this crank angle; a bare number is rad.")
-    ] = None,
-    driver: Annotated[
-        str | None, typer.Option(metavar="LINK", help="Take a planar chain apart for this driving link.")
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups."""
-    drive = drive_of(name, sets)
-    at = None if angle is None else units.parse_angle(angle, "the crank angle")
-    found = facts(drive, at, driver)
-    if as_json:
-        print_json(found)
-    else:
-        _print_facts(found)
-
-
-def _print_facts(found: dict[str, Any]) -> None:
-    rows = [(n, _number(p["value"]), p["unit"], p["doc"]) for n, p in found["parameters"].items()]
-    print_table(f"{found['name']}: {found['about']}", ("parameter", "value", "unit", "meaning"), rows)
-    joints = [(j["name"], j["kind"], f"{j['links'][0]} - {j['links'][1]}") for j in found["joints"]]
-    print_table("Joints", ("joint", "kind", "links"), joints)
-    lines = [(line,) for line in found["mobility_explained"]]
-    print_table(f"Mobility W = {found['mobility']}", ("why",), lines)
-    reach = found["crank_range"]
-    if reach != "full turn":
-        arcs = found["crank_ranges"]
-        reach = ", ".join(f"{math.degrees(a):.4f} to {math.degrees(b):.4f} deg" for a, b in arcs) or "nowhere"
-    typer.echo(f"crank range: {reach}")
-    if found["dead_centres"]:
-        ends = ", ".join(f"{math.degrees(a):.4f} deg" for a in found["dead_centres"])
-        typer.echo(f"dead centres of the crank: {ends}")
-    least = found["transmission_angle"]
-    if least is not None:
-        typer.echo(
-            f"transmission angle: at least {math.degrees(least['least']):.2f} deg, "
-            f"at crank angle {math.degrees(least['at_angle']):.1f} deg"
-        )
-    for line in found["assur_explained"]:
-        typer.echo(line)
-    rows = []
-    for assembly in found["assemblies"]:
-        names = ", ".join(f"{k} {v:+d}" for k, v in assembly.items() if isinstance(v, int))
-        for point, place in assembly["points"].items():
-            rows.append((names, point, *(f"{value:.9g}" for value in place)))
-    at = f"{math.degrees(found['angle']):.6g} deg"
-    if not rows:
-        typer.echo(f"no assembly at crank angle {at}: the crank cannot stand there")
-        return
-    title = f"Assemblies at crank angle {at}"
-    print_table(title, ("assembly", "point", "x [m]", "y [m]", "z [m]"), rows)
-
-
-def _number(value: Any) -> str:
-    if isinstance(value, list | tuple):
-        return ", ".join(_number(item) for item in value)
-    return f"{value:.9g}" if isinstance(value, float) else str(value)
-
-
-def solve(
-    name: Name,
-    angles: Annotated[
-        str, typer.Option(help="Crank angles start:stop:step, both ends included; a bare number is rad.")
-    ] = "0:360:5deg",
-    speed: Speed = "600rpm",
-    sets: Sets = None,
-    output: Output = None,
-    as_json: Json = False,
-) -> None:
-    """Solve a mechanism in closed form; write .csv or .npz, or print a table."""
-    place = None if output is None else writable(output, ".csv", ".npz")
-    drive = drive_of(name, sets)
-    motion = drive.solve(units.parse_angles(angles, "the crank angles"), speed_of(speed))
-    if place is not None:
-        files.write(place, motion)
-    columns = dict(motion.columns())
-    if as_json:
-        print_json({"mechanism": name, "rows": len(motion), "output": output, "columns": columns})
-    elif place is None:
-        print(",".join(columns))
-        for row in zip(*columns.values(), strict=True):
-            print(",".join(repr(float(value)) for value in row))
-    else:
-        typer.echo(f"wrote {len(motion)} rows to {output}")

@@ -1,0 +1,74 @@
+"""Command `mechsim show`: all that is known of a mechanism without a run."""
+
+import math
+from typing import Annotated, Any
+
+import typer
+
+from mechsim import units
+from mechsim.cli.options import Json, Name, Sets, drive_of
+from mechsim.cli.output import print_json, print_table
+from mechsim.report.facts import facts
+
+
+def show(
+    name: Name,
+    sets: Sets = None,
+    angle: Annotated[
+        str | None, typer.Option(help="List the assemblies at this crank angle; a bare number is rad.")
+    ] = None,
+    driver: Annotated[
+        str | None, typer.Option(metavar="LINK", help="Take a planar chain apart for this driving link.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups."""
+    drive = drive_of(name, sets)
+    at = None if angle is None else units.parse_angle(angle, "the crank angle")
+    found = facts(drive, at, driver)
+    if as_json:
+        print_json(found)
+    else:
+        _print_facts(found)
+
+
+def _print_facts(found: dict[str, Any]) -> None:
+    rows = [(n, _number(p["value"]), p["unit"], p["doc"]) for n, p in found["parameters"].items()]
+    print_table(f"{found['name']}: {found['about']}", ("parameter", "value", "unit", "meaning"), rows)
+    joints = [(j["name"], j["kind"], f"{j['links'][0]} - {j['links'][1]}") for j in found["joints"]]
+    print_table("Joints", ("joint", "kind", "links"), joints)
+    lines = [(line,) for line in found["mobility_explained"]]
+    print_table(f"Mobility W = {found['mobility']}", ("why",), lines)
+    reach = found["crank_range"]
+    if reach != "full turn":
+        arcs = found["crank_ranges"]
+        reach = ", ".join(f"{math.degrees(a):.4f} to {math.degrees(b):.4f} deg" for a, b in arcs) or "nowhere"
+    typer.echo(f"crank range: {reach}")
+    if found["dead_centres"]:
+        ends = ", ".join(f"{math.degrees(a):.4f} deg" for a in found["dead_centres"])
+        typer.echo(f"dead centres of the crank: {ends}")
+    least = found["transmission_angle"]
+    if least is not None:
+        typer.echo(
+            f"transmission angle: at least {math.degrees(least['least']):.2f} deg, "
+            f"at crank angle {math.degrees(least['at_angle']):.1f} deg"
+        )
+    for line in found["assur_explained"]:
+        typer.echo(line)
+    rows = []
+    for assembly in found["assemblies"]:
+        names = ", ".join(f"{k} {v:+d}" for k, v in assembly.items() if isinstance(v, int))
+        for point, place in assembly["points"].items():
+            rows.append((names, point, *(f"{value:.9g}" for value in place)))
+    at = f"{math.degrees(found['angle']):.6g} deg"
+    if not rows:
+        typer.echo(f"no assembly at crank angle {at}: the crank cannot stand there")
+        return
+    title = f"Assemblies at crank angle {at}"
+    print_table(title, ("assembly", "point", "x [m]", "y [m]", "z [m]"), rows)
+
+
+def _number(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return ", ".join(_number(item) for item in value)
+    return f"{value:.9g}" if isinstance(value, float) else str(value)
