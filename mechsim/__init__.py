@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from mechsim.pictures import plots, render
     from mechsim.report.notebook import show
     from mechsim.simulation import Run, Settings, simulate
-    from mechsim.verdict.judge import Check, Verdict, crosscheck
+    from mechsim.verdict.checks import Check, Verdict
+    from mechsim.verdict.judge import crosscheck
     from mechsim.verdict.tolerances import Tolerance
 
 # public name -> where it is: modules, then what is in one
@@ -42,7 +43,7 @@ _MODULES = {
 }
 _HOMES = _MODULES | {
     "AssemblyError": "errors",
-    "Check": "verdict.judge",
+    "Check": "verdict.checks",
     "End": "model.mechanism",
     "Forces": "model.forces",
     "Friction": "model.forces",
@@ -62,7 +63,7 @@ _HOMES = _MODULES | {
     "Settings": "simulation",
     "Spring": "model.forces",
     "Tolerance": "verdict.tolerances",
-    "Verdict": "verdict.judge",
+    "Verdict": "verdict.checks",
     "crosscheck": "verdict.judge",
     "show": "report.notebook",
     "simulate": "simulation",

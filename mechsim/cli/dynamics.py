@@ -37,9 +37,9 @@ from mechsim.report.facts import run_facts, study_facts, turn_facts
 from mechsim.simulation.dynamics import free_running
 from mechsim.simulation.dynamics.free_running import SteppedFreeRun
 from mechsim.simulation.dynamics.prescribed_motion import Driven, driven
+from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.units import option
-from mechsim.verdict.dynamics import crosscheck_driven, crosscheck_free
-from mechsim.verdict.judge import Verdict
+from mechsim.verdict.checks import Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

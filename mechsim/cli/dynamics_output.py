@@ -10,7 +10,7 @@ from mechsim.model.efforts import Fluctuation, FreeRun
 from mechsim.report.facts import run_facts, study_facts
 from mechsim.simulation.dynamics.free_running import SteppedFreeRun
 from mechsim.simulation.dynamics.prescribed_motion import Driven
-from mechsim.verdict.judge import HEAD, Verdict
+from mechsim.verdict.checks import HEAD, Verdict
 
 Row = tuple[str, str, str, str, str]
 

@@ -12,8 +12,8 @@ from mechsim.errors import InputError
 from mechsim.pictures import plots
 from mechsim.studies.tradeoff import (
     BOUNDS,
+    COMPARED,
     DEFAULTS,
-    QUANTITIES,
     Point,
     Subject,
     Tradeoff,
@@ -45,8 +45,8 @@ def tradeoff(
     """Measure how fast and how accurate MuJoCo's settings are on one mechanism; recommend some."""
     place = None if output is None else writable(output, ".csv")
     drawing = None if plot is None else writable(plot, ".svg", ".png", ".pdf")
-    if by not in QUANTITIES:
-        raise InputError(f"there is no error by {by!r}; known are {', '.join(QUANTITIES)}")
+    if by not in COMPARED:
+        raise InputError(f"there is no error by {by!r}; known are {', '.join(COMPARED)}")
     seconds = units.parse_time(budget, "the budget")
     if not 0.0 < seconds < float("inf"):
         raise InputError(f"the budget is {budget}; give a time above 0, as in 60s")

@@ -10,7 +10,7 @@ from mechsim.cli.output import print_json, print_table, progress
 from mechsim.errors import AssemblyError, InputError
 from mechsim.report.validation import write_validation_report
 from mechsim.studies.validate import Case, validate_all
-from mechsim.verdict.judge import HEAD
+from mechsim.verdict.checks import HEAD
 
 
 def validate(

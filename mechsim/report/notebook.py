@@ -5,13 +5,12 @@ import tempfile
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
     from mechsim.model.mechanism import Mechanism
     from mechsim.model.motion import Motion
-    from mechsim.simulation import Run
-    from mechsim.verdict.judge import Verdict
+    from mechsim.verdict.checks import Verdict
 
 GOOD, BAD = "#00694c", "#a8261a"
 
@@ -67,7 +66,7 @@ def show(
 
 def verdict_html(verdict: "Verdict") -> str:
     """Return a verdict as a table: quantity by quantity, worst error, where, bound and its reason."""
-    from mechsim.verdict.judge import HEAD
+    from mechsim.verdict.checks import HEAD
 
     rows = [check.cells for check in verdict.checks]
     title = verdict.outcome + (f": {verdict.reason}" if verdict.reason else "")
@@ -75,7 +74,25 @@ def verdict_html(verdict: "Verdict") -> str:
     return _title(title, GOOD if verdict.passed else BAD) + _table(HEAD, rows, marks)
 
 
-def run_html(run: "Run") -> str:
+class Shown(Protocol):
+    """A run, as far as it is shown."""
+
+    @property
+    def motion(self) -> "Motion":
+        """What moved, and how."""
+        ...
+
+    @property
+    def outcome(self) -> str:
+        """How it ended."""
+        ...
+
+    def summary(self) -> dict[str, Any]:
+        """Return what it came to and how it was made."""
+        ...
+
+
+def run_html(run: Shown) -> str:
     """Return a run as what it came to, how it was made, and a plot of its motion."""
     from mechsim.pictures import plots
 
@@ -101,7 +118,7 @@ def figure_svg(figure: Any) -> str | None:
 
 # (module, class) -> what kind of data shows it, and how that is made
 SHOWN = {
-    ("mechsim.verdict.judge", "Verdict"): ("text/html", verdict_html),
+    ("mechsim.verdict.checks", "Verdict"): ("text/html", verdict_html),
     ("mechsim.simulation.run_result", "Run"): ("text/html", run_html),
     ("matplotlib.figure", "Figure"): ("image/svg+xml", figure_svg),
 }

@@ -18,6 +18,7 @@ from mechsim.errors import OutputError
 from mechsim.files import write_json, written_beside
 from mechsim.pictures.number_text import number
 from mechsim.report.studies import StudyPart
+from mechsim.verdict.checks import Check
 
 TEMPLATES = Path(__file__).parent / "templates"
 LIBRARIES = ("mujoco", "numpy", "scipy", "matplotlib", "mediapy")
@@ -51,7 +52,7 @@ class Section:
         still: PNG of one position.
         video: file to embed (mp4, webm or gif).
         plots: (caption, SVG or PNG bytes).
-        checks: rows of the verdict table, as `Check.as_dict` gives them; None takes the results'.
+        checks: of the verdict.
         settings: how the run was made and what it cost.
     """
 
@@ -61,7 +62,7 @@ class Section:
     still: bytes | None = None
     video: Path | None = None
     plots: Sequence[tuple[str, bytes]] = ()
-    checks: Sequence[Mapping[str, Any]] | None = None
+    checks: Sequence[Check] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -206,11 +207,9 @@ def film(path: Path) -> str:
 
 def _shown(section: Section, results: Mapping[str, Any]) -> dict[str, Any]:
     result = results["mechanisms"].get(section.name, {})
-    checks = list(section.checks if section.checks is not None else result.get("checks", ()))
-    checks = [{**check, "used": _used(check)} for check in checks]
     seconds = result.get("seconds")
     costs = {"steps": result.get("steps"), "whole case": None if seconds is None else f"{seconds:.3g} s"}
-    used = [check for check in checks if check["used"] is not None]
+    used = [check for check in section.checks if check.used is not None]
     return {
         "section": section,
         "name": section.name,
@@ -218,42 +217,34 @@ def _shown(section: Section, results: Mapping[str, Any]) -> dict[str, Any]:
         "passed": bool(result.get("passed", False)),
         "outcome": result.get("outcome", "missed"),
         "reason": result.get("reason", ""),
-        "checks": checks,
-        "tightest": _tightest(checks),
-        "met": sum(bool(check["passed"]) for check in checks),
+        "checks": section.checks,
+        "tightest": _tightest(section.checks),
+        "met": sum(check.passed for check in section.checks),
         "nearest": max(used, key=_share) if used else None,
         "seconds": seconds,
         "settings": {**section.settings, **{k: v for k, v in costs.items() if v is not None}},
     }
 
 
-def _tightest(checks: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+def _tightest(checks: Sequence[Check]) -> list[Check]:
     """Of each kind of quantity the check that comes nearest to its bound, and all that failed.
 
     What uses less than `UNUSED` of its bound is left out, unless nothing else is there.
     """
-    found: dict[str, Mapping[str, Any]] = {}
+    found: dict[tuple[str, ...], Check] = {}
     for check in checks:
-        kind = re.sub(r" of .*|(?<=joint) .*", "", check["quantity"])
+        kind = (check.variant, check.road, check.kind)
         best = found.get(kind)
-        if not check["passed"]:
-            found[check["quantity"]] = check
-        elif best is None or (best["passed"] and _share(check) > _share(best)):
+        if not check.passed:
+            found[*kind, check.subject] = check
+        elif best is None or _share(check) > _share(best):
             found[kind] = check
     kept = list(found.values())
-    return [check for check in kept if not check["passed"] or _share(check) >= UNUSED] or kept
+    return [check for check in kept if not check.passed or _share(check) >= UNUSED] or kept
 
 
-def _share(check: Mapping[str, Any]) -> float:
-    return float(check["used"] or 0.0)
-
-
-def _used(check: Mapping[str, Any]) -> float | None:
-    """The part of its bound that an error uses, None where that is no number."""
-    worst, bound = check.get("worst"), check.get("bound")
-    if worst is None or bound is None or not math.isfinite(worst) or not bound > 0.0:
-        return None
-    return worst / bound
+def _share(check: Check) -> float:
+    return check.used or 0.0
 
 
 def _uri(kind: str, data: bytes) -> str:

@@ -92,7 +92,7 @@ def _plots(case: Case) -> dict[str, bytes]:
 
 
 def _bound(case: Case, road: str) -> float:
-    return next(check.bound for check in case.checks if check.quantity.startswith(f"{road}: position of"))
+    return next(check.bound for check in case.checks if (check.road, check.kind) == (road, "position"))
 
 
 def _facts(case: Case) -> dict[str, Any]:

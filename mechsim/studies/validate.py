@@ -15,8 +15,10 @@ from mechsim.model.mechanism import Pose
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import Outcome, gravest
 from mechsim.simulation import Run, Settings, simulate
-from mechsim.verdict.judge import Check, Verdict, crosscheck
-from mechsim.verdict.tolerances import EPS, Tolerance
+from mechsim.verdict.checks import Check, Verdict, allowances, check_of, checks_of, concluded
+from mechsim.verdict.judge import crosscheck
+from mechsim.verdict.quantities import QUANTITIES, motion_scales, stroke_of
+from mechsim.verdict.tolerances import EPS, Asked, Tolerance
 
 Array = NDArray[np.float64]
 
@@ -34,7 +36,7 @@ class Case:
         drive: the mechanism.
         outcome: the worst outcome of all roads.
         reason: one sentence where the outcome is not "met".
-        checks: of all roads, the road named in front.
+        checks: of all roads and variants.
         exact: closed form over the range, evenly spread.
         poses: the run by solved poses.
         run: the stepped run.
@@ -84,8 +86,8 @@ def validate(drive: ClosedForm, *, speed: float = 20.0 * np.pi) -> Case:
 
 
 def _with_variant(case: Case, name: str, variant: Case) -> Case:
-    """Return a case that holds a variant's checks too, each with the variant's name in front."""
-    checks = tuple(replace(check, quantity=f"{name}, {check.quantity}") for check in variant.checks)
+    """Return a case that holds a variant's checks too, each with the variant's name."""
+    checks = tuple(replace(check, variant=name) for check in variant.checks)
     worse = gravest([case.outcome, variant.outcome]) == 1
     return replace(
         case,
@@ -109,15 +111,11 @@ def _validated(drive: ClosedForm, speed: float) -> Case:
     verdicts = [
         ("closed form", _against_loops(drive, exact)),
         ("pose", crosscheck(poses.motion, drive, speed=wanted)),
-        ("step", crosscheck(run.motion, drive, tolerance=STEP_PLACE * _stroke(exact), speed=wanted)),
+        ("step", crosscheck(run.motion, drive, tolerance=STEP_PLACE * stroke_of(exact), speed=wanted)),
     ]
     if run.outcome == "diverged":
         verdicts[2] = ("step", Verdict("diverged", (), "MuJoCo warned of a bad state"))
-    checks = tuple(
-        replace(check, quantity=f"{road}: {check.quantity}")
-        for road, verdict in verdicts
-        for check in verdict.checks
-    )
+    checks = tuple(replace(check, road=road) for road, verdict in verdicts for check in verdict.checks)
     outcome, reason = _worst(verdicts)
     return Case(
         drive=drive,
@@ -136,47 +134,23 @@ def _worst(verdicts: Sequence[tuple[str, Verdict]]) -> tuple[Outcome, str]:
     return verdict.outcome, f"{road}: {verdict.reason}" if verdict.reason else ""
 
 
-def _stroke(exact: Motion) -> float:
-    return 0.5 * float(max(np.ptp(point.position, axis=0).max() for point in exact.points.values()))
-
-
 def _against_loops(drive: ClosedForm, exact: Motion) -> Verdict:
     """Check the closed form by the loop equations, which know nothing of it."""
     mechanism = drive.mechanism
     poses = {name: Pose(link.position, link.rotation) for name, link in exact.links.items()}
     open_by, turned_by = closure.residual_norms(mechanism, poses, exact.angle)
-    longest = mechanism.size
     loops = closure.rates(mechanism, poses, exact.angle, exact.speed, exact.acceleration)
+    closed = Tolerance(8 * EPS * mechanism.size, "m", "8 ulp of the longest link")
+    turned = Tolerance(32 * EPS, "rad", "8 ulp of a turn of 4 rad")
     checks = [
-        _check(
-            "loop residual",
-            open_by,
-            exact.angle,
-            Tolerance(8 * EPS * longest, "m", "8 ulp of the longest link"),
-        ),
-        _check(
-            "axes and gears", turned_by, exact.angle, Tolerance(32 * EPS, "rad", "8 ulp of a turn of 4 rad")
-        ),
+        check_of("loop", "", open_by, exact.angle, closed),
+        check_of("axes and gears", "", turned_by, exact.angle, turned),
     ]
-    speed, stroke = float(np.abs(exact.speed).max()), _stroke(exact)
-    for kind, unit, power in (("velocity", "m/s", 1), ("acceleration", "m/s2", 2)):
-        for name, point in exact.points.items():
-            gap = getattr(point, kind) - getattr(loops.points[name], kind)
-            bound = 1e-10 * stroke * speed**power
-            why = "1e-10 of crank speed: a linear solve away from dead centres"
-            error = np.sqrt((gap**2).sum(1))
-            checks.append(_check(f"{kind} of {name}", error, exact.angle, Tolerance(bound, unit, why)))
-    failed = [check.quantity for check in checks if not check.passed]
-    reason = f"beyond the bound: {', '.join(failed)}" if failed else ""
-    return Verdict("missed" if failed else "met", tuple(checks), reason)
-
-
-def _check(quantity: str, error: Array, angle: Array, tolerance: Tolerance) -> Check:
-    at = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
-    rms = float(np.sqrt(np.mean(error**2)))
-    return Check(
-        quantity, tolerance.unit, float(error[at]), float(angle[at]), rms, tolerance.bound, tolerance.why
-    )
+    scales = motion_scales(stroke_of(exact), float(np.abs(exact.speed).max()))
+    for kind in ("velocity", "acceleration"):
+        rows = (QUANTITIES[kind],)
+        checks += checks_of(rows, loops, exact, allowances(rows, "closed form", scales, Asked()))
+    return concluded(checks)
 
 
 def validate_all(

@@ -1,106 +1,32 @@
-"""Two motions to a verdict: worst error, where, against a bound with a reason."""
+"""The judges: two motions, two records of efforts or two free runs to a verdict."""
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.maths.given import numbers, require
-from mechsim.model.motion import Motion, PointMotion, Solver
-from mechsim.model.outcome import Outcome
-from mechsim.verdict import tolerances
-from mechsim.verdict.tolerances import Tolerance
-
-Array = NDArray[np.float64]
-PointFunction = Callable[[Array], Mapping[str, Array]]
+from mechsim.maths.given import require
+from mechsim.model.efforts import Efforts, FreeRun
+from mechsim.model.motion import Motion, Solver
+from mechsim.verdict.checks import Bounds, Verdict, allowances, checks_of, concluded
+from mechsim.verdict.other_assembly import elsewhere
+from mechsim.verdict.point_function import PointFunction, differentiated
+from mechsim.verdict.quantities import (
+    DRIVE,
+    EFFORTS,
+    FREE,
+    MOTION,
+    efforts_scales,
+    free_scales,
+    motion_scales,
+    reach_of,
+    stroke_of,
+)
+from mechsim.verdict.tolerances import Asked, Tolerance
 
 # default bound on place, in units of the stroke: a twentieth of what a link 0.1 % long does
 DEFAULT_PLACE = 1e-4
-# a simulation this much nearer to another assembly than to the right one is in the other
-NEARER = 0.5
-# if, in units of the stroke, these are farther apart than that
-APART = 0.02
-# pairs of records at which that is looked at
-MOST_PAIRS = 100
-
-
-# over the cells of checks
-HEAD = ("quantity", "worst", "at [rad]", "bound", "unit", "", "why")
-
-
-@dataclass(frozen=True, slots=True)
-class Check:
-    """One quantity of a verdict.
-
-    Attributes:
-        quantity: what was compared.
-        unit: of worst, rms and bound.
-        worst: largest error.
-        at_angle: crank angle of the largest error, in [rad].
-        rms: root mean square of the error over the run.
-        bound: largest error allowed.
-        why: reason for the bound.
-    """
-
-    quantity: str
-    unit: str
-    worst: float
-    at_angle: float
-    rms: float
-    bound: float
-    why: str
-
-    @property
-    def passed(self) -> bool:
-        """Whether the worst error is within the bound; NaN is not."""
-        return self.worst <= self.bound
-
-    @property
-    def cells(self) -> tuple[str, str, str, str, str, str, str]:
-        """The check as a row of a table under `HEAD`."""
-        numbers = f"{self.worst:.2e}", f"{self.at_angle:.4f}", f"{self.bound:.1e}"
-        return self.quantity, *numbers, self.unit, "met" if self.passed else "MISSED", self.why
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the check as plain data."""
-        names = ("quantity", "unit", "worst", "at_angle", "rms", "bound", "why")
-        return {name: getattr(self, name) for name in names} | {"passed": self.passed}
-
-    def __str__(self) -> str:
-        relation = "<=" if self.passed else "> " if self.worst == self.worst else "? "
-        return (
-            f"{self.quantity:<34} {self.worst:9.2e} {relation} {self.bound:8.1e} {self.unit:<6} "
-            f"at {self.at_angle:7.4f} rad  ({self.why})"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """What a comparison came to; print it to see the table.
-
-    Attributes:
-        outcome: one of "met", "missed", "diverged", "changed assembly", "cannot assemble".
-        checks: quantity by quantity.
-        reason: one sentence where the outcome is not "met".
-    """
-
-    outcome: Outcome
-    checks: tuple[Check, ...]
-    reason: str = ""
-
-    @property
-    def passed(self) -> bool:
-        """Whether every quantity is within its bound."""
-        return self.outcome == "met"
-
-    def __str__(self) -> str:
-        head = self.outcome if not self.reason else f"{self.outcome}: {self.reason}"
-        return "\n".join([head, *(f"  {check}" for check in self.checks)])
-
-    __repr__ = __str__
 
 
 def crosscheck(
@@ -108,7 +34,7 @@ def crosscheck(
     analytic: Motion | Solver | PointFunction,
     *,
     tolerance: float | None = None,
-    bounds: Mapping[str, Tolerance] | None = None,
+    bounds: Bounds | None = None,
     speed: float | None = None,
 ) -> Verdict:
     """Compare a simulated motion with an analytic one, at the crank angles the simulation really had.
@@ -120,7 +46,7 @@ def crosscheck(
             by eighth-order differences. A motion nothing can solve again must stand at the same angles.
         tolerance: bound on the place of any point, in [m]; None takes 1e-4 of the stroke for a
             stepped run and rounding for solved poses.
-        bounds: bounds that replace those of `tolerances`, by kind ("position", "velocity", ...).
+        bounds: bounds that replace those of `quantities`, by name ("position", "velocity", ...).
         speed: crank speed that was wanted, in [rad/s]; None takes the analytic motion's, if steady.
 
     Returns:
@@ -139,71 +65,98 @@ def crosscheck(
         return Verdict("diverged", (), simulated.broken)
     if not _finite(simulated):
         return Verdict("diverged", (), "the simulated motion holds numbers that are not finite")
-    solver = _solver(analytic)
     try:
-        exact = _at(simulated, analytic, solver)
+        exact = _at(simulated, analytic)
     except AssemblyError as error:
         return Verdict("cannot assemble", (), str(error))
     _require_points(simulated, exact)
-    stroke = _stroke(exact)
-    fastest = float(np.abs(simulated.speed).max())
-    allowed = dict(_bounds(simulated, tolerance, stroke, fastest))
+    allowed = _motion_bounds(simulated, exact, tolerance) | dict(bounds or {})
+    checks = [*checks_of(MOTION, simulated, exact, allowed)]
+    if speed is not None:
+        checks += checks_of(DRIVE, simulated, _wanted(simulated, speed), allowed)
+    solver = _solver(analytic)
+    return concluded(checks, None if solver is None else lambda: elsewhere(simulated, exact, solver))
+
+
+def judge_efforts(
+    found: Efforts,
+    exact: Efforts,
+    *,
+    road: Literal["pose", "step"],
+    tolerance: float | None = None,
+    bounds: Bounds | None = None,
+) -> Verdict:
+    """Compare the efforts of a prescribed crank with the true ones at the same angles, speeds and instants.
+
+    Args:
+        found: what is judged.
+        exact: what it should be.
+        road: how it was found: "pose" or "step".
+        tolerance: that a stepped run was asked to keep, as a part; None where it was asked nothing.
+        bounds: bounds that replace those of `EFFORTS`, by name; parts of the scale where their unit is "1".
+
+    Returns:
+        The verdict. Forces are relative to the largest root mean square of any joint's force, moments
+        to that times the mechanism's size, torque and energies to their own. Components that rigid
+        links do not determine are left out, and so are forces at instants where a joint with dry
+        friction stands still, and the torque where the crank does.
+    """
+    asked = Asked() if tolerance is None else Asked(tolerance)
+    by = "asked" if tolerance is not None else road
+    allowed = allowances(EFFORTS, by, efforts_scales(exact), asked, bounds)
+    return concluded(checks_of(EFFORTS, found, exact, allowed))
+
+
+def judge_free_run(
+    found: FreeRun, exact: FreeRun, *, tolerance: float | None = None, bounds: Bounds | None = None
+) -> Verdict:
+    """Compare a free run with the true one from the same start, at the same instants.
+
+    Args:
+        found: what is judged.
+        exact: what it should be; one that ends earlier is told as such.
+        tolerance: on the crank angle in [rad], that the run was asked to keep; None where none was.
+        bounds: bounds that replace those of `FREE`, by name; parts of the scale where their unit is "1".
+
+    Raises:
+        InputError: for a run of fewer than two instants.
+    """
+    if found.outcome == "diverged":
+        return Verdict("diverged", (), found.reason)
+    if len(found) < 2:
+        raise InputError("a free run of fewer than two instants says nothing; run it longer")
+    if len(exact) < len(found):
+        why = f"the reduced equation ends after {exact.time[-1]:.6g} s: {exact.reason}"
+        return Verdict("missed", (), why)
+    turns = float(np.ptp(exact.angle)) / (2.0 * np.pi)
+    by = "step" if tolerance is None else "asked"
+    allowed = allowances(FREE, by, free_scales(exact), Asked(tolerance or 0.0, turns=turns), bounds)
+    return concluded(checks_of(FREE, found, exact, allowed))
+
+
+def _motion_bounds(simulated: Motion, exact: Motion, tolerance: float | None) -> dict[str, Tolerance]:
+    stroke, fastest = stroke_of(exact), float(np.abs(simulated.speed).max())
+    rows, scales = (*MOTION, *DRIVE), motion_scales(stroke, fastest)
+    road = "pose" if simulated.source == "pose" and tolerance is None else "step"
+    asked = Asked(DEFAULT_PLACE * stroke if tolerance is None else tolerance, of=stroke)
+    allowed = allowances(rows, road, scales, asked)
     if exact.source == "user":
-        rough = tolerances.for_differences(_reach(exact), fastest)
-        allowed |= {kind: most for kind, most in rough.items() if most.bound > allowed[kind].bound}
-    allowed |= dict(bounds or {})
-    checks = tuple(_checks(simulated, exact, allowed, speed))
-    failed = [check for check in checks if not check.passed]
-    if not failed:
-        return Verdict("met", checks)
-    where = None if solver is None else _elsewhere(simulated, exact, solver)
-    if where is not None:
-        return Verdict("changed assembly", checks, f"first seen at crank angle {where:.4f} rad")
-    if not all(check.worst == check.worst for check in checks):
-        return Verdict("diverged", checks, "an error is not a number")
-    names = ", ".join(f"{check.quantity} by {check.worst / check.bound:.3g} times" for check in failed[:3])
-    more = f" and {len(failed) - 3} more" if len(failed) > 3 else ""
-    return Verdict("missed", checks, f"beyond the bound: {names}{more}")
+        rough = allowances(rows, "function", motion_scales(reach_of(exact), fastest), Asked())
+        allowed |= {name: most for name, most in rough.items() if most.bound > allowed[name].bound}
+    return allowed
+
+
+def _wanted(simulated: Motion, speed: float) -> Motion:
+    """Return the crank's motion as it was wanted, at a constant speed from where it began."""
+    time = simulated.time
+    angle = simulated.angle if time is None else simulated.angle[0] + speed * (time - time[0])
+    return replace(simulated, angle=angle, speed=np.full_like(angle, speed))
 
 
 def _solver(analytic: Motion | Solver | PointFunction) -> Solver | None:
     if isinstance(analytic, Motion):
         return analytic.origin
     return analytic if hasattr(analytic, "solve") else None  # pyright: ignore[reportReturnType]
-
-
-def _elsewhere(simulated: Motion, exact: Motion, solver: Solver) -> float | None:
-    """Return the crank angle at which a simulation is first seen in another assembly; None if it is in none.
-
-    The sign that tells assemblies apart is no proof: close to a singular pose rounding turns it, and
-    where there are more than two assemblies some share it. So the places decide: at two records in a
-    row, with the assemblies well apart, they must be twice as near to another one as to the
-    right one. Tried on 1,200 runs past singular poses: validation/robustness/assembly_detector.py.
-    """
-    angle = simulated.angle
-    listed = getattr(solver, "assembly_points", None)
-    if listed is None:
-        sign = solver.assembly_sign({name: point.position for name, point in simulated.points.items()})
-        wrong = sign < 0.0
-        first = np.flatnonzero(wrong[1:] & wrong[:-1])
-        return float(angle[first[0]]) if len(first) else None
-    far = np.max(list(simulated.place_errors(exact).values()), axis=0)
-    pairs = np.unique(np.linspace(0, max(0, len(angle) - 2), MOST_PAIRS).astype(int))
-    rows = np.unique(np.clip(np.concatenate([pairs, pairs + 1]), 0, len(angle) - 1))
-    apart, nearer = np.zeros(len(rows)), np.zeros(len(rows), dtype=np.bool_)
-    for k, i in enumerate(rows):
-        for _, points in listed(float(angle[i])):
-            gap = _farthest(points, {name: exact.points[name].position[i] for name in points})
-            off = _farthest(points, {name: simulated.points[name].position[i] for name in points})
-            apart[k] = max(apart[k], gap if off < NEARER * far[i] else 0.0)
-            nearer[k] |= bool(off < NEARER * far[i])
-    wrong = nearer & (apart > APART * _stroke(exact))
-    first = np.flatnonzero(wrong[1:] & wrong[:-1])
-    return float(angle[rows[first[0]]]) if len(first) else None
-
-
-def _farthest(points: Mapping[str, Array], others: Mapping[str, Array]) -> float:
-    return max(float(np.linalg.norm(points[name] - other)) for name, other in others.items())
 
 
 def _require_points(simulated: Motion, exact: Motion) -> None:
@@ -225,8 +178,9 @@ def _require_points(simulated: Motion, exact: Motion) -> None:
             )
 
 
-def _at(simulated: Motion, analytic: Motion | Solver | PointFunction, solver: Solver | None) -> Motion:
+def _at(simulated: Motion, analytic: Motion | Solver | PointFunction) -> Motion:
     """Return the analytic motion at the simulated crank angles, speeds and accelerations."""
+    solver = _solver(analytic)
     if solver is not None:
         return solver.solve(simulated.angle, simulated.speed, simulated.acceleration)
     if isinstance(analytic, Motion):
@@ -240,35 +194,7 @@ def _at(simulated: Motion, analytic: Motion | Solver | PointFunction, solver: So
             )
         return analytic
     assert callable(analytic)
-    return _differentiated(analytic, simulated)
-
-
-# central differences of order eight for first and second derivatives, at 0, +-1 ... +-4
-FIRST = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
-SECOND = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560])
-SPACING = 0.01  # rad: rounding 1e-14 and truncation 1e-16 x (harmonic)^9 balance for smooth motions
-
-
-def _differentiated(function: PointFunction, simulated: Motion) -> Motion:
-    angle, speed, pull = simulated.angle, simulated.speed[:, None], simulated.acceleration[:, None]
-    around = [function(angle + k * SPACING) for k in range(-4, 5)]
-    points: dict[str, PointMotion] = {}
-    if not isinstance(around[4], Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise InputError(
-            f"the function gives a {type(around[4]).__name__}; give a dictionary from points to places (n, 3)"
-        )
-    for name in around[4]:
-        parts = [numbers(one[name]) for one in around]
-        if {part.shape for part in parts} != {(len(angle), 3)}:
-            raise InputError(
-                f"the function gives point {name!r} of shape {parts[4].shape} for {len(angle)} crank "
-                f"angles; give ({len(angle)}, 3)"
-            )
-        values = np.stack(parts)
-        first = np.tensordot(FIRST, values, 1) / SPACING
-        second = np.tensordot(SECOND, values, 1) / SPACING**2
-        points[name] = PointMotion(values[4], first * speed, second * speed**2 + first * pull)
-    return Motion("user", angle, simulated.speed, simulated.acceleration, points)
+    return differentiated(analytic, simulated)
 
 
 def _finite(motion: Motion) -> bool:
@@ -276,63 +202,3 @@ def _finite(motion: Motion) -> bool:
     for point in motion.points.values():
         arrays += [point.position, point.velocity, point.acceleration]
     return all(bool(np.isfinite(array).all()) for array in arrays)
-
-
-def _stroke(exact: Motion) -> float:
-    """Half the largest extent of any point's path; where nothing moves, the distance from the origin."""
-    extents = [np.ptp(point.position, axis=0).max() for point in exact.points.values()]
-    return 0.5 * float(max(extents)) or _reach(exact)
-
-
-def _reach(exact: Motion) -> float:
-    """The largest coordinate of any point."""
-    return float(max(np.abs(point.position).max() for point in exact.points.values()))
-
-
-def _bounds(
-    simulated: Motion, tolerance: float | None, stroke: float, fastest: float
-) -> Mapping[str, Tolerance]:
-    if simulated.source == "pose" and tolerance is None:
-        return tolerances.for_poses(stroke, fastest)
-    return tolerances.for_steps(DEFAULT_PLACE * stroke if tolerance is None else tolerance, stroke, fastest)
-
-
-def _checks(
-    simulated: Motion, exact: Motion, allowed: Mapping[str, Tolerance], speed: float | None
-) -> Iterator[Check]:
-    angle = simulated.angle
-
-    def check(quantity: str, kind: str, error: Array) -> Check:
-        tolerance = allowed[kind]
-        # NaN counts as the worst there is
-        at = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
-        rms = float(np.sqrt(np.mean(error**2)))
-        worst, place = float(error[at]), float(angle[at])
-        return Check(quantity, tolerance.unit, worst, place, rms, tolerance.bound, tolerance.why)
-
-    for name, point in exact.points.items():
-        for kind in ("position", "velocity", "acceleration"):
-            gap = getattr(simulated.points[name], kind) - getattr(point, kind)
-            yield check(f"{kind} of {name}", kind, np.sqrt((gap**2).sum(1)))
-    for name in exact.joints:
-        if name in simulated.joints and name != "crank":
-            gap = simulated.joints[name].value - exact.joints[name].value
-            turning = exact.joints[name].unit == "rad"
-            if turning:
-                gap -= 2.0 * np.pi * np.round(gap / (2.0 * np.pi))
-            yield check(f"joint {name}", "angle" if turning else "way", np.abs(gap))
-    for name, link in exact.links.items():
-        if name in simulated.links and name not in exact.spinning:
-            turned = np.swapaxes(link.rotation, 1, 2) @ simulated.links[name].rotation
-            # for a small turn the off-diagonal difference is twice its vector
-            vector = turned[:, [2, 0, 1], [1, 2, 0]] - turned[:, [1, 2, 0], [2, 0, 1]]
-            sine = 0.5 * np.sqrt((vector**2).sum(1))
-            cosine = 0.5 * (np.trace(turned, axis1=1, axis2=2) - 1.0)
-            yield check(f"orientation of {name}", "orientation", np.arctan2(sine, cosine))
-    if simulated.closure is not None:
-        yield check("loop residual", "loop", simulated.closure)
-    if speed is not None:
-        yield check("drive: crank speed", "drive speed", np.abs(simulated.speed - speed))
-        if simulated.time is not None:
-            meant = simulated.angle[0] + speed * (simulated.time - simulated.time[0])
-            yield check("drive: crank angle", "drive angle", np.abs(simulated.angle - meant))

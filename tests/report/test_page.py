@@ -13,6 +13,7 @@ from mechsim.pictures import plots
 from mechsim.pictures.render import find_ffmpeg
 from mechsim.report import page as report
 from mechsim.report.studies import studies_in
+from mechsim.verdict.checks import Check
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 37)
 # the smallest PNG there is
@@ -41,17 +42,21 @@ class Reader(HTMLParser):
         self.text += "" if self.skip else data
 
 
-def check(passed=True, worst=3.2e-10, quantity="step: place of P3"):
-    return {
-        "quantity": quantity,
-        "unit": "m",
-        "worst": worst,
-        "at_angle": 1.2,
-        "rms": 1e-10,
-        "bound": 1e-9,
-        "why": "a twentieth of what a link 0.1 % long does",
-        "passed": passed,
-    }
+def check(worst=3.2e-10, subject="P3", kind="position", road="step"):
+    return Check(
+        kind=kind,
+        subject=subject,
+        road=road,
+        unit="m",
+        worst=worst,
+        at_angle=1.2,
+        rms=1e-10,
+        bound=1e-9,
+        why="a twentieth of what a link 0.1 % long does",
+    )
+
+
+BROKEN = (check(), check(float("nan"), "P2", "velocity"))
 
 
 def results(**mechanisms):
@@ -59,12 +64,18 @@ def results(**mechanisms):
 
 
 def good():
-    return {"passed": True, "outcome": "met", "checks": [check()], "steps": 1000, "seconds": np.float64(1.25)}
+    return {
+        "passed": True,
+        "outcome": "met",
+        "checks": [check().as_dict()],
+        "steps": 1000,
+        "seconds": np.float64(1.25),
+    }
 
 
 def bad():
-    broken = check(False, float("nan"), "step: velocity of P2")
-    return {"passed": False, "outcome": "diverged", "reason": "MuJoCo warned", "checks": [check(), broken]}
+    checks = [one.as_dict() for one in BROKEN]
+    return {"passed": False, "outcome": "diverged", "reason": "MuJoCo warned", "checks": checks}
 
 
 @pytest.fixture
@@ -85,6 +96,7 @@ def section(tmp_path):
             ("Motion", plots.drawn(plots.motion_plot(motion))),
             ("Paths", plots.drawn(plots.coupler_curve(drive.mechanism, motion), "png")),
         ],
+        checks=(check(),),
         settings={"integrator": "RK4", "timestep": 1e-4},
     )
 
@@ -117,7 +129,7 @@ def test_the_numbers_lie_beside_the_page_as_json(section, tmp_path):
 
 
 def test_what_was_missed_stands_before_any_mechanism(section, tmp_path):
-    other = report.Section(name="other")
+    other = report.Section(name="other", checks=BROKEN)
     path = report.write_report(
         tmp_path, results(rssr=good(), other=bad()), [section, other], notes=["no pictures: install libegl1"]
     )
@@ -142,11 +154,12 @@ def test_a_good_page_says_so_and_shows_bound_and_reason(section, tmp_path):
 
 def test_the_tightest_check_of_each_kind_comes_first_and_all_of_them_after(section, tmp_path):
     points = {"P2": 1e-10, "P3": 7e-10, "P4": 2e-10}
-    checks = [check(worst=worst, quantity=f"step: position of {name}") for name, worst in points.items()]
-    lost = check(False, 5e-9, "step: position of P5")
+    checks = [check(worst, name) for name, worst in points.items()]
+    lost = check(5e-9, "P5")
     for some, first in ((checks, ["P3"]), ([*checks, lost], ["P3", "P5"])):
-        result = {**good(), "checks": some, "passed": len(first) == 1}
-        page = report.write_report(tmp_path, results(rssr=result), [section]).read_text(encoding="utf-8")
+        result = {**good(), "passed": len(first) == 1}
+        shown = replace(section, checks=some)
+        page = report.write_report(tmp_path, results(rssr=result), [shown]).read_text(encoding="utf-8")
         short, long = page.split("<summary>")
         short = short[short.index("<section") :]
         assert [name for name in ("P2", "P3", "P4", "P5") if f"position of {name}" in short] == first
@@ -155,8 +168,10 @@ def test_the_tightest_check_of_each_kind_comes_first_and_all_of_them_after(secti
 
 
 def test_a_mechanism_without_pictures_is_reported_all_the_same(tmp_path):
-    page = report.write_report(tmp_path, results(rssr=good()), [report.Section(name="rssr")])
-    assert "step: place of P3" in Reader(page.read_text(encoding="utf-8")).text
+    page = report.write_report(
+        tmp_path, results(rssr=good()), [report.Section(name="rssr", checks=(check(),))]
+    )
+    assert "step: position of P3" in Reader(page.read_text(encoding="utf-8")).text
 
 
 def test_names_cannot_smuggle_markup(tmp_path):

@@ -15,7 +15,7 @@ from mechsim.simulation.dynamics.determinacy import settled
 from mechsim.simulation.dynamics.free_running import free_run
 from mechsim.simulation.dynamics.loaded_model import loaded_model
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.verdict.dynamics import crosscheck_driven, crosscheck_free
+from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 
 GRAVITY = (0.3, -9.81, 0.5)
 

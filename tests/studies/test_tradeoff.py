@@ -15,8 +15,8 @@ from mechsim.simulation.mjcf.alternatives import rod_of
 from mechsim.simulation.settings import INTEGRATORS
 from mechsim.studies.tradeoff import (
     BOUNDS,
+    COMPARED,
     DEFAULTS,
-    QUANTITIES,
     STEPS,
     Build,
     Tradeoff,
@@ -176,7 +176,7 @@ def test_a_finer_run_as_reference_agrees_with_the_closed_form_within_its_bar():
     assert own.reference.bar["position"] < 1e-10
     settings = families()[1].at(144, SPEED)
     motion, _ = known.built.motion(settings)
-    for kind in QUANTITIES[:3]:
+    for kind in COMPARED[:3]:
         gap = abs(own.errors(motion)[kind] * own.stroke / known.stroke - known.errors(motion)[kind])
         assert gap <= own.reference.bar[kind] + 1e-12 + 1e-3 * known.errors(motion)[kind]
 

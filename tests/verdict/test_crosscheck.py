@@ -11,7 +11,8 @@ from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, PointMotion
 from mechsim.simulation import Settings, simulate
-from mechsim.verdict.judge import Verdict, crosscheck
+from mechsim.verdict.checks import Verdict
+from mechsim.verdict.judge import crosscheck
 from mechsim.verdict.tolerances import Tolerance
 
 SPEED = 62.8

@@ -16,7 +16,7 @@ from mechsim.simulation import Settings, mjcf, swing
 from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.dynamics.free_running import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.verdict.dynamics import crosscheck_driven, crosscheck_free
+from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 
 SPEED = 20.0 * np.pi
 GRAVITY = (0.3, -9.81, 0.5)

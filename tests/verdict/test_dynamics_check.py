@@ -11,7 +11,7 @@ from mechsim.model.inertia import Inertia
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.simulation.dynamics.free_running import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.verdict.dynamics import crosscheck_driven, crosscheck_free
+from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 
 DRIVE = catalog.make("rrsrr")
 PUSH = course.table(

@@ -12,7 +12,7 @@ from mechsim.model.forces import Couple, Forces, Friction
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, TorqueSpeedLine
 from mechsim.simulation.dynamics.free_running import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.verdict.dynamics import crosscheck_driven, crosscheck_free
+from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 
 GRAVITY = (0.3, -9.81, 0.5)
 SLEEVE = Friction("sleeve", 0.2, 0.5, 1e-3, 4e-3)

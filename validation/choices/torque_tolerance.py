@@ -32,7 +32,7 @@ from mechsim.model.forces import Forces
 from mechsim.simulation import Settings
 from mechsim.simulation.dynamics.free_running import free_run
 from mechsim.simulation.dynamics.prescribed_motion import Driven, driven
-from mechsim.verdict.dynamics import crosscheck_driven
+from mechsim.studies.dynamics_check import crosscheck_driven
 
 TURNS, FREE_TURNS = 10.0, 3.0
 RPM, FREE_RPM, PART = (1.0, 20_000.0), (600.0, 20_000.0), (1e-2, 1e-8)
@@ -43,10 +43,8 @@ TIMED = 5
 
 def true_error(run: Driven, machine: Machine) -> float:
     """Return the worst error of torque and reactions, relative as `tolerance` is."""
-    asked = {"torque", "force", "moment"}
-    checks = [
-        check for check in crosscheck_driven(run, machine).checks if asked & set(check.quantity.split())
-    ]
+    asked = {"drive torque", "force", "moment", "gear torque"}
+    checks = [check for check in crosscheck_driven(run, machine).checks if check.kind in asked]
     return max(check.worst / _scale(check.why) for check in checks)
 
 

@@ -3,13 +3,13 @@
 from mechsim.studies.tradeoff.built_model import BuiltModel, build_model
 from mechsim.studies.tradeoff.ladder import DEFAULTS, STEPS, Family, families
 from mechsim.studies.tradeoff.model_builds import Build
-from mechsim.studies.tradeoff.subject import QUANTITIES, Subject, subject_of, subject_of_model
+from mechsim.studies.tradeoff.subject import COMPARED, Subject, subject_of, subject_of_model
 from mechsim.studies.tradeoff.work_precision import BOUNDS, Point, Tradeoff, measure, write_csv
 
 __all__ = [
     "BOUNDS",
+    "COMPARED",
     "DEFAULTS",
-    "QUANTITIES",
     "STEPS",
     "Build",
     "BuiltModel",

@@ -7,6 +7,7 @@ import numpy as np
 from mechsim.maths.convergence import Order
 from mechsim.pictures.plots.figure import COLOURS, blank, decades, styled
 from mechsim.studies.tradeoff import BOUNDS, DEFAULTS, Point, Tradeoff
+from mechsim.verdict.quantities import QUANTITIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,14 +16,6 @@ if TYPE_CHECKING:
 GREY, FRONT = "#b4bac2", "#222831"
 # points that err by a stroke or more are not drawn
 LOST = 1.0
-AXES = {
-    "position": "worst place error [stroke]",
-    "velocity": "worst velocity error [stroke · crank speed]",
-    "acceleration": "worst acceleration error [stroke · crank speed²]",
-    "angle": "worst joint angle error [rad]",
-    "loop": "worst loop residual [stroke]",
-    "drive": "worst error of the crank angle over time [rad]",
-}
 
 
 @styled()
@@ -31,7 +24,7 @@ def work_precision(found: Tradeoff, quantity: str = "position") -> "Figure":
 
     Args:
         found: what was measured.
-        quantity: whose error to draw; one of `AXES`.
+        quantity: whose error to draw; a key of `Point.errors`.
     """
     figure, axes = blank(1, 1, (7.6, 4.4))
     ax: Axes = axes[0, 0]
@@ -60,7 +53,8 @@ def _dress(ax: "Axes", quantity: str) -> None:
     ax.xaxis.set_major_formatter("{x:g}")
     ax.set_yticks([bound for bound in (1.0, *BOUNDS, 1e-11, 1e-13) if _within(bound, ax.get_ylim())])
     ax.set_xlabel("processor time of one turn [ms]")
-    ax.set_ylabel(AXES[quantity])
+    row = QUANTITIES[quantity]
+    ax.set_ylabel(f"worst {row.title} [{row.scale}]")
 
 
 def _within(value: float, limits: tuple[float, float]) -> bool:

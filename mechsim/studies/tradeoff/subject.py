@@ -18,9 +18,11 @@ from mechsim.model.motion import Motion
 from mechsim.simulation import Settings
 from mechsim.simulation.closed_model import Model
 from mechsim.studies.tradeoff.built_model import BuiltModel, build_model
+from mechsim.verdict.quantities import QUANTITIES, motion_scales
 
 Array = NDArray[np.float64]
-QUANTITIES = ("position", "velocity", "acceleration", "angle", "loop", "drive")
+# quantities of the table by which trials are measured; the drive beside its profile
+COMPARED = ("position", "velocity", "acceleration", "angle", "loop", "drive")
 # steps a turn of the runs that make the reference of a model without a closed form
 FINE = (3600, 7200, 14400)
 # places of a point that differ by less than this part of the mechanism's size are the same
@@ -79,7 +81,7 @@ class Subject:
         drive's, which is how far the crank is from where it should be, are at the crank angle reached.
         """
         if motion is None or not worst(motion.speed) <= LOST * self.speed:
-            return dict.fromkeys(QUANTITIES, np.inf)
+            return dict.fromkeys(COMPARED, np.inf)
         found = differences(motion, self.reference.at(motion), self.stroke, self.speed)
         assert motion.time is not None
         return found | {"drive": worst(motion.angle - self.built.profile.state(motion.time)[0])}
@@ -87,23 +89,8 @@ class Subject:
 
 def differences(motion: Motion, exact: Motion, stroke: float, speed: float) -> dict[str, float]:
     """Return the worst differences of two motions at the same instants, as in `Subject.errors`."""
-    found = {
-        kind: max(
-            worst(np.linalg.norm(getattr(motion.points[name], kind) - getattr(point, kind), axis=1))
-            for name, point in exact.points.items()
-        )
-        / (stroke * speed**power)
-        for power, kind in enumerate(QUANTITIES[:3])
-    }
-    gaps = [
-        motion.joints[name].value - joint.value
-        for name, joint in exact.joints.items()
-        if joint.unit == "rad" and name in motion.joints and name != "crank"
-    ]
-    turn = 2.0 * np.pi
-    found["angle"] = max((worst(gap - turn * np.round(gap / turn)) for gap in gaps), default=0.0)
-    found["loop"] = 0.0 if motion.closure is None else worst(motion.closure) / stroke
-    return found
+    scales = motion_scales(stroke, speed)
+    return {name: QUANTITIES[name].largest(motion, exact, scales) for name in COMPARED[:-1]}
 
 
 def subject_of(drive: ClosedForm, speed: float) -> Subject:

@@ -22,7 +22,7 @@ from mechsim.simulation.mjcf import quiet
 from mechsim.studies.tradeoff.built_model import BuiltModel, build_model
 from mechsim.studies.tradeoff.ladder import DEFAULTS, STEPS, Family, families
 from mechsim.studies.tradeoff.model_builds import Build
-from mechsim.studies.tradeoff.subject import QUANTITIES, Subject
+from mechsim.studies.tradeoff.subject import COMPARED, Subject
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ class Point:
             **self.family.build.as_dict(),
             "seconds_per_turn": self.cost,
             "timed": len(self.times),
-            **{f"{kind}_error": self.errors[kind] for kind in QUANTITIES},
+            **{f"{kind}_error": self.errors[kind] for kind in COMPARED},
         }
 
 

@@ -1,0 +1,46 @@
+"""Dynamics in MuJoCo against the formulas: the true answer at what the run really did, and the verdict."""
+
+from collections.abc import Mapping
+
+from mechsim.analytic.dynamics import Machine, free_run, prescribed
+from mechsim.simulation.dynamics.free_running import SteppedFreeRun
+from mechsim.simulation.dynamics.prescribed_motion import Driven
+from mechsim.verdict.checks import Verdict
+from mechsim.verdict.judge import judge_efforts, judge_free_run
+from mechsim.verdict.tolerances import Tolerance
+
+
+def crosscheck_driven(
+    run: Driven, machine: Machine, *, bounds: Mapping[str, Tolerance] | None = None
+) -> Verdict:
+    """Compare a prescribed run with inverse dynamics at the angles, speeds and accelerations it really had.
+
+    Args:
+        run: from `simulation.dynamics.prescribed_motion.driven`.
+        machine: the analytic side.
+        bounds: as in `judge_efforts`.
+    """
+    motion = run.motion
+    if run.outcome == "diverged" or motion.broken:
+        return Verdict("diverged", (), motion.broken or "MuJoCo's state went bad")
+    study = prescribed(machine, motion.angle, motion.speed, motion.acceleration, time=motion.time)
+    tolerance = None if run.promise is None or run.method == "pose" else run.promise.tolerance
+    return judge_efforts(run.efforts, study.efforts, road=run.method, tolerance=tolerance, bounds=bounds)
+
+
+def crosscheck_free(
+    run: SteppedFreeRun, machine: Machine, *, bounds: Mapping[str, Tolerance] | None = None
+) -> Verdict:
+    """Compare a free run with the reduced equation from the same start, at the same instants.
+
+    Args:
+        run: from `simulation.dynamics.free_running.free_run`.
+        machine: the analytic side.
+        bounds: as in `judge_free_run`.
+    """
+    found = run.free
+    if found.outcome == "diverged" or len(found) < 2:
+        return judge_free_run(found, found)
+    exact = free_run(machine, angle=float(found.angle[0]), speed=float(found.speed[0]), times=found.time)
+    tolerance = None if run.promise is None else run.promise.tolerance
+    return judge_free_run(found, exact, tolerance=tolerance, bounds=bounds)

@@ -1,0 +1,179 @@
+"""Checks of quantities against their bounds, and the verdict they come to."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from mechsim.maths.arrays import Array
+from mechsim.model.outcome import Outcome
+from mechsim.verdict.quantities import QUANTITIES, Quantity
+from mechsim.verdict.tolerances import OF, Asked, Bound, Tolerance
+
+Bounds = Mapping[str, Tolerance]
+
+# over the cells of checks
+HEAD = ("quantity", "worst", "at [rad]", "bound", "unit", "", "why")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """One quantity of a verdict.
+
+    Attributes:
+        kind: what was compared, a name of `QUANTITIES` or words of its own.
+        subject: point, link or joint; empty for the whole.
+        road: by which road, where a verdict tells of several.
+        variant: of the mechanism, where it tells of several.
+        unit: of worst, rms and bound.
+        worst: largest error.
+        at_angle: crank angle of the largest error, in [rad].
+        rms: root mean square of the error over the run.
+        bound: largest error allowed.
+        why: reason for the bound.
+    """
+
+    kind: str
+    subject: str = ""
+    road: str = ""
+    variant: str = ""
+    unit: str
+    worst: float
+    at_angle: float
+    rms: float
+    bound: float
+    why: str
+
+    @property
+    def quantity(self) -> str:
+        """What was compared in words: variant, road, quantity and subject."""
+        row = QUANTITIES.get(self.kind)
+        said = row.said(self.subject) if row else self.kind
+        by_road = f"{self.road}: {said}" if self.road else said
+        return f"{self.variant}, {by_road}" if self.variant else by_road
+
+    @property
+    def passed(self) -> bool:
+        """Whether the worst error is within the bound; NaN is not."""
+        return self.worst <= self.bound
+
+    @property
+    def used(self) -> float | None:
+        """The part of its bound that the worst error uses; None where that is no number."""
+        return self.worst / self.bound if np.isfinite(self.worst) and self.bound > 0.0 else None
+
+    @property
+    def cells(self) -> tuple[str, str, str, str, str, str, str]:
+        """The check as a row of a table under `HEAD`."""
+        numbers = f"{self.worst:.2e}", f"{self.at_angle:.4f}", f"{self.bound:.1e}"
+        return self.quantity, *numbers, self.unit, "met" if self.passed else "MISSED", self.why
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the check as plain data."""
+        names = ("quantity", "unit", "worst", "at_angle", "rms", "bound", "why")
+        return {name: getattr(self, name) for name in names} | {"passed": self.passed}
+
+    def __str__(self) -> str:
+        relation = "<=" if self.passed else "> " if self.worst == self.worst else "? "
+        return (
+            f"{self.quantity:<34} {self.worst:9.2e} {relation} {self.bound:8.1e} {self.unit:<6} "
+            f"at {self.at_angle:7.4f} rad  ({self.why})"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What a comparison came to; print it to see the table.
+
+    Attributes:
+        outcome: one of "met", "missed", "diverged", "changed assembly", "cannot assemble".
+        checks: quantity by quantity.
+        reason: one sentence where the outcome is not "met".
+    """
+
+    outcome: Outcome
+    checks: tuple[Check, ...]
+    reason: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether every quantity is within its bound."""
+        return self.outcome == "met"
+
+    def __str__(self) -> str:
+        head = self.outcome if not self.reason else f"{self.outcome}: {self.reason}"
+        return "\n".join([head, *(f"  {check}" for check in self.checks)])
+
+    __repr__ = __str__
+
+
+def allowances(
+    rows: Iterable[Quantity],
+    road: str,
+    scales: Mapping[str, float],
+    asked: Asked,
+    given: Bounds | None = None,
+) -> dict[str, Tolerance]:
+    """Return the tolerances of quantities that have a bound by a road, and in their place those given."""
+    found: dict[str, Tolerance] = {}
+    for row in rows:
+        own = None if given is None else given.get(row.name)
+        if own is not None and own.unit == "1" != row.unit:
+            part = Bound(OF + own.why, own.bound)
+            found[row.name] = part.tolerance(row.unit, scales[row.scale], Asked())
+        elif own is not None:
+            found[row.name] = own
+        elif road in row.bounds:
+            found[row.name] = row.bounds[road].tolerance(row.unit, scales[row.scale], asked)
+    return found
+
+
+def checks_of(rows: Iterable[Quantity], found: Any, exact: Any, allowed: Bounds) -> Iterator[Check]:
+    """Compare two records in some quantities: subject by subject, each in all quantities of its kind."""
+    for over, group in groupby(rows, lambda row: row.over):
+        among = tuple(group)
+        for subject in over(found, exact):
+            for row in among:
+                error = row.error(found, exact, subject)
+                if error is not None:
+                    yield check_of(row.name, subject, error, found.angle, allowed[row.name])
+
+
+def check_of(kind: str, subject: str, error: Array, angle: Array, tolerance: Tolerance) -> Check:
+    """Return the check of an error (n,), 0 or more, at crank angles (n,) against a tolerance in its unit."""
+    # NaN counts as the worst there is
+    at = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
+    return Check(
+        kind=kind,
+        subject=subject,
+        unit=tolerance.unit,
+        worst=float(error[at]),
+        at_angle=float(angle[at]),
+        rms=float(np.sqrt(np.mean(error**2))),
+        bound=tolerance.bound,
+        why=tolerance.why,
+    )
+
+
+def concluded(checks: Iterable[Check], elsewhere: Callable[[], float | None] | None = None) -> Verdict:
+    """Return the verdict that checks come to.
+
+    Args:
+        checks: quantity by quantity.
+        elsewhere: where a simulation that missed is first seen in another assembly, as a crank angle in
+            [rad]; None where it is in none.
+    """
+    found = tuple(checks)
+    failed = [check for check in found if not check.passed]
+    if not failed:
+        return Verdict("met", found)
+    where = None if elsewhere is None else elsewhere()
+    if where is not None:
+        return Verdict("changed assembly", found, f"first seen at crank angle {where:.4f} rad")
+    if not all(check.worst == check.worst for check in found):
+        return Verdict("diverged", found, "an error is not a number")
+    names = ", ".join(f"{check.quantity} by {check.worst / check.bound:.3g} times" for check in failed[:3])
+    more = f" and {len(failed) - 3} more" if len(failed) > 3 else ""
+    return Verdict("missed", found, f"beyond the bound: {names}{more}")

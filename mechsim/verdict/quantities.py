@@ -1,0 +1,309 @@
+"""The table of quantities: how each error comes from two records, in which unit, and how large it may be.
+
+Verdicts, the trade-off, its plots and the report all read this one table.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mechsim.maths.arrays import Array
+from mechsim.maths.convergence import half_extent
+from mechsim.maths.norms import worst
+from mechsim.model.efforts import Efforts, FreeRun
+from mechsim.model.motion import Motion
+from mechsim.verdict import record_errors as errors
+from mechsim.verdict.record_errors import Error, Subjects, alone, of
+from mechsim.verdict.tolerances import EPS, OF, Bound
+
+# a drive torque that is a smaller part of the energy of motion counts as none
+IDLE = 1e-3
+# rounding of a solved pose, measured below 4 eps of the stroke; each rate adds a linear solve
+POSE = 2000.0 * EPS
+# what errors of a stepped run look like beside the error of place, as multiples of place x speed^k:
+# measured 2 and 5 for the catalogue at 100 steps a turn or more (validation/choices/
+# constraint_settings.py), and 35 for the acceleration of a four-bar a hundredth from its dead centre
+RATE_GAIN, ACCELERATION_GAIN = 30.0, 300.0
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What is compared of two records.
+
+    Attributes:
+        name: its kind.
+        unit: of the error.
+        error: (found, exact, subject) -> sizes of the error (n,); None where there is none to speak of.
+        scale: what errors and bounds are a part of, a key of `motion_scales` or its like.
+        bounds: road -> bound.
+        over: (found, exact) -> the points, links or joints to compare.
+        text: as a reader sees it, {} for the subject; empty is the name.
+        title: as a plot's axis has it.
+    """
+
+    name: str
+    unit: str
+    error: Error
+    scale: str
+    bounds: Mapping[str, Bound]
+    over: Subjects = errors.whole
+    text: str = ""
+    title: str = ""
+
+    def said(self, subject: str = "") -> str:
+        """Return the quantity of a point, link or joint in words."""
+        return (self.text or self.name).format(subject)
+
+    def largest(self, found: Any, exact: Any, scales: Mapping[str, float]) -> float:
+        """Return the largest error as a part of its scale; 0 where there is none to speak of."""
+        sizes = (self.error(found, exact, subject) for subject in self.over(found, exact))
+        return max((worst(size) for size in sizes if size is not None), default=0.0) / scales[self.scale]
+
+
+ROUNDING = f"rounding: {POSE / EPS:.0f} eps; measured a hundredth of it away from dead centres"
+RATES = "rounding of a linear solve for each rate"
+SWING = "x position bound x crank speed{}: the loop's swing"
+FUNCTION = "eighth-order differences of the function given: rounding {}, harmonics up to the tenth"
+SOLVED = Bound("1e-10 of crank speed: a linear solve away from dead centres", 1e-10)
+PLACED = "the crank is placed, not driven"
+
+MOTION = (
+    Quantity(
+        "position",
+        "m",
+        errors.of_points("position"),
+        "stroke",
+        {
+            "pose": Bound(ROUNDING, POSE),
+            "step": Bound("asked for: {part:.1g} of the stroke of {scale:.4g} m", asked=1.0),
+        },
+        over=errors.points,
+        text="position of {}",
+        title="place error",
+    ),
+    Quantity(
+        "velocity",
+        "m/s",
+        errors.of_points("velocity"),
+        "stroke · crank speed",
+        {
+            "pose": Bound(RATES, 10.0 * POSE),
+            "step": Bound(f"{RATE_GAIN:.0f} {SWING.format('')}", asked=RATE_GAIN),
+            "function": Bound(FUNCTION.format("1e-13"), 1e-10),
+            "closed form": SOLVED,
+        },
+        over=errors.points,
+        text="velocity of {}",
+        title="velocity error",
+    ),
+    Quantity(
+        "acceleration",
+        "m/s2",
+        errors.of_points("acceleration"),
+        "stroke · crank speed²",
+        {
+            "pose": Bound(RATES, 100.0 * POSE),
+            "step": Bound(f"{ACCELERATION_GAIN:.0f} {SWING.format(' squared')}", asked=ACCELERATION_GAIN),
+            "function": Bound(FUNCTION.format("1e-11"), 1e-9),
+            "closed form": SOLVED,
+        },
+        over=errors.points,
+        text="acceleration of {}",
+        title="acceleration error",
+    ),
+    Quantity(
+        "angle",
+        "rad",
+        errors.of_joints("rad"),
+        "rad",
+        {
+            "pose": Bound(ROUNDING, 4.0 * POSE),
+            "step": Bound("position bound over the stroke, for levers half as long", asked=2.0),
+        },
+        over=errors.joints,
+        text="joint {}",
+        title="joint angle error",
+    ),
+    Quantity(
+        "displacement",
+        "m",
+        errors.of_joints("m"),
+        "stroke",
+        {"pose": Bound(ROUNDING, POSE), "step": Bound("position bound", asked=1.0)},
+        over=errors.joints,
+        text="joint {}",
+    ),
+    Quantity(
+        "orientation",
+        "rad",
+        errors.orientation,
+        "rad",
+        {
+            "pose": Bound(ROUNDING, 4.0 * POSE),
+            "step": Bound("position bound over the stroke, for levers a quarter as long", asked=4.0),
+        },
+        over=errors.links,
+        text="orientation of {}",
+    ),
+    Quantity(
+        "loop",
+        "m",
+        alone("closure"),
+        "stroke",
+        {
+            "pose": Bound(ROUNDING, POSE),
+            "step": Bound("an open loop of this size moves a point by about the bound", asked=10.0),
+        },
+        text="loop residual",
+        title="loop residual",
+    ),
+)
+# of the crank beside its motion as it was wanted
+DRIVE = (
+    Quantity(
+        "drive speed",
+        "rad/s",
+        of("speed"),
+        "crank speed",
+        {
+            "pose": Bound(PLACED, POSE),
+            "step": Bound("flywheel of 1e12 times the links: no reaction changes its speed", 1e-8),
+        },
+        text="drive: crank speed",
+    ),
+    Quantity(
+        "drive",
+        "rad",
+        errors.drive_angle,
+        "rad",
+        {
+            "pose": Bound(PLACED, 10.0 * POSE),
+            "step": Bound("does not enter the errors, which are taken at the angle reached", 1e-7),
+        },
+        text="drive: crank angle",
+        title="error of the crank angle over time",
+    ),
+)
+
+SPRINGS = Bound(
+    f"{OF}rounding: no integration; 3e-14 without springs, 3e-11 with stiff ones that balance", 1e-10
+)
+ASKED = Bound(f"{OF}asked for", asked=1.0)
+AS_TORQUE = Bound(f"{OF}as the torque; rates of closed loops: measured 1e-9", 1e-8, asked=1.0)
+SHARED = Bound("redundant constraints share what their softness says: 1e-4", 1e-3)
+TORQUE = {
+    "pose": SPRINGS,
+    "step": Bound(f"{OF}error of 1,000 steps a turn, fourth order: measured 6e-8 at the worst", 1e-6),
+    "asked": ASKED,
+}
+REACTION = {
+    "pose": SPRINGS,
+    "step": Bound(f"{OF}as the torque, and forces that add up to none in it: 1.5e-7", 1e-5),
+    "asked": ASKED,
+}
+ENERGY = {
+    "pose": Bound(f"{OF}rounding: measured 1e-14", 1e-12),
+    "step": Bound(f"{OF}rates of closed loops: measured 1e-9", 1e-8),
+    "asked": AS_TORQUE,
+}
+POWER = {
+    "pose": SPRINGS,
+    "step": Bound(f"{OF}rates of loops closed to 1e-8: measured 4e-9", 1e-6),
+    "asked": AS_TORQUE,
+}
+RESIDUAL = {
+    "pose": Bound("rounding times the condition of the mass matrix; measured 1e-10", 1e-8),
+    "step": SHARED,
+    "asked": SHARED,
+}
+
+EFFORTS = (
+    Quantity("drive torque", "N m", errors.torque, "torque", TORQUE),
+    Quantity("force", "N", errors.of_reactions("force"), "force", REACTION, errors.reactions, "force in {}"),
+    Quantity(
+        "moment", "N m", errors.of_reactions("moment"), "moment", REACTION, errors.reactions, "moment in {}"
+    ),
+    Quantity("gear torque", "N m", errors.gear_torque, "moment", REACTION, errors.gears, "torque of gear {}"),
+    Quantity("kinetic energy", "J", of("kinetic"), "kinetic energy", ENERGY),
+    Quantity("potential energy", "J", of("potential"), "potential energy", ENERGY),
+    Quantity("power loads", "W", of("power_loads"), "power", POWER),
+    Quantity("power lost", "W", of("power_lost"), "power", POWER),
+    Quantity("accelerations under these forces", "1", alone("residual"), "1", RESIDUAL),
+)
+
+GROWING = "1e-6 over 10 turns: an energy error that grows evenly shifts the angle by its square"
+FOLLOWS = f"{OF}ten times the angle: speed follows the angle as inertia varies over the turn"
+SUMMED = f"{OF}a hundred times the angle: work is summed over records as far apart as the steps"
+ANGLE = {"step": Bound(GROWING, 1e-6, growth=2), "asked": Bound("asked for", asked=1.0)}
+SPEED = {
+    "step": Bound(f"{OF}1e-6 over 10 turns, growing evenly", 1e-6, growth=1),
+    "asked": Bound(FOLLOWS, 1e-6, asked=10.0, growth=1),
+}
+BALANCE = {
+    "step": Bound(f"{OF}energy of all the turns; a frictionless run keeps it to 4e-7", 1e-6),
+    "asked": Bound(SUMMED, 1e-6, asked=100.0),
+}
+
+FREE = (
+    Quantity("crank angle", "rad", of("angle"), "rad", ANGLE),
+    Quantity("crank speed", "rad/s", of("speed"), "crank speed", SPEED),
+    Quantity("energy balance", "J", alone("imbalance"), "energy", BALANCE),
+    Quantity("work of motor and loads", "J", of("work"), "energy", BALANCE),
+    Quantity("energy lost", "J", of("lost"), "energy", BALANCE),
+)
+
+QUANTITIES = {row.name: row for row in (*MOTION, *DRIVE, *EFFORTS, *FREE)}
+
+
+def motion_scales(stroke: float, speed: float) -> dict[str, float]:
+    """Return the scales of motions from a stroke in [m] and the largest crank speed in [rad/s]."""
+    return {
+        "stroke": stroke,
+        "stroke · crank speed": stroke * speed,
+        "stroke · crank speed²": stroke * speed**2,
+        "crank speed": speed,
+        "rad": 1.0,
+    }
+
+
+def efforts_scales(exact: Efforts) -> dict[str, float]:
+    """Return the scales of efforts: root mean squares of torque and forces, largest energies."""
+    kinetic = float(np.abs(exact.kinetic).max())
+    torque = max(_rms(exact.torque), IDLE * kinetic)
+    largest = max(_rms(errors.lengths(one.force)) for one in exact.reactions.values())
+    force = largest or torque / exact.size
+    return {
+        "torque": torque,
+        "force": force,
+        "moment": force * exact.size,
+        "kinetic energy": kinetic,
+        "potential energy": float(np.abs(exact.potential).max()),
+        "power": torque * float(np.abs(exact.speed).max()),
+        "1": 1.0,
+    }
+
+
+def free_scales(exact: FreeRun) -> dict[str, float]:
+    """Return the scales of a free run: the fastest speed and the largest energy."""
+    kinetic, potential = float(np.abs(exact.kinetic).max()), float(np.ptp(exact.potential))
+    return {
+        "rad": 1.0,
+        "crank speed": float(np.abs(exact.speed).max()),
+        "energy": max(kinetic, potential, float(exact.lost.max())),
+    }
+
+
+def stroke_of(motion: Motion) -> float:
+    """Return half the largest extent of any point's path; where nothing moves, `reach_of` it, in [m]."""
+    return half_extent(point.position for point in motion.points.values()) or reach_of(motion)
+
+
+def reach_of(motion: Motion) -> float:
+    """Return the largest coordinate of any point in [m]."""
+    return float(max(np.abs(point.position).max() for point in motion.points.values()))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

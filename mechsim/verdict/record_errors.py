@@ -1,0 +1,130 @@
+"""How far apart two records are: functions of (found, exact, subject) that give sizes of errors, (n,).
+
+A subject is the name of a point, link, joint or pair of gears; empty where the whole is compared.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Any, Literal
+
+import numpy as np
+
+from mechsim.maths.arrays import Array
+from mechsim.model.efforts import Efforts
+from mechsim.model.motion import Motion
+
+Error = Callable[[Any, Any, str], Array | None]
+Subjects = Callable[[Any, Any], Iterable[str]]
+
+# of the fastest: at less speed the crank stands, and dry friction has no direction
+STANDING = 1e-7
+
+
+def lengths(vectors: Array) -> Array:
+    """Return the lengths of vectors (n, k)."""
+    return np.sqrt((vectors**2).sum(1))
+
+
+def whole(found: Any, exact: Any) -> tuple[str]:
+    """Return one empty name: there is one error of the whole record."""
+    return ("",)
+
+
+def points(found: Motion, exact: Motion) -> Iterable[str]:
+    """Return the tracked points."""
+    return exact.points
+
+
+def joints(found: Motion, exact: Motion) -> Iterable[str]:
+    """Return the joints both know but the crank, at whose angles they are compared."""
+    return [name for name in exact.joints if name in found.joints and name != "crank"]
+
+
+def links(found: Motion, exact: Motion) -> Iterable[str]:
+    """Return the links both know whose spin is determined."""
+    return [name for name in exact.links if name in found.links and name not in exact.spinning]
+
+
+def reactions(found: Efforts, exact: Efforts) -> Iterable[str]:
+    """Return the joints that transmit forces."""
+    return exact.reactions
+
+
+def gears(found: Efforts, exact: Efforts) -> Iterable[str]:
+    """Return the pairs of gears."""
+    return exact.gears
+
+
+def of(field: str) -> Error:
+    """Return the error of a field (n,) of the records."""
+    return lambda found, exact, _: np.abs(getattr(found, field) - getattr(exact, field))
+
+
+def alone(field: str) -> Error:
+    """Return a field (n,) of what was found as the error it is; None where the road does not know it."""
+
+    def error(found: Any, exact: Any, _: str) -> Array | None:
+        value = getattr(found, field)
+        return None if value is None else np.abs(value)
+
+    return error
+
+
+def of_points(kind: Literal["position", "velocity", "acceleration"]) -> Error:
+    """Return the error of points."""
+
+    def error(found: Motion, exact: Motion, name: str) -> Array:
+        return lengths(getattr(found.points[name], kind) - getattr(exact.points[name], kind))
+
+    return error
+
+
+def of_joints(unit: Literal["rad", "m"]) -> Error:
+    """Return the error of the coordinates of joints in a unit, of angles by the shorter way round."""
+
+    def error(found: Motion, exact: Motion, name: str) -> Array | None:
+        if exact.joints[name].unit != unit:
+            return None
+        gap, turn = found.joints[name].value - exact.joints[name].value, 2.0 * np.pi
+        return np.abs(gap - turn * np.round(gap / turn) if unit == "rad" else gap)
+
+    return error
+
+
+def orientation(found: Motion, exact: Motion, name: str) -> Array:
+    """Return by what angle a link is turned, in [rad]."""
+    turned = np.swapaxes(exact.links[name].rotation, 1, 2) @ found.links[name].rotation
+    # for a small turn the off-diagonal difference is twice its vector
+    vector = turned[:, [2, 0, 1], [1, 2, 0]] - turned[:, [1, 2, 0], [2, 0, 1]]
+    cosine = 0.5 * (np.trace(turned, axis1=1, axis2=2) - 1.0)
+    return np.arctan2(0.5 * lengths(vector), cosine)
+
+
+def drive_angle(found: Motion, wanted: Motion, _: str) -> Array | None:
+    """Return how far the crank is from where it should be; None where there is no time."""
+    return None if found.time is None else np.abs(found.angle - wanted.angle)
+
+
+def torque(found: Efforts, exact: Efforts, _: str) -> Array:
+    """Return the error of the drive torque but where a crank with dry friction stands."""
+    standing = exact.reversing & (np.abs(exact.speed) <= STANDING * np.abs(exact.speed).max())
+    return np.where(standing, 0.0, np.abs(found.torque - exact.torque))
+
+
+def of_reactions(kind: Literal["force", "moment"]) -> Error:
+    """Return the error of forces or moments in the components that rigid links determine."""
+    part = slice(0, 3) if kind == "force" else slice(3, 6)
+
+    def error(found: Efforts, exact: Efforts, name: str) -> Array | None:
+        one = exact.reactions[name]
+        known = one.known[part]
+        if not known.any():
+            return None
+        gap = (getattr(found.reactions[name], kind) - getattr(one, kind))[:, known]
+        return np.where(exact.reversing, 0.0, lengths(gap))
+
+    return error
+
+
+def gear_torque(found: Efforts, exact: Efforts, name: str) -> Array:
+    """Return the error of the torque between two gears."""
+    return np.where(exact.reversing, 0.0, np.abs(found.gears[name] - exact.gears[name]))

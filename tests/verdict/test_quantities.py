@@ -1,0 +1,181 @@
+"""The table of quantities: each row sees its own error and no other, on records of one road alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim import catalog, dynamics
+from mechsim.errors import InputError
+from mechsim.model.forces import Forces, Friction
+from mechsim.verdict.checks import Check, allowances, check_of, checks_of, concluded
+from mechsim.verdict.judge import crosscheck, judge_efforts, judge_free_run
+from mechsim.verdict.quantities import (
+    DRIVE,
+    EFFORTS,
+    FREE,
+    MOTION,
+    QUANTITIES,
+    Quantity,
+    efforts_scales,
+    motion_scales,
+)
+from mechsim.verdict.record_errors import of
+from mechsim.verdict.tolerances import Asked, Bound, Tolerance
+
+ANGLES, SPEED = np.linspace(0.1, 5.9, 31), 20.0
+GRAVITY = Forces(gravity=(0.3, -9.81, 0.5), friction=(Friction("crank", 1e-3, 1e-2),))
+MACHINE = dynamics.machine(catalog.make("warp_knitter"), GRAVITY)
+EXACT = dynamics.prescribed(MACHINE, ANGLES, SPEED).efforts
+RUN = dynamics.free_run(dynamics.machine(catalog.make("four_bar"), GRAVITY), speed=SPEED, duration=0.2)
+
+
+def missed(verdict):
+    return {check.kind for check in verdict.checks if not check.passed}
+
+
+def motion_of(name, speed=SPEED):
+    motion = catalog.make(name).solve(ANGLES, speed)
+    return replace(motion, time=ANGLES / speed, closure=np.zeros(len(ANGLES)))
+
+
+def changed(mapping, name, **fields):
+    """Return a mapping of records with one of them changed."""
+    return {**mapping, name: replace(mapping[name], **fields)}
+
+
+def spoiled_motion(kind):
+    motion = motion_of("slider_crank")
+    off = 1e-3 * np.ones(len(ANGLES))
+    if kind in ("position", "velocity", "acceleration"):
+        larger = 1.1 * getattr(motion.points["B"], kind)
+        return replace(motion, points=changed(motion.points, "B", **{kind: larger}))
+    if kind in ("angle", "displacement"):
+        unit = {"angle": "rad", "displacement": "m"}[kind]
+        name = next(one for one, joint in motion.joints.items() if joint.unit == unit and one != "crank")
+        return replace(motion, joints=changed(motion.joints, name, value=motion.joints[name].value + off))
+    if kind == "orientation":
+        turned = motion.links["rod"].rotation[:, :, [1, 2, 0]]
+        return replace(motion, links=changed(motion.links, "rod", rotation=turned))
+    return replace(motion, closure=off)
+
+
+@pytest.mark.parametrize("kind", [row.name for row in MOTION])
+def test_each_quantity_of_a_motion_is_missed_alone_where_it_alone_is_wrong(kind):
+    drive = catalog.make("slider_crank")
+    assert crosscheck(motion_of("slider_crank"), drive, speed=SPEED).passed
+    assert missed(crosscheck(spoiled_motion(kind), drive, speed=SPEED)) == {kind}
+
+
+def test_a_crank_that_lags_behind_is_missed_by_its_drive():
+    motion = motion_of("slider_crank")
+    late = replace(motion, time=motion.time * (1.0 + 1e-6))
+    assert missed(crosscheck(late, catalog.make("slider_crank"), speed=SPEED)) == {"drive"}
+    assert missed(crosscheck(motion, catalog.make("slider_crank"), speed=21.0)) == {"drive", "drive speed"}
+
+
+def spoiled_efforts(kind):
+    fields = {
+        "drive torque": "torque",
+        "kinetic energy": "kinetic",
+        "potential energy": "potential",
+        "power loads": "power_loads",
+        "power lost": "power_lost",
+        "accelerations under these forces": "residual",
+    }
+    if kind in fields:
+        return replace(EXACT, **{fields[kind]: getattr(EXACT, fields[kind]) + 1e-2})
+    if kind == "gear torque":
+        return replace(EXACT, gears={name: torque + 1e-3 for name, torque in EXACT.gears.items()})
+    wrong = {kind: getattr(EXACT.reactions["A"], kind) + 1.0}
+    return replace(EXACT, reactions=changed(EXACT.reactions, "A", **wrong))
+
+
+@pytest.mark.parametrize("road", ["pose", "step"])
+@pytest.mark.parametrize("kind", [row.name for row in EFFORTS])
+def test_each_quantity_of_efforts_is_missed_alone_where_it_alone_is_wrong(kind, road):
+    assert judge_efforts(EXACT, EXACT, road=road).passed
+    assert missed(judge_efforts(spoiled_efforts(kind), EXACT, road=road)) == {kind}
+    assert missed(judge_efforts(spoiled_efforts(kind), EXACT, road=road, tolerance=1e-7)) == {kind}
+
+
+@pytest.mark.parametrize(
+    ("field", "kinds"),
+    [
+        ("angle", {"crank angle"}),
+        ("speed", {"crank speed"}),
+        ("kinetic", {"energy balance"}),
+        ("work", {"energy balance", "work of motor and loads"}),
+        ("lost", {"energy balance", "energy lost"}),
+    ],
+)
+def test_each_quantity_of_a_free_run_is_missed_where_it_is_wrong(field, kinds):
+    assert judge_free_run(RUN, RUN).passed
+    drifting = np.linspace(0.0, 1e-2, len(RUN))
+    wrong = replace(RUN, **{field: getattr(RUN, field) + drifting})
+    assert missed(judge_free_run(wrong, RUN)) == kinds
+    assert missed(judge_free_run(wrong, RUN, tolerance=1e-5)) == kinds
+
+
+def test_a_free_run_that_goes_beyond_the_true_one_or_says_nothing_is_told_so():
+    short = replace(RUN, **{name: values[:5] for name, values in RUN.columns()}, reason="held")
+    assert "ends after" in judge_free_run(RUN, short).reason
+    one = replace(RUN, **{name: values[:1] for name, values in RUN.columns()})
+    with pytest.raises(InputError, match="fewer than two instants"):
+        judge_free_run(one, RUN)
+
+
+def test_bounds_given_replace_those_of_the_table_as_parts_of_the_scale_or_in_the_unit():
+    off = replace(EXACT, torque=EXACT.torque + 1e-3)
+    size = efforts_scales(EXACT)["torque"]
+    for bound, unit in ((2e-3 / size, "1"), (2e-3, "N m")):
+        own = {"drive torque": Tolerance(bound, unit, "as asked")}
+        verdict = judge_efforts(off, EXACT, road="pose", bounds=own)
+        assert verdict.passed
+        assert verdict.checks[0].bound == pytest.approx(2e-3)
+        assert verdict.checks[0].why.endswith("as asked")
+
+
+def test_a_number_that_is_none_has_no_part_of_its_bound_and_no_tolerance_allows_it():
+    tolerance = Tolerance(1.0, "m", "")
+    check = check_of("position", "A", np.array([0.1, np.nan]), np.array([0.0, 0.5]), tolerance)
+    assert check.used is None
+    assert check.at_angle == 0.5
+    assert not check.passed
+    assert concluded([check]).outcome == "diverged"
+
+
+def test_a_check_says_its_variant_road_quantity_and_subject():
+    numbers = {"unit": "m", "worst": 1.0, "at_angle": 0.0, "rms": 1.0, "bound": 2.0, "why": ""}
+    check = Check(kind="position", subject="P3", **numbers)
+    assert check.quantity == "position of P3"
+    assert replace(check, road="step").quantity == "step: position of P3"
+    assert replace(check, road="step", variant="guided").quantity == "guided, step: position of P3"
+    assert Check(kind="axes and gears", **numbers).quantity == "axes and gears"
+    assert replace(check, kind="loop", subject="").quantity == "loop residual"
+
+
+def test_a_longer_free_run_and_one_asked_for_less_have_wider_bounds():
+    row = QUANTITIES["crank angle"]
+    bounds = [row.bounds["step"].tolerance("rad", 1.0, Asked(turns=turns)).bound for turns in (1, 10, 100)]
+    assert bounds == pytest.approx([1e-6, 1e-6, 1e-4])
+    place = QUANTITIES["position"].bounds["step"].tolerance("m", 0.3, Asked(1e-6, of=0.3))
+    assert place.bound == 1e-6
+    assert place.why == "asked for: 3e-06 of the stroke of 0.3 m"
+
+
+def test_every_quantity_has_a_scale_and_a_reason_for_each_of_its_bounds():
+    known = {*motion_scales(1.0, 1.0), *efforts_scales(EXACT), "energy"}
+    assert len(QUANTITIES) == len(MOTION) + len(DRIVE) + len(EFFORTS) + len(FREE)
+    for row in QUANTITIES.values():
+        assert row.scale in known
+        assert row.bounds
+        assert all(bound.why and (bound.fixed or bound.asked) for bound in row.bounds.values())
+
+
+def test_a_quantity_more_is_one_row():
+    crank = Quantity("crank", "rad/s2", of("acceleration"), "1", {"pose": Bound("none turns up", 1e-12)})
+    rows = (*EFFORTS, crank)
+    allowed = allowances(rows, "pose", efforts_scales(EXACT), Asked())
+    wrong = replace(EXACT, acceleration=EXACT.acceleration + 1.0)
+    assert missed(concluded(checks_of(rows, wrong, EXACT, allowed))) == {"crank"}
