@@ -1,12 +1,12 @@
 """Command that designs a linkage: synthesize."""
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from mechsim import units
-from mechsim.analytic.catalog.looper import Looper
+from mechsim.analytic import catalog
 from mechsim.cli.options import Json, Name, Sets, drive_of
 from mechsim.cli.output import print_json
 from mechsim.errors import InputError
@@ -27,9 +27,9 @@ def synthesize(
     the straightest, whose coupler point leaves the line least. The deviation of either is the farthest
     that the path of its coupler point is from the line, over the whole of the line.
     """
-    base = drive_of(name, sets)
-    if not isinstance(base, Looper):
-        raise InputError(f"{name} cannot be synthesised; looper can")
+    base: Any = drive_of(name, sets)
+    if "coupler line" not in base.theories:
+        raise InputError(f"{name} cannot be synthesised; {catalog.with_theory('coupler line')} can")
     point = units.parse_vector(through, "m", "--through")
     if len(point) != 2:
         raise InputError(f"--through is {through!r}, {len(point)} numbers; give 2, with a comma")

@@ -47,6 +47,11 @@ def parameters(name: str) -> dict[str, Field[Any]]:
     return {field.name: field for field in fields(DRIVES[name])}
 
 
+def with_theory(theory: str) -> str:
+    """Return the names of the mechanisms that a theory is about, as text."""
+    return ", ".join(name for name, drive in DRIVES.items() if theory in drive.theories)
+
+
 def nearest(name: str, known: list[str]) -> str:
     """Return the tail of a sentence that says what was probably meant."""
     close = difflib.get_close_matches(name, known, n=1)

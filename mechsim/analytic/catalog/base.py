@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,6 +38,20 @@ class ClosedForm(ABC):
     """
 
     name: ClassVar[str]
+    # what theory has to say of this mechanism alone: "coupler line", "velocity plan"
+    theories: ClassVar[frozenset[str]] = frozenset()
+    # what was built wrong -> the parameters of it, which every judge must refuse
+    faults: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
+    # parameters with which the crank only swings
+    swinging: ClassVar[Mapping[str, Any]] = {}
+    # a length that, moved far enough, lets the crank turn fully no more
+    critical: ClassVar[str] = ""
+    # name -> parameters with which bars come to lie on each other and both assemblies meet
+    change_points: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
+    # the parameter that is a gear ratio
+    gear: ClassVar[str] = ""
+    # whether it stands for its kind in runs of many turns
+    long_runs: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         for parameter in fields(self):

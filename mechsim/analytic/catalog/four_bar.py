@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,17 @@ class FourBar(TwoBranchForm):
     """
 
     name: ClassVar[str] = "four_bar"
+    faults: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "coupler 0.1 % long": {"coupler": 0.091 * 1.001},
+        "other assembly": {"branch": -1},
+    }
+    swinging: ClassVar[Mapping[str, Any]] = {"rocker": 0.035}
+    critical: ClassVar[str] = "coupler"
+    change_points: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "parallelogram": {"ground": 0.1, "coupler": 0.1, "crank": 0.04, "rocker": 0.04},
+        "kite": {"ground": 0.1, "rocker": 0.1, "crank": 0.04, "coupler": 0.04},
+    }
+    long_runs: ClassVar[bool] = True
 
     ground: float = length(0.100, "distance of the pivots O, O4")
     crank: float = length(0.032, "length OA")

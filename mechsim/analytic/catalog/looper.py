@@ -55,6 +55,11 @@ class Looper(ClosedForm):
     """
 
     name: ClassVar[str] = "looper"
+    theories: ClassVar[frozenset[str]] = frozenset({"coupler line"})
+    faults: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "follower 0.1 % long": {"follower": 0.0133 * 1.001},
+        "other side": {"side": -1},
+    }
 
     crank: float = length(0.006, "length O1A")
     coupler: float = length(0.025, "length AB")

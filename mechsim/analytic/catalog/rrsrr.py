@@ -50,6 +50,13 @@ class Rrsrr(TwoBranchForm):
     """
 
     name: ClassVar[str] = "rrsrr"
+    faults: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "link 0.1 % long": {"link": 0.039 * 1.001},
+        "sign of gamma2": {"gamma2": -np.deg2rad(15.0)},
+        "other assembly": {"branch": -1},
+    }
+    swinging: ClassVar[Mapping[str, Any]] = {"link": 0.055}
+    critical: ClassVar[str] = "link"
 
     crank: float = length(0.012, "length of the crank, to C; R1 of the torus")
     coupler: float = length(0.028, "length CS; r1 of the torus")

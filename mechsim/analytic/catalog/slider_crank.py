@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +23,13 @@ class SliderCrank(TwoBranchForm):
     """
 
     name: ClassVar[str] = "slider_crank"
+    faults: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "rod 0.1 % long": {"rod": 0.2 * 1.001},
+        "slide 0.1 mm low": {"offset": 0.0099},
+        "other assembly": {"branch": -1},
+    }
+    swinging: ClassVar[Mapping[str, Any]] = {"rod": 0.045}
+    critical: ClassVar[str] = "rod"
 
     crank: float = length(0.05, "length OA")
     rod: float = length(0.2, "length AB")

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.warp_knitter import WarpKnitter
 from mechsim.simulation import Settings, simulate
 from mechsim.studies.extremes.trial import Trial, attempt
 
@@ -54,8 +53,8 @@ def drift(drive: ClosedForm, turns: float) -> Drift:
     return Drift(drive.name, turns, float(error[1:part].max()), float(error[-part:].max()))
 
 
-def gears(value: float) -> Trial:
-    """The warp knitter's second crank geared `value` times faster, stepped as finely as it turns."""
-    drive = replace(WarpKnitter(), gear_ratio=float(round(value)))
+def gears(drive: ClosedForm, value: float) -> Trial:
+    """A second crank geared `value` times faster, stepped as finely as it turns."""
+    drive = replace(drive, **{drive.gear: float(round(value))})
     settings = Settings(steps_per_turn=500 * max(1, round(value)))
     return attempt("gear ratio", drive, value, drive.mechanism, speed=SPEED, settings=settings, samples=720)

@@ -20,7 +20,7 @@ AXES: dict[str, str] = {
     "size": "size of the mechanism [m]",
     "mass ratio": "mass of the coupler over that of the others",
     "dead centre": "distance to the dead centre [rad]",
-    "beyond dead centre": "way beyond the dead centre [rad]",
+    "beyond dead centre": "angle beyond the dead centre [rad]",
     "near tangent": "length from where the crank stops, of itself",
     "far start": "error of the starting guess [size, rad]",
     "change point": "distance to the change point [rad]",
@@ -88,7 +88,7 @@ def _pushes(drive: ClosedForm, quick: bool) -> list[tuple[str, Push, Sequence[fl
         ("mass ratio", scaled.mass_ratio, [*_decades(1e-12, 1.0, 2 * coarse)[::-1], 0.0]),
         ("mass ratio", scaled.mass_ratio, _decades(10.0, 1e11, 2 * coarse)),
     ]
-    if drive.name in towards_singular.SWINGING:
+    if drive.swinging:
         near = _decades(1e-12, 1e-1, 3 if quick else 1)[::-1]
         for method in ("pose", "step"):
             pushes.append(("dead centre", partial(_dead_centre, method=method, beyond=False), near))
@@ -131,15 +131,14 @@ def study(
             found.trials += trials
             found.borders += borders if axis != "far start" else []
             done(f"{name}: {axis}")
-        if name == "four_bar":
-            found.trials += [
-                towards_singular.change_point(which, on)
-                for which in towards_singular.CHANGE_POINTS
-                for on in (True, False)
-            ]
-        if name == "warp_knitter":
-            found.trials += [long_runs.gears(float(ratio)) for ratio in _ratios(RATIOS[0 if quick else 1])]
-        if name in ("four_bar", "rssr", "bennett"):
+        found.trials += [
+            towards_singular.change_point(drive, which, on)
+            for which in drive.change_points
+            for on in (True, False)
+        ]
+        if drive.gear:
+            found.trials += [long_runs.gears(drive, ratio) for ratio in _ratios(RATIOS[0 if quick else 1])]
+        if drive.long_runs:
             found.drifts.append(long_runs.drift(drive, TURNS[0 if quick else 1]))
             done(f"{name}: {found.drifts[-1].turns:g} turns")
     return found
@@ -147,9 +146,8 @@ def study(
 
 def axes_of(names: Sequence[str] | None, quick: bool) -> int:
     """Return how often `study` will call `done`."""
-    chosen = list(names or catalog.DRIVES)
-    long = len({"four_bar", "rssr", "bennett"} & set(chosen))
-    return long + sum(len(_pushes(catalog.make(name), quick)) for name in chosen)
+    drives = [catalog.make(name) for name in names or catalog.DRIVES]
+    return sum(drive.long_runs + len(_pushes(drive, quick)) for drive in drives)
 
 
 def _ratios(most: float) -> list[float]:

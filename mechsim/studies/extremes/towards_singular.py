@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.catalog import FourBar, Rrsrr, Rssr, SliderCrank
 from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
 from mechsim.errors import AssemblyError
 from mechsim.model.crank_profile import CrankProfile, swing
@@ -12,31 +11,17 @@ from mechsim.model.mechanism import Mechanism, Pose
 from mechsim.simulation import Settings
 from mechsim.studies.extremes.trial import Trial, attempt
 
-# cranks that only swing, one of each kind
-SWINGING: dict[str, TwoBranchForm] = {
-    "four_bar": FourBar(rocker=0.035),
-    "slider_crank": SliderCrank(rod=0.045),
-    "rssr": Rssr(rocker=0.009),
-    "rrsrr": Rrsrr(link=0.055),
-}
-# cranks that turn fully by as much as a length is moved from the brink
-CRITICAL = {"four_bar": "coupler", "slider_crank": "rod", "rssr": "coupler", "rrsrr": "link"}
-# poses in which two bars lie on each other and both assemblies meet
-CHANGE_POINTS: dict[str, FourBar] = {
-    "parallelogram": FourBar(ground=0.1, coupler=0.1, crank=0.04, rocker=0.04),
-    "kite": FourBar(ground=0.1, rocker=0.1, crank=0.04, coupler=0.04),
-}
 SPEED = 10.0
 
 
 def dead_centre(drive: ClosedForm, value: float, method: str, beyond: bool) -> Trial:
     """A crank that swings to `value` in [rad] from its dead centres, or as far beyond them."""
-    swinging = SWINGING[drive.name]
+    swinging = replace(drive, **drive.swinging)
     low, high = swinging.crank_range().arcs[0]
     start = swinging.mechanism.start
     turn = 2.0 * np.pi * np.round((0.5 * (low + high) - start) / (2.0 * np.pi))
-    way = 0.5 * (high - low) + (value if beyond else -value)
-    profile = swing(0.5 * (low + high) - turn, way, SPEED)
+    reach = 0.5 * (high - low) + (value if beyond else -value)
+    profile = swing(0.5 * (low + high) - turn, reach, SPEED)
     return attempt(
         "beyond dead centre" if beyond else "dead centre",
         swinging,
@@ -69,12 +54,12 @@ def tangent(drive: ClosedForm, value: float, method: str) -> Trial:
     )
 
 
-def change_point(which: str, swing_only: bool) -> Trial:
+def change_point(drive: ClosedForm, which: str, swing_only: bool) -> Trial:
     """A linkage whose assemblies meet: on one side of the change point, then through it.
 
     Through it, what follows is nobody's choice: any outcome will do that is true of the run.
     """
-    drive = CHANGE_POINTS[which]
+    drive = replace(drive, **drive.change_points[which])
     start, near = drive.mechanism.start, 0.1
     profile: CrankProfile | None = None
     if swing_only:
@@ -145,7 +130,7 @@ def _thrown(pose: Pose, value: float, size: float, random: np.random.Generator) 
 def on_the_brink(drive: ClosedForm, slack: float) -> TwoBranchForm:
     """Return a drive with one length moved until its crank turns fully by that part of it only."""
     assert isinstance(drive, TwoBranchForm)
-    name = CRITICAL[drive.name]
+    name = drive.critical
     length = getattr(drive, name)
 
     def at(factor: float) -> TwoBranchForm:

@@ -1,0 +1,58 @@
+"""A mechanism is asked for by name only in the catalogue; elsewhere its class says what there is to know."""
+
+import ast
+
+import house
+import pytest
+
+from mechsim import catalog
+
+FILES = house.modules()
+CATALOG = "mechsim.analytic.catalog"
+# papers 002 to 004 are about one mechanism each, which the signatures of their theories name
+PAPERS = {"WarpKnitter", "Rrsrr", "Looper"}
+CLASSES = {drive.__name__ for drive in catalog.DRIVES.values()}
+
+
+def named(source):
+    """Return the catalogue mechanisms that stand in a source as a string or as a class."""
+    tree = ast.parse(source)
+    strings = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
+    names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    names |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+    names |= {node.name for node in ast.walk(tree) if isinstance(node, ast.alias)}
+    return {one for one in strings if isinstance(one, str)} & catalog.DRIVES.keys() | names & CLASSES
+
+
+def chosen(source):
+    """Return whether a source tells mechanisms apart by their class."""
+    calls = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
+    checks = [node for node in calls if isinstance(node.func, ast.Name) and node.func.id == "isinstance"]
+    return any(named(ast.unparse(node)) for node in checks)
+
+
+@pytest.mark.parametrize("name", [name for name in FILES if not name.startswith(CATALOG)])
+def test_no_mechanism_is_asked_for_by_name_outside_the_catalogue(name):
+    source = FILES[name].read_text()
+    assert named(source) <= (PAPERS if name.startswith("mechsim.theory") else set())
+    assert not chosen(source)
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ('if name == "four_bar":\n    pass', {"four_bar"}),
+        ('CRITICAL = {"rssr": "coupler"}', {"rssr"}),
+        ("from mechsim.analytic.catalog import Looper", {"Looper"}),
+        ("isinstance(drive, looper.Looper)", {"Looper"}),
+        ('"""Like rssr, but planar."""', set()),
+        ('help = "as in mechsim show rssr"', set()),
+    ],
+)
+def test_the_judge_sees_a_mechanism_asked_for_by_name(source, found):
+    assert named(source) == found
+
+
+def test_the_judge_sees_a_choice_by_class():
+    assert chosen("isinstance(drive, Looper)")
+    assert not chosen("isinstance(drive, ClosedForm)")
