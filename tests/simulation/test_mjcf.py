@@ -123,6 +123,11 @@ def test_a_scene_of_poses_has_no_flywheel_and_only_dynamics_has_gravity() -> Non
     mechanism = catalog.make("four_bar").mechanism
     pose, motion, dynamics = (model_of(mechanism, level=level) for level in ("pose", "motion", "dynamics"))
     assert pose.dof_armature[0] == 0.0 < motion.dof_armature[0]
+    # a picture is opened and set turning by its user; under dynamics the crank is free
+    assert (
+        mjcf.generate(mechanism, Scene(level="picture")).compile().dof_armature[0] == motion.dof_armature[0]
+    )
+    assert dynamics.dof_armature[0] == 0.0
     assert not motion.opt.gravity.any()
     assert dynamics.opt.gravity.any()
 
