@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
 from mechsim.model.outcome import Outcome
-
-Array = NDArray[np.float64]
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 

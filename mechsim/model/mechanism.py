@@ -9,15 +9,14 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.maths.given import number, numbers, require
 from mechsim.model.display import short_repr
 from mechsim.model.inertia import Inertia
 from mechsim.model.joints import KINDS, KindName, coordinates
 
-Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 GROUND = "ground"

@@ -4,14 +4,12 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.maths.given import number
 from mechsim.model.inertia import Inertia, Matrix, Vector, combine
 from mechsim.model.mechanism import Mechanism, described
-
-Array = NDArray[np.float64]
 
 # of steel in [kg/m3]
 STEEL = 7850.0

@@ -4,9 +4,9 @@ import time as clock
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import Outcome
@@ -17,8 +17,6 @@ from mechsim.simulation.recorded_motion import States, evaluate
 from mechsim.simulation.run_result import Run
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stepping import MOST_STEPS, Steps, Watch, step, unwatched
-
-Array = NDArray[np.float64]
 
 # instants recorded a turn where nothing else is asked
 SAMPLES = 72

@@ -14,8 +14,8 @@ from mujoco import batch
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.arrays import Array
 
-Array = NDArray[np.float64]
 # body and points of it, (n, 3) -> the points' Jacobian, (n, 3, nv)
 Slope = Callable[[int, Array], Array]
 

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from mujoco import batch
-from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join
 from mechsim.simulation.model_loops import HINGE, ONE_THREAD, SLIDE, ModelLoops
-
-Array = NDArray[np.float64]
 
 # states evaluated in one go, so that a long run needs little memory
 CHUNK = 2048

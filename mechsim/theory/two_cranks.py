@@ -6,13 +6,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import Array
 from mechsim.analytic.catalog.warp_knitter import WarpKnitter
 from mechsim.analytic.vector_method.jets import Jet
 from mechsim.analytic.vector_method.plane import flat, xyz
 from mechsim.analytic.vector_method.triad_legs import carried
 from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
 from mechsim.errors import AssemblyError
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, End, Mechanism, Pose
 
 

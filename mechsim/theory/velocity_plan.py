@@ -10,14 +10,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.warp_knitter import WarpKnitter
 from mechsim.analytic.vector_method.plane import cross, flat
 from mechsim.errors import AssemblyError
+from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
-
-Array = NDArray[np.float64]
 
 # sine below which two lines of a plan count as parallel: their crossing keeps too few digits
 PARALLEL = 1e-9

@@ -5,11 +5,10 @@ from dataclasses import field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
-
-Array = NDArray[np.float64]
+from mechsim.maths.arrays import Array
 
 # squares and fourth powers of lengths and rates below this stay far from overflow
 HUGE = 1e30

@@ -4,18 +4,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mechsim.analytic import closure
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.dynamics.unit_motion import UnitMotion, from_motion
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import GROUND, Mechanism, Pose
 from mechsim.model.rod_inertia import STEEL, with_inertia
-
-Array = NDArray[np.float64]
 
 # crank angle between poses that are followed one by one where there is no closed form, in [rad]
 FOLLOWED = np.pi / 36

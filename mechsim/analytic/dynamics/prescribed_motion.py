@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mechsim.analytic.dynamics.applied import applied, loads
 from mechsim.analytic.dynamics.friction import STILL, Dry, add_couple
@@ -14,11 +14,10 @@ from mechsim.analytic.dynamics.reduced_equation import Reduced, coefficients, ki
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.maths.given import require
 from mechsim.model.display import short_repr
 from mechsim.model.efforts import Efforts, wrench_columns
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,15 +7,14 @@ derivation here is virtual power with exact first and second derivatives of the 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mechsim.analytic.dynamics.applied import Applied, applied, power
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import dot
+from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

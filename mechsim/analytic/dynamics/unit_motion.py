@@ -8,18 +8,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic import closure
 from mechsim.analytic.closure import Rows
 from mechsim.analytic.vector_method.rotations import cross, skew
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
 from mechsim.model.forces import Place, located
 from mechsim.model.mechanism import GROUND, End, Joint, Mechanism, Pose, Vector
 from mechsim.model.motion import Motion
-
-Array = NDArray[np.float64]
 
 # parts of a link's size and inertia by which an idle link may miss being round about its line
 ROUND = 1e-9

@@ -8,15 +8,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.vector_method.jets import Jet, Values, values
 from mechsim.analytic.vector_method.vectors import column, cross, dot
+from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import EX, EY, EZ, Joint, Vector
 from mechsim.model.motion import JointMotion, LinkMotion, PointMotion
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

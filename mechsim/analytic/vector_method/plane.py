@@ -3,11 +3,9 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.vector_method.jets import Jet
-
-Array = NDArray[np.float64]
+from mechsim.maths.arrays import Array
 
 
 def flat(point: Array) -> Any:

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from mechsim.analytic.vector_method.jets import Values
 from mechsim.analytic.vector_method.triad_legs import close, determinant, inverse, leg_vectors, moments
 from mechsim.errors import AssemblyError
+from mechsim.maths.arrays import Array
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # the theorem wants at most 1/2; what is kept back keeps Newton's method quick

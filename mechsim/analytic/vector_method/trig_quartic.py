@@ -6,11 +6,10 @@ A polynomial is c0 + c1 cos t + s1 sin t + c2 cos 2t + s2 sin 2t; coefficients a
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.vector_method.jets import Values, cos_sin
+from mechsim.maths.arrays import Array
 
-Array = NDArray[np.float64]
 # one for each harmonic; as an array they are stacked, (5, n)
 Coefficients = tuple[Values | float, Values | float, Values | float, Values | float, Values | float]
 EPS = np.finfo(np.float64).eps

@@ -7,11 +7,11 @@ are what makes the closed forms fast. Angles are in [rad]. What takes `Values` w
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mechsim.analytic.vector_method.jets import Values, cos_sin, product, revalued, values
+from mechsim.maths.arrays import Array
 
-Array = NDArray[np.float64]
 Sign = Literal[1, -1]
 
 # a squared sine this little below zero is a dead centre met but for rounding, not a gap

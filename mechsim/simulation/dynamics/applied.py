@@ -8,11 +8,10 @@ from collections.abc import Mapping
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
 
-Array = NDArray[np.float64]
 Fields = Mapping[str, Array]
 
 

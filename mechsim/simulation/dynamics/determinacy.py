@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
+from mechsim.maths.arrays import Array
 from mechsim.simulation.dynamics.applied import loop_forces
 from mechsim.simulation.dynamics.efforts import row_scale, situation
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
@@ -14,7 +15,6 @@ from mechsim.simulation.model_loops import RANK_TOLERANCE
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recorded_motion import States
 
-Array = NDArray[np.float64]
 # joint -> whether fx, fy, fz, mx, my, mz is settled, (6,)
 Known = Mapping[str, NDArray[np.bool_]]
 

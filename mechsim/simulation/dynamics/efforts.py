@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Efforts
 from mechsim.model.motion import join
 from mechsim.simulation.dynamics.applied import Fields, dry_friction, loop_forces, native, sliding, together
@@ -16,8 +16,6 @@ from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.model_loops import RANK_TOLERANCE
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recorded_motion import CHUNK, States, link_motions, opening
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

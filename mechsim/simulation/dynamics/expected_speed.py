@@ -3,16 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 from mechsim.simulation.dynamics.efforts import tangent
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recorded_motion import States
 
-Array = NDArray[np.float64]
-TURN = 2.0 * np.pi
 # a crank that nothing drives is looked at as if it made a turn in so many seconds
 SLOWEST = 100.0
 # crank angles in a turn at which inertia and damping are looked up

@@ -4,10 +4,11 @@ import time as clock
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from mechsim.errors import InputError
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 from mechsim.model.efforts import FreeRun
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
@@ -27,9 +28,6 @@ from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
 from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
 from mechsim.simulation.run_result import SteppedFreeRun
 from mechsim.simulation.settings import Settings
-
-Array = NDArray[np.float64]
-TURN = 2.0 * np.pi
 
 # turns of the crank at its expected speed after which a run for turns is given up
 PATIENCE = 20.0

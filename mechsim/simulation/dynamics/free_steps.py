@@ -8,8 +8,9 @@ from typing import Any
 import mujoco
 import numpy as np
 from mujoco import batch
-from numpy.typing import NDArray
 
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 from mechsim.model.outcome import Outcome
 from mechsim.simulation.dynamics.efforts import tangent
 from mechsim.simulation.dynamics.friction import STEPS, oppose, softness
@@ -17,8 +18,6 @@ from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recorded_motion import States
 
-Array = NDArray[np.float64]
-TURN = 2.0 * np.pi
 TIME = int(mujoco.mjtState.mjSTATE_TIME)
 
 # steps between two looks at how the run goes

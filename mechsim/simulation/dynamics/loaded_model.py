@@ -14,6 +14,7 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import GROUND, Joint, Mechanism
 from mechsim.model.rod_inertia import with_inertia
@@ -24,8 +25,6 @@ from mechsim.simulation.dynamics.friction import DryJoint, dry_frictions
 from mechsim.simulation.mjcf.force_elements import motor_control
 from mechsim.simulation.model_loops import ONE_THREAD
 from mechsim.simulation.recorded_motion import States
-
-Array = NDArray[np.float64]
 
 FIELDS = (
     "M",

@@ -4,7 +4,6 @@ import time as clock
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.model.crank_profile import CrankProfile, constant
@@ -20,8 +19,6 @@ from mechsim.simulation.refine import Promise
 from mechsim.simulation.run_result import Driven, Method
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stepping import step
-
-Array = NDArray[np.float64]
 
 # instants recorded a turn where nothing else is asked
 SAMPLES = 72

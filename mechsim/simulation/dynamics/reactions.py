@@ -3,14 +3,12 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Reaction
 from mechsim.model.joints import COLUMN, KINDS
 from mechsim.model.mechanism import Joint
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
-
-Array = NDArray[np.float64]
 
 
 def transmitted(

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
+from mechsim.maths.arrays import Array
 from mechsim.maths.convergence import believed_order
 from mechsim.maths.norms import rms, worst
 from mechsim.model.efforts import Efforts
@@ -21,8 +21,6 @@ from mechsim.simulation.dynamics.efforts import required
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.refine import Attempt
 from mechsim.simulation.run_result import Driven
-
-Array = NDArray[np.float64]
 
 # instants compared in a turn of a trial; halving asks for multiples of twice as many steps
 TRIAL_SAMPLES = 24

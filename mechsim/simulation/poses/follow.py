@@ -6,13 +6,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.rough_steps import ASTRAY, sprint
 from mechsim.simulation.poses.spline_path import AssemblyPath
 from mechsim.simulation.poses.strides import SHORTEST, STRIDE, walk
 
-Array = NDArray[np.float64]
-TURN = 2.0 * np.pi
 # from a closed state to a crank angle: states on the path, or None where it is not certain
 Steps = Callable[[ModelLoops, Array, float], Sequence[Array] | Array | None]
 

@@ -6,14 +6,12 @@ from weakref import WeakKeyDictionary
 import mujoco
 import numpy as np
 from mujoco import batch
-from numpy.typing import NDArray
 
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.settings import Settings
-
-Array = NDArray[np.float64]
-TURN = 2.0 * np.pi
 
 # fourth-order steps a turn, after which poses lie within 1e-4 of where they belong: measured 2e-6 to
 # 2e-5 over the catalogue

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
-
-Array = NDArray[np.float64]
-TURN = 2.0 * np.pi
 
 # a correction of a pose interpolated between closed ones that cannot lead into another assembly, and one
 # that may though the side be the same: measured 2e-7 and 1e-2 at most

@@ -1,12 +1,10 @@
 """The path of an assembly by strides short enough that each is shown to stay in it."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
+from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
-
-Array = NDArray[np.float64]
 
 # the crank's longest stride
 STRIDE = 2.0 * np.pi / 16

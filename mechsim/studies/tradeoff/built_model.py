@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.simulation import CrankProfile, Settings, closed_model, constant
@@ -17,7 +17,6 @@ from mechsim.simulation.recorded_motion import evaluate
 from mechsim.simulation.stepping import Steps, step
 from mechsim.studies.tradeoff.model_builds import Build
 
-Array = NDArray[np.float64]
 SAMPLES = 72
 # inertia left on a crank that no flywheel drives, in [kg m2]: nothing beside the links'
 NO_FLYWHEEL = 1e-12
