@@ -4,34 +4,43 @@ import inspect
 from collections.abc import Callable
 from dataclasses import Field, fields, is_dataclass
 from functools import wraps
-from typing import Annotated, Any, cast, get_type_hints
+from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
 from mechsim import units
+from mechsim.errors import InputError
 
 
 def spread(command: Callable[..., None]) -> Callable[..., None]:
     """Return a command whose parameters that are dataclasses are given as options, one for each field.
 
-    Fields that declare nothing are no options and keep their defaults.
+    Fields that declare nothing are no options and keep their defaults. A parameter annotated
+    `Annotated[Mapping[str, Any], cls]` takes, by field, what was written and nothing else.
     """
     shown: list[inspect.Parameter] = []
-    made: dict[str, tuple[type, list[Field[Any]]]] = {}
+    made: dict[str, tuple[Callable[..., Any], list[Field[Any]], bool]] = {}
     for parameter in inspect.signature(command, eval_str=True).parameters.values():
-        if is_dataclass(cls := parameter.annotation):
+        cls, only_written = _declaring(parameter.annotation)
+        if cls is not None:
             declared = [field for field in fields(cls) if "doc" in field.metadata]
-            made[parameter.name] = cast(type, cls), declared
+            made[parameter.name] = dict if only_written else cls, declared, only_written
             types = get_type_hints(cls)
-            shown += [_parameter(field, types[field.name]) for field in declared]
+            shown += [_parameter(field, types[field.name], only_written) for field in declared]
         else:
             shown.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
 
     @wraps(command)
     def run(**given: Any) -> None:
-        for name, (cls, declared) in made.items():
+        for name, (make, declared, only_written) in made.items():
             written = {field: given.pop(field.name) for field in declared}
-            given[name] = cls(**{field.name: _value(field, text) for field, text in written.items()})
+            given[name] = make(
+                **{
+                    field.name: _value(field, text)
+                    for field, text in written.items()
+                    if not (only_written and text is None)
+                }
+            )
         command(**given)
 
     run.__signature__ = inspect.Signature(shown)  # pyright: ignore[reportAttributeAccessIssue]
@@ -39,14 +48,26 @@ def spread(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def _parameter(field: Field[Any], kind: Any) -> inspect.Parameter:
+def _declaring(annotation: Any) -> tuple[Any, bool]:
+    """Return the dataclass that a parameter stands for, if any, and whether only what was written goes in."""
+    if is_dataclass(annotation):
+        return annotation, False
+    parts = get_args(annotation)
+    if len(parts) == 2 and is_dataclass(parts[1]):
+        return parts[1], True
+    return None, False
+
+
+def _parameter(field: Field[Any], kind: Any, only_written: bool) -> inspect.Parameter:
     rule, default = field.metadata, field.default
     if rule["many"]:
         kind, default = list[str] | None, None
-    elif rule["unit"] or rule["read"]:
+    elif rule["unit"] or rule["read"] or "count" in rule:
         kind, default = (str, rule["text"]) if rule["text"] else (str | None, None)
     elif isinstance(default, bool):
         kind = bool
+    if only_written:
+        kind, default = kind | None, None
     names = (rule["name"],) if rule["name"] else ()
     said = typer.Option(*names, metavar=rule["metavar"], help=rule["doc"])
     return inspect.Parameter(
@@ -63,6 +84,20 @@ def _value(field: Field[Any], written: Any) -> Any:
         return tuple(rule["read"](one) for one in written)
     if rule["read"]:
         return rule["read"](written)
+    name = rule["name"] or f"--{field.name.replace('_', '-')}"
+    if "count" in rule:
+        return _numbers(name, written, field)
     if rule["unit"]:
-        return units.parse(written, rule["unit"], rule["name"] or f"--{field.name.replace('_', '-')}")
+        return units.parse(written, rule["unit"], name)
     return written
+
+
+def _numbers(name: str, written: str, field: Field[Any]) -> tuple[float, ...]:
+    """Return so many numbers with commas; those that may be left out at the end are the default's."""
+    values = units.parse_vector(written, "1", name)
+    least, most = field.metadata["fewest"], field.metadata["count"]
+    if not least <= len(values) <= most:
+        wanted = str(least) if least == most else f"{least} to {most}"
+        raise InputError(f"{name} is {written!r}, {len(values)} numbers; give {wanted}, with commas")
+    default: tuple[float, ...] = field.default if isinstance(field.default, tuple) else ()
+    return values + default[len(values) :]

@@ -1,18 +1,25 @@
 """The command that runs MuJoCo: simulate."""
 
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 import typer
 
+from mechsim import files, simulation, units
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.cli.declared_options import spread
 from mechsim.cli.options import Json, Name, Output, Sets, Speed, drive_of, scene_of, speed_of, writable
 from mechsim.cli.output import print_json, progress
+from mechsim.errors import AssemblyError, InputError
+from mechsim.simulation import CrankProfile, Run, Settings
 
-if TYPE_CHECKING:
-    from mechsim.simulation import CrankProfile, Run, Settings
+Asked = Annotated[Mapping[str, Any], Settings]
 
 
+@spread
 def simulate(
     name: Name,
+    *,
     speed: Speed = "600rpm",
     turns: Annotated[float, typer.Option(help="Turns of the crank.")] = 1.0,
     tolerance: Annotated[
@@ -23,19 +30,7 @@ def simulate(
         ),
     ] = None,
     timestep: Annotated[str | None, typer.Option(help="Time step; a bare number is seconds.")] = None,
-    steps_per_turn: Annotated[int | None, typer.Option(help="Steps in a turn of the crank.")] = None,
-    integrator: Annotated[
-        str | None, typer.Option(help="Euler, implicitfast, implicit, RK4 or discrete.")
-    ] = None,
-    solref: Annotated[
-        str | None, typer.Option(help="Two numbers with a comma, as MuJoCo takes them.")
-    ] = None,
-    solimp: Annotated[
-        str | None, typer.Option(help="Two to five numbers with commas, as MuJoCo takes them.")
-    ] = None,
-    hardness: Annotated[
-        float | None, typer.Option(help="Factor on constraint softness; 1 is MuJoCo's own.")
-    ] = None,
+    asked: Asked,
     method: Annotated[
         str | None,
         typer.Option(
@@ -54,16 +49,13 @@ def simulate(
     as_json: Json = False,
 ) -> None:
     """Run a mechanism in MuJoCo under a driven crank."""
-    from mechsim import files, simulation, units
-    from mechsim.errors import InputError
-
     place = None if output is None else writable(output, ".csv", ".npz")
     drive = drive_of(name, sets)
     wanted = None if tolerance is None else units.parse_length(tolerance, "the tolerance")
-    asked = speed_of(speed)
-    motion = _profile(profile) if profile else simulation.constant(asked, turns)
-    settings = _settings(motion, timestep, steps_per_turn, integrator, solref, solimp, hardness)
-    if wanted is not None and (timestep or steps_per_turn):
+    steady = speed_of(speed)
+    motion = _profile(profile) if profile else simulation.constant(steady, turns)
+    settings = _settings(motion, timestep, asked)
+    if wanted is not None and (timestep or "steps_per_turn" in asked):
         raise InputError("--tolerance chooses the step by itself; leave out --timestep and --steps-per-turn")
     samples = None
     if every is not None:
@@ -98,16 +90,14 @@ def simulate(
     raise typer.Exit(0 if run.outcome == "met" else 1)
 
 
-def _found(run: "Run") -> str:
+def _found(run: Run) -> str:
     if run.outcome == "diverged":
         return run.motion.broken
     return f"places within {run.estimate:.3g} m of the solved poses (bound {run.tolerance:.3g} m)"
 
 
-def _within_range(drive: Any, turns: float) -> None:
+def _within_range(drive: ClosedForm, turns: float) -> None:
     """Refuse to drive a crank round that cannot turn fully."""
-    from mechsim.errors import AssemblyError
-
     arcs = drive.crank_range()
     if not arcs.full and arcs.arcs:
         raise AssemblyError(
@@ -116,7 +106,7 @@ def _within_range(drive: Any, turns: float) -> None:
         )
 
 
-def _profile(path: str) -> "CrankProfile":
+def _profile(path: str) -> CrankProfile:
     from mechsim import files, simulation
     from mechsim.errors import InputError
 
@@ -129,44 +119,11 @@ def _profile(path: str) -> "CrankProfile":
     return simulation.table(table["time"], table["angle"])
 
 
-def _settings(
-    profile: "CrankProfile",
-    timestep: str | None,
-    steps_per_turn: int | None,
-    integrator: str | None,
-    solref: str | None,
-    solimp: str | None,
-    hardness: float | None,
-) -> "Settings | None":
+def _settings(profile: CrankProfile, timestep: str | None, asked: Mapping[str, Any]) -> Settings | None:
     """Return the settings asked for; None where none was."""
-    from mechsim import simulation, units
-    from mechsim.errors import InputError
-
-    asked: dict[str, Any] = {}
-    if timestep is not None and steps_per_turn is not None:
+    if timestep is None:
+        return Settings(**asked) if asked else None
+    if "steps_per_turn" in asked:
         raise InputError("both --timestep and --steps-per-turn were given; give one of them")
-    if timestep is not None:
-        asked["steps_per_turn"] = simulation.check_step(units.parse_time(timestep, "the time step"), profile)
-    if steps_per_turn is not None:
-        asked["steps_per_turn"] = steps_per_turn
-    if integrator is not None:
-        asked["integrator"] = integrator
-    if hardness is not None:
-        asked["hardness"] = hardness
-    if solref is not None:
-        asked["solref"] = _numbers("solref", solref, 2, 2)
-    if solimp is not None:
-        given = _numbers("solimp", solimp, 2, 5)
-        asked["solimp"] = given + (0.9999, 0.9999, 0.001, 0.5, 2.0)[len(given) :]
-    return simulation.Settings(**asked) if asked else None
-
-
-def _numbers(name: str, text: str, least: int, most: int) -> tuple[float, ...]:
-    from mechsim import units
-    from mechsim.errors import InputError
-
-    values = units.parse_vector(text, "1", f"--{name}")
-    if not least <= len(values) <= most:
-        wanted = str(least) if least == most else f"{least} to {most}"
-        raise InputError(f"--{name} is {text!r}, {len(values)} numbers; give {wanted}, with commas")
-    return values
+    steps = simulation.check_step(units.parse_time(timestep, "the time step"), profile)
+    return Settings(steps_per_turn=steps, **asked)

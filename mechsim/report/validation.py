@@ -123,13 +123,9 @@ def _facts(case: Case) -> dict[str, Any]:
 def _settings(case: Case) -> dict[str, Any]:
     run = case.run
     assert run.settings is not None
-    constant = run.settings.constant_steps
     return {
-        "integrator": run.settings.integrator,
-        "steps per turn": run.settings.steps_per_turn,
+        **run.settings.rows(),
         "time step": f"{run.timestep:.6g} s",
-        "constraint time constant": "a tenth of a turn" if constant is None else f"{constant:g} steps",
-        "constraint hardness": f"{run.settings.hardness:g} of MuJoCo's softness",
         "crank speed": f"{float(np.abs(run.motion.speed).max()) * 30 / math.pi:.6g} rpm",
         "steps": run.steps,
         "stepping time": f"{run.seconds:.4g} s",

@@ -10,34 +10,46 @@ from mechsim.errors import InputError
 from mechsim.maths import given
 
 
-def choice(default: str, options: tuple[str, ...], doc: str, **told: Any) -> Any:
+def choice(default: str, options: tuple[str, ...], about: str, **told: Any) -> Any:
     """Declare a setting that takes one of a few words."""
-    return field(default=default, metadata={"options": options, "doc": doc, **told})
+    return setting(default, about, options=options, **told)
 
 
-def switch(default: bool, doc: str) -> Any:
+def switch(default: bool, about: str, **told: Any) -> Any:
     """Declare a setting that is on or off."""
-    return field(default=default, metadata={"doc": doc})
+    return setting(default, about, **told)
 
 
 def number(
     default: float | None,
-    doc: str,
+    about: str,
     *,
-    unit: str = "1",
     least: float = np.nextafter(0.0, 1.0),
     remedy: str = "{name} is {value}; give a finite number above 0",
     **told: Any,
 ) -> Any:
-    """Declare a setting that is a finite number."""
-    return field(
-        default=default, metadata={"unit": unit, "least": least, "remedy": remedy, "doc": doc, **told}
-    )
+    """Declare a setting that is a finite number, and how another is refused."""
+    return setting(default, about, least=least, remedy=remedy, **told)
 
 
-def numbers(default: tuple[float, ...] | None, count: int, doc: str, **told: Any) -> Any:
-    """Declare a setting that is so many finite numbers."""
-    return field(default=default, metadata={"count": count, "doc": doc, **told})
+def numbers(
+    default: tuple[float, ...] | None, count: int, about: str, *, fewest: int | None = None, **told: Any
+) -> Any:
+    """Declare a setting that is so many finite numbers; those after the fewest need not be written."""
+    return setting(default, about, count=count, fewest=fewest or count, **told)
+
+
+def setting(default: Any, about: str, **told: Any) -> Any:
+    """Declare a setting.
+
+    Args:
+        default: where nothing else is said.
+        about: what it is.
+        told: `doc`, its help where it is an option of the command line, with the keys of `units.option`;
+            `row`, its name and what makes its text, where a report tells it; what values it takes.
+    """
+    shown = {"unit": None, "read": None, "text": None, "name": None, "metavar": None, "many": False}
+    return field(default=default, metadata={"about": about, **shown, **told})
 
 
 def check(name: str, value: Any, rule: Mapping[str, Any]) -> None:

@@ -31,14 +31,14 @@ class Settings:
     of Runge's method falls from four to two. Measured in validation/choices/constraint_settings.py.
 
     Each field declares all that is told of it: what it is, which values it takes and how others are
-    refused; `option` is its text in the help of the command line, `row` its name and text in a report.
+    refused; `doc` is its help on the command line, `row` its name and text in a report.
     """
 
     integrator: str = setting_fields.choice(
         "RK4",
         INTEGRATORS,
         "How MuJoCo steps.",
-        option=f"{', '.join(INTEGRATORS[:-1])} or {INTEGRATORS[-1]}.",
+        doc=f"{', '.join(INTEGRATORS[:-1])} or {INTEGRATORS[-1]}.",
         row=("integrator", str),
     )
     steps_per_turn: int = setting_fields.number(
@@ -46,7 +46,7 @@ class Settings:
         "Steps in a turn of the crank.",
         least=4,
         remedy="{value} steps a turn is a step of a quarter turn or more; take at least 4",
-        option="Steps in a turn of the crank.",
+        doc="Steps in a turn of the crank.",
         row=("steps per turn", str),
     )
     constant_steps: float | None = setting_fields.number(
@@ -59,19 +59,19 @@ class Settings:
         None,
         2,
         "MuJoCo's two numbers, as they are; None for (time constant, 1).",
-        option="Two numbers with a comma, as MuJoCo takes them.",
+        doc="Two numbers with a comma, as MuJoCo takes them.",
     )
     solimp: tuple[float, float, float, float, float] = setting_fields.numbers(
         (0.9999, 0.9999, 0.001, 0.5, 2.0),
         5,
         "MuJoCo's five numbers (dmin, dmax, width, midpoint, power).",
-        option="Two to five numbers with commas, as MuJoCo takes them.",
+        doc="Two to five numbers with commas, as MuJoCo takes them.",
         fewest=2,
     )
     hardness: float = setting_fields.number(
         1e-8,
         "Factor on the inverse weights that scale a constraint's softness; 1 is MuJoCo's own.",
-        option="Factor on constraint softness; 1 is MuJoCo's own.",
+        doc="Factor on constraint softness; 1 is MuJoCo's own.",
         row=("constraint hardness", "{:g} of MuJoCo's softness".format),
     )
     refsafe: bool = setting_fields.switch(
@@ -87,9 +87,8 @@ class Settings:
     )
     flywheel: float | None = setting_fields.number(
         None,
-        "Inertia on the crank that holds its speed; None for 1e12 times that of the links, which no reaction "
-        "of theirs and no redundant constraint turns.",
-        unit="kg m2",
+        "Inertia on the crank that holds its speed, in [kg m2]; None for 1e12 times that of the links, "
+        "which no reaction of theirs and no redundant constraint turns.",
     )
 
     def __post_init__(self) -> None:
