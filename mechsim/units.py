@@ -1,7 +1,7 @@
 """Quantities as people write them ("13 mm", "600 rpm", "0:360:5deg") to SI numbers, at the edges only.
 
 A number without a unit is SI: metres, radians, radians per second, seconds. `option` declares a field of a
-dataclass that people set in that way.
+dataclass that people set so.
 """
 
 import re
@@ -136,7 +136,7 @@ def parse_names(text: str) -> tuple[str, ...]:
 def parse_angles(text: str, name: str = "the angles") -> Array:
     """Return crank angles in [rad] from `start:stop:step`, both ends included, or from a comma list.
 
-    The last unit applies to all that have none. A step that does not divide the way is followed by
+    The last unit applies to all that have none. A step that does not divide the range is followed by
     a shorter last one.
 
     Raises:

@@ -128,7 +128,7 @@ def _ended(pressed: list[int]) -> int:
     except (KeyboardInterrupt, typer.Abort):
         return _refused("stopped")
     except (BrokenPipeError, SystemExit):
-        # the command-line library, too, leaves this way when nobody reads on
+        # the command-line library, too, ends so when nobody reads on
         return CLOSED_PIPE
     except Exception:
         # an interrupted import of compiled code says anything but that

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 if TYPE_CHECKING:
     from mechsim.model.mechanism import Mechanism
     from mechsim.model.motion import Motion
+    from mechsim.pictures.render import Look
     from mechsim.verdict.checks import Verdict
 
 GOOD, BAD = "#00694c", "#a8261a"
@@ -38,29 +39,35 @@ class Film:
 def show(
     mechanism: "Mechanism",
     motion: "Motion",
+    look: "Look | None" = None,
     *,
     frames_per_turn: int = 48,
     fps: float = 24.0,
     size: tuple[int, int] = (480, 360),
-    **look: Any,
+    exact: "Motion | None" = None,
+    **options: Any,
 ) -> Film:
     """Return a film of a motion, from either road; whole turns play in a loop without a seam.
 
     Args:
         mechanism: what moves.
         motion: how it moves.
+        look: what the film shows; None is the usual, with paths that reach back a quarter of a turn.
         frames_per_turn: frames in a turn of the crank.
         fps: frames a second.
         size: (width, height) in pixels.
-        look: see `render.Look`; `exact` draws the closed form as a ghost, `arrows` velocities.
+        exact: the same motion by the closed form, drawn as a ghost.
+        options: other fields of `render.Look` in place of the look's, or `forces` and `moments` for its
+            arrows, as `render.frames` takes them.
     """
     from mechsim.pictures.render import turn_angles, write_video
 
-    look.setdefault("paths", "tail")
+    if look is None:
+        options.setdefault("paths", "tail")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
         angles = turn_angles(motion, frames_per_turn)
-        write_video(path, mechanism, motion, angles=angles, fps=fps, size=size, **look)
+        write_video(path, mechanism, motion, look, angles=angles, fps=fps, exact=exact, size=size, **options)
         return Film(path.read_bytes(), size[0])
 
 

@@ -140,14 +140,22 @@ def assembled(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
         AssemblyError: if the loops do not close there.
     """
     loops, rough = guessed(mechanism, scene)
-    data = mujoco.MjData(loops.model)
-    data.qpos[:] = loops.close(rough[None])[0]
-    mujoco.mj_kinematics(loops.model, data)
-    poses = {
-        link.name: Pose(data.body(link.name).xpos.copy(), data.body(link.name).xmat.reshape(3, 3).copy())
-        for link in mechanism.links
-    }
-    return generate(mechanism, scene, poses)
+    poses = link_poses(mechanism, loops.model, loops.close(rough[None]))
+    return generate(mechanism, scene, {name: pose.at(0) for name, pose in poses.items()})
+
+
+def link_poses(mechanism: Mechanism, model: mujoco.MjModel, states: Array) -> dict[str, Pose]:
+    """Return n poses of each link at states (n, nq) of a model whose bodies have the links' names."""
+    data = mujoco.MjData(model)
+    places = {link.name: np.empty((len(states), 3)) for link in mechanism.links}
+    turns = {link.name: np.empty((len(states), 3, 3)) for link in mechanism.links}
+    for i, state in enumerate(states):
+        data.qpos[:] = state
+        mujoco.mj_kinematics(model, data)
+        for name in places:
+            body = data.body(name)
+            places[name][i], turns[name][i] = body.xpos, body.xmat.reshape(3, 3)
+    return {name: Pose(places[name], turns[name]) for name in places}
 
 
 def guessed(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array]:

@@ -12,7 +12,7 @@ from mechsim.pictures.number_text import prefixed
 from mechsim.pictures.render import arrows, ghost, gl_backend
 from mechsim.pictures.render.drawing import Source, draw
 from mechsim.pictures.render.drawn_model import GHOST
-from mechsim.pictures.render.frame_poses import track
+from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.pictures.render.look import Look
 from mechsim.shapes import span
 from mechsim.studies.motion_source import joint_loads, motion_of, profile_of
@@ -48,8 +48,8 @@ def moved(motion: Motion, link: str, by: np.ndarray) -> Motion:
 
 def test_an_error_is_found_and_magnified_by_the_factor(drive, motion):
     off = np.array([2e-9, -1e-9, 0.0])
-    run = track(drive.mechanism, moved(motion, "rocker", off)).poses
-    exact = track(drive.mechanism, motion).poses
+    run = frame_poses(drive.mechanism, moved(motion, "rocker", off)).poses
+    exact = frame_poses(drive.mechanism, motion).poses
     found = ghost.errors(drive.mechanism, run, exact, NONE)
     np.testing.assert_allclose(found["rocker"][0], np.tile(-off, (25, 1)), atol=1e-15)
     assert np.abs(found["crank"][0]).max() == 0.0
@@ -65,7 +65,7 @@ def test_an_error_is_found_and_magnified_by_the_factor(drive, motion):
 @pytest.mark.parametrize("size", [1e-12, 1e-3, 1.0])
 def test_a_turn_is_magnified_about_its_own_axis(drive, motion, size):
     axis = np.array([0.36, 0.48, 0.8])
-    poses = track(drive.mechanism, motion).poses
+    poses = frame_poses(drive.mechanism, motion).poses
     turned = {
         name: Pose(pose.position, ghost.turned(np.tile(size * axis, (25, 1))) @ pose.rotation)
         if name == "crank"
@@ -82,7 +82,7 @@ def test_a_turn_is_magnified_about_its_own_axis(drive, motion, size):
 def test_spin_that_means_nothing_is_no_error():
     drive = catalog.make("rssr")
     motion = drive.solve(TURN, 60.0)
-    poses = track(drive.mechanism, motion).poses
+    poses = frame_poses(drive.mechanism, motion).poses
     assert motion.spinning == {"coupler"}
     ends = [np.asarray(end.point) for end in drive.mechanism.ends("coupler")]
     line = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
@@ -111,19 +111,19 @@ def test_the_ghost_is_seen_where_it_differs_and_only_there(drive, motion):
 def test_ghosts_that_cannot_be_compared_are_refused(drive, motion):
     other = drive.solve(TURN + 0.1, 60.0)
     with pytest.raises(InputError, match="other crank angles"):
-        Source(drive.mechanism, motion, other).stage(Look())
+        Source(drive.mechanism, motion, other).drawn(Look())
     with pytest.raises(InputError, match="ask for one position"):
-        Source(drive.mechanism, motion, motion).stage(Look(overlay=4))
+        Source(drive.mechanism, motion, motion).drawn(Look(overlay=4))
 
 
 def test_arrows_point_along_their_vectors_at_one_scale(drive, motion):
-    stage = Source(drive.mechanism, motion).stage(Look(size=SIZE, arrows=("velocity",), camera="shaft"))
+    stage = Source(drive.mechanism, motion).drawn(Look(size=SIZE, arrows=("velocity",), camera="shaft"))
     (shown,) = stage.arrows
     speeds = np.concatenate([np.linalg.norm(v, axis=1) for v in shown.vectors.values()])
     assert shown.largest == pytest.approx(speeds.max())
     room = arrows.LONGEST * float((stage.high - stage.low).max())
     assert 0.32 * room < shown.largest * shown.scale <= room
-    tips = shown.tips(stage.track.starts)
+    tips = shown.tips(stage.frames.starts)
     assert ((stage.camera.pixel(tips) > 0.0) & (stage.camera.pixel(tips) < np.array(SIZE))).all()
     assert shown.legend[0] == f"velocity: 20 mm = 2 m/s, at most {speeds.max():.3g} m/s"
     assert shown.scale == pytest.approx(0.01)
@@ -136,14 +136,14 @@ def test_an_arrow_ends_where_its_vector_points(drive, camera):
     motion = drive.solve(way, 60.0)
     forces = {"A": 80.0 * np.column_stack([np.cos(3.0 * way), np.sin(3.0 * way), 0.0 * way])}
     look = Look(size=SIZE, notes=False, labels=False, paths=False, arrows=("force",), camera=camera)
-    stage = Source(drive.mechanism, motion, forces=forces).stage(look)
+    stage = Source(drive.mechanism, motion, forces=forces).drawn(look)
     (drawn,) = stage.arrows
     pictures = []
     for shown in ([drawn], []):
         stage.arrows = shown
         pictures.append([picture.astype(int) for picture in draw(stage, gl_backend.choose())])
     for frame in range(3):
-        start = stage.track.points["A"][frame]
+        start = stage.frames.points["A"][frame]
         tip = start + drawn.scale * forces["A"][frame]
         seen = np.argwhere(np.abs(pictures[0][frame] - pictures[1][frame]).max(2) > 40)[:, ::-1] + 0.5
         # an arrow drawn before all else hides what it covers, and nothing else changes
@@ -157,20 +157,20 @@ def test_an_arrow_ends_where_its_vector_points(drive, camera):
 
 def test_forces_are_given_by_the_caller(drive, motion):
     forces = {"B": np.ones((25, 3))}
-    stage = Source(drive.mechanism, motion, forces=forces).stage(Look(arrows=("force",)))
+    stage = Source(drive.mechanism, motion, forces=forces).drawn(Look(arrows=("force",)))
     assert stage.arrows[0].largest == pytest.approx(np.sqrt(3.0))
     # a joint that is no tracked point: its place is on the link that it carries
-    held = Source(drive.mechanism, motion, moments={"rocker": np.ones((25, 3))}).stage(
+    held = Source(drive.mechanism, motion, moments={"rocker": np.ones((25, 3))}).drawn(
         Look(arrows=("moment",))
     )
-    np.testing.assert_allclose(held.track.starts["rocker"], np.tile([drive.ground, 0.0, 0.0], (25, 1)))
+    np.testing.assert_allclose(held.frames.starts["rocker"], np.tile([drive.ground, 0.0, 0.0], (25, 1)))
     assert held.arrows[0].legend[0].endswith("at most 1.73 N m")
     with pytest.raises(InputError, match="holds NaN"):
-        Source(drive.mechanism, motion, forces={"B": np.full((25, 3), np.nan)}).stage(Look(arrows=("force",)))
+        Source(drive.mechanism, motion, forces={"B": np.full((25, 3), np.nan)}).drawn(Look(arrows=("force",)))
     with pytest.raises(InputError, match="no force to draw"):
-        Source(drive.mechanism, motion).stage(Look(arrows=("force",)))
+        Source(drive.mechanism, motion).drawn(Look(arrows=("force",)))
     with pytest.raises(InputError, match=r"give \(25, 3\) numbers"):
-        Source(drive.mechanism, motion, forces={"B": np.ones((3, 3))}).stage(Look(arrows=("force",)))
+        Source(drive.mechanism, motion, forces={"B": np.ones((3, 3))}).drawn(Look(arrows=("force",)))
 
 
 @pytest.mark.parametrize("name", catalog.DRIVES)

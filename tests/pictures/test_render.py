@@ -16,7 +16,7 @@ from mechsim.model.motion import LinkMotion, Motion
 from mechsim.pictures import render
 from mechsim.pictures.render import gl_backend, lines, video
 from mechsim.pictures.render.drawn_model import DrawnModel
-from mechsim.pictures.render.frame_poses import track
+from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.pictures.render.look import Look
 from mechsim.shapes import PALETTE, camera, link_colours
 
@@ -135,9 +135,9 @@ def test_first_and_last_frame_of_a_full_turn_match(drive, motion):
 def test_a_moving_point_is_drawn_where_the_camera_says():
     angles = np.linspace(0.0, 2.0 * np.pi, 9)
     mechanism, motion = crank_motion(angles)
-    stage = DrawnModel(mechanism, track(mechanism, motion), Look(size=SIZE, camera="shaft"))
+    stage = DrawnModel(mechanism, frame_poses(mechanism, motion), Look(size=SIZE, camera="shaft"))
     pictures = bare(mechanism, motion, camera="shaft")
-    for picture, pin, tip in zip(pictures, np.zeros((9, 3)), stage.track.points["A"], strict=True):
+    for picture, pin, tip in zip(pictures, np.zeros((9, 3)), stage.frames.points["A"], strict=True):
         seen = np.argwhere(coloured(picture, PALETTE[0]))[:, ::-1] + 0.5  # pixel centres
         start, end = stage.camera.pixel(pin), stage.camera.pixel(tip)
         way = (end - start) / np.linalg.norm(end - start)
@@ -219,7 +219,7 @@ def test_frames_are_spread_evenly_and_a_loop_shows_no_frame_twice(motion):
 
 def test_frames_between_samples_hold_rigid_links(drive):
     motion = drive.solve(TURN, 60.0)
-    between = track(drive.mechanism, motion, TURN[:-1] + 0.03)
+    between = frame_poses(drive.mechanism, motion, TURN[:-1] + 0.03)
     exact = drive.solve(TURN[:-1] + 0.03, 60.0)
     for name, pose in between.poses.items():
         if name != GROUND:
@@ -231,12 +231,12 @@ def test_frames_between_samples_hold_rigid_links(drive):
 
 def test_motions_that_cannot_be_drawn_are_refused(drive, motion):
     with pytest.raises(InputError, match="does not say where link 'crank' is"):
-        track(drive.mechanism, replace(motion, links={}))
+        frame_poses(drive.mechanism, replace(motion, links={}))
     broken = replace(motion.links["rocker"], position=np.full_like(motion.links["rocker"].position, np.nan))
     with pytest.raises(InputError, match="'rocker' holds NaN"):
-        track(drive.mechanism, replace(motion, links={**motion.links, "rocker": broken}))
+        frame_poses(drive.mechanism, replace(motion, links={**motion.links, "rocker": broken}))
     with pytest.raises(InputError, match="the motion goes only"):
-        track(drive.mechanism, motion, [7.0])
+        frame_poses(drive.mechanism, motion, [7.0])
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ draws = pytest.mark.skipif(bool(WHY), reason=WHY or "OpenGL works")
 def stage_of(name, exact=False, **look):
     drive = catalog.make(name)
     motion = drive.solve(TURN, 60.0)
-    return Source(drive.mechanism, motion, motion if exact else None).stage(Look(**{**PLAIN, **look}))
+    return Source(drive.mechanism, motion, motion if exact else None).drawn(Look(**{**PLAIN, **look}))
 
 
 @draws
@@ -65,7 +65,7 @@ def test_shadows_fall_where_a_shadow_map_has_them(name):
 def test_a_ghost_throws_no_shadow():
     plain, ghostly = (Shadow(stage_of("four_bar", exact=exact)) for exact in (False, True))
     assert len(plain.geoms) == len(ghostly.geoms) > 0
-    assert ghostly.stage.model.ngeom > plain.stage.model.ngeom
+    assert ghostly.drawn.model.ngeom > plain.drawn.model.ngeom
 
 
 def test_shadows_lie_flat_just_before_the_wall_and_hold_their_layers_apart():

@@ -66,20 +66,20 @@ class Arrows:
     def put(self, scene: mujoco.MjvScene, starts: Mapping[str, Array], frame: int, width: float) -> None:
         """Add the arrows of a frame to a scene, from their starts, as many as it has room for."""
         for name, vectors in self.vectors.items():
-            way = self.scale * vectors[frame]
+            arrow = self.scale * vectors[frame]
             # one shorter than it is thick is no arrow
-            if float(np.linalg.norm(way)) < 2.0 * width:
+            if float(np.linalg.norm(arrow)) < 2.0 * width:
                 continue
             for share in (1.0, SECOND_HEAD) if self.kind == "moment" else (1.0,):
                 if scene.ngeom < scene.maxgeom:
-                    self._put(scene, starts[name], share * way, width)
+                    self._put(scene, starts[name], share * arrow, width)
 
-    def _put(self, scene: mujoco.MjvScene, start: Array, way: Array, width: float) -> None:
+    def _put(self, scene: mujoco.MjvScene, start: Array, arrow: Array, width: float) -> None:
         geom = scene.geoms[scene.ngeom]
         rgba = np.array(COLOURS[self.kind], dtype=np.float32)
         mujoco.mjv_initGeom(geom, ARROW, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
         # MuJoCo draws an arrow half as long as it was told
-        mujoco.mjv_connector(geom, ARROW, width, start, start + 2.0 * way)
+        mujoco.mjv_connector(geom, ARROW, width, start, start + 2.0 * arrow)
         geom.specular, geom.emission = 0.1, 0.3
         geom.category = mujoco.mjtCatBit.mjCAT_DECOR
         scene.ngeom += 1

@@ -13,7 +13,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.pictures.render import gl_backend as backends
 from mechsim.pictures.render.drawn_model import CAMERA, DrawnModel
-from mechsim.pictures.render.frame_poses import FramePoses, mixed, places, track
+from mechsim.pictures.render.frame_poses import FramePoses, frame_poses, mixed, places
 from mechsim.pictures.render.ghost import Ghost, errors, factor, magnified
 from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, written
 from mechsim.pictures.render.look import Look, changed
@@ -49,8 +49,8 @@ def frames(
         InputError: for an unknown option, camera, point or back end, or a motion without links.
         MissingToolError: where this machine has no OpenGL.
     """
-    stage = Source(mechanism, motion, exact, forces, moments).stage(changed(look, options), angles)
-    return draw(stage, backends.choose(stage.look.backend))
+    drawn = Source(mechanism, motion, exact, forces, moments).drawn(changed(look, options), angles)
+    return draw(drawn, backends.choose(drawn.look.backend))
 
 
 def still(
@@ -71,11 +71,11 @@ def still(
     if look is None:
         options.setdefault("paths", "whole")
     source = Source(mechanism, motion, exact, forces, moments)
-    stage = source.stage(changed(look, options))
+    drawn = source.drawn(changed(look, options))
     if angle is not None:
-        shown = source.track([angle])
-        stage.show(shown, source.ghost([angle], stage.ghost.by if stage.ghost else None))
-    with closing(draw(stage, backends.choose(stage.look.backend))) as pictures:
+        shown = source.frames([angle])
+        drawn.show(shown, source.ghost([angle], drawn.ghost.by if drawn.ghost else None))
+    with closing(draw(drawn, backends.choose(drawn.look.backend))) as pictures:
         return next(pictures)
 
 
@@ -89,20 +89,20 @@ class Source:
     forces: Mapping[str, ArrayLike] | None = None
     moments: Mapping[str, ArrayLike] | None = None
 
-    def stage(self, look: Look, angles: ArrayLike | None = None) -> DrawnModel:
-        """Return the stage of all samples, or of given crank angles."""
+    def drawn(self, look: Look, angles: ArrayLike | None = None) -> DrawnModel:
+        """Return the drawn model of all samples, or of given crank angles."""
         look.check(self.mechanism)
         if self.exact is not None and look.overlay > 1:
             raise InputError("a ghost over overlaid positions cannot be read; ask for one position")
-        shown = self.track(angles)
+        shown = self.frames(angles)
         for kind in look.arrows:
             if not shown.vectors.get(kind):
                 raise InputError(f"there is no {kind} to draw arrows for; give it with the motion")
         return DrawnModel(self.mechanism, shown, look, self.ghost(angles, look.magnify))
 
-    def track(self, angles: ArrayLike | None) -> FramePoses:
+    def frames(self, angles: ArrayLike | None) -> FramePoses:
         """Return the poses at all samples, or at given crank angles."""
-        return track(self.mechanism, self.motion, angles, self.forces, self.moments)
+        return frame_poses(self.mechanism, self.motion, angles, self.forces, self.moments)
 
     def ghost(self, angles: ArrayLike | None, by: float | None) -> Ghost | None:
         """Return the ghost, its error magnified by a factor, or as much as shows it well."""
@@ -113,37 +113,37 @@ class Source:
         # errors are taken at the samples and only then spread, so that what frames between samples cost
         # is not magnified with them
         spinning = self.exact.spinning | self.motion.spinning
-        exact = track(self.mechanism, self.exact).poses
-        found = errors(self.mechanism, self.track(None).poses, exact, spinning)
+        exact = frame_poses(self.mechanism, self.exact).poses
+        found = errors(self.mechanism, self.frames(None).poses, exact, spinning)
         by = factor(self.mechanism, found) if by is None else by
         if angles is not None:
             at = places(self.motion.angle, np.asarray(angles, dtype=np.float64))
-            found = {name: (mixed(way, at), mixed(turn, at)) for name, (way, turn) in found.items()}
-        return Ghost(magnified(self.mechanism, self.track(angles).poses, found, by), by)
+            found = {name: (mixed(shift, at), mixed(turn, at)) for name, (shift, turn) in found.items()}
+        return Ghost(magnified(self.mechanism, self.frames(angles).poses, found, by), by)
 
 
-def draw(stage: DrawnModel, backend: backends.Backend) -> Generator[Picture]:
-    """Yield the frames of a stage."""
-    look = stage.look
-    count = 1 if look.overlay > 1 else len(stage.track)
-    trace = Trace(stage)
-    notes = Notes(stage.mechanism.name, _legend(stage)) if look.notes else None
-    clear = 2.2 * stage.radius
-    with backends.renderer(stage.model, look.size, backend) as drawing:
+def draw(drawn: DrawnModel, backend: backends.Backend) -> Generator[Picture]:
+    """Yield the frames of a drawn model."""
+    look = drawn.look
+    count = 1 if look.overlay > 1 else len(drawn.frames)
+    trace = Trace(drawn)
+    notes = Notes(drawn.mechanism.name, _legend(drawn)) if look.notes else None
+    clear = 2.2 * drawn.radius
+    with backends.renderer(drawn.model, look.size, backend) as drawing:
         for frame in range(count):
-            stage.place(frame)
-            drawing.update_scene(stage.data, CAMERA)
+            drawn.place(frame)
+            drawing.update_scene(drawn.data, CAMERA)
             trace.put(drawing.scene, frame)
             picture = drawing.render()
-            labels = {name: path[frame] for name, path in stage.track.points.items()} if look.labels else {}
-            angle = float(stage.track.angle[frame]) if look.overlay == 1 else None
-            yield written(picture, stage.camera, labels, clear, notes, angle) if labels or notes else picture
+            labels = {name: path[frame] for name, path in drawn.frames.points.items()} if look.labels else {}
+            angle = float(drawn.frames.angle[frame]) if look.overlay == 1 else None
+            yield written(picture, drawn.camera, labels, clear, notes, angle) if labels or notes else picture
 
 
-def _legend(stage: DrawnModel) -> tuple[tuple[str, Ink], ...]:
+def _legend(drawn: DrawnModel) -> tuple[tuple[str, Ink], ...]:
     """The lines at the foot of a picture: what the caller says, the ghost, the arrows."""
-    lines: list[tuple[str, Ink]] = [(stage.look.caption, INK)] if stage.look.caption else []
-    if stage.ghost:
-        lines.append((stage.ghost.legend, INK))
-    lines += [one.legend for one in stage.arrows]
+    lines: list[tuple[str, Ink]] = [(drawn.look.caption, INK)] if drawn.look.caption else []
+    if drawn.ghost:
+        lines.append((drawn.ghost.legend, INK))
+    lines += [one.legend for one in drawn.arrows]
     return tuple(lines)

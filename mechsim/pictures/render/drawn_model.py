@@ -1,7 +1,7 @@
-"""Stage: a mechanism as a MuJoCo model of shapes alone, put into any pose and framed by a camera.
+"""A mechanism as a MuJoCo model of shapes alone, put into any pose and framed by a camera.
 
 Every link is a mocap body that carries geoms and nothing else, so drawing never touches the physics
-of a run and the closed form is drawn in the same way.
+of a run and the closed form is drawn likewise.
 """
 
 from dataclasses import replace
@@ -37,22 +37,22 @@ class DrawnModel:
         data: its state.
         cell: edge of a grid cell in [m].
         walls: planes with a grid.
-        forward: whether the crank turns the positive way.
+        forward: whether the crank turns in the positive direction.
         arrows: arrows of each kind asked for.
     """
 
-    def __init__(self, mechanism: Mechanism, track: FramePoses, look: Look, ghost: Ghost | None = None):
-        self.mechanism, self.track, self.look, self.ghost = mechanism, track, look, ghost
+    def __init__(self, mechanism: Mechanism, frames: FramePoses, look: Look, ghost: Ghost | None = None):
+        self.mechanism, self.frames, self.look, self.ghost = mechanism, frames, look, ghost
         self.radius = rod_radius(mechanism)
-        self.forward = bool(track.angle[-1] >= track.angle[0])
-        self.shapes = link_shapes(mechanism, travels(mechanism, track.poses), self._free_sides())
+        self.forward = bool(frames.angle[-1] >= frames.angle[0])
+        self.shapes = link_shapes(mechanism, travels(mechanism, frames.poses), self._free_sides())
         balls, radii = self._extent()
         self.low, self.high = (balls - radii[:, None]).min(0), (balls + radii[:, None]).max(0)
         if not planar_normals(mechanism):
             balls, radii = self._add_stands(balls, radii)
         self.arrows = self._arrows()
         for one in self.arrows:
-            tips = one.tips(track.starts)
+            tips = one.tips(frames.starts)
             balls, radii = np.vstack([balls, tips]), np.append(radii, np.zeros(len(tips)))
         back, up = cameras.directions(mechanism, look.camera)
         self._clear_walls()
@@ -71,19 +71,19 @@ class DrawnModel:
         }
         self._ghost_slots = {name: self._slot(_ghost(name)) for name in (ghost.poses if ghost else ())}
 
-    def show(self, track: FramePoses, ghost: Ghost | None) -> None:
+    def show(self, frames: FramePoses, ghost: Ghost | None) -> None:
         """Take other frames of the same motion; camera and scales stay."""
-        self.track, self.ghost = track, ghost
-        self.arrows = [replace(one, vectors=track.vectors[one.kind]) for one in self.arrows]
+        self.frames, self.ghost = frames, ghost
+        self.arrows = [replace(one, vectors=frames.vectors[one.kind]) for one in self.arrows]
 
     def place(self, frame: int) -> None:
         """Put the links where they stand in a frame; overlaid positions where they always stand."""
         overlay = self.look.overlay
         # the last frame of a closed turn is the first again
-        spread = len(self.track) - (1 if self.track.closed else 0)
+        spread = len(self.frames) - (1 if self.frames.closed else 0)
         for (name, copy), slot in self._slots.items():
-            at = frame if overlay == 1 else round(copy * spread / overlay) % len(self.track)
-            self._put(slot, self.track.poses[name].at(at))
+            at = frame if overlay == 1 else round(copy * spread / overlay) % len(self.frames)
+            self._put(slot, self.frames.poses[name].at(at))
         for name, slot in self._ghost_slots.items():
             assert self.ghost is not None
             pose, deeper = self.ghost.poses[name].at(frame), BEHIND * self.radius * self.camera.back
@@ -99,7 +99,7 @@ class DrawnModel:
         return 0.25 * (1.0 - float(wall.normal @ self.camera.back))
 
     def thrown(self, path: Array, wall: Wall) -> Array:
-        """Return a path thrown square on a wall, a hair's breadth in front of it."""
+        """Return a path projected square on a wall, lifted off it by less than can be seen."""
         height = (path - wall.point) @ wall.normal - 0.15 * self.radius
         return path - height[:, None] * wall.normal
 
@@ -112,25 +112,25 @@ class DrawnModel:
 
     def _free_sides(self) -> dict[str, float]:
         """The side of every shaft that the links keep farther away from over the motion."""
-        some = np.linspace(0, len(self.track) - 1, 24).astype(int)
+        some = np.linspace(0, len(self.frames) - 1, 24).astype(int)
         poses = {
             name: pose if pose.position.ndim == 1 else Pose(pose.position[some], pose.rotation[some])
-            for name, pose in self.track.poses.items()
+            for name, pose in self.frames.poses.items()
         }
         return free_sides(self.mechanism, poses)
 
     def _arrows(self) -> list[Arrows]:
         extent = float((self.high - self.low).max())
-        return [arrows(kind, self.track.vectors.get(kind, {}), extent) for kind in self.look.arrows]
+        return [arrows(kind, self.frames.vectors.get(kind, {}), extent) for kind in self.look.arrows]
 
     def _extent(self) -> tuple[Array, Array]:
         """Balls that hold all shapes over all frames: centres (k, 3) and radii (k,)."""
-        step = slice(None, None, max(1, len(self.track) // 180))
-        poses = [*self.track.poses.items(), *(self.ghost.poses.items() if self.ghost else ())]
+        step = slice(None, None, max(1, len(self.frames) // 180))
+        poses = [*self.frames.poses.items(), *(self.ghost.poses.items() if self.ghost else ())]
         centres, radii = extent(
             (pose if pose.position.ndim == 1 else pose.at(step), self.shapes[link]) for link, pose in poses
         )
-        paths = np.vstack([np.empty((0, 3)), *self.track.paths.values()])
+        paths = np.vstack([np.empty((0, 3)), *self.frames.paths.values()])
         return np.vstack([centres, paths]), np.append(radii, np.zeros(len(paths)))
 
     def _add_stands(self, balls: Array, radii: Array) -> tuple[Array, Array]:
@@ -138,7 +138,7 @@ class DrawnModel:
         self.low[1] -= 2.0 * self.radius
         posts = stands(self.shapes[GROUND], float(self.low[1]), self.radius)
         self.shapes[GROUND].extend(posts)
-        feet, widths = extent([(self.track.poses[GROUND], posts)])
+        feet, widths = extent([(self.frames.poses[GROUND], posts)])
         return np.vstack([balls, feet]), np.append(radii, widths)
 
     def _clear_walls(self) -> None:

@@ -3,24 +3,20 @@
 import mujoco
 import numpy as np
 
-from mechsim.errors import AssemblyError
-from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
+from mechsim.model.mechanism import GROUND, Mechanism
 from mechsim.model.scene import Scene
 from mechsim.pictures.render import scenery
 from mechsim.shapes import camera as cameras
 from mechsim.shapes import free_sides, link_shapes, planar_normals, rod_radius
 from mechsim.shapes.extent import extent, travels
 from mechsim.shapes.walls import backdrop, stands
-from mechsim.simulation.closed_model import assembled, guessed
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.poses.sweep import swept
 
 CAMERA = "view"
 SIZE = (960, 720)
 # sites stand for points and ends of joints; MuJoCo draws groups 0 to 2 unless told otherwise
 SITE_GROUP = 3
-# crank angles tried in a turn
-STEPS = 48
 
 
 def exported(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
@@ -56,8 +52,9 @@ def add_picture(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
         feet, widths = extent([(poses[GROUND], posts)])
         balls, radii = np.vstack([balls, feet]), np.append(radii, widths)
     camera = cameras.framed(*cameras.directions(mechanism, "iso"), balls, radii, SIZE)
-    wall = backdrop(mechanism, camera, low, high, cell := cameras.nice(camera.height / 9.0))
-    scenery.prepare(spec, camera, middle := (low + high) / 2.0)
+    cell, middle = cameras.nice(camera.height / 9.0), (low + high) / 2.0
+    wall = backdrop(mechanism, camera, low, high, cell)
+    scenery.prepare(spec, camera, middle)
     scenery.add_light(spec, camera, middle, wall.normal, shadow=True)
     scenery.add_grid(spec, "grid", wall, cell, emission=0.25 * (1.0 - float(wall.normal @ camera.back)))
     scenery.add_camera(spec, CAMERA, camera)
@@ -66,42 +63,3 @@ def add_picture(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
             scenery.add_shape(body, shape)
     for site in spec.sites:
         site.group, site.size = SITE_GROUP, [0.5 * radius] * 3
-
-
-def swept(mechanism: Mechanism) -> dict[str, Pose]:
-    """Return the poses of all links, ground included, over the turn or as far as the crank can go.
-
-    Links other than the ground have as many poses as there are crank angles. Where the loops close
-    nowhere, the one pose is the model's reference configuration.
-    """
-    loops, start = guessed(mechanism, Scene(level="pose"))
-    ahead = _states(loops, start, 2.0 * np.pi / STEPS)
-    states = ahead if len(ahead) >= STEPS else ahead + _states(loops, start, -2.0 * np.pi / STEPS)
-    return {GROUND: IDENTITY, **_poses(mechanism, loops.model, states or [loops.model.qpos0])}
-
-
-def _states(loops: ModelLoops, start: Array, step: float) -> list[Array]:
-    """Closed states from a rough one on, the crank turning by a step each time; as far as it can."""
-    states: list[Array] = []
-    rough = start
-    for _ in range(STEPS):
-        try:
-            closed = loops.close(rough[None])[0]
-        except AssemblyError:
-            break
-        states.append(closed)
-        rough = closed.copy()
-        rough[loops.crank_place] += step
-    return states
-
-
-def _poses(mechanism: Mechanism, model: mujoco.MjModel, states: list[Array]) -> dict[str, Pose]:
-    data = mujoco.MjData(model)
-    names = [link.name for link in mechanism.links]
-    places, rotations = np.empty((len(names), len(states), 3)), np.empty((len(names), len(states), 3, 3))
-    for i, state in enumerate(states):
-        data.qpos[:] = state
-        mujoco.mj_kinematics(model, data)
-        for k, name in enumerate(names):
-            places[k, i], rotations[k, i] = data.body(name).xpos, data.body(name).xmat.reshape(3, 3)
-    return {name: Pose(places[k], rotations[k]) for k, name in enumerate(names)}

@@ -1,4 +1,4 @@
-"""Track: where every link stands in every frame, taken from a motion of either road."""
+"""Where every link stands in every frame, taken from a motion of either road."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ class FramePoses:
         )
 
 
-def track(
+def frame_poses(
     mechanism: Mechanism,
     motion: Motion,
     angles: ArrayLike | None = None,
@@ -139,9 +139,9 @@ def _moving(mechanism: Mechanism) -> list[tuple[str, tuple[str, tuple[float, flo
 def places(known: Array, wanted: Array) -> Array:
     """Return where crank angles lie among the samples, as fractional indices.
 
-    Of a crank that swings to and fro the longest stretch one way counts.
+    Of a crank that swings to and fro the longest stretch in one direction counts.
     """
-    first, last = _longest_way(known)
+    first, last = _longest_stretch(known)
     sense = 1.0 if known[last] >= known[first] else -1.0
     rising, wanted = sense * known[first : last + 1], sense * wanted
     if len(rising) < 2:
@@ -155,8 +155,8 @@ def places(known: Array, wanted: Array) -> Array:
     return np.interp(wanted, rising, np.arange(first, last + 1, dtype=np.float64))
 
 
-def _longest_way(known: Array) -> tuple[int, int]:
-    """Return the first and the last sample of the longest stretch in which the crank turns one way."""
+def _longest_stretch(known: Array) -> tuple[int, int]:
+    """Return the first and the last sample of the longest stretch without a turn of direction."""
     sense = np.sign(np.diff(known))
     breaks = np.flatnonzero(sense[1:] != sense[:-1]) + 1
     ends = np.concatenate([[0], breaks, [len(known) - 1]])

@@ -46,7 +46,7 @@ def errors(
         spinning: links whose spin about the line of their joints means nothing; it is left out.
 
     Returns:
-        Link -> way of its first joint, (n, 3) in [m], and turn as a vector, (n, 3) in [rad].
+        Link -> displacement of its first joint, (n, 3) in [m], and turn as a vector, (n, 3) in [rad].
     """
     found: dict[str, tuple[Array, Array]] = {}
     for link in mechanism.links:
@@ -63,9 +63,9 @@ def errors(
 
 def factor(mechanism: Mechanism, found: Mapping[str, tuple[Array, Array]]) -> float:
     """Return the power of ten that makes errors plain to see and leaves the ghost in the picture."""
-    way = max(float(np.abs(way).max()) for way, _ in found.values()) / (FARTHEST * span(mechanism))
+    shift = max(float(np.abs(shift).max()) for shift, _ in found.values()) / (FARTHEST * span(mechanism))
     turn = max(float(np.abs(turn).max()) for _, turn in found.values()) / WIDEST
-    worst = max(way, turn)
+    worst = max(shift, turn)
     return 1.0 if not worst > 0.0 else float(10.0 ** np.floor(-np.log10(worst)))
 
 
@@ -78,17 +78,17 @@ def magnified(
     """
     poses: dict[str, Pose] = {}
     for link in mechanism.links:
-        (way, turn), here = found[link.name], run[link.name]
+        (shift, turn), here = found[link.name], run[link.name]
         hold: Vector = mechanism.ends(link.name)[0].point
         rotation = turned(by * turn) @ here.rotation
-        poses[link.name] = Pose(here.point(hold) + by * way - rotation @ np.asarray(hold), rotation)
+        poses[link.name] = Pose(here.point(hold) + by * shift - rotation @ np.asarray(hold), rotation)
     return poses
 
 
 def _line(mechanism: Mechanism, link: str) -> Array:
     """The unit vector between the first two joints of a link that stand apart."""
     first, *others = (np.asarray(end.point) for end in mechanism.ends(link))
-    line = max((other - first for other in others), key=lambda way: float(np.linalg.norm(way)))
+    line = max((other - first for other in others), key=lambda along: float(np.linalg.norm(along)))
     return line / np.linalg.norm(line)
 
 

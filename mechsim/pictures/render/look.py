@@ -36,7 +36,7 @@ class Look:
             quarter of a turn, so that a full turn can be played in a loop, "whole" all at once.
         labels: whether tracked points carry their names.
         notes: whether scale bar, name and crank angle are written on the picture.
-        sense: whether an arrow shows which way the crank turns.
+        sense: whether an arrow shows the sense in which the crank turns.
         projections: tracked points whose paths are also thrown on the planes XY, XZ and YZ.
         overlay: positions drawn at once over the whole motion; 1 draws one a frame.
         arrows: what arrows show: "velocity" and "acceleration" of tracked points, "force" and "moment"

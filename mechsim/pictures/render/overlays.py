@@ -10,21 +10,21 @@ from mechsim.shapes import link_colours
 
 
 class Trace:
-    """What is put into a stage's scene frame by frame, beside the solids."""
+    """What is put into the scene of a drawn model frame by frame, beside the solids."""
 
-    def __init__(self, stage: DrawnModel):
-        self.stage, look = stage, stage.look
-        self.width = 2.4 * look.size[1] / 480.0 / stage.camera.scale
-        colours = link_colours(stage.mechanism)
-        self.shadow = Shadow(stage) if stage.stands_on_wall else None
+    def __init__(self, drawn: DrawnModel):
+        self.drawn, look = drawn, drawn.look
+        self.width = 2.4 * look.size[1] / 480.0 / drawn.camera.scale
+        colours = link_colours(drawn.mechanism)
+        self.shadow = Shadow(drawn) if drawn.stands_on_wall else None
         self.paths: dict[str, Chain] = {}
         self.fixed: list[Chain] = []
-        for name, path in stage.track.paths.items():
-            colour = np.array(colours[stage.mechanism.points[name][0]])
+        for name, path in drawn.frames.paths.items():
+            colour = np.array(colours[drawn.mechanism.points[name][0]])
             colour[:3] *= 0.9
             self.paths[name] = chain(path, self.width, colour)
             if name in look.projections:
-                thrown = [chain(stage.thrown(path, wall), self.width, colour) for wall in stage.walls]
+                thrown = [chain(drawn.thrown(path, wall), self.width, colour) for wall in drawn.walls]
                 self.fixed.extend(thrown)
         if look.trace == "whole":
             self.fixed.extend(self.paths.values())
@@ -33,15 +33,15 @@ class Trace:
 
     def put(self, scene: mujoco.MjvScene, frame: int) -> None:
         """Add shadow, lines and arrows of a frame to a scene."""
-        now, trace = self.stage.track, self.stage.look.trace
+        now, trace = self.drawn.frames, self.drawn.look.trace
         if self.shadow:
             self.shadow.put(scene)
         for fixed in self.fixed:
             fixed.put(scene)
-        nearer = BEFORE * self.stage.radius * self.stage.camera.back
-        for arrows in self.stage.arrows:
+        nearer = BEFORE * self.drawn.radius * self.drawn.camera.back
+        for arrows in self.drawn.arrows:
             starts = {name: path[frame] + nearer for name, path in now.starts.items()}
-            arrows.put(scene, starts, frame, 0.45 * self.stage.radius)
+            arrows.put(scene, starts, frame, 0.45 * self.drawn.radius)
         if trace not in ("grow", "tail"):
             return
         done = int(now.passed[frame])
@@ -58,11 +58,11 @@ class Trace:
                 chain(np.array([reached, here]), self.width, path.rgba).put(scene)
 
     def _sense(self) -> list[Chain]:
-        """An arrow around the crank shaft, the way the crank turns, on the camera's side."""
-        stage = self.stage
-        end, radius = stage.mechanism.joint(stage.mechanism.driver).a, stage.radius
-        axis, forward = np.asarray(end.axis), stage.forward
-        lift = 3.0 * radius * axis * np.sign(axis @ stage.camera.back + 1e-12)
+        """An arrow around the crank shaft, in the direction it turns, on the camera's side."""
+        drawn = self.drawn
+        end, radius = drawn.mechanism.joint(drawn.mechanism.driver).a, drawn.radius
+        axis, forward = np.asarray(end.axis), drawn.forward
+        lift = 3.0 * radius * axis * np.sign(axis @ drawn.camera.back + 1e-12)
         turn = np.linspace(0.0, 1.5 * np.pi, 49) * (1.0 if forward else -1.0)
         ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(49)]) @ end.frame.T
         arc = np.asarray(end.point) + lift + 5.0 * radius * ring

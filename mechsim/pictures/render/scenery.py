@@ -79,16 +79,16 @@ def add_camera(spec: mujoco.MjSpec, name: str, camera: Camera) -> None:
     view.fovy = camera.height
 
 
-def light_way(camera: Camera, normal: Array) -> Array:
-    """Return the way of the lamp's light, a unit vector: over a camera's shoulder onto a wall."""
-    way = -(1.3 * normal + 0.55 * camera.up - 0.5 * camera.right + 0.35 * camera.back)
-    return way / np.linalg.norm(way)
+def light_direction(camera: Camera, normal: Array) -> Array:
+    """Return the direction of the lamp's light, a unit vector: over a camera's shoulder onto a wall."""
+    along = -(1.3 * normal + 0.55 * camera.up - 0.5 * camera.right + 0.35 * camera.back)
+    return along / np.linalg.norm(along)
 
 
 def add_light(spec: mujoco.MjSpec, camera: Camera, middle: Array, normal: Array, shadow: bool) -> None:
     """Add a lamp far away; its shadows, if any, fall on a wall."""
-    light = spec.worldbody.add_light(pos=middle - 2.0 * camera.height * light_way(camera, normal))
-    light.dir = light_way(camera, normal)
+    light = spec.worldbody.add_light(pos=middle - 2.0 * camera.height * light_direction(camera, normal))
+    light.dir = light_direction(camera, normal)
     light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
     light.diffuse, light.specular = [LAMP] * 3, [0.20] * 3
     light.castshadow = shadow
@@ -106,8 +106,8 @@ def brightness(
         lamp_over: normal of the wall that the lamp was set for, if another.
     """
     unlit = emission + AMBIENT + HEADLIGHT * max(0.0, float(normal @ camera.back))
-    way = light_way(camera, normal if lamp_over is None else lamp_over)
-    return unlit + LAMP * max(0.0, -float(normal @ way)), unlit
+    along = light_direction(camera, normal if lamp_over is None else lamp_over)
+    return unlit + LAMP * max(0.0, -float(normal @ along)), unlit
 
 
 def prepare(spec: mujoco.MjSpec, camera: Camera, middle: Array) -> None:

@@ -32,32 +32,32 @@ GLOW = 99.0
 
 
 class Shadow:
-    """The shadow of a stage's solids on its first wall."""
+    """The shadow of a drawn model's solids on its first wall."""
 
-    def __init__(self, stage: "DrawnModel"):
-        model, wall = stage.model, stage.walls[0]
-        self.stage, self.point, self.normal = stage, wall.point, wall.normal
+    def __init__(self, drawn: "DrawnModel"):
+        model, wall = drawn.model, drawn.walls[0]
+        self.drawn, self.point, self.normal = drawn, wall.point, wall.normal
         # a ghost is transparent and throws none
         solid = (model.geom_type != PLANE) & (model.geom_rgba[:, 3] == 1.0)
         self.geoms = np.flatnonzero(solid)
         self.types = [int(kind) for kind in model.geom_type[self.geoms]]
         self.sizes: Array = model.geom_size[self.geoms].copy()
-        way = scenery.light_way(stage.camera, wall.normal)
-        along = np.outer(way, wall.normal) / float(way @ wall.normal)
+        light = scenery.light_direction(drawn.camera, wall.normal)
+        along = np.outer(light, wall.normal) / float(light @ wall.normal)
         self.press = np.eye(3) - along + FLAT * np.outer(wall.normal, wall.normal)
-        lit, unlit = scenery.brightness(stage.camera, wall.normal, stage.missed(wall))
+        lit, unlit = scenery.brightness(drawn.camera, wall.normal, drawn.missed(wall))
         shares = np.arange(1, LAYERS + 1) / LAYERS
         tones = np.multiply.outer(np.minimum(lit + shares * (unlit - lit), 1.0), scenery.PAPER)
         self.colours = np.column_stack([tones / (1.0 + GLOW), np.ones(LAYERS)]).astype(np.float32)
 
     def put(self, scene: mujoco.MjvScene) -> None:
-        """Add the shadow of the stage's present pose to a scene, as much as it has room for."""
-        data = self.stage.data
+        """Add the shadow of the present pose to a scene, as much as it has room for."""
+        data = self.drawn.data
         off = data.geom_xpos[self.geoms] - self.point
         matrices = (self.press @ data.geom_xmat[self.geoms].reshape(-1, 3, 3)).reshape(-1, 9)
         above = np.maximum(off @ self.normal, 0.0)[:, None]
         flat = self.point + off @ self.press.T
-        geoms, ngeom, step = scene.geoms, scene.ngeom, STEP * self.stage.camera.height
+        geoms, ngeom, step = scene.geoms, scene.ngeom, STEP * self.drawn.camera.height
         # the uppermost layer first, so that what it hides of the others is not drawn at all
         for layer in reversed(range(LAYERS)):
             wider = SPREAD * (1.0 - 2.0 * layer / (LAYERS - 1))
