@@ -73,9 +73,7 @@ def _add_links(
     bodies, placed = {GROUND: spec.worldbody}, {GROUND: IDENTITY}
     for branch in tree.branches:
         link, parent = branch.child.link, placed[branch.parent.link]
-        local, values = zero_pose(branch), (0.0,) * KINDS[branch.joint.kind].freedoms
-        if link in poses:
-            local, values = seated_pose(branch, parent, poses[link])
+        local, values = seated_pose(branch, parent, poses[link]) if link in poses else zero_pose(branch)
         hung = bodies[branch.parent.link].add_body(
             name=link, pos=local.position, quat=quaternion(local.rotation)
         )

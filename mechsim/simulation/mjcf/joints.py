@@ -56,9 +56,10 @@ def meeting_points(kind: Kind) -> list[float] | None:
     return [0.0] if kind.ball else [0.0, 1.0] if kind.hinge else None
 
 
-def zero_pose(branch: Branch) -> Pose:
-    """Return the child's pose in the parent's frame with all coordinates of the joint at zero."""
-    return _posed(branch, (0.0,) * KINDS[branch.joint.kind].freedoms)
+def zero_pose(branch: Branch) -> tuple[Pose, tuple[float, ...]]:
+    """Return the child's pose in the parent's frame with the coordinates of the joint at zero, and those."""
+    values = (0.0,) * len(KINDS[branch.joint.kind].units)
+    return _posed(branch, values), values
 
 
 def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[float, ...]]:
