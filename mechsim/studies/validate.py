@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic import closure
 from mechsim.analytic.catalog.base import ClosedForm
@@ -19,8 +18,6 @@ from mechsim.verdict.checks import Check, Verdict, allowances, check_of, checks_
 from mechsim.verdict.judge import crosscheck
 from mechsim.verdict.quantities import QUANTITIES, motion_scales, stroke_of
 from mechsim.verdict.tolerances import EPS, Asked, Tolerance
-
-Array = NDArray[np.float64]
 
 # bound on places in a stepped run, in units of the stroke: at 1,000 steps a turn it is missed by no
 # catalogue mechanism (measured 2.6e-9 at the worst), and a link 0.1 % long exceeds it 1e5 times

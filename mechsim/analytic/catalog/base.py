@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.parameter_fields import checked, checked_rate
 from mechsim.analytic.vector_method import link_frames
@@ -15,11 +15,10 @@ from mechsim.analytic.vector_method.jets import Jet, Values
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME, LinkFrame
 from mechsim.analytic.vector_method.trig_arcs import Arcs, reachable_arcs
 from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Mechanism, Pose
 from mechsim.model.motion import JointMotion, Motion, join
-
-Array = NDArray[np.float64]
 
 # parameters that say which assembly is meant
 SELECTORS = ("branch", "side", "assembly")

@@ -8,13 +8,14 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import Array, ClosedForm
+from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.parameter_fields import angle, length
 from mechsim.analytic.vector_method.jets import Values, cos_sin
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.trig_arcs import Arcs
 from mechsim.analytic.vector_method.vectors import column, cross, spun
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import EX, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism
 
 # ratio of the half-angle tangents beyond which a turn of the crank is a jump of the rocker

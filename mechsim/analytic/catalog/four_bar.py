@@ -7,11 +7,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import Array, TwoBranchForm
+from mechsim.analytic.catalog.base import TwoBranchForm
 from mechsim.analytic.catalog.parameter_fields import angle, choice, length
 from mechsim.analytic.vector_method.jets import Values
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, dot, spun
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import EX, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism
 
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import Array, ClosedForm
+from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.parameter_fields import angle, choice, length, number, offset
 from mechsim.analytic.vector_method import trig_quartic
 from mechsim.analytic.vector_method.jets import Jet, Values, cos_sin, root, values
@@ -17,6 +17,7 @@ from mechsim.analytic.vector_method.root_sheets import Sheet, sheets
 from mechsim.analytic.vector_method.trig_arcs import Arcs, reachable_arcs
 from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, cross, dot, norm, spun
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import EX, EY, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism
 
 Side = int

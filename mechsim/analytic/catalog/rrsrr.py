@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.catalog.base import Array, TwoBranchForm
+from mechsim.analytic.catalog.base import TwoBranchForm
 from mechsim.analytic.catalog.parameter_fields import angle, choice, length, place
 from mechsim.analytic.vector_method.jets import Values, revalued, values
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
@@ -23,6 +23,7 @@ from mechsim.analytic.vector_method.vectors import (
     spun,
 )
 from mechsim.errors import AssemblyError
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import EX, EY, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism, Pose
 from mechsim.model.motion import Motion
 

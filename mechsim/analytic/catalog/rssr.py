@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import Array, TwoBranchForm
+from mechsim.analytic.catalog.base import TwoBranchForm
 from mechsim.analytic.catalog.parameter_fields import angle, choice, length, place
 from mechsim.analytic.vector_method.jets import Values
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
@@ -22,6 +22,7 @@ from mechsim.analytic.vector_method.vectors import (
     spun,
     unit_at_angles,
 )
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import EX, EY, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism
 
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import Array, ClosedForm
+from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.parameter_fields import angle, length, number, place
 from mechsim.analytic.vector_method import triad_assemblies
 from mechsim.analytic.vector_method.jets import Jet, Values, values
@@ -21,6 +21,7 @@ from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
 from mechsim.analytic.vector_method.trig_arcs import Arcs
 from mechsim.analytic.vector_method.vectors import column, spun
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import EX, EZ, GROUND, ORIGIN, End, Gear, Joint, Link, Mechanism, Pose, Vector
 
 # gears have hardly more teeth than this

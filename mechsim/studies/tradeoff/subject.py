@@ -6,10 +6,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.maths.convergence import believed_order, half_extent, richardson
 from mechsim.maths.norms import worst
 from mechsim.model.crank_profile import within_range
@@ -20,7 +20,6 @@ from mechsim.simulation.closed_model import Model
 from mechsim.studies.tradeoff.built_model import BuiltModel, build_model
 from mechsim.verdict.quantities import QUANTITIES, motion_scales
 
-Array = NDArray[np.float64]
 # quantities of the table by which trials are measured; the drive beside its profile
 COMPARED = ("position", "velocity", "acceleration", "angle", "loop", "drive")
 # steps a turn of the runs that make the reference of a model without a closed form

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import MechsimError
 from mechsim.files import written_beside
+from mechsim.maths.arrays import Array
 from mechsim.maths.convergence import Order, cheapest, observed_order, pareto
 from mechsim.simulation import Settings
 from mechsim.simulation.mjcf import quiet
@@ -23,8 +23,6 @@ from mechsim.studies.tradeoff.built_model import BuiltModel, build_model
 from mechsim.studies.tradeoff.ladder import DEFAULTS, STEPS, Family, families
 from mechsim.studies.tradeoff.model_builds import Build
 from mechsim.studies.tradeoff.subject import COMPARED, Subject
-
-Array = NDArray[np.float64]
 
 BOUNDS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 # part of the budget spent on first trials, and rounds of timing after them
