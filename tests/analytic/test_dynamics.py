@@ -8,6 +8,7 @@ from exact import DIGITS, four_bar_b, rssr_p3
 from mpmath import mp
 
 from mechsim import catalog, course, dynamics
+from mechsim.analytic.dynamics import applied, prescribed_motion
 from mechsim.analytic.dynamics.reduced_equation import kinetic_energy
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
@@ -392,3 +393,24 @@ def test_a_flywheel_needs_a_crank_on_the_frame_and_a_crank_that_turns_fully_has_
     assert not rocking.crank_range().full
     with pytest.raises(AssemblyError):
         dynamics.fluctuation(dynamics.machine(rocking), 10.0)
+
+
+def test_everything_that_acts_is_looked_up_once_for_one_answer(monkeypatch):
+    counted = {"applied": 0, "loads": 0, "coefficients": 0, "balance": 0}
+
+    def counting(name, function):
+        def call(*args, **options):
+            counted[name] += 1
+            return function(*args, **options)
+
+        return call
+
+    for name in counted:
+        monkeypatch.setattr(prescribed_motion, name, counting(name, getattr(prescribed_motion, name)))
+    asked = []
+    monkeypatch.setattr(applied, "add_friction", lambda *args: asked.append(args[-1].joint) or [])
+    drive = catalog.make("rssr")
+    machine = dynamics.machine(drive, busy(drive))
+    dynamics.prescribed(machine, ANGLES, 80.0)
+    assert set(counted.values()) == {1}
+    assert sorted(asked) == sorted(one.joint for one in machine.forces.friction)

@@ -163,18 +163,13 @@ def _wound(loaded: LoadedModel, fields: Fields) -> Array:
 
 def powers(loaded: LoadedModel, at: Situation) -> tuple[Array, Array, Array]:
     """Return the power lost, of the loads, and of the motor, (n,) each in [W]."""
-    model, rates = loaded.model, at.states.qvel
+    model, kinds, rates = loaded.model, loaded.actuators, at.states.qvel
     power = at.plain["actuator_force"] * at.plain["actuator_velocity"]
-    shares = {"load": np.zeros(len(rates)), "friction": np.zeros(len(rates)), "motor": np.zeros(len(rates))}
-    for i in range(model.nu):
-        name = model.actuator(i).name
-        kind = "load" if name.startswith(("load ", "couple ", "crank torque")) else name.split(" ")[0]
-        if kind in shares:
-            shares[kind] += power[:, i]
-    lost = -(at.plain["qfrc_damper"] * rates).sum(1) - shares["friction"]
+    lost = -(at.plain["qfrc_damper"] * rates).sum(1) - power[:, kinds.friction].sum(1)
     lost += (model.dof_frictionloss * np.abs(rates)).sum(1)
     lost += (model.tendon_frictionloss * np.abs(at.plain["ten_velocity"])).sum(1)
-    return lost, shares["load"], shares["motor"]
+    loads = slice(kinds.crank_torque.start, kinds.couples.stop)
+    return lost, power[:, loads].sum(1), power[:, kinds.motor].sum(1)
 
 
 def started(loaded: LoadedModel, angle: float, speed: float) -> tuple[Array, Array]:

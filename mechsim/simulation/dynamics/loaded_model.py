@@ -22,7 +22,7 @@ from mechsim.model.scene import Scene
 from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.friction import DryJoint, dry_frictions
-from mechsim.simulation.mjcf.force_elements import motor_control
+from mechsim.simulation.mjcf.force_elements import Actuators, actuators, motor_control
 from mechsim.simulation.model_loops import ONE_THREAD
 from mechsim.simulation.recorded_motion import States
 
@@ -73,27 +73,27 @@ class LoadedModel(ClosedModel):
     Attributes:
         mechanism: with an inertia on every link.
         forces: what acts on it.
+        actuators: which of the model's actuators are what.
         dry: dry frictions that are controls of the model.
     """
 
     mechanism: Mechanism
     forces: Forces
+    actuators: Actuators
     dry: Sequence[DryJoint]
 
     def controls(self, angle: Array, time: Array | None) -> Array:
         """Return the controls at crank angles and times, (n, nu): motor, loads and torque on the crank."""
         values = np.zeros((len(angle), self.model.nu))
-        forces = self.forces
+        forces, kinds = self.forces, self.actuators
         if forces.motor is not None:
-            values[:, self.model.actuator("motor").id] = motor_control(forces.motor)
+            values[:, kinds.motor] = motor_control(forces.motor)
         if forces.crank_torque is not None:
-            values[:, self.model.actuator("crank torque").id] = forces.crank_torque.at(angle, time)
-        for number, load in enumerate(forces.loads, 1):
-            first = self.model.actuator(f"load {number}.x").id
-            values[:, first : first + 3] = load.force.at(angle, time)
-        for number, couple in enumerate(forces.couples, 1):
-            first = self.model.actuator(f"couple {number}.x").id
-            values[:, first : first + 3] = couple.moment.at(angle, time)
+            values[:, kinds.crank_torque] = forces.crank_torque.at(angle, time)[:, None]
+        if forces.loads:
+            values[:, kinds.loads] = np.hstack([load.force.at(angle, time) for load in forces.loads])
+        if forces.couples:
+            values[:, kinds.couples] = np.hstack([one.moment.at(angle, time) for one in forces.couples])
         return values
 
     def nothing(self, n: int) -> AppliedForces:
@@ -187,5 +187,6 @@ def loaded_model(mechanism: Mechanism, forces: Forces, cut: tuple[str, ...] | No
         closed=closed.closed,
         mechanism=described,
         forces=forces,
+        actuators=actuators(described, forces, closed.model.nu),
         dry=dry_frictions(closed.model, forces.friction),
     )

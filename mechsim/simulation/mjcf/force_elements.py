@@ -7,6 +7,7 @@ two sites without a control: its force is an affine function of length and speed
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 
 import mujoco
 import numpy as np
@@ -59,8 +60,9 @@ def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bo
 
     Actuators, in this order: "motor" (its control 1 switches it on; of a DC motor it is the voltage),
     "crank torque" (control in [N m]), "load 1.x", "load 1.y" ... (controls in [N], ground axes), "couple
-    1.x" ... (controls in [N m], ground axes); then, where MuJoCo has no dry friction of its own, "friction
-    in JOINT dry.z" or ".x", ".y" and ".z", whose controls [N m] are to oppose the actuators' velocities.
+    1.x" ... (controls in [N m], ground axes); "spring in JOINT" where it turns; "friction in JOINT.z" or
+    ".x", ".y" and ".z" of a cut joint; and where MuJoCo has no dry friction of its own, "friction in JOINT
+    dry.z" and so on, whose controls [N m] are to oppose the actuators' velocities.
     """
     forces.check(mechanism)
     builder = Builder(spec, mechanism, tree, bodies)
@@ -93,6 +95,32 @@ def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bo
         _add_joint_spring(builder, spring)
     for friction in forces.friction:
         _add_friction(builder, friction)
+
+
+@dataclass(frozen=True, slots=True)
+class Actuators:
+    """Where a model has the actuators that `add_forces` made, in the order in which it makes them."""
+
+    motor: slice
+    crank_torque: slice
+    loads: slice
+    couples: slice
+    springs: slice
+    friction: slice
+
+
+def actuators(mechanism: Mechanism, forces: Forces, count: int) -> Actuators:
+    """Return which of a number of actuators are what; three for each load and each couple."""
+    turning = [one for one in forces.joint_springs if not KINDS[mechanism.joint(one.joint).kind].slides]
+    sizes = (
+        int(forces.motor is not None),
+        int(forces.crank_torque is not None),
+        len(AXES) * len(forces.loads),
+        len(AXES) * len(forces.couples),
+        len(turning),
+    )
+    ends = [0, *accumulate(sizes), count]
+    return Actuators(*(slice(first, last) for first, last in pairwise(ends)))
 
 
 def _add_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
