@@ -106,8 +106,8 @@ class CrankTable:
         new = self.arcs[place][-1]
         for other in (place - PLACES, place + PLACES):
             for old in self.arcs.get(other, ()):
-                way = (other - place) * ARC
-                if abs(old.low - new.low - way) + abs(old.high - new.high - way) > 1e-9:
+                apart = (other - place) * ARC
+                if abs(old.low - new.low - apart) + abs(old.high - new.high - apart) > 1e-9:
                     continue
                 if _alike(old, new):
                     self.periodic, self.arcs = True, {}

@@ -75,8 +75,8 @@ class Runner:
                 self.barred, self.bar = angle, str(error)
                 return np.full(4, np.nan)
             force = static - damping * speed - sign * dry + drive
-            pull = (force - 0.5 * slope * speed**2) / inertia
-            return np.array([speed, pull, drive * speed, (damping * speed + sign * dry) * speed])
+            acceleration = (force - 0.5 * slope * speed**2) / inertia
+            return np.array([speed, acceleration, drive * speed, (damping * speed + sign * dry) * speed])
 
         return rate
 
@@ -96,7 +96,7 @@ class Runner:
         """Run to the next rest or end; None where the run goes on."""
         sign = float(np.sign(self.state[1]))
         if sign == 0.0:
-            sign = self._way(end)
+            sign = self._direction(end)
             if sign == 0.0:
                 return self._at_rest(end)
         if self.time >= end:
@@ -125,15 +125,15 @@ class Runner:
         if self.turns is not None and len(done.t_events[1]):
             return "done", ""
         if self.turns is not None and len(done.t_events[2]):
-            way = f"the crank made {self.turns:g} turns the other way round"
-            why = f"{way}; give a drive of the other sign, or {-self.turns:g} turns"
+            made = f"the crank made {self.turns:g} turns the other way round"
+            why = f"{made}; give a drive of the other sign, or {-self.turns:g} turns"
             return ("cannot start" if self.from_rest else "turned back"), why
         if len(done.t_events[0]):
             self.state[1] = 0.0
             return self._turning_back(sign)
         return self._timed_out(end)
 
-    def _way(self, end: float) -> float:
+    def _direction(self, end: float) -> float:
         """Return the sign of the motion that begins from rest; 0 where dry friction or balance holds it.
 
         Under loads over time the machine waits until they move it, or until the end.
@@ -184,11 +184,11 @@ class Runner:
         """Judge a change of direction: without forces over time the way on is barred for good."""
         if self.turns is None or not self.steady or sign * self.turns < 0.0:
             return None
-        if not self._way(self.time):
+        if not self._direction(self.time):
             return None
-        way = float(self.state[0]) - self.start
+        made = (float(self.state[0]) - self.start) / TURN
         why = (
-            f"the crank turns back at {self.state[0]:.6g} rad, {way / TURN:.3g} turns from its start; "
+            f"the crank turns back at {self.state[0]:.6g} rad, {made:.3g} turns from its start; "
             "nothing it loses on the way comes back, so that it never gets beyond: give more torque or speed"
         )
         return ("cannot start" if self.from_rest else "turned back"), why
@@ -224,12 +224,12 @@ class Runner:
                 states[:, within] = solution(times[within])
                 signs[within] = sign
         rows = [self.chart.at(angle) for angle in states[0].tolist()]
-        pull = [
+        acceleration = [
             self.rates(sign)(time, state)[1] if sign else 0.0
             for time, state, sign in zip(times.tolist(), states.T, signs.tolist(), strict=True)
         ]
         inertia, energy = np.array([row[0] for row in rows]), np.array([row[3] for row in rows])
-        return states, np.array(pull), inertia, energy
+        return states, np.array(acceleration), inertia, energy
 
 
 def _event(index: int, level: float, direction: float) -> Any:

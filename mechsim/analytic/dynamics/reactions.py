@@ -17,7 +17,7 @@ from mechsim.model.mechanism import Gear, Joint, Mechanism
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """All forces that keep the links on their way.
+    """All forces that give the links their motion.
 
     Attributes:
         drive: torque on the driven joint's link b about its axis, (n,) in [N m].

@@ -120,9 +120,9 @@ class UnitMotion:
         m a of the centre, and I alpha + omega x I omega + c x m a for the centre at c.
         """
         w, e = speed[:, None, None], acceleration[:, None, None]
-        velocity, pull = w * self.twist, e * self.twist + w**2 * self.bias
-        omega, alpha, c = velocity[..., 3:], pull[..., 3:], self.centres
-        moved = pull[..., :3] + cross(alpha, c) + cross(omega, cross(omega, c))
+        velocity, rate = w * self.twist, e * self.twist + w**2 * self.bias
+        omega, alpha, c = velocity[..., 3:], rate[..., 3:], self.centres
+        moved = rate[..., :3] + cross(alpha, c) + cross(omega, cross(omega, c))
         force = self.masses[:, None] * moved
         turned = (self.moments @ alpha[..., None])[..., 0]
         gyro = cross(omega, (self.moments @ omega[..., None])[..., 0])
