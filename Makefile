@@ -6,6 +6,7 @@ check:
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m pyright --pythonpath $(PYTHON)
+	$(PYTHON) -m mypy --warn-unused-ignores --cache-dir /dev/null tests/house/typed_use.py
 
 test:
 	$(PYTHON) -m pytest -q -n 2

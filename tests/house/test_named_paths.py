@@ -1,0 +1,47 @@
+"""Every file that a document, a comment or a docstring names is there."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+import mechsim
+
+ROOT = Path(__file__).parents[2]
+DOCUMENTS = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), ROOT / "validation" / "README.md"]
+SOURCES = [*ROOT.glob("mechsim/**/*.py"), *ROOT.glob("validation/**/*.py"), *ROOT.glob("examples/*.py")]
+PATH = re.compile(r"(?<![\w/.-])((?:validation|tests|mechsim|examples|docs|\.ci)/[\w/.-]*\w)/?")
+MODULE = re.compile(r"(?<![\w/.@-])mechsim((?:\.[a-z_]+)+)(?![\w/(])")
+
+
+def missing(text: str) -> list[str]:
+    """Return the paths and modules named in a text that are not there."""
+    # a path may go on after the end of a line of comment
+    joined = re.sub(r"/\n#? *", "/", text)
+    paths = [path for path in PATH.findall(joined) if not (ROOT / path).exists()]
+    return paths + [f"mechsim{name}" for name in MODULE.findall(joined) if not _is_there(name.strip("."))]
+
+
+def _is_there(name: str) -> bool:
+    parts = name.split(".")
+    if parts[0] in mechsim.__all__:
+        return True
+    # a module, or what is in one
+    places = [ROOT.joinpath("mechsim", *parts[:end]) for end in (len(parts), len(parts) - 1) if end]
+    return any(place.is_dir() or place.with_suffix(".py").exists() for place in places)
+
+
+@pytest.mark.parametrize("path", [*DOCUMENTS, *SOURCES], ids=lambda path: str(path.relative_to(ROOT)))
+def test_what_a_file_names_is_there(path):
+    assert missing(path.read_text()) == []
+
+
+def test_every_folder_of_validation_is_explained():
+    told = (ROOT / "validation" / "README.md").read_text()
+    folders = {path.parent.name for path in ROOT.glob("validation/*/*") if path.suffix in (".py", ".csv")}
+    assert all(f"| `{folder}/` |" in told for folder in folders)
+
+
+def test_the_judge_sees_what_is_not_there():
+    said = "see validation/tradeoff/drive.py, validation/\n# choices/drive.py and `mechsim.judge`"
+    assert missing(said) == ["validation/tradeoff/drive.py", "mechsim.judge"]

@@ -1,0 +1,19 @@
+"""A user's script, for mypy: what the face gives has types, and a wrong argument is seen."""
+
+from typing import assert_type
+
+import numpy as np
+
+import mechsim as ms
+
+drive = ms.catalog.make("rssr", crank=0.014)
+exact = drive.solve(np.linspace(0.0, 6.0, 73), speed=ms.units.rpm(3000))
+assert_type(exact, ms.Motion)
+run = ms.simulate(drive, speed=ms.units.rpm(3000), turns=2, tolerance=1e-6)
+assert_type(run, ms.Run)
+verdict = ms.crosscheck(run.motion, exact)
+assert_type(verdict.passed, bool)
+assert_type(ms.units.parse_length("13 mm"), float)
+ms.render.Look, ms.plots.motion_plot, ms.course.constant, ms.rods.with_inertia, ms.motors
+ms.simulate(drive, speed="600rpm")  # type: ignore[arg-type]
+ms.nothing  # type: ignore[attr-defined]
