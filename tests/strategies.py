@@ -1,16 +1,22 @@
 """Random mechanisms that can be assembled somewhere, and crank angles where they can."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from hypothesis import assume
 from hypothesis import strategies as st
 
-from mechsim.analytic.catalog.base import TwoBranchForm
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.catalog.bennett import Bennett
 from mechsim.analytic.catalog.four_bar import FourBar
+from mechsim.analytic.catalog.looper import Looper
+from mechsim.analytic.catalog.rrsrr import Rrsrr
 from mechsim.analytic.catalog.rssr import Rssr
 from mechsim.analytic.catalog.slider_crank import SliderCrank
+from mechsim.analytic.catalog.warp_knitter import WarpKnitter
 
+Mirror = Callable[[ClosedForm], tuple[ClosedForm, float, np.ndarray]]
 EPS = np.finfo(np.float64).eps
 # the loops of a closed form close to this part of the longest link, frame distances included
 CLOSED = 8 * EPS
@@ -70,7 +76,96 @@ def slider_cranks(draw: st.DrawFn) -> SliderCrank:
     return SliderCrank(crank=crank, rod=rod, offset=offset, branch=draw(branches))
 
 
-def angles_of(drive: TwoBranchForm, count: int = 12, lowest_transmission: float = 0.0) -> np.ndarray:
+@st.composite
+def rrsrrs(draw: st.DrawFn) -> Rrsrr:
+    """A five-link whose connecting link fits at one crank and one coupler angle."""
+    f, v = draw(turns), draw(turns)
+    crank, coupler, pivot = draw(lengths), draw(lengths), tuple(draw(offsets) for _ in range(3))
+    reach = crank + coupler * np.cos(v)
+    s = np.array([coupler * np.sin(v), reach * np.cos(f), reach * np.sin(f)])
+    link = float(np.linalg.norm(s - pivot))
+    assume(link > 0.005)
+    axis = {"gamma1": draw(turns), "gamma2": draw(turns)}
+    return Rrsrr(crank=crank, coupler=coupler, link=link, pivot=pivot, branch=draw(branches), **axis)
+
+
+@st.composite
+def loopers(draw: st.DrawFn) -> Looper:
+    """A looper that fits at one crank angle, one rocker angle and one swing of the follower."""
+    rough = Looper(
+        crank=draw(lengths),
+        rocker=draw(lengths),
+        frame=draw(lengths),
+        frame_angle=draw(turns),
+        arm=draw(lengths),
+        arm_angle=draw(turns),
+        follower=draw(lengths),
+        branch=draw(branches),
+        side=draw(branches),
+    )
+    f, swing, cone, tilt = (draw(turns) for _ in range(4))
+    a = rough.crank * np.exp(1j * f)
+    b = rough.frame * np.exp(1j * rough.frame_angle) + rough.rocker * np.exp(1j * swing)
+    sides = np.sort([abs(b - a), rough.crank, rough.rocker, rough.frame])
+    assume(abs(b - a) > 0.005 and abs(np.sin(rough.arm_angle)) > 0.05 and np.diff(sides).min() > 2e-5)
+    along = (b - a) / abs(b - a)
+    out = rough.arm * np.sin(rough.arm_angle)
+    y = (a + along * (rough.arm * np.cos(rough.arm_angle) + 1j * out * np.cos(cone))).imag
+    return replace(
+        rough,
+        coupler=float(abs(b - a)),
+        axis_y=float(y - rough.follower * np.cos(tilt)),
+        axis_z=float(out * np.sin(cone) - rough.follower * np.sin(tilt)),
+    )
+
+
+@st.composite
+def bennetts(draw: st.DrawFn) -> Bennett:
+    twists = st.integers(60, 3080).map(lambda value: (value + 0.41) * 1e-3)
+    first, second = draw(twists), draw(twists)
+    assume(abs(first - second) > 0.02)
+    sign = draw(st.sampled_from([1, -1]))
+    return Bennett(length0=draw(lengths), twist0=sign * first, twist1=sign * second)
+
+
+def random_knitter(seed: int, ratio: float = -2.0) -> WarpKnitter:
+    """A warp knitter whose legs fit one random pose at crank angle 0, in a random assembly."""
+    rng = np.random.default_rng(seed)
+    legs, base = [0.0], [0.0]
+    # legs much shorter than the rest are beyond what the sextic promises
+    while min(legs) < 0.015 or min(base) < 0.01:
+        cranks, phase = rng.uniform(0.003, 0.012, 2), float(rng.uniform(-3, 3))
+        pivot2, pivot_rocker = rng.uniform(-0.08, 0.08, (2, 2))
+        base_c, base_k = rng.uniform(-0.05, 0.05, (2, 2))
+        pins = [cranks[0], complex(*pivot2) + cranks[1] * np.exp(1j * phase), complex(*pivot_rocker)]
+        place, turn = complex(*rng.uniform(-0.06, 0.06, 2)), np.exp(1j * rng.uniform(0, 2.0 * np.pi))
+        ends = [place, place + turn * complex(*base_c), place + turn * complex(*base_k)]
+        legs = [float(abs(end - pin)) for end, pin in zip(ends, pins, strict=True)]
+        base = [np.hypot(*base_c), np.hypot(*base_k)]
+    drive = WarpKnitter(
+        crank1=float(cranks[0]),
+        crank2=float(cranks[1]),
+        rod3=legs[0],
+        rod5=legs[1],
+        rocker=legs[2],
+        pivot2=tuple(pivot2.tolist()),
+        pivot_rocker=tuple(pivot_rocker.tolist()),
+        base_c=tuple(base_c.tolist()),
+        base_k=tuple(base_k.tolist()),
+        phase=phase,
+        gear_ratio=ratio,
+        assembly=1,
+    )
+    return replace(drive, assembly=int(rng.integers(1, len(drive.assemblies(0.0)) + 1)))
+
+
+@st.composite
+def warp_knitters(draw: st.DrawFn) -> WarpKnitter:
+    """A warp knitter in one of its assemblies, its second crank geared twice as fast or 3 to 2."""
+    return random_knitter(draw(st.integers(0, 10**6)), draw(st.sampled_from([-2.0, -1.5])))
+
+
+def angles_of(drive: ClosedForm, count: int = 12, lowest_transmission: float = 0.0) -> np.ndarray:
     """Return crank angles spread over the range, ends left out; unfit examples are discarded."""
     arcs = drive.crank_range().arcs
     assume(arcs and all(high - low > 1e-3 for low, high in arcs))
@@ -80,3 +175,60 @@ def angles_of(drive: TwoBranchForm, count: int = 12, lowest_transmission: float 
         angles = angles[drive.transmission_angle(angles) > lowest_transmission]
         assume(len(angles) > 0)
     return angles
+
+
+def longest(drive: ClosedForm) -> float:
+    """Return the longest length of a mechanism, frame distances included, in [m]."""
+    lengths = [np.atleast_1d(getattr(drive, f.name)) for f in fields(drive) if f.metadata["unit"] == "m"]
+    return max(drive.mechanism.size, *(float(np.linalg.norm(length)) for length in lengths))
+
+
+def flipped(axis: int, *changed: str, angle: float = 1.0) -> Mirror:
+    """Return the mirror image across a plane: places are mirrored, other parameters change their sign."""
+    image = np.ones(3)
+    image[axis] = -1.0
+
+    def mirror(drive: ClosedForm) -> tuple[ClosedForm, float, np.ndarray]:
+        values = {name: getattr(drive, name) for name in changed}
+        turned = {
+            name: tuple((image[: len(value)] * value).tolist()) if isinstance(value, tuple) else -value
+            for name, value in values.items()
+        }
+        return replace(drive, **turned), angle, image
+
+    return mirror
+
+
+@dataclass(frozen=True)
+class Case:
+    """How the laws try a mechanism of the catalogue.
+
+    Attributes:
+        random: random ones of it.
+        mirror: its mirror image, the sense in which its crank then turns, and the image of a point.
+        scaled: part of the size by which a motion scaled by a power of two may differ: 0 but for roots found
+            numerically.
+        slack: what the loops may stand open by, in units of `CLOSED`.
+    """
+
+    random: st.SearchStrategy[ClosedForm]
+    mirror: Mirror | None
+    scaled: float = 0.0
+    slack: Callable[[ClosedForm], float] = lambda _: 1.0
+
+
+CASES = {
+    "four_bar": Case(four_bars(), flipped(1, "branch", "arm_angle", angle=-1.0)),
+    "slider_crank": Case(slider_cranks(), flipped(1, "offset", angle=-1.0)),
+    "rssr": Case(rssrs(), flipped(0, "pivot", "gamma1", "branch")),
+    "rrsrr": Case(rrsrrs(), flipped(0, "pivot", "gamma1", "branch")),
+    "looper": Case(
+        loopers(),
+        flipped(2, "axis_z", "side"),
+        scaled=1e-12,
+        # a long arm shows the rounding of a short coupler's direction
+        slack=lambda drive: max(1.0, drive.arm / drive.coupler),
+    ),
+    "bennett": Case(bennetts(), flipped(2, "twist0", "twist1")),
+    "warp_knitter": Case(warp_knitters(), None, scaled=1e-12),
+}

@@ -2,18 +2,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from exact import four_bar_b
-from hypothesis import given, settings
-from strategies import CLOSED, EPS, angles_of, four_bars
+from hypothesis import given
+from strategies import CLOSED, EPS, angles_of, four_bars, longest
 
 from mechsim import closure
 from mechsim.analytic.catalog.four_bar import FourBar
 from mechsim.errors import AssemblyError
-from mechsim.model.mechanism import Pose
-
-
-def longest(drive: FourBar) -> float:
-    return max(drive.ground, drive.crank, drive.coupler, drive.rocker, drive.arm)
 
 
 @given(four_bars())
@@ -42,73 +36,12 @@ def test_the_coupler_point_lies_on_the_side_its_angle_says(drive):
 
 
 @given(four_bars())
-def test_mirror_image_across_the_frame_gives_the_other_branch(drive):
-    angles = angles_of(drive)
-    mirrored = replace(drive, branch=-drive.branch, arm_angle=-drive.arm_angle)
-    here, there = drive.positions(angles), mirrored.positions(-angles)
-    for name in "ABC":
-        assert (here[name] * [1.0, -1.0, 1.0] == there[name]).all()
-
-
-@given(four_bars())
 def test_branch_says_on_which_side_of_the_line_from_pin_to_pivot_the_rocker_is(drive):
     points = drive.positions(angles_of(drive))
     line = np.array([drive.ground, 0.0, 0.0]) - points["A"]
     left = np.cross(line, points["B"] - points["A"])[:, 2]
     assert (np.sign(left) == drive.branch).all()
     assert (drive.assembly_sign(points) > 0.0).all()
-
-
-@given(four_bars())
-def test_scaling_all_lengths_scales_the_motion(drive):
-    angles = angles_of(drive, lowest_transmission=1e-2)
-    names = ("ground", "crank", "coupler", "rocker", "arm")
-    larger = replace(drive, **{name: 8.0 * getattr(drive, name) for name in names})
-    here, there = drive.solve(angles, 3.0, 2.0), larger.solve(angles, 3.0, 2.0)
-    for name in "ABC":
-        for part in ("position", "velocity", "acceleration"):
-            assert (8.0 * getattr(here.points[name], part) == getattr(there.points[name], part)).all()
-
-
-@settings(max_examples=25)
-@given(four_bars())
-def test_position_velocity_and_acceleration_agree_with_fifty_digits(drive):
-    speed, acceleration = 11.0, -70.0
-    angles = angles_of(drive, count=3, lowest_transmission=0.05)
-    point = drive.solve(angles, speed, acceleration).points["B"]
-    for i, f in enumerate(angles):
-        p, first, second = four_bar_b(drive, f)
-        assert np.linalg.norm(point.position[i] - p) <= 1e-13 * longest(drive) / 0.05
-        v, a = speed * first, acceleration * first + speed**2 * second
-        scale = speed * longest(drive)
-        assert np.linalg.norm(point.velocity[i] - v) <= 1e-10 * max(np.linalg.norm(v), scale)
-        scale *= speed
-        assert np.linalg.norm(point.acceleration[i] - a) <= 1e-10 * max(np.linalg.norm(a), scale)
-
-
-@settings(max_examples=20)
-@given(four_bars())
-def test_motion_of_every_link_satisfies_the_loop_equations_and_their_rates(drive):
-    angles = angles_of(drive, count=4, lowest_transmission=0.1)
-    motion = drive.solve(angles, 7.0, -3.0)
-    mechanism = drive.mechanism
-    poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
-    open_by, turned_by = closure.residual_norms(mechanism, poses, angles)
-    assert open_by.max() <= CLOSED * longest(drive)
-    assert turned_by.max() <= 32 * EPS
-    exact = closure.rates(mechanism, poses, angles, 7.0, -3.0)
-    for kind in ("points", "links"):
-        for name, measured in getattr(motion, kind).items():
-            expected = getattr(exact, kind)[name]
-            parts = ["velocity", "acceleration"]
-            parts += ["angular_velocity", "angular_acceleration"] if kind == "links" else []
-            for part in parts:
-                scale = max(np.abs(getattr(expected, part)).max(), 49.0 * longest(drive))
-                assert np.abs(getattr(measured, part) - getattr(expected, part)).max() <= 1e-10 * scale
-    for name in ("A", "rocker"):
-        for part in ("rate", "acceleration"):
-            measured, expected = getattr(motion.joints[name], part), getattr(exact.joints[name], part)
-            assert np.abs(measured - expected).max() <= 1e-10 * max(np.abs(expected).max(), 49.0)
 
 
 @given(four_bars())

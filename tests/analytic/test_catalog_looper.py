@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings
 from mpmath import mp
-from strategies import CLOSED, EPS, angles_of, branches, lengths, turns
+from strategies import CLOSED, EPS, angles_of, longest, loopers
 
 from mechsim import catalog, closure
 from mechsim.analytic.catalog.looper import Looper
@@ -19,41 +18,6 @@ from mechsim.model.mechanism import EX, EZ, GROUND, End, Joint, Pose
 TABLE = Path(__file__).parents[2] / "validation" / "papers" / "looper_table.py"
 # four roots of the quartic are real at this crank angle of the default linkage
 FOURFOLD = 4.42
-
-
-def longest(drive: Looper) -> float:
-    axis = float(np.hypot(drive.axis_y, drive.axis_z))
-    return max(drive.crank, drive.coupler, drive.arm, drive.rocker, drive.frame, drive.follower, axis)
-
-
-@st.composite
-def loopers(draw: st.DrawFn) -> Looper:
-    """A looper that fits at one crank angle, one rocker angle and one swing of the follower."""
-    rough = Looper(
-        crank=draw(lengths),
-        rocker=draw(lengths),
-        frame=draw(lengths),
-        frame_angle=draw(turns),
-        arm=draw(lengths),
-        arm_angle=draw(turns),
-        follower=draw(lengths),
-        branch=draw(branches),
-        side=draw(branches),
-    )
-    f, swing, cone, tilt = (draw(turns) for _ in range(4))
-    a = rough.crank * np.exp(1j * f)
-    b = rough.frame * np.exp(1j * rough.frame_angle) + rough.rocker * np.exp(1j * swing)
-    sides = np.sort([abs(b - a), rough.crank, rough.rocker, rough.frame])
-    assume(abs(b - a) > 0.005 and abs(np.sin(rough.arm_angle)) > 0.05 and np.diff(sides).min() > 2e-5)
-    along = (b - a) / abs(b - a)
-    out = rough.arm * np.sin(rough.arm_angle)
-    y = (a + along * (rough.arm * np.cos(rough.arm_angle) + 1j * out * np.cos(cone))).imag
-    return replace(
-        rough,
-        coupler=float(abs(b - a)),
-        axis_y=float(y - rough.follower * np.cos(tilt)),
-        axis_z=float(out * np.sin(cone) - rough.follower * np.sin(tilt)),
-    )
 
 
 def exact_c(drive: Looper, f: float, near: np.ndarray) -> np.ndarray:
@@ -111,27 +75,6 @@ def test_links_keep_their_lengths_and_the_follower_keeps_its_axis(drive):
     assert np.abs(d[:, 1:] - [drive.axis_y, drive.axis_z]).max() == 0.0
     assert np.abs(d[:, 0] - c[:, 0]).max() == 0.0
     assert np.abs(e - d + drive.follower_ratio * (c - d)).max() <= bound * drive.follower_ratio
-
-
-@settings(max_examples=15)
-@given(loopers())
-def test_mirror_image_in_the_plane_is_the_other_side(drive):
-    angles = angles_of(drive, 5, lowest_transmission=0.05)
-    other = replace(drive, axis_z=-drive.axis_z, side=-drive.side)
-    here, there = drive.positions(angles), other.positions(angles)
-    for name in "ABCDE":
-        assert np.abs(here[name] * [1, 1, -1] - there[name]).max() <= 1e-12 * longest(drive)
-
-
-@settings(max_examples=15)
-@given(loopers())
-def test_a_linkage_twice_as_large_moves_twice_as_far(drive):
-    names = ("crank", "coupler", "arm", "rocker", "frame", "follower", "axis_y", "axis_z")
-    larger = replace(drive, **{name: 2.0 * getattr(drive, name) for name in names})
-    angles = angles_of(drive, 5)
-    here, there = drive.positions(angles), larger.positions(angles)
-    for name in "ABCDE":
-        assert np.abs(2.0 * here[name] - there[name]).max() <= 1e-12 * longest(drive)
 
 
 @settings(max_examples=15)

@@ -6,13 +6,13 @@ import pytest
 from exact import rssr_p3
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from strategies import CLOSED, EPS, angles_of, rssrs, turns
+from laws import agrees_with_loop_equations
+from strategies import CLOSED, EPS, angles_of, longest, rssrs, turns
 
-from mechsim import catalog, closure
+from mechsim import catalog
 from mechsim.analytic.catalog.four_bar import FourBar
 from mechsim.analytic.catalog.rssr import Rssr
 from mechsim.errors import AssemblyError
-from mechsim.model.mechanism import Pose
 
 LAYOUTS = {
     "general": Rssr(),
@@ -30,10 +30,6 @@ LAYOUTS = {
 }
 # swing of the rocker over a turn in degrees, in the assembly -1, known to one decimal from outside
 SWINGS = {"general": 47.7, "looper": 51.1, "needle": 51.7}
-
-
-def longest(drive: Rssr) -> float:
-    return max(drive.crank, drive.coupler, drive.rocker, float(np.linalg.norm(drive.pivot)))
 
 
 @given(rssrs())
@@ -55,40 +51,6 @@ def test_branch_is_the_sign_of_rocker_against_the_plane_of_crank_pin_and_axis(dr
     assert (drive.assembly_sign(drive.positions(angles_of(drive))) > 0.0).all()
 
 
-@given(rssrs())
-def test_mirror_image_across_the_shaft_gives_the_other_branch(drive):
-    angles = angles_of(drive)
-    x, y, z = drive.pivot
-    mirrored = replace(drive, pivot=(-x, y, z), gamma1=-drive.gamma1, branch=-drive.branch)
-    here, there = drive.positions(angles)["P3"], mirrored.positions(angles)["P3"]
-    assert np.abs(here * [-1.0, 1.0, 1.0] - there).max() <= CLOSED * longest(drive)
-
-
-@given(rssrs(), st.sampled_from([2.0**-7, 2.0**5]))
-def test_scaling_all_lengths_by_a_power_of_two_scales_the_motion_to_the_last_bit(drive, scale):
-    angles = angles_of(drive, lowest_transmission=1e-3)
-    lengths = {name: scale * getattr(drive, name) for name in ("crank", "coupler", "rocker")}
-    larger = replace(drive, **lengths, pivot=tuple(scale * value for value in drive.pivot))
-    here, there = drive.solve(angles, 3.0, 2.0).points["P3"], larger.solve(angles, 3.0, 2.0).points["P3"]
-    for part in ("position", "velocity", "acceleration"):
-        assert (scale * getattr(here, part) == getattr(there, part)).all()
-
-
-@settings(max_examples=25)
-@given(rssrs(), st.floats(1.0, 300.0), st.floats(-500.0, 500.0))
-def test_position_velocity_and_acceleration_agree_with_fifty_digits(drive, speed, acceleration):
-    angles = angles_of(drive, count=3, lowest_transmission=0.05)
-    point = drive.solve(angles, speed, acceleration).points["P3"]
-    for i, f in enumerate(angles):
-        p, first, second = rssr_p3(drive, f)
-        assert np.linalg.norm(point.position[i] - p) <= 1e-13 * longest(drive) / 0.05
-        v, a = speed * first, acceleration * first + speed**2 * second
-        scale_v = speed * longest(drive)
-        assert np.linalg.norm(point.velocity[i] - v) <= 1e-10 * max(np.linalg.norm(v), scale_v)
-        scale_a = speed**2 * longest(drive)
-        assert np.linalg.norm(point.acceleration[i] - a) <= 1e-10 * max(np.linalg.norm(a), scale_a)
-
-
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_layouts_of_the_paper_agree_with_fifty_digits_and_swing_as_they_should(name):
     drive = LAYOUTS[name]
@@ -106,36 +68,6 @@ def test_layouts_of_the_paper_agree_with_fifty_digits_and_swing_as_they_should(n
     swing = np.rad2deg(np.ptp(np.unwrap(other.joints["rocker"].value)))
     assert abs(swing - SWINGS[name]) <= 0.05
     assert drive.crank_range().full
-
-
-@settings(max_examples=20)
-@given(rssrs())
-def test_motion_of_every_link_satisfies_the_loop_equations_and_their_rates(drive):
-    angles = angles_of(drive, count=4, lowest_transmission=0.1)
-    speed, acceleration = 7.0, -3.0
-    try:
-        motion = drive.solve(angles, speed, acceleration)
-    except AssemblyError as error:
-        assert "nothing can hold link" in str(error)
-        assume(False)
-    agrees_with_loop_equations(drive, motion, passive=("coupler",))
-
-
-def agrees_with_loop_equations(drive, motion, passive=()):
-    mechanism = drive.mechanism
-    poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
-    lengths, angles = closure.residual_norms(mechanism, poses, motion.angle)
-    assert lengths.max() <= CLOSED * mechanism.size
-    assert angles.max() <= 32 * EPS
-    exact = closure.rates(mechanism, poses, motion.angle, motion.speed, motion.acceleration)
-    for name, link in motion.links.items():
-        for part in ("velocity", "angular_velocity", "acceleration", "angular_acceleration"):
-            if name in passive and part.startswith("angular"):
-                continue  # its spin about itself is nobody's
-            measured, expected = getattr(link, part), getattr(exact.links[name], part)
-            unit = 1.0 if part.startswith("angular") else mechanism.size
-            scale = max(np.abs(expected).max(), unit * motion.speed.max() ** 2)
-            assert np.abs(measured - expected).max() <= 1e-10 * scale, (name, part)
 
 
 @settings(max_examples=20)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mpmath import mp
-from strategies import CLOSED, EPS
+from strategies import CLOSED, EPS, random_knitter
 
 from mechsim import catalog, closure
 from mechsim.analytic.catalog.warp_knitter import WarpKnitter
@@ -20,37 +20,6 @@ BLOCKED = WarpKnitter(crank1=0.022)
 # among random ones, a triad that passes into another assembly before it meets a dead centre
 LONG = 10
 seeds = st.integers(0, 10**6)
-
-
-def random_knitter(seed: int, ratio: float = -2.0) -> WarpKnitter:
-    """A warp knitter whose legs fit one random pose at crank angle 0, in a random assembly."""
-    rng = np.random.default_rng(seed)
-    legs, base = [0.0], [0.0]
-    # legs much shorter than the rest are beyond what the sextic promises
-    while min(legs) < 0.015 or min(base) < 0.01:
-        cranks, phase = rng.uniform(0.003, 0.012, 2), float(rng.uniform(-3, 3))
-        pivot2, pivot_rocker = rng.uniform(-0.08, 0.08, (2, 2))
-        base_c, base_k = rng.uniform(-0.05, 0.05, (2, 2))
-        pins = [cranks[0], complex(*pivot2) + cranks[1] * np.exp(1j * phase), complex(*pivot_rocker)]
-        place, turn = complex(*rng.uniform(-0.06, 0.06, 2)), np.exp(1j * rng.uniform(0, TURN))
-        ends = [place, place + turn * complex(*base_c), place + turn * complex(*base_k)]
-        legs = [float(abs(end - pin)) for end, pin in zip(ends, pins, strict=True)]
-        base = [np.hypot(*base_c), np.hypot(*base_k)]
-    drive = WarpKnitter(
-        crank1=float(cranks[0]),
-        crank2=float(cranks[1]),
-        rod3=legs[0],
-        rod5=legs[1],
-        rocker=legs[2],
-        pivot2=tuple(pivot2.tolist()),
-        pivot_rocker=tuple(pivot_rocker.tolist()),
-        base_c=tuple(base_c.tolist()),
-        base_k=tuple(base_k.tolist()),
-        phase=phase,
-        gear_ratio=ratio,
-        assembly=1,
-    )
-    return replace(drive, assembly=int(rng.integers(1, len(drive.assemblies(0.0)) + 1)))
 
 
 def angles_of(drive: WarpKnitter, count: int = 12) -> np.ndarray:
@@ -391,6 +360,21 @@ def test_a_gear_off_by_one_tooth_in_a_hundred_moves_the_points_far_beyond_any_bo
     assert max(np.abs(right[name] - wrong[name]).max() for name in right) > 1e-4
 
 
+def test_scaling_all_lengths_scales_the_motion():
+    drive = WarpKnitter()
+    scale = 2.0**5
+    lengths = {name: scale * getattr(drive, name) for name in ("crank1", "crank2", "rod3", "rod5", "rocker")}
+    places = ("pivot2", "pivot_rocker", "base_c", "base_k")
+    vectors = {name: tuple(scale * x for x in getattr(drive, name)) for name in places}
+    angles = np.linspace(0.0, 6.0, 11)
+    here, there = drive.solve(angles, 3.0, 2.0), replace(drive, **lengths, **vectors).solve(angles, 3.0, 2.0)
+    for name, point in here.points.items():
+        other = there.points[name]
+        for part in ("position", "velocity", "acceleration"):
+            gap = scale * getattr(point, part) - getattr(other, part)
+            assert np.abs(gap).max() <= 1e-13 * np.abs(getattr(other, part)).max()
+
+
 def test_the_other_assembly_is_told_by_its_sign_and_by_its_place():
     angles = np.linspace(0.0, TURN, 73)
     mine, other = WarpKnitter(), WarpKnitter(assembly=1).positions(angles)
@@ -408,18 +392,3 @@ def test_a_description_with_a_wrong_rod_does_not_close_on_the_closed_form():
     gaps = closure.residual_norms(drive.mechanism, poses, motion.angle)
     assert gaps[0].max() <= CLOSED * longest(drive)
     assert gaps[1].max() <= 64 * EPS
-
-
-def test_scaling_all_lengths_scales_the_motion():
-    drive = WarpKnitter()
-    scale = 2.0**5
-    lengths = {name: scale * getattr(drive, name) for name in ("crank1", "crank2", "rod3", "rod5", "rocker")}
-    places = ("pivot2", "pivot_rocker", "base_c", "base_k")
-    vectors = {name: tuple(scale * x for x in getattr(drive, name)) for name in places}
-    angles = np.linspace(0.0, 6.0, 11)
-    here, there = drive.solve(angles, 3.0, 2.0), replace(drive, **lengths, **vectors).solve(angles, 3.0, 2.0)
-    for name, point in here.points.items():
-        other = there.points[name]
-        for part in ("position", "velocity", "acceleration"):
-            gap = scale * getattr(point, part) - getattr(other, part)
-            assert np.abs(gap).max() <= 1e-13 * np.abs(getattr(other, part)).max()
