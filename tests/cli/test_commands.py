@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from mechsim import catalog, cli, files
+from mechsim import __version__, catalog, cli, files
 from mechsim.cli import main
 
 
@@ -302,6 +302,13 @@ def test_doctor_names_versions_back_ends_and_ffmpeg(mechsim: Call) -> None:
 def test_every_command_says_in_the_list_what_it_says_of_itself(name: str) -> None:
     said = inspect.getdoc(cli.loaded(name).callback) or ""
     assert " ".join(said.split("\n\n")[0].split()) == cli.COMMANDS[name][1]
+
+
+def test_the_package_runs_as_a_program() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "mechsim", "--version"], capture_output=True, text=True, check=False
+    )
+    assert done.stdout.strip() == __version__
 
 
 def test_help_loads_nothing_heavy() -> None:

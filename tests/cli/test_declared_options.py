@@ -1,0 +1,72 @@
+"""A dataclass that declares its fields is a row of options: default and refusal come from there."""
+
+from dataclasses import dataclass, fields
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from mechsim import cli
+from mechsim.cli.declared_options import spread
+from mechsim.errors import InputError
+from mechsim.pictures.render import Look
+from mechsim.pictures.render.look import changed
+from mechsim.units import option, parse_length, parse_names
+
+
+@dataclass(frozen=True)
+class Cut:
+    depth: float = option(0.002, "How deep.", unit="m", text="2mm")
+    sides: tuple[str, ...] = option((), "Which sides.", read=parse_names)
+    holes: tuple[float, ...] = option((), "Each hole's width.", read=parse_length, many=True, name="--hole")
+    wet: bool = option(False, "Whether with water.")
+    turns: int | None = option(None, "How many turns.")
+    secret: str = "kept"
+
+
+def cut(*words):
+    """Return what a command is given, and what it prints."""
+    given = []
+
+    @spread
+    def command(name: str, how: Cut) -> None:
+        given.append((name, how))
+
+    app = typer.Typer(rich_markup_mode=None)
+    app.command()(command)
+    said = CliRunner().invoke(app, ["it", *words])
+    if isinstance(said.exception, InputError):
+        raise said.exception
+    return (given[0] if given else None), said.output
+
+
+def test_what_is_left_out_is_the_dataclass_own():
+    assert cut()[0] == ("it", Cut())
+
+
+def test_text_becomes_quantities_names_numbers_and_flags():
+    words = ("--depth", "3 mm", "--sides", "a,b", "--hole", "1mm", "--hole", "2mm", "--wet", "--turns", "4")
+    assert cut(*words)[0] == ("it", Cut(0.003, ("a", "b"), (0.001, 0.002), True, 4))
+
+
+def test_a_quantity_of_the_wrong_kind_is_refused_by_the_name_of_its_option():
+    with pytest.raises(InputError, match="--depth '3 s' has unit 's'"):
+        cut("--depth", "3 s")
+
+
+def test_help_shows_every_declared_field_and_no_other():
+    said = cut("--help")[1]
+    for word in ("--depth", "How deep.", "2mm", "--hole", "--wet"):
+        assert word in said
+    assert "secret" not in said
+
+
+def test_every_field_of_a_look_that_people_may_set_is_an_option_of_render():
+    shown = {parameter.name for parameter in cli.loaded("render").params}
+    assert {field.name for field in fields(Look) if "doc" in field.metadata} <= shown
+
+
+def test_a_field_that_a_look_has_not_is_refused_in_words():
+    with pytest.raises(InputError, match="a picture has no option 'colour'; known are size, camera"):
+        changed(None, {"colour": "red"})
+    assert changed(Look(camera="top"), {"labels": False}) == Look(camera="top", labels=False)
