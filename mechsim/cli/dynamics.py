@@ -110,7 +110,12 @@ def dynamics(
 def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool) -> bool:
     drive = machine.drive
     assert drive is not None
-    profile = within_range(drive, asked.speed if asked.turns > 0 else -asked.speed, abs(asked.turns))
+    profile = within_range(
+        drive.mechanism,
+        drive.crank_range(),
+        asked.speed if asked.turns > 0 else -asked.speed,
+        abs(asked.turns),
+    )
     time = np.linspace(0.0, profile.duration, asked.instants + 1)
     study = prescribed(machine, *profile.state(time), time=time)
     turn, even = _steady(machine, asked)

@@ -49,15 +49,6 @@ class CrankRange(Protocol):
     def arcs(self) -> Sequence[tuple[float, float]]: ...
 
 
-class Ranged(Protocol):
-    """A mechanism that knows how far its crank can turn."""
-
-    @property
-    def mechanism(self) -> Mechanism: ...
-
-    def crank_range(self) -> CrankRange: ...
-
-
 def constant(speed: float, turns: float, start: float = 0.0) -> CrankProfile:
     """Return a crank that turns at constant speed.
 
@@ -130,12 +121,13 @@ def swing(middle: float, reach: float, fastest: float) -> CrankProfile:
 
 
 def within_range(
-    drive: Ranged, speed: float, turns: float = 1.0, through: float | None = None
+    mechanism: Mechanism, arcs: CrankRange, speed: float, turns: float = 1.0, through: float | None = None
 ) -> CrankProfile:
     """Return the crank motion a mechanism can make: whole turns, or a swing inside its range.
 
     Args:
-        drive: the mechanism.
+        mechanism: the mechanism.
+        arcs: over which its crank can turn.
         speed: of the crank in [rad/s]; of a swing the largest.
         turns: of a crank that turns fully.
         through: crank angle in [rad] that a swing passes; None takes where assembly begins.
@@ -143,10 +135,9 @@ def within_range(
     Raises:
         AssemblyError: if the loops do not close there.
     """
-    arcs = drive.crank_range()
     if arcs.full:
         return constant(speed, turns)
-    angle = drive.mechanism.start if through is None else through
+    angle = mechanism.start if through is None else through
     # the arc that holds the angle, counted so that the angle lies on it as a number
     around = [
         (low + turn, high + turn)
@@ -156,9 +147,7 @@ def within_range(
     ]
     if not around:
         why = "where assembly begins; change the dimensions" if through is None else f"it can stand {arcs}"
-        raise AssemblyError(
-            f"{drive.mechanism.name}: the loops do not close at crank angle {angle:.6g} rad, {why}"
-        )
+        raise AssemblyError(f"{mechanism.name}: the loops do not close at crank angle {angle:.6g} rad, {why}")
     low, high = around[0]
     middle, reach = (low + high) / 2.0, PART_OF_RANGE * (high - low) / 2.0
     return swing(middle, reach if through is None else max(reach, abs(angle - middle)), speed)

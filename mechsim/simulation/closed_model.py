@@ -2,7 +2,7 @@
 
 import os
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
@@ -20,8 +20,8 @@ class Described(Protocol):
     """What has a description, as a catalogue mechanism has."""
 
     @property
-    def mechanism(self) -> Mechanism:
-        """The description."""
+    def mechanism(self) -> Any:
+        """The description, a `Mechanism`; that it is one is checked when it is read."""
         ...
 
 

@@ -26,7 +26,9 @@ def profile_of(drive: ClosedForm, speed: float, turns: float, through: float | N
     """
     if not (turns != 0.0 and abs(turns) < 1e4):
         raise InputError(f"{turns:g} turns; give turns other than 0, fewer than 10000 either way")
-    return within_range(drive, speed if turns > 0 else -speed, abs(turns), through)
+    return within_range(
+        drive.mechanism, drive.crank_range(), speed if turns > 0 else -speed, abs(turns), through
+    )
 
 
 def motion_of(drive: ClosedForm, road: str, profile: CrankProfile, samples: float) -> Motion:

@@ -97,7 +97,7 @@ def _with_variant(case: Case, name: str, variant: Case) -> Case:
 
 def _validated(drive: ClosedForm, speed: float) -> Case:
     begin = clock.perf_counter()
-    profile = within_range(drive, speed)
+    profile = within_range(drive.mechanism, drive.crank_range(), speed)
     angles = profile.state(np.linspace(0.0, profile.duration, 73))[0]
     exact = drive.solve(angles, speed)
     # only a crank at constant speed has a drive whose error means something

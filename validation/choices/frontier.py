@@ -162,7 +162,9 @@ def frontier(drive: ClosedForm) -> list[dict[str, Any]]:
 
 def cheapest(drive: ClosedForm, subject: Subject) -> Point:
     """Return the cheapest run that stays within a part of the stroke over ten turns."""
-    built = build_model(drive.mechanism, within_range(drive, SPEED, TURNS), SPEED)
+    built = build_model(
+        drive.mechanism, within_range(drive.mechanism, drive.crank_range(), SPEED, TURNS), SPEED
+    )
     good: list[tuple[float, str, Settings, dict[str, float]]] = []
     for family in families():
         if family.build != built.build:

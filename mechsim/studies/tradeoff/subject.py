@@ -94,7 +94,7 @@ def differences(motion: Motion, exact: Motion, stroke: float, speed: float) -> d
 
 def subject_of(drive: ClosedForm, speed: float) -> Subject:
     """Return a catalogue mechanism as a subject: its reference is the closed form."""
-    profile = within_range(drive, speed)
+    profile = within_range(drive.mechanism, drive.crank_range(), speed)
     angles = profile.state(np.linspace(0.0, profile.duration, 361))[0]
     stroke = half_extent(drive.positions(angles).values())
     mechanism = drive.mechanism
