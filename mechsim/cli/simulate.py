@@ -65,7 +65,7 @@ def simulate(
             raise InputError(f"records {every} apart do not fit the motion; give an angle above 0 within it")
         samples = whole
     if profile is None:
-        _within_range(drive.mechanism, drive.crank_range(), turns)
+        _within_range(drive, turns)
     with progress("simulate", None) as tick:
         run = simulation.simulate(
             drive.mechanism,
