@@ -109,10 +109,10 @@ class ClosedForm(ABC):
             listed.append((chosen, {name: place[0] for name, place in one.positions([angle]).items()}))
         return listed
 
-    @property
+    @cached_property
     def mechanism(self) -> Mechanism:
         """The description, with a guess that names the assembly."""
-        return self._placed
+        return self._described.with_guess(*self.guess())
 
     @property
     def spinning(self) -> frozenset[str]:
@@ -198,10 +198,6 @@ class ClosedForm(ABC):
     @cached_property
     def _described(self) -> Mechanism:
         return self.description
-
-    @cached_property
-    def _placed(self) -> Mechanism:
-        return self._described.with_guess(*self.guess())
 
     def _angles(self, angles: ArrayLike) -> Array:
         """Return crank angles as an array; raise InputError for what are none."""
