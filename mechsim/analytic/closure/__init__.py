@@ -4,11 +4,12 @@ Every moving link has six coordinates (a position and an orientation); each join
 must vanish. This is the second, independent truth on the analytic side: it knows no closed form.
 """
 
-from mechsim.analytic.closure.assembly import assemble, follow, rough_poses
+from mechsim.analytic.closure.assembly import assemble, rough_poses
 from mechsim.analytic.closure.joint_rows import Rows
 from mechsim.analytic.closure.loop_equations import Poses, equations, residual_norms
-from mechsim.analytic.closure.motion import point_on, rates, solve
+from mechsim.analytic.closure.motion import point_on, rates
 from mechsim.analytic.closure.rank import RANK_TOLERANCE, Freedom, freedom, least_norm, singular_values
+from mechsim.analytic.closure.whole_motion import follow, solve
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.mechanism import Pose
 

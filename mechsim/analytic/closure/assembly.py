@@ -1,7 +1,5 @@
 """Assembly by Newton's method: closing the loops at crank angles, from a guess or from a neighbour."""
 
-from itertools import pairwise
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -151,46 +149,3 @@ def rough_poses(mechanism: Mechanism) -> dict[str, Pose]:
         )
     del placed[GROUND]
     return placed
-
-
-def follow(mechanism: Mechanism, angles: ArrayLike, *, step: float = np.pi / 36) -> dict[str, Pose]:
-    """Assemble along a path of crank angles, each pose guessed from the one before: the assembly is kept.
-
-    Args:
-        mechanism: the mechanism; its guess begins the path.
-        angles: crank angles in the order they are passed, (n,) in [rad].
-        step: longest step of the crank between two solutions, in [rad].
-
-    Returns:
-        Moving link -> n poses.
-
-    Raises:
-        AssemblyError: where the loops do not close.
-    """
-    mechanism = described(mechanism)
-    angles = crank_angles(mechanism, angles)
-    current = assemble(mechanism, [mechanism.start])
-    found: list[dict[str, Pose]] = []
-    for here, there in pairwise([mechanism.start, *angles]):
-        path = np.linspace(here, there, 1 + max(1, int(np.ceil(abs(there - here) / step))))
-        for before, after in pairwise(path):
-            ahead = _carried(mechanism, current, before, after - before)
-            current = assemble(mechanism, [after], ahead, tolerance=ROUGH)
-        found.append(current)
-    rough = {
-        link.name: Pose(
-            np.concatenate([poses[link.name].position for poses in found]),
-            np.concatenate([poses[link.name].rotation for poses in found]),
-        )
-        for link in mechanism.links
-    }
-    # all together to rounding
-    return assemble(mechanism, angles, rough)
-
-
-def _carried(mechanism: Mechanism, poses: Poses, angle: float, turn: float) -> dict[str, Pose]:
-    """Return poses carried along the tangent of the loops over a small turn of the crank."""
-    rows = equations(mechanism, poses, angle)
-    asked = np.zeros_like(rows.residual)
-    asked[:, -1] = turn
-    return _moved(mechanism, poses, least_norm(mechanism, rows.jacobian, asked))

@@ -5,14 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.closure.assembly import follow
 from mechsim.analytic.closure.loop_equations import Poses, equations
 from mechsim.analytic.closure.rank import least_norm
 from mechsim.analytic.vector_method.rotations import cross, dot
 from mechsim.errors import InputError
 from mechsim.maths.given import numbers
 from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, described, joint_coordinate
+from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, joint_coordinate
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 
 Array = NDArray[np.float64]
@@ -75,18 +74,9 @@ def rates(
         points=points,
         links=links,
         joints={
-            joint.name: _joint_motion(joint, links) for joint in mechanism.joints if KINDS[joint.kind].single
+            joint.name: joint_motion(joint, links) for joint in mechanism.joints if KINDS[joint.kind].single
         },
     )
-
-
-def solve(
-    mechanism: Mechanism, angles: ArrayLike, speed: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
-) -> Motion:
-    """Return the motion of any mechanism from its loop equations alone; `follow`, then `rates`."""
-    mechanism = described(mechanism)
-    poses = follow(mechanism, angles)
-    return rates(mechanism, poses, angles, speed, acceleration)
 
 
 def point_on(link: LinkMotion, local: ArrayLike) -> PointMotion:
@@ -104,7 +94,8 @@ def _rate(mechanism: Mechanism, what: str, value: ArrayLike, n: int) -> Array:
     return np.broadcast_to(rate, (n,))
 
 
-def _joint_motion(joint: Joint, links: Mapping[str, LinkMotion]) -> JointMotion:
+def joint_motion(joint: Joint, links: Mapping[str, LinkMotion]) -> JointMotion:
+    """Return the motion of a joint of one freedom from those of its links; angles unwrapped in their order."""
     a, b = (_link_motion(end.link, links) for end in (joint.a, joint.b))
     poses = [Pose(link.position, link.rotation) for link in (a, b)]
     value = joint_coordinate(joint, *poses)[..., 0]

@@ -1,0 +1,132 @@
+"""The equations that close the loops of a spanning tree, in its coordinates.
+
+A cut joint asks that side b's point and directions, as side a's frame sees them, are where the kind of
+the joint wants them. Instants come last in every array.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.closure.spanning_tree import SpanningTree
+from mechsim.analytic.closure.tree_motion import Placed, cross
+from mechsim.model.joints import COLUMN, KINDS
+from mechsim.model.mechanism import GROUND, Joint
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A joint that closes a loop.
+
+    Attributes:
+        joint: of the mechanism.
+        sides: index of the links of its sides a and b; -1 is the ground.
+        columns: coordinates of which only one side feels each.
+        sense: +1 where side b feels it, -1 where side a does.
+        size: of the mechanism, in [m].
+    """
+
+    joint: Joint
+    sides: tuple[int, int]
+    columns: NDArray[np.intp]
+    sense: Array
+    size: float
+
+    @cached_property
+    def lengths(self) -> list[int]:
+        """Columns of side a's frame along which the points must lie on each other."""
+        free = {COLUMN[axis] for axis in KINDS[self.joint.kind].slides}
+        return [i for i in range(3) if i not in free]
+
+    @cached_property
+    def directions(self) -> list[tuple[int, int, float]]:
+        """(i, j, c): column i of a's frame and column j of b's have the scalar product c."""
+        kind = KINDS[self.joint.kind]
+        if kind.crossed:
+            return [(2, 2, float(np.cos(self.joint.cross_angle)))]
+        if not kind.aligned:
+            return []
+        return [(0, 2, 0.0), (1, 2, 0.0), *([] if kind.turns else [(0, 1, 0.0)])]
+
+    @property
+    def rows(self) -> int:
+        """How many equations it is."""
+        return len(self.lengths) + len(self.directions)
+
+    def frames(self, here: Placed) -> tuple[Array, Array, Array, Array]:
+        """Return points (3, n) and joint frames (3, 3, n) of sides a and b."""
+        n = here.screws.shape[2]
+        found: list[Array] = []
+        for end, link in zip((self.joint.a, self.joint.b), self.sides, strict=True):
+            if link < 0:
+                point, frame = np.array(end.point)[:, None], end.frame[..., None]
+                found += [np.broadcast_to(point, (3, n)), np.broadcast_to(frame, (3, 3, n))]
+            else:
+                turn = here.rotation[link]
+                found += [here.position[link] + np.array(end.point) @ turn, end.frame.T @ turn]
+        return found[0], found[1], found[2], found[3]
+
+    def residual_and_slope(self, here: Placed) -> tuple[Array, Array]:
+        """Return residuals (m, n), lengths in units of the size, and slopes (m, columns, n)."""
+        point_a, frame_a, point_b, frame_b = self.frames(here)
+        screws = here.screws[self.columns] * self.sense[:, None, None]
+        n = screws.shape[2]
+        residual, slope = np.empty((self.rows, n)), np.empty((self.rows, len(self.columns), n))
+        gap = (point_b - point_a) / self.size
+        spin = screws[:, 3:]
+        swing = cross(spin.transpose(1, 0, 2), point_b[:, None]).transpose(1, 0, 2)
+        speed = (screws[:, :3] + swing) / self.size
+        k = 0
+        for i in self.lengths:
+            u = frame_a[:, i]
+            residual[k] = (u * gap).sum(0)
+            slope[k] = (u * speed).sum(1)
+            k += 1
+        for i, j, cosine in self.directions:
+            u, v = frame_a[:, i], frame_b[:, j]
+            residual[k] = (u * v).sum(0) - cosine
+            slope[k] = (cross(v, u) * spin).sum(1)
+            k += 1
+        return residual, slope
+
+    def bias(self, here: Placed, twist: Array, drift: Array) -> Array:
+        """Return the second rate of the residuals, (m, n), at the links' twists and drifts (links, 6, n)."""
+        _, frame_a, point_b, frame_b = self.frames(here)
+        still = np.zeros(twist.shape[1:])
+        (ta, tb), (da, db) = ([still if i < 0 else of[i] for i in self.sides] for of in (twist, drift))
+        wa, wb = ta[3:], tb[3:]
+        velocity = [t[:3] + cross(t[3:], point_b) for t in (ta, tb)]
+        acceleration = [
+            d[:3] + cross(d[3:], point_b) + cross(w, v)
+            for d, w, v in zip((da, db), (wa, wb), velocity, strict=True)
+        ]
+        # as seen from side a
+        seen = acceleration[1] - acceleration[0] - 2.0 * cross(wa, velocity[1] - velocity[0])
+        out = np.empty((self.rows, twist.shape[2]))
+        k = 0
+        for i in self.lengths:
+            out[k] = (frame_a[:, i] * seen).sum(0) / self.size
+            k += 1
+        for i, j, _ in self.directions:
+            u, v = frame_a[:, i], frame_b[:, j]
+            across, changing = cross(v, u), cross(cross(wb, v), u) + cross(v, cross(wa, u))
+            out[k] = (across * (db[3:] - da[3:])).sum(0) + (changing * (wb - wa)).sum(0)
+            k += 1
+        return out
+
+
+def cuts_of(tree: SpanningTree) -> tuple[Cut, ...]:
+    """Return the joints that close the loops of a tree."""
+    found: list[Cut] = []
+    nothing = np.zeros(tree.count)
+    for joint in tree.cuts:
+        sides = tuple(-1 if end.link == GROUND else tree.links[end.link] for end in (joint.a, joint.b))
+        feels = [nothing if i < 0 else tree.carried[i] for i in sides]
+        sense = feels[1] - feels[0]
+        columns = np.flatnonzero(sense)
+        found.append(Cut(joint, (sides[0], sides[1]), columns, sense[columns], tree.mechanism.size))
+    return tuple(found)

@@ -1,0 +1,152 @@
+"""Solving linearised loops for many instants at once: independent rows, and a gauge for what is left open."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops
+from mechsim.analytic.closure.tree_motion import Coordinates, Placed, product
+
+Array = NDArray[np.float64]
+
+# Newton steps taken at the most, and a residual that is rounding
+MOST_STEPS, ROUNDING = 8, 1e-13
+# a step, in radians or units of the size, that is too long for the linear model
+FAR = 0.3
+# part of the best that rows and gauge may tell before others are picked
+HALF = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class Linearised:
+    """The loops about n sets of coordinates.
+
+    Attributes:
+        residual: of all rows, (rows, n).
+        slope: by all coordinates in their units, (rows, count, n).
+        here: where the links are.
+        matrix: of independent rows and gauge by the unknowns, (n, u, u).
+        right: what the same rows stand open by, (n, u).
+    """
+
+    residual: Array
+    slope: Array
+    here: Placed
+    matrix: Array
+    right: Array
+
+    def side(self) -> Array:
+        """Return the signed distance from a singular pose, (n,): two assemblies that meet differ in sign."""
+        least = np.linalg.svd(self.matrix, compute_uv=False)[:, -1]
+        return np.linalg.slogdet(self.matrix)[0] * least
+
+
+@dataclass(frozen=True)
+class LoopSolver:
+    """Which rows are solved, and what keeps the freedoms they leave open.
+
+    Attributes:
+        loops: the equations.
+        rows: indices of independent rows, (r,).
+        gauge: directions of the open freedoms over the unknowns, (open, unknowns).
+        pinned: coordinates from which nothing moves along them, one set.
+    """
+
+    loops: TreeLoops
+    rows: NDArray[np.intp]
+    gauge: Array
+    pinned: Coordinates
+
+    @property
+    def open(self) -> int:
+        """Freedoms that neither drivers nor loops determine."""
+        return len(self.gauge)
+
+    def serves(self, at: Coordinates) -> bool:
+        """Whether it tells as much at one set of coordinates as a solver made there."""
+        if not self.open and len(self.rows) == self.loops.rows:
+            return True
+        found = self.linearise(at)
+        own = np.linalg.svd(found.matrix[0], compute_uv=False)[-1]
+        every = np.linalg.svd(found.slope[:, self.loops.unknown, 0], compute_uv=False)
+        return bool(own > HALF * every[len(self.rows) - 1])
+
+    def linearise(self, at: Coordinates) -> Linearised:
+        """Return the loops about n sets of coordinates."""
+        residual, slope, here = self.loops.linearise(at)
+        n, u, r = len(at), len(self.loops.unknown), len(self.rows)
+        matrix, right = np.empty((n, u, u)), np.empty((n, u))
+        matrix[:, :r] = slope[self.rows][:, self.loops.unknown].transpose(2, 0, 1)
+        right[:, :r] = residual[self.rows].T
+        if self.open:
+            self._pin(at, matrix[:, r:], right[:, r:])
+        return Linearised(residual, slope, here, matrix, right)
+
+    def _pin(self, at: Coordinates, rows: Array, gap: Array) -> None:
+        """Fill in the gauge: how far coordinates lie from the pinned ones along the open freedoms."""
+        loops = self.loops
+        away = ((at.values - self.pinned.values) / loops.units[:, None])[loops.unknown]
+        gap[:] = (self.gauge @ away).T
+        rows[:] = self.gauge
+        for ball, turn, pinned in zip(loops.tree.balls, at.turns, self.pinned.turns, strict=True):
+            columns = np.searchsorted(loops.unknown, ball.first) + np.arange(3)
+            turned = product(turn, np.broadcast_to(pinned, turn.shape).transpose(1, 0, 2))
+            vector = 0.5 * (turned - turned.transpose(1, 0, 2))[[2, 0, 1], [1, 2, 0]]
+            gap += (self.gauge[:, columns] @ vector).T
+            trace = np.einsum("iin->n", turned)
+            change = 0.5 * (trace * np.eye(3)[..., None] - turned)
+            rows[..., columns] = np.einsum("pi,ijn->npj", self.gauge[:, columns], change)
+
+    def step(self, matrix: Array, right: Array) -> Array:
+        """Return the step of all coordinates, (count, n), that closes rows open by `right`, (n, u)."""
+        out = np.zeros((self.loops.tree.count, len(right)))
+        out[self.loops.unknown] = -np.linalg.solve(matrix, right[..., None])[..., 0].T
+        return out
+
+    def close(self, guess: Coordinates) -> tuple[Coordinates, Linearised, Array]:
+        """Return coordinates closed by Newton's method from a guess near them; not all need be closed.
+
+        And the loops there, and how far they lie from the guess, (n,).
+
+        Raises:
+            LinAlgError: at a singular pose.
+        """
+        at, gone = guess, np.zeros(len(guess))
+        found = self.linearise(at)
+        worst = np.inf
+        for _ in range(MOST_STEPS):
+            before, worst = worst, float(np.abs(found.right).max(initial=0.0))
+            if worst == 0.0 or (worst < ROUNDING and worst > 0.1 * before):
+                break
+            step = self.step(found.matrix, found.right)
+            length = np.abs(step).max(0)
+            gone += length
+            if not length.max() < FAR:
+                break
+            at = self.loops.moved(at, step)
+            found = self.linearise(at)
+        return at, found, gone
+
+
+def loop_solver(loops: TreeLoops, at: Coordinates, before: Array | None = None) -> LoopSolver:
+    """Return the solver for poses near one.
+
+    Args:
+        loops: the equations.
+        at: one set of closed coordinates, where nothing that the solver must tell is singular.
+        before: the gauge so far, which the new one follows.
+    """
+    from scipy.linalg import qr
+
+    matrix = loops.linearise(at)[1][:, loops.unknown, 0]
+    if not matrix.size:
+        return LoopSolver(loops, np.zeros(0, dtype=np.intp), np.eye(len(loops.unknown)), at)
+    _, values, right = np.linalg.svd(matrix)
+    rank = int((values > RANK_TOLERANCE * values[0]).sum())
+    _, _, order = qr(matrix.T, mode="economic", pivoting=True)
+    gauge = right[rank:]
+    if before is not None and len(gauge):
+        left, _, turn = np.linalg.svd(before @ gauge.T)
+        gauge = left @ turn @ gauge
+    return LoopSolver(loops, np.sort(order[:rank]), gauge, at)

@@ -1,0 +1,183 @@
+"""A mechanism as a tree of links with coordinates, and the joints that close its loops."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.errors import AssemblyError, InputError
+from mechsim.model.joints import KINDS, Axis, Kind
+from mechsim.model.mechanism import GROUND, Joint, Mechanism
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class TreeJoint:
+    """A joint by which a link hangs on one nearer the frame.
+
+    Attributes:
+        joint: of the mechanism.
+        forward: whether its side a is on the link nearer the frame.
+        near: index of that link; -1 is the ground.
+        far: index of the link that hangs on it.
+        first: index of its first coordinate.
+    """
+
+    joint: Joint
+    forward: bool
+    near: int
+    far: int
+    first: int
+
+    @property
+    def kind(self) -> Kind:
+        """Its row in the table of kinds."""
+        return KINDS[self.joint.kind]
+
+    @property
+    def axes(self) -> tuple[tuple[bool, Axis], ...]:
+        """Its coordinates in order: whether it slides (else turns), and along or about which axis."""
+        return tuple((True, axis) for axis in self.kind.slides) + tuple(
+            (False, axis) for axis in self.kind.turns
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Fixed:
+    """The two sides of a branch, each in its own link's frame: joint frame (3, 3) and point (3,) in [m]."""
+
+    near_frame: Array
+    near_point: Array
+    far_frame: Array
+    far_point: Array
+
+
+@dataclass(frozen=True)
+class SpanningTree:
+    """Links in the order in which they are placed, each by one joint; the joints left close the loops.
+
+    A coordinate is a displacement in [m], an angle in [rad], or one of the three turns of a ball.
+
+    Attributes:
+        mechanism: the mechanism.
+        branches: by which joint each link is placed, nearest the frame first.
+        cuts: the joints that close the loops.
+    """
+
+    mechanism: Mechanism
+    branches: tuple[TreeJoint, ...]
+    cuts: tuple[Joint, ...]
+
+    @cached_property
+    def links(self) -> dict[str, int]:
+        """Moving link -> index."""
+        return {link.name: i for i, link in enumerate(self.mechanism.links)}
+
+    @cached_property
+    def constants(self) -> dict[int, Fixed]:
+        """Index of a link -> the sides of the branch that places it."""
+        found: dict[int, Fixed] = {}
+        for branch in self.branches:
+            a, b = branch.joint.a, branch.joint.b
+            near, far = (a, b) if branch.forward else (b, a)
+            found[branch.far] = Fixed(near.frame, np.array(near.point), far.frame, np.array(far.point))
+        return found
+
+    @cached_property
+    def count(self) -> int:
+        """How many coordinates there are."""
+        return sum(branch.kind.freedoms for branch in self.branches)
+
+    @cached_property
+    def balls(self) -> tuple[TreeJoint, ...]:
+        """The branches that turn about every axis."""
+        return tuple(branch for branch in self.branches if branch.kind.ball)
+
+    @cached_property
+    def ball_places(self) -> list[int]:
+        """Indices of the turns of balls, which are no angles."""
+        return [ball.first + i for ball in self.balls for i in range(3)]
+
+    @cached_property
+    def carried(self) -> Array:
+        """Which coordinates move which link, (links, count), 1 or 0."""
+        moved = np.zeros((len(self.mechanism.links), self.count))
+        for branch in self.branches:
+            if branch.near >= 0:
+                moved[branch.far] = moved[branch.near]
+            moved[branch.far, branch.first : branch.first + branch.kind.freedoms] = 1.0
+        return moved
+
+    @cached_property
+    def slides(self) -> NDArray[np.bool_]:
+        """Which coordinates are displacements, (count,)."""
+        return np.array([slide for branch in self.branches for slide, _ in branch.axes], dtype=np.bool_)
+
+    def place(self, joint: str) -> int | None:
+        """Return the index of the first coordinate of a joint; None where it closes a loop."""
+        return next((branch.first for branch in self.branches if branch.joint.name == joint), None)
+
+    def geared(self, gear: Gear) -> tuple[int, int]:
+        """Return the indices of the coordinates of a gear's driver and driven joint.
+
+        Raises:
+            InputError: where gears close a loop of joints by themselves, so that one of the two is a cut.
+        """
+        first, second = self.place(gear.driver), self.place(gear.driven)
+        if first is None or second is None:
+            lost = gear.driver if first is None else gear.driven
+            raise InputError(
+                f"{self.mechanism.name}: joint {lost!r} of gear {gear.driver!r}-{gear.driven!r} closes a loop of "
+                "driven and geared joints alone; couple joints that do not"
+            )
+        return first, second
+
+
+def spanning_tree(mechanism: Mechanism) -> SpanningTree:
+    """Return a tree whose cuts leave few equations: driven and geared joints in it, then those that hold most.
+
+    Raises:
+        AssemblyError: for links that no chain of joints leads to.
+    """
+    index = {link.name: i for i, link in enumerate(mechanism.links)} | {GROUND: -1}
+    first = {mechanism.driver} | {name for gear in mechanism.gears for name in (gear.driver, gear.driven)}
+    wanted = sorted(mechanism.joints, key=lambda joint: (joint.name not in first, KINDS[joint.kind].freedoms))
+    chosen = _forest(wanted)
+    cuts = tuple(joint for joint in mechanism.joints if joint.name not in chosen)
+    branches: list[TreeJoint] = []
+    placed, waiting, count = {GROUND}, [j for j in mechanism.joints if j.name in chosen], 0
+    while waiting:
+        joint = next((j for j in waiting if (j.a.link in placed) != (j.b.link in placed)), None)
+        if joint is None:
+            lost = sorted({end.link for j in waiting for end in (j.a, j.b)} - placed)
+            raise AssemblyError(
+                f"{mechanism.name}: no chain of joints leads from the frame to {', '.join(lost)}; add one"
+            )
+        waiting.remove(joint)
+        forward = joint.a.link in placed
+        near, far = (joint.a, joint.b) if forward else (joint.b, joint.a)
+        branches.append(TreeJoint(joint, forward, index[near.link], index[far.link], count))
+        count += KINDS[joint.kind].freedoms
+        placed.add(far.link)
+    return SpanningTree(mechanism, tuple(branches), cuts)
+
+
+def _forest(joints: Sequence[Joint]) -> set[str]:
+    """Return the names of the joints that join links not joined yet, taken in order."""
+    group: dict[str, str] = {}
+
+    def root(link: str) -> str:
+        while group.get(link, link) != link:
+            link = group[link]
+        return link
+
+    chosen: set[str] = set()
+    for joint in joints:
+        a, b = root(joint.a.link), root(joint.b.link)
+        if a != b:
+            group[a] = b
+            chosen.add(joint.name)
+    return chosen

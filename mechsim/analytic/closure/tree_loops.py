@@ -1,0 +1,151 @@
+"""The loops of a mechanism in coordinates of its tree: how far they stand open, and closing them.
+
+Unknown are the coordinates that no driver prescribes. Where the rows repeat each other, as in a flat
+linkage, as many are kept as are independent; where they leave a link's spin open, a gauge keeps it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.closure.cut_rows import Cut, cuts_of
+from mechsim.analytic.closure.spanning_tree import SpanningTree, spanning_tree
+from mechsim.analytic.closure.tree_motion import Coordinates, Placed, cross, placed, product
+from mechsim.model.joints import coordinates
+from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
+
+Array = NDArray[np.float64]
+TURN = 2.0 * np.pi
+# singular values below this part of the largest are nought
+RANK_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class TreeLoops:
+    """The loop equations of a mechanism in the coordinates of a spanning tree.
+
+    Attributes:
+        tree: the tree.
+        cuts: the joints that close its loops.
+        winds: of each gear, the whole turns between its sides as put together, in [rad].
+        driven: indices of the coordinates that are prescribed.
+    """
+
+    tree: SpanningTree
+    cuts: tuple[Cut, ...]
+    winds: tuple[float, ...]
+    driven: tuple[int, ...]
+
+    @cached_property
+    def unknown(self) -> NDArray[np.intp]:
+        """Indices of the coordinates that the loops determine."""
+        return np.setdiff1d(np.arange(self.tree.count), self.driven)
+
+    @cached_property
+    def units(self) -> Array:
+        """What one unit of each coordinate is in the equations: the size for displacements, else 1 rad."""
+        return np.where(self.tree.slides, self.tree.mechanism.size, 1.0)
+
+    @property
+    def rows(self) -> int:
+        """How many equations there are."""
+        return sum(cut.rows for cut in self.cuts) + len(self.winds)
+
+    def linearise(self, at: Coordinates) -> tuple[Array, Array, Placed]:
+        """Return residuals (rows, n), slopes by coordinates in units (rows, count, n), and the links."""
+        here = placed(self.tree, at)
+        n = len(at)
+        residual, slope = np.empty((self.rows, n)), np.zeros((self.rows, self.tree.count, n))
+        k = 0
+        for cut in self.cuts:
+            part = slice(k, k + cut.rows)
+            residual[part], slope[part, cut.columns] = cut.residual_and_slope(here)
+            k += cut.rows
+        for gear, wind in zip(self.tree.mechanism.gears, self.winds, strict=True):
+            first, second = self.tree.geared(gear)
+            residual[k] = at.values[second] - gear.ratio * at.values[first] - gear.phase - wind
+            slope[k, second], slope[k, first] = 1.0, -gear.ratio
+            k += 1
+        slope *= self.units[:, None]
+        return residual, slope, here
+
+    def bias(self, here: Placed, twist: Array, drift: Array) -> Array:
+        """Return the second rate of the residuals at coordinate rates that do not change, (rows, n)."""
+        parts = [cut.bias(here, twist, drift) for cut in self.cuts]
+        return np.concatenate([*parts, np.zeros((len(self.winds), twist.shape[2]))])
+
+    def moved(self, at: Coordinates, step: Array) -> Coordinates:
+        """Return coordinates moved by a step (count, n) in their units."""
+        values, turns = at.values + step * self.units[:, None], at.turns
+        if len(turns):
+            values[self.tree.ball_places] = 0.0
+            turns = np.stack(
+                [
+                    _turned(turn, step[ball.first : ball.first + 3])
+                    for turn, ball in zip(turns, self.tree.balls, strict=True)
+                ]
+            )
+        return Coordinates(values, turns)
+
+    def read(self, poses: Mapping[str, Pose], angles: Mapping[str, float]) -> Coordinates:
+        """Return the coordinates of one pose of every moving link; given angles as they are counted."""
+        everywhere = {GROUND: IDENTITY, **poses}
+        values, turns = np.zeros((self.tree.count, 1)), np.empty((len(self.tree.balls), 3, 3, 1))
+        ball = 0
+        for branch in self.tree.branches:
+            joint = branch.joint
+            a, b = ((everywhere[end.link], end) for end in (joint.a, joint.b))
+            (place_a, turn_a), (place_b, turn_b) = (
+                (_first(pose.point(end.point), 1), _first(pose.rotation, 2) @ end.frame)
+                for pose, end in (a, b)
+            )
+            if branch.kind.ball:
+                turns[ball, ..., 0] = turn_a.T @ turn_b
+                ball += 1
+                continue
+            part = slice(branch.first, branch.first + branch.kind.freedoms)
+            values[part, 0] = coordinates(branch.kind, place_b - place_a, turn_a, turn_b, joint.cross_angle)
+            if joint.name in angles:
+                values[branch.first, 0] = angles[joint.name]
+        return Coordinates(values, turns)
+
+
+def tree_loops(
+    mechanism: Mechanism, poses: Mapping[str, Pose], angle: float
+) -> tuple[TreeLoops, Coordinates]:
+    """Return the loops of a mechanism and the coordinates of closed poses, the crank at an angle in [rad]."""
+    tree = spanning_tree(mechanism)
+    driven = tree.place(mechanism.driver)
+    assert driven is not None
+    loops = TreeLoops(tree, cuts_of(tree), (), (driven,))
+    at = loops.read(poses, {mechanism.driver: angle})
+    winds: list[float] = []
+    for gear in mechanism.gears:
+        first, second = tree.geared(gear)
+        gap = float(at.values[second, 0] - gear.ratio * at.values[first, 0] - gear.phase)
+        winds.append(TURN * float(np.round(gap / TURN)))
+    return replace(loops, winds=tuple(winds)), at
+
+
+def _first(value: Array, axes: int) -> Array:
+    return value[0] if value.ndim > axes else value
+
+
+def _turned(turn: Array, vector: Array) -> Array:
+    """Return exp(vector) @ turn, (3, 3, n), made orthogonal again to rounding."""
+    angle = np.sqrt((vector**2).sum(0))
+    small = angle < 1e-8
+    safe = np.where(small, 1.0, angle)
+    a = np.where(small, 1.0, np.sin(safe) / safe)
+    b = np.where(small, 0.5, 2.0 * (np.sin(0.5 * safe) / safe) ** 2)
+    once = cross(vector[:, None], turn)
+    moved = turn + a * once + b * cross(vector[:, None], once)
+    return orthogonal(moved)
+
+
+def orthogonal(turn: Array) -> Array:
+    """Return nearly orthogonal matrices (3, 3, n) a Newton step nearer to the nearest rotations."""
+    return 1.5 * turn - 0.5 * product(turn, product(turn.transpose(1, 0, 2), turn))

@@ -1,0 +1,173 @@
+"""Places, rates and accelerations of many poses together, along a path that was followed."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.closure.followed_path import FollowedPath
+from mechsim.analytic.closure.loop_solver import Linearised, LoopSolver
+from mechsim.analytic.closure.tree_motion import Coordinates, cross, drifts, product, twists
+from mechsim.errors import AssemblyError
+from mechsim.model.motion import LinkMotion
+
+Array = NDArray[np.float64]
+
+# poses solved in one go: their arrays stay in a core's own cache
+CHUNK = 1024
+# Newton steps from a polynomial's pose; the longest that cannot lead into another assembly; and one after
+# which rounding is left
+STEPS, LONG, SHORT = 4, 1e-3, 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class LoopMotion:
+    """Closed poses of a mechanism and their rates at n instants.
+
+    Attributes:
+        values: coordinates of the tree in [m] and [rad], (n, count); not read for balls.
+        rates: of the coordinates, (n, count).
+        second: their second rates, (n, count).
+        position: of the links' origins, (n, links, 3) in [m].
+        rotation: (n, links, 3, 3).
+        velocity: of origins, then angular, (n, links, 6).
+        acceleration: likewise.
+    """
+
+    values: Array
+    rates: Array
+    second: Array
+    position: Array
+    rotation: Array
+    velocity: Array
+    acceleration: Array
+
+    def link(self, index: int) -> LinkMotion:
+        """Return the motion of one link."""
+        velocity, acceleration = self.velocity[:, index], self.acceleration[:, index]
+        return LinkMotion(
+            self.position[:, index],
+            self.rotation[:, index],
+            velocity[:, :3],
+            velocity[:, 3:],
+            acceleration[:, :3],
+            acceleration[:, 3:],
+        )
+
+
+def loop_motion(path: FollowedPath, angle: Array, speed: Array, acceleration: Array) -> LoopMotion:
+    """Return the motion at crank angles along a path and crank rates, (n,) each in SI.
+
+    Raises:
+        AssemblyError: at the crank angle beyond which the loops cannot close in this assembly.
+    """
+    found: list[LoopMotion] = []
+    order: list[NDArray[np.intp]] = []
+    for solver, index, rows in path.parts(angle):
+        for i in range(0, len(index), CHUNK):
+            some = index[i : i + CHUNK]
+            at, loops = _closed(path, solver, angle[some], rows[i : i + CHUNK])
+            found.append(_rated(path, solver, at, loops, angle[some], speed[some], acceleration[some]))
+            order.append(some)
+    back = np.argsort(np.concatenate(order))
+    parts = {field.name: [getattr(one, field.name) for one in found] for field in fields(LoopMotion)}
+    return LoopMotion(**{name: np.concatenate(part)[back] for name, part in parts.items()})
+
+
+def _closed(
+    path: FollowedPath, solver: LoopSolver, angle: Array, rows: Array
+) -> tuple[Coordinates, Linearised]:
+    """Return poses closed from those of the polynomials, and the loops there."""
+    at = path.unflat(rows, angle)
+    found = solver.linearise(at)
+    blind = path.blind(angle)
+    for _ in range(STEPS):
+        right = np.where(blind[:, None], 0.0, found.right)
+        step = solver.step(_regular(found.matrix, blind), right)
+        longest = float(np.abs(step).max(initial=0.0))
+        if not longest < LONG:
+            worst = float(angle[np.argmax(np.abs(step).max(0))])
+            raise AssemblyError(
+                f"{path.loops.tree.mechanism.name}: the pose at crank angle {worst:.7g} rad is too near a "
+                "singular one to be told from another assembly; keep away from it"
+            )
+        at = path.loops.moved(at, step)
+        found = solver.linearise(at)
+        if longest < SHORT:
+            break
+    return at, found
+
+
+def _regular(matrix: Array, blind: NDArray[np.bool_]) -> Array:
+    """Return matrices that can be solved also where the loops tell nothing."""
+    return np.where(blind[:, None, None], np.eye(matrix.shape[1]), matrix) if blind.any() else matrix
+
+
+def _rated(
+    path: FollowedPath,
+    solver: LoopSolver,
+    at: Coordinates,
+    found: Linearised,
+    angle: Array,
+    speed: Array,
+    acceleration: Array,
+) -> LoopMotion:
+    loops, blind = path.loops, path.blind(angle)
+    tree, units, driven = loops.tree, loops.units[:, None], list(loops.driven)
+    matrix = _regular(found.matrix, blind)
+    rates, second = np.zeros((2, tree.count, len(angle)))
+    first, bend = _along(path, angle[blind]) if blind.any() else (None, None)
+
+    def solved(asked: Array, bias: Array) -> Array:
+        """Return the coordinates' rates of one order, in their units."""
+        ahead = np.zeros((tree.count, len(angle)))
+        ahead[driven] = asked / units[driven]
+        right = np.zeros_like(found.right)
+        opened = np.einsum("rkn,kn->rn", found.slope[:, driven], ahead[driven]) + bias
+        right[:, : len(solver.rows)] = opened[solver.rows].T
+        return ahead + solver.step(matrix, right)
+
+    rates = solved(speed, np.zeros(1))
+    if first is not None:
+        rates[:, blind] = first * speed[blind]
+    twist = twists(tree, found.here, rates * units)
+    drift = drifts(tree, found.here, twist, rates * units)
+    second = solved(acceleration, loops.bias(found.here, twist, drift))
+    if first is not None and bend is not None:
+        second[:, blind] = first * acceleration[blind] + bend * speed[blind] ** 2
+    spatial = drift + twists(tree, found.here, second * units)
+    position = found.here.position
+    velocity, changed = np.empty_like(twist), np.empty_like(twist)
+    for i, place in enumerate(position):
+        spin, turning = twist[i, 3:], spatial[i, 3:]
+        velocity[i, :3] = twist[i, :3] + cross(spin, place)
+        changed[i, :3] = spatial[i, :3] + cross(turning, place) + cross(spin, velocity[i, :3])
+        velocity[i, 3:], changed[i, 3:] = spin, turning
+    return LoopMotion(
+        at.values.T,
+        (rates * units).T,
+        (second * units).T,
+        position.transpose(2, 0, 1),
+        found.here.rotation.transpose(3, 0, 1, 2),
+        velocity.transpose(2, 0, 1),
+        changed.transpose(2, 0, 1),
+    )
+
+
+def _along(path: FollowedPath, angle: Array) -> tuple[Array, Array]:
+    """Return first and second rates of the coordinates per radian of the crank, off the polynomials."""
+    tree = path.loops.tree
+    first, second = path.derivatives(angle)
+    once, twice = first[:, : tree.count].T.copy(), second[:, : tree.count].T.copy()
+    here = path.rough(angle)
+    for i, ball in enumerate(tree.balls):
+        part = slice(tree.count + 9 * i, tree.count + 9 * (i + 1))
+        turn = here.turns[i]
+        spin, bend = (np.ascontiguousarray(rows[:, part].T).reshape(3, 3, -1) for rows in (first, second))
+        turning = product(spin, turn.transpose(1, 0, 2))
+        changing = product(bend, turn.transpose(1, 0, 2)) + product(spin, spin.transpose(1, 0, 2))
+        for rows, matrix in ((once, turning), (twice, changing)):
+            rows[ball.first : ball.first + 3] = (
+                0.5 * (matrix - matrix.transpose(1, 0, 2))[[2, 0, 1], [1, 2, 0]]
+            )
+    return once, twice
