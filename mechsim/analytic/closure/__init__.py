@@ -1,7 +1,8 @@
 """Loop equations of any mechanism: residual, Jacobian, rates, rank and assembly.
 
-Every moving link has six coordinates (a position and an orientation); each joint is a few rows that
-must vanish. This is the second, independent truth on the analytic side: it knows no closed form.
+The second, independent truth on the analytic side: it knows no closed form. At given poses every moving
+link has six coordinates and each joint is a few rows that must vanish (`equations`, `rates`); a whole motion
+is solved in the coordinates of a spanning tree (`follow`, `solve`), all poses together.
 """
 
 from mechsim.analytic.closure.assembly import assemble, rough_poses

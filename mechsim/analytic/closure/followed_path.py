@@ -223,7 +223,7 @@ class FollowedPath:
         return at if np.abs(found - meant).max() < 0.2 * abs(rate) * NEAR else None
 
     def _closed(self, solver: LoopSolver, s: Array, rows: Array) -> tuple[Array, Linearised, float] | None:
-        """Return states closed from rough ones, the loops there, and how far they moved; None if not closed."""
+        """Return states closed from rough ones, the loops there, and how far they moved; or None."""
         try:
             at, found, moved = solver.close(self.unflat(rows, s))
         except np.linalg.LinAlgError:

@@ -95,7 +95,7 @@ def _rate(mechanism: Mechanism, what: str, value: ArrayLike, n: int) -> Array:
 
 
 def joint_motion(joint: Joint, links: Mapping[str, LinkMotion]) -> JointMotion:
-    """Return the motion of a joint of one freedom from those of its links; angles unwrapped in their order."""
+    """Return the motion of a joint of one freedom from those of its links; angles are unwrapped."""
     a, b = (_link_motion(end.link, links) for end in (joint.a, joint.b))
     poses = [Pose(link.position, link.rotation) for link in (a, b)]
     value = joint_coordinate(joint, *poses)[..., 0]

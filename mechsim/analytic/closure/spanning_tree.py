@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joints import KINDS, Axis, Kind
-from mechsim.model.mechanism import GROUND, Joint, Mechanism
+from mechsim.model.mechanism import GROUND, Gear, Joint, Mechanism
 
 Array = NDArray[np.float64]
 
@@ -130,14 +130,14 @@ class SpanningTree:
         if first is None or second is None:
             lost = gear.driver if first is None else gear.driven
             raise InputError(
-                f"{self.mechanism.name}: joint {lost!r} of gear {gear.driver!r}-{gear.driven!r} closes a loop of "
-                "driven and geared joints alone; couple joints that do not"
+                f"{self.mechanism.name}: joint {lost!r} of gear {gear.driver!r}-{gear.driven!r} closes a "
+                "loop of driven and geared joints alone; couple joints that do not"
             )
         return first, second
 
 
 def spanning_tree(mechanism: Mechanism) -> SpanningTree:
-    """Return a tree whose cuts leave few equations: driven and geared joints in it, then those that hold most.
+    """Return a tree whose cuts leave few equations: driven and geared joints stay, then rigid ones.
 
     Raises:
         AssemblyError: for links that no chain of joints leads to.

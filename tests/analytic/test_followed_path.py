@@ -1,0 +1,107 @@
+"""Change points: where two assemblies meet, the motion by the loop equations goes on smoothly."""
+
+import mpmath
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.analytic import closure
+from mechsim.analytic.closure.whole_motion import followed
+from mechsim.errors import AssemblyError
+
+ANGLES = np.unique(
+    np.concatenate([np.linspace(-4 * np.pi, 4 * np.pi, 49), [1e-6, -3e-5, np.pi + 1e-4, 1e-3]])
+)
+
+
+def flat_linkages(count=12):
+    """Four-bars whose shortest and longest links are as long as the other two: one or two poses lie flat."""
+    rng = np.random.default_rng(5)
+    found = []
+    while len(found) < count:
+        ground, crank, coupler = rng.uniform(0.03, 0.15, 3)
+        rocker = (ground + crank - coupler, coupler + abs(ground - crank), crank)[len(found) % 3]
+        if len(found) % 3 == 2:
+            coupler = ground
+        lengths = (ground, crank, coupler, rocker)
+        if min(lengths) > 0.01 and catalog.make("four_bar", **named(lengths)).crank_range().full:
+            found.append(lengths)
+    return found
+
+
+def named(lengths):
+    return dict(zip(("ground", "crank", "coupler", "rocker"), lengths, strict=True))
+
+
+def smooth_b(lengths, angle, sign):
+    """B by half angles, whose product is the root that changes sign as the linkage passes a flat pose."""
+    ground, crank, coupler, rocker = (mpmath.mpf(length) for length in lengths)
+    a = crank * mpmath.expj(angle)
+    arm = ground - a
+    square = abs(arm) ** 2
+    outer = (coupler + rocker) ** 2 - (ground + crank) ** 2
+    inner = (ground - crank) ** 2 - (coupler - rocker) ** 2
+    reach = 2 * mpmath.sqrt(ground * crank)
+    tiny = mpmath.mpf(10) ** -15
+    first = reach * mpmath.cos(angle / 2)
+    second = reach * mpmath.sin(angle / 2)
+    if abs(outer) > tiny:
+        first = mpmath.sqrt(first**2 + outer)
+    if abs(inner) > tiny:
+        second = mpmath.sqrt(second**2 + inner)
+    along = (square + coupler**2 - rocker**2) / 2
+    return a + arm / square * (along + mpmath.mpc(0, 1) * sign * first * second / 2)
+
+
+@pytest.mark.parametrize("lengths", flat_linkages(), ids=lambda one: "-".join(f"{1e3 * x:.0f}" for x in one))
+def test_a_linkage_passes_its_flat_poses_smoothly_and_rates_there_are_limits(lengths):
+    mechanism = catalog.make("four_bar", **named(lengths)).mechanism
+    # where crank and frame lie on each other the coupler could turn about them
+    angles = ANGLES[np.abs(lengths[1] * np.exp(1j * ANGLES) - lengths[0]) > 1e-3 * lengths[0]]
+    point = closure.solve(mechanism, angles, 2.0, 0.0).points["B"]
+    with mpmath.workdps(40):
+        exact = {sign: [smooth_b(lengths, mpmath.mpf(angle), sign) for angle in angles] for sign in (1, -1)}
+        gaps = {
+            sign: max(
+                float(abs(b - complex(*p[:2]))) for b, p in zip(exact[sign], point.position, strict=True)
+            )
+            for sign in exact
+        }
+        sign = min(gaps, key=gaps.__getitem__)
+        slopes = [
+            2 * mpmath.diff(lambda t: smooth_b(lengths, t, sign), mpmath.mpf(angle)) for angle in angles
+        ]
+    assert gaps[sign] <= 1e-11 * mechanism.size
+    apart = max(float(abs(s - complex(*v[:2]))) for s, v in zip(slopes, point.velocity, strict=True))
+    assert apart <= 1e-8 * mechanism.size
+
+
+def test_a_parallelogram_stays_one_turn_after_turn():
+    mechanism = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045).mechanism
+    path = followed(mechanism)
+    path.extend(7.0)
+    path.extend(-7.0)
+    found = np.sort(path.meetings)
+    np.testing.assert_allclose(found, np.pi * np.round(found / np.pi), atol=1e-9)
+    assert {0, 1, 2} <= set(np.round(found / np.pi).astype(int))
+    motion = closure.solve(mechanism, ANGLES)
+    np.testing.assert_allclose(motion.links["coupler"].angular_velocity, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("excess", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_near_a_change_point_the_assembly_is_kept_round_the_bend_as_the_closed_form_says(excess):
+    drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 + excess)
+    assert drive.crank_range().full
+    angles = np.linspace(-np.pi, 3 * np.pi, 64)
+    found, exact = closure.follow(drive.mechanism, angles), drive.solve(angles).links
+    for name, link in exact.items():
+        assert np.abs(found[name].position - link.position).max() <= 1e-9 * drive.mechanism.size
+
+
+@pytest.mark.parametrize("lack", [1e-4, 1e-6, 1e-9])
+def test_a_gap_before_the_flat_pose_is_not_leapt_over(lack):
+    drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 - lack)
+    ((low, high),) = drive.crank_range().arcs
+    assert high - low < 2 * np.pi
+    with pytest.raises(AssemblyError, match=f"cannot pass {high:.4f}"):
+        closure.follow(drive.mechanism, [high + 2.0 * (2 * np.pi - (high - low))])
