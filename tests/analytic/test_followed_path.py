@@ -60,24 +60,21 @@ def test_a_linkage_passes_its_flat_poses_smoothly_and_rates_there_are_limits(len
     angles = ANGLES[np.abs(lengths[1] * np.exp(1j * ANGLES) - lengths[0]) > 1e-3 * lengths[0]]
     point = closure.solve(mechanism, angles, 2.0, 0.0).points["B"]
     with mpmath.workdps(40):
-        exact = {sign: [smooth_b(lengths, mpmath.mpf(angle), sign) for angle in angles] for sign in (1, -1)}
-        gaps = {
-            sign: max(
-                float(abs(b - complex(*p[:2]))) for b, p in zip(exact[sign], point.position, strict=True)
-            )
-            for sign in exact
-        }
-        sign = min(gaps, key=gaps.__getitem__)
-        slopes = [
-            2 * mpmath.diff(lambda t: smooth_b(lengths, t, sign), mpmath.mpf(angle)) for angle in angles
-        ]
-    assert gaps[sign] <= 1e-11 * mechanism.size
-    apart = max(float(abs(s - complex(*v[:2]))) for s, v in zip(slopes, point.velocity, strict=True))
-    assert apart <= 1e-8 * mechanism.size
+        truths = {sign: [smooth_b(lengths, mpmath.mpf(at), sign) for at in angles] for sign in (1, -1)}
+        sign = min(truths, key=lambda one: worst(truths[one], point.position))
+        slopes = [2 * mpmath.diff(lambda at: smooth_b(lengths, at, sign), mpmath.mpf(at)) for at in angles]
+    # measured 3e-13 and 8e-11
+    assert worst(truths[sign], point.position) <= 1e-11 * mechanism.size
+    assert worst(slopes, point.velocity) <= 1e-8 * mechanism.size
+
+
+def worst(exact, found):
+    return max(float(abs(z - complex(*p[:2]))) for z, p in zip(exact, found, strict=True))
 
 
 def test_a_parallelogram_stays_one_turn_after_turn():
-    mechanism = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045).mechanism
+    drive = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=-1)
+    mechanism = drive.mechanism
     path = followed(mechanism)
     path.extend(7.0)
     path.extend(-7.0)
@@ -103,5 +100,7 @@ def test_a_gap_before_the_flat_pose_is_not_leapt_over(lack):
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 - lack)
     ((low, high),) = drive.crank_range().arcs
     assert high - low < 2 * np.pi
-    with pytest.raises(AssemblyError, match=f"cannot pass {high:.4f}"):
+    with pytest.raises(AssemblyError, match="cannot pass") as refused:
         closure.follow(drive.mechanism, [high + 2.0 * (2 * np.pi - (high - low))])
+    said = float(str(refused.value).split("cannot pass ")[1].split()[0])
+    assert said == pytest.approx(high, abs=1e-6)

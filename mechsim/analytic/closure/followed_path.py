@@ -198,23 +198,23 @@ class FollowedPath:
             found = self._closed(cell.solver, s, cell.at(s))
             return None if found is None else found[1].side()
 
-        ends = sides(np.array([a, b]))
+        ends = sides(np.array([a, b])) if abs(b - a) > NEAR else None
         if ends is None:
             return None
         at = a - ends[0] * (b - a) / (ends[1] - ends[0])
-        for apart in (0.1 * abs(b - a), FAR, 0.03 * FAR):
+        for apart in (min(0.1 * abs(b - a), FAR), 0.03 * FAR):
             # a parabola through three points on either side of where the root is thought to be
             around = at + apart * np.array([-2.0, -1.0, 1.0, 2.0])
             found = sides(around)
             if found is None or not np.all(np.sign(found[[0, 1]]) == -np.sign(found[[2, 3]])):
                 return None
-            line = np.polyfit(around - at, found, 2)
-            roots = np.roots(line)
+            parabola = np.polynomial.Polynomial.fit((around - at) / apart, found, 2)
+            roots = parabola.roots()
             real = roots[np.abs(roots.imag) < 1e-12].real
             if not len(real):
                 return None
-            rate = line[1]
-            at += float(real[np.argmin(np.abs(real))])
+            rate = float(parabola.deriv()(0.0)) / apart
+            at += apart * float(real[np.argmin(np.abs(real))])
         near = at + NEAR * np.array([-2.0, -1.0, 1.0, 2.0])
         found = sides(near)
         if found is None:
