@@ -5,8 +5,7 @@ constraints. No closed form is near.
 """
 
 import copy
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
+from mechsim.simulation.loop_constraints import Coupling, constraints
 
 # body and points of it, (n, 3) -> the points' Jacobian, (n, 3, nv)
 Slope = Callable[[int, Array], Array]
@@ -35,29 +35,6 @@ CLOSED = 1e-14
 RANK_TOLERANCE = 1e-9
 # states up to which one thread is as fast as two: below a few milliseconds of work
 ONE_THREAD = 4096
-
-
-@dataclass(frozen=True, slots=True)
-class PointPair:
-    """A `connect` constraint: two points, each fixed in a body, that should coincide."""
-
-    bodies: tuple[int, int]
-    local: tuple[Array, Array]
-
-    @property
-    def ends(self) -> tuple[tuple[int, Array], tuple[int, Array]]:
-        """Body and point, twice."""
-        return (self.bodies[0], self.local[0]), (self.bodies[1], self.local[1])
-
-
-@dataclass(frozen=True, slots=True)
-class Coupling:
-    """A `joint` constraint: one coordinate is a polynomial of another, both counted from qpos0."""
-
-    dofs: tuple[int, int]
-    places: tuple[int, int]
-    zeros: tuple[float, float]
-    polynomial: Array
 
 
 class ModelLoops:
@@ -86,7 +63,7 @@ class ModelLoops:
             )
         self.crank = int(model.jnt_dofadr[joint])
         self.crank_place = int(model.jnt_qposadr[joint])
-        self.pairs, self.couplings = _constraints(model)
+        self.pairs, self.couplings = constraints(model)
         self.name = model.names.split(b"\0", 1)[0].decode() or "model"
         self.free = np.array([i for i in range(model.nv) if i != self.crank], dtype=np.int64)
         self._angular = _is_angle(model)[self.free]
@@ -362,40 +339,3 @@ def _is_angle(model: mujoco.MjModel) -> NDArray[np.bool_]:
     kinds = model.jnt_type[model.dof_jntid]
     order = np.arange(model.nv) - model.jnt_dofadr[model.dof_jntid]
     return (kinds != SLIDE) & ~((kinds == FREE) & (order < 3))
-
-
-def _constraints(model: mujoco.MjModel) -> tuple[Sequence[PointPair], Sequence[Coupling]]:
-    pairs: list[PointPair] = []
-    couplings: list[Coupling] = []
-    for i in range(model.neq):
-        if not model.eq_active0[i]:
-            continue
-        first, second = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
-        if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_CONNECT):
-            pairs.append(_point_pair(model, i, first, second))
-        elif model.eq_type[i] == int(mujoco.mjtEq.mjEQ_JOINT):
-            couplings.append(_coupling(model, i, first, second))
-        else:
-            raise InputError(
-                f"equality {model.equality(i).name or i!r} is of a kind that closes no loop here; "
-                "close loops by connect constraints, gears by joint constraints"
-            )
-    return pairs, couplings
-
-
-def _point_pair(model: mujoco.MjModel, i: int, first: int, second: int) -> PointPair:
-    if model.eq_objtype[i] == int(mujoco.mjtObj.mjOBJ_SITE):
-        bodies = int(model.site_bodyid[first]), int(model.site_bodyid[second])
-        return PointPair(bodies, (model.site_pos[first].copy(), model.site_pos[second].copy()))
-    data = model.eq_data[i]
-    return PointPair((first, max(second, 0)), (data[0:3].copy(), data[3:6].copy()))
-
-
-def _coupling(model: mujoco.MjModel, i: int, first: int, second: int) -> Coupling:
-    place, dof = int(model.jnt_qposadr[first]), int(model.jnt_dofadr[first])
-    polynomial = model.eq_data[i, :5].copy()
-    if second < 0:
-        return Coupling((dof, -1), (place, -1), (float(model.qpos0[place]), 0.0), polynomial)
-    other = int(model.jnt_qposadr[second])
-    zeros = float(model.qpos0[place]), float(model.qpos0[other])
-    return Coupling((dof, int(model.jnt_dofadr[second])), (place, other), zeros, polynomial)
