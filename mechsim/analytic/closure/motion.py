@@ -37,8 +37,8 @@ def rates(
     names = [link.name for link in mechanism.links]
     angle = np.atleast_1d(np.asarray(angle, dtype=np.float64))
     n = len(angle)
-    speed = _rate(mechanism, "speed", speed, n)
-    acceleration = _rate(mechanism, "acceleration", acceleration, n)
+    speed = crank_rate(mechanism, "speed", speed, n)
+    acceleration = crank_rate(mechanism, "acceleration", acceleration, n)
 
     rows = equations(mechanism, poses, angle)
     asked = np.zeros_like(rows.residual)
@@ -87,7 +87,8 @@ def point_on(link: LinkMotion, local: ArrayLike) -> PointMotion:
     return PointMotion(link.position + arm, link.velocity + swing, link.acceleration + bend)
 
 
-def _rate(mechanism: Mechanism, what: str, value: ArrayLike, n: int) -> Array:
+def crank_rate(mechanism: Mechanism, what: str, value: ArrayLike, n: int) -> Array:
+    """Return a rate of the crank at n instants, (n,), or say what is wrong with it."""
     rate = numbers(value)
     if rate.shape not in ((), (1,), (n,)) or not np.isfinite(rate).all():
         raise InputError(f"{mechanism.name}: the crank's {what} is no finite number; give one, or {n}, in SI")

@@ -5,11 +5,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.closure.assembly import assemble, crank_angles
 from mechsim.analytic.closure.followed_path import FollowedPath
-from mechsim.analytic.closure.motion import joint_motion, point_on
+from mechsim.analytic.closure.motion import crank_rate, joint_motion, point_on
 from mechsim.analytic.closure.tree_loops import tree_loops
 from mechsim.analytic.closure.tree_rates import LoopMotion, loop_motion
 from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.mechanism import GROUND, Mechanism, Pose, described
 from mechsim.model.motion import JointMotion, Motion
 
 Array = NDArray[np.float64]
@@ -21,6 +21,7 @@ def followed(mechanism: Mechanism) -> FollowedPath:
     Raises:
         AssemblyError: where the loops do not close at the start.
     """
+    mechanism = described(mechanism)
     poses = assemble(mechanism, [mechanism.start])
     loops, start = tree_loops(mechanism, poses, mechanism.start)
     return FollowedPath(loops, lambda angle: angle[None], start, mechanism.start)
@@ -38,8 +39,8 @@ def follow(mechanism: Mechanism, angles: ArrayLike) -> dict[str, Pose]:
 
     Accuracy: residuals of a few ulp of the longest link away from a dead centre.
     """
-    asked = crank_angles(mechanism, angles)
     path = followed(mechanism)
+    asked = crank_angles(path.loops.tree.mechanism, angles)
     found = loop_motion(path, asked, np.zeros_like(asked), np.zeros_like(asked))
     return {
         name: Pose(found.position[:, i], found.rotation[:, i]) for name, i in path.loops.tree.links.items()
@@ -66,8 +67,12 @@ def solve(
     Accuracy: relative errors of about 1e-15 times the condition of the loops; within 5e-3 rad of a change
         point 1e-12.
     """
+    mechanism = described(mechanism)
     asked = crank_angles(mechanism, angles)
-    rates = [np.broadcast_to(np.asarray(one, dtype=np.float64), asked.shape) for one in (speed, acceleration)]
+    rates = [
+        crank_rate(mechanism, what, value, len(asked))
+        for what, value in (("speed", speed), ("acceleration", acceleration))
+    ]
     path = followed(mechanism)
     return recorded(path, loop_motion(path, asked, *rates), asked, *rates)
 
