@@ -136,14 +136,8 @@ class Looper(ClosedForm):
         return found[0].arcs(found[1]) if found else Arcs(False, ())
 
     def assemblies(self, angle: float) -> list[Self]:
-        at, out = np.array([angle]), []
-        for branch in (1, -1):
-            for sign in (1, -1):
-                drive = replace(self, branch=branch, side=sign)
-                for count, (sheet, layer) in enumerate(drive._sheets, 1):
-                    if not np.isnan(sheet.unrolled(at, layer)[0]):
-                        out.append(replace(drive, side=sign * count))
-        return out
+        at = np.array([angle])
+        return [one for one, sheet, layer in self._family if not np.isnan(sheet.unrolled(at, layer)[0])]
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
         """Return the lesser of the two sines whose signs are `branch` and `side`, (n,).
@@ -195,6 +189,20 @@ class Looper(ClosedForm):
             found = sheets(self._residual, self.planar_range(), sign)
         layers = range(max((sheet.layers for sheet in found), default=0))
         return [(sheet, layer) for layer in layers for sheet in found if layer < sheet.layers]
+
+    @cached_property
+    def _family(self) -> list[tuple[Self, Sheet, int]]:
+        """This mechanism in every assembly it has somewhere, with its sheet and layer; kept, for each is dear."""
+        found: list[tuple[Self, Sheet, int]] = []
+        for branch in (1, -1):
+            for sign in (1, -1):
+                first = replace(self, branch=branch, side=sign)
+                for count, (sheet, layer) in enumerate(first._sheets, 1):
+                    one = replace(first, side=sign * count)
+                    # all roots of one sign lie on the same sheets
+                    one.__dict__["_sheets"] = first._sheets
+                    found.append((one, sheet, layer))
+        return found
 
     @property
     def _sheet(self) -> tuple[Sheet, int] | None:
