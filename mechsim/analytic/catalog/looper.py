@@ -192,7 +192,7 @@ class Looper(ClosedForm):
 
     @cached_property
     def _family(self) -> list[tuple[Self, Sheet, int]]:
-        """This mechanism in every assembly it has somewhere, with its sheet and layer; kept, for each is dear."""
+        """This mechanism in every assembly it has somewhere, with its sheet and layer; each is dear."""
         found: list[tuple[Self, Sheet, int]] = []
         for branch in (1, -1):
             for sign in (1, -1):

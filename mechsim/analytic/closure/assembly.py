@@ -1,18 +1,17 @@
 """Assembly by Newton's method: closing the loops at crank angles, from a guess or from a neighbour."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mechsim.analytic.closure.joint_rows import is_length
 from mechsim.analytic.closure.loop_equations import Poses, equations
 from mechsim.analytic.closure.rank import least_norm
 from mechsim.analytic.vector_method.rotations import dot, turned_by
 from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.arrays import Array
 from mechsim.maths.given import numbers
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose, described
-
-Array = NDArray[np.float64]
 
 # a gap this small is rounding; polishing on would chase it down to the denormal numbers
 FLOOR = 4.0 * np.finfo(np.float64).eps

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.closure.spanning_tree import SpanningTree
 from mechsim.analytic.closure.tree_motion import Placed, cross
+from mechsim.maths.arrays import Array
 from mechsim.model.joints import COLUMN, KINDS
 from mechsim.model.mechanism import GROUND, Joint
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

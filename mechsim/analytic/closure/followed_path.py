@@ -17,8 +17,8 @@ from mechsim.analytic.closure.loop_solver import Linearised, LoopSolver, loop_so
 from mechsim.analytic.closure.tree_loops import TreeLoops, orthogonal
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import AssemblyError
+from mechsim.maths.arrays import Array
 
-Array = NDArray[np.float64]
 # path parameter (n,) -> prescribed coordinates in their units, (driven, n)
 Drive = Callable[[Array], Array]
 

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, Placed, product
-
-Array = NDArray[np.float64]
+from mechsim.maths.arrays import Array
 
 # Newton steps taken at the most, and a residual that is rounding
 MOST_STEPS, ROUNDING = 8, 1e-13

@@ -3,18 +3,17 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mechsim.analytic.closure.loop_equations import Poses, equations
 from mechsim.analytic.closure.rank import least_norm
 from mechsim.analytic.vector_method.rotations import cross, dot
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.maths.given import numbers
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, joint_coordinate
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
-
-Array = NDArray[np.float64]
 
 
 def rates(

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS, Axis, Kind
 from mechsim.model.mechanism import GROUND, Gear, Joint, Mechanism
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from mechsim.analytic.closure.cut_rows import Cut, cuts_of
 from mechsim.analytic.closure.spanning_tree import SpanningTree, spanning_tree
 from mechsim.analytic.closure.tree_motion import Coordinates, Placed, cross, placed, product
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 from mechsim.model.joints import coordinates
 from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
 
-Array = NDArray[np.float64]
-TURN = 2.0 * np.pi
 # singular values below this part of the largest are nought
 RANK_TOLERANCE = 1e-9
 

@@ -6,12 +6,10 @@ Instants come last in every array here, so that each component is one run of mem
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.closure.spanning_tree import SpanningTree, TreeJoint
+from mechsim.maths.arrays import Array
 from mechsim.model.joints import COLUMN, crossed_at_zero
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,8 @@ from mechsim.analytic.closure.followed_path import FollowedPath
 from mechsim.analytic.closure.loop_solver import Linearised, LoopSolver
 from mechsim.analytic.closure.tree_motion import Coordinates, cross, drifts, product, twists
 from mechsim.errors import AssemblyError
+from mechsim.maths.arrays import Array
 from mechsim.model.motion import LinkMotion
-
-Array = NDArray[np.float64]
 
 # poses solved in one go: their arrays stay in a core's own cache
 CHUNK = 1024

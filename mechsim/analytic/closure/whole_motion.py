@@ -1,18 +1,17 @@
 """The motion of any mechanism from its loop equations alone."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mechsim.analytic.closure.assembly import assemble, crank_angles
 from mechsim.analytic.closure.followed_path import FollowedPath
 from mechsim.analytic.closure.motion import crank_rate, joint_motion, point_on
 from mechsim.analytic.closure.tree_loops import tree_loops
 from mechsim.analytic.closure.tree_rates import LoopMotion, loop_motion
+from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Mechanism, Pose, described
 from mechsim.model.motion import JointMotion, Motion
-
-Array = NDArray[np.float64]
 
 
 def followed(mechanism: Mechanism) -> FollowedPath:
