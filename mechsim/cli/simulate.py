@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from mechsim import files, simulation, units
@@ -11,6 +12,7 @@ from mechsim.cli.declared_options import spread
 from mechsim.cli.options import Json, Name, Output, Sets, Speed, drive_of, scene_of, speed_of, writable
 from mechsim.cli.output import print_json, progress
 from mechsim.errors import AssemblyError, InputError
+from mechsim.model.crank_profile import arc_around
 from mechsim.simulation import CrankProfile, Run, Settings
 
 Asked = Annotated[Mapping[str, Any], Settings]
@@ -53,7 +55,7 @@ def simulate(
     drive = drive_of(name, sets)
     wanted = None if tolerance is None else units.parse_length(tolerance, "the tolerance")
     steady = speed_of(speed)
-    motion = _profile(profile) if profile else simulation.constant(steady, turns)
+    motion = _profile(profile) if profile else _turned(drive, steady, turns)
     settings = _settings(motion, timestep, asked)
     if wanted is not None and (timestep or "steps_per_turn" in asked):
         raise InputError("--tolerance chooses the step by itself; leave out --timestep and --steps-per-turn")
@@ -64,8 +66,6 @@ def simulate(
         if whole < 1:
             raise InputError(f"records {every} apart do not fit the motion; give an angle above 0 within it")
         samples = whole
-    if profile is None:
-        _within_range(drive, turns)
     with progress("simulate", None) as tick:
         run = simulation.simulate(
             drive.mechanism,
@@ -96,14 +96,20 @@ def _found(run: Run) -> str:
     return f"places within {run.estimate:.3g} m of the solved poses (bound {run.tolerance:.3g} m)"
 
 
-def _within_range(drive: ClosedForm, turns: float) -> None:
-    """Refuse to drive a crank round that cannot turn fully."""
+def _turned(drive: ClosedForm, speed: float, turns: float) -> CrankProfile:
+    """Return the crank's motion at constant speed; refuse one that leaves the crank's range."""
     arcs = drive.crank_range()
-    if not arcs.full and arcs.arcs:
+    if arcs.full or not arcs.arcs:
+        return simulation.constant(speed, turns)
+    profile = simulation.constant(speed, turns, drive.mechanism.start)
+    ends, _, _ = profile.state(np.array([0.0, profile.duration]))
+    around = arc_around(arcs, float(ends[0]))
+    if around is None or not around[0] <= ends.min() <= ends.max() <= around[1]:
         raise AssemblyError(
-            f"{drive.name}: the crank cannot make {turns:g} turns: it can stand {arcs}; "
-            "change the dimensions, or give a --profile that stays inside"
+            f"{drive.name}: the crank cannot make {turns:g} turns from {ends[0]:.6g} rad: it can stand "
+            f"{arcs}; change the dimensions, or give a --profile that stays inside"
         )
+    return profile
 
 
 def _profile(path: str) -> CrankProfile:

@@ -120,6 +120,18 @@ def swing(middle: float, reach: float, fastest: float) -> CrankProfile:
     return CrankProfile(TURN / rate, abs(fastest), state)
 
 
+def arc_around(arcs: CrankRange, angle: float) -> tuple[float, float] | None:
+    """Return the arc that holds a crank angle, counted on the angle's lap, in [rad]; None if none does.
+
+    A turn fewer or more is the same pose: an arc from 1 to 7 rad holds 0.5 rad as one from -5.3 to 0.7.
+    """
+    for low, high in arcs.arcs:
+        lap = TURN * np.floor((angle - low) / TURN)
+        if angle <= high + lap:
+            return float(low + lap), float(high + lap)
+    return None
+
+
 def within_range(
     mechanism: Mechanism, arcs: CrankRange, speed: float, turns: float = 1.0, through: float | None = None
 ) -> CrankProfile:
@@ -138,16 +150,10 @@ def within_range(
     if arcs.full:
         return constant(speed, turns)
     angle = mechanism.start if through is None else through
-    # the arc that holds the angle, counted so that the angle lies on it as a number
-    around = [
-        (low + turn, high + turn)
-        for low, high in arcs.arcs
-        for turn in (0.0, -TURN)
-        if low + turn <= angle <= high + turn
-    ]
-    if not around:
+    around = arc_around(arcs, angle)
+    if around is None:
         why = "where assembly begins; change the dimensions" if through is None else f"it can stand {arcs}"
         raise AssemblyError(f"{mechanism.name}: the loops do not close at crank angle {angle:.6g} rad, {why}")
-    low, high = around[0]
+    low, high = around
     middle, reach = (low + high) / 2.0, PART_OF_RANGE * (high - low) / 2.0
     return swing(middle, reach if through is None else max(reach, abs(angle - middle)), speed)

@@ -1,5 +1,8 @@
 """The motion of any mechanism from its loop equations alone."""
 
+from contextlib import suppress
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -8,10 +11,15 @@ from mechsim.analytic.closure.followed_path import FollowedPath
 from mechsim.analytic.closure.motion import crank_rate, joint_motion, point_on
 from mechsim.analytic.closure.tree_loops import tree_loops
 from mechsim.analytic.closure.tree_rates import LoopMotion, loop_motion
+from mechsim.errors import AssemblyError
+from mechsim.maths.angles import TURN, other_laps
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Mechanism, Pose, described
 from mechsim.model.motion import JointMotion, Motion
+
+# a gear ratio times turns of the crank is a whole number to this
+WHOLE = 1e-12
 
 
 def followed(mechanism: Mechanism) -> FollowedPath:
@@ -38,9 +46,9 @@ def follow(mechanism: Mechanism, angles: ArrayLike) -> dict[str, Pose]:
 
     Accuracy: residuals of a few ulp of the longest link away from a dead centre.
     """
-    path = followed(mechanism)
-    asked = crank_angles(path.loops.tree.mechanism, angles)
-    found = loop_motion(path, asked, np.zeros_like(asked), np.zeros_like(asked))
+    mechanism = described(mechanism)
+    asked = crank_angles(mechanism, angles)
+    path, found = _moved(mechanism, asked, np.zeros_like(asked), np.zeros_like(asked))
     return {
         name: Pose(found.position[:, i], found.rotation[:, i]) for name, i in path.loops.tree.links.items()
     }
@@ -72,8 +80,38 @@ def solve(
         crank_rate(mechanism, what, value, len(asked))
         for what, value in (("speed", speed), ("acceleration", acceleration))
     ]
+    return recorded(*_moved(mechanism, asked, *rates), asked, *rates)
+
+
+def _moved(
+    mechanism: Mechanism, angle: Array, speed: Array, acceleration: Array
+) -> tuple[FollowedPath, LoopMotion]:
+    """Return the motion and its path, of a crank that only swings on whatever lap it is asked for."""
     path = followed(mechanism)
-    return recorded(path, loop_motion(path, asked, *rates), asked, *rates)
+    try:
+        return path, loop_motion(path, angle, speed, acceleration)
+    except AssemblyError:
+        for laps in other_laps(mechanism.start, angle):
+            other = _counted(path, laps)
+            if other is not None:
+                with suppress(AssemblyError):
+                    return other, loop_motion(other, angle, speed, acceleration)
+        raise
+
+
+def _counted(path: FollowedPath, laps: int) -> FollowedPath | None:
+    """Return a path from the same pose so many turns of the crank on; None where gears make it another."""
+    winds = list(path.loops.winds)
+    for i, gear in enumerate(path.loops.tree.mechanism.gears):
+        if gear.driver == path.loops.tree.mechanism.driver:
+            gain = gear.ratio * laps
+            if abs(gain - round(gain)) > WHOLE:
+                return None
+            winds[i] -= round(gain) * TURN
+    start = path.start.values.copy()
+    start[list(path.loops.driven)] += laps * TURN
+    loops = replace(path.loops, winds=tuple(winds))
+    return FollowedPath(loops, path.drive, replace(path.start, values=start), path.begin + laps * TURN)
 
 
 def recorded(

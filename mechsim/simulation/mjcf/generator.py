@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
+from mechsim.maths.angles import TURN
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
 from mechsim.model.motion_plane import plane_normals
@@ -74,6 +75,9 @@ def _add_links(
     for branch in tree.branches:
         link, parent = branch.child.link, placed[branch.parent.link]
         local, values = seated_pose(branch, parent, poses[link]) if link in poses else zero_pose(branch)
+        if branch.joint.name == mechanism.driver and link in poses:
+            # a pose does not tell on which lap the crank stands
+            values = (values[0] + TURN * float(np.round((mechanism.start - values[0]) / TURN)),)
         hung = bodies[branch.parent.link].add_body(
             name=link, pos=local.position, quat=quaternion(local.rotation)
         )

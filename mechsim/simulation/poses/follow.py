@@ -1,14 +1,17 @@
 """Motion by solving poses: no time, no integration, every crank angle to rounding."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.poses.laps import on_other_laps
 from mechsim.simulation.poses.rough_steps import ASTRAY, sprint
 from mechsim.simulation.poses.spline_path import AssemblyPath
 from mechsim.simulation.poses.strides import SHORTEST, STRIDE, walk
@@ -30,7 +33,8 @@ def follow(loops: ModelLoops, start: Array, angles: ArrayLike) -> Array:
 
     A sprint over the range, or a walk where that strays, keeps the assembly; splines through its
     poses give the rest to within a Newton step or two, all solved together. Where a turn of the
-    crank leads back to the start, one turn is made however many are asked for.
+    crank leads back to the start, one turn is made however many are asked for. A crank that only
+    swings may be asked for on any lap on which the linkage is the same.
 
     Args:
         loops: of the model.
@@ -41,6 +45,16 @@ def follow(loops: ModelLoops, start: Array, angles: ArrayLike) -> Array:
         AssemblyError: at the crank angle beyond which the loops cannot close in this assembly.
     """
     angles = np.asarray(angles, dtype=np.float64)
+    try:
+        return _followed(loops, start, angles)
+    except AssemblyError:
+        for counted in on_other_laps(loops, start, angles):
+            with suppress(AssemblyError):
+                return _followed(loops, counted, angles)
+        raise
+
+
+def _followed(loops: ModelLoops, start: Array, angles: Array) -> Array:
     sprinted = _sprinted(loops, start, angles)
     if sprinted is not None:
         states, sure = _along(sprinted, angles)

@@ -1,0 +1,109 @@
+"""A crank that only swings is driven anywhere inside its range, on whatever lap its angle is counted."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import Phase, assume, given, settings
+from hypothesis import strategies as st
+from strategies import CASES, random_knitter
+
+from mechsim import catalog, closure
+from mechsim.errors import AssemblyError
+from mechsim.maths.angles import TURN
+from mechsim.model.crank_profile import PART_OF_RANGE, arc_around, constant, swing
+from mechsim.model.scene import Scene
+from mechsim.simulation import Settings, simulate
+from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.mjcf.exact_text import to_xml
+from mechsim.verdict.judge import crosscheck
+
+SWINGING = ("four_bar", "slider_crank", "rssr", "rrsrr", "warp_knitter", "looper")
+PARTS = st.floats(0.05, 0.95)
+
+
+@st.composite
+def swings(draw, name):
+    """Return a drive whose crank only swings, and a profile inside its range on any lap."""
+    drive = draw(CASES[name].random)
+    if name == "warp_knitter":
+        drive = replace(drive, gear_ratio=-2.0, assembly=1)
+    try:
+        arcs, start = drive.crank_range(), drive.mechanism.start
+    except AssemblyError:
+        assume(False)
+    around = None if arcs.full else arc_around(arcs, start)
+    assume(around is not None and around[1] - around[0] > 0.2)
+    low, high = around
+    angles = np.linspace(low, high, 61)[2:-2]
+    assume(drive.transmission_angle(angles).min() > 0.02)
+    middle = low + (high - low) * draw(PARTS)
+    reach = PART_OF_RANGE * min(middle - low, high - middle) * draw(PARTS)
+    return drive, swing(middle + TURN * draw(st.integers(-3, 3)), reach, 20.0)
+
+
+@pytest.mark.parametrize("name", SWINGING)
+@given(data=st.data())
+@settings(max_examples=3, phases=[Phase.generate])
+def test_no_road_refuses_a_swing_inside_the_range_on_any_lap(name, data):
+    drive, profile = data.draw(swings(name))
+    mechanism = drive.mechanism
+    poses = simulate(mechanism, profile=profile, samples=24, method="pose")
+    assert poses.outcome == "met"
+    same = 1e-9 * mechanism.size
+    assert crosscheck(poses.motion, drive, tolerance=same).passed
+    angle = poses.motion.angle
+    np.testing.assert_allclose(angle, profile.state(poses.motion.time)[0], rtol=0, atol=1e-12)
+    own = closure.solve(mechanism, angle)
+    for point, place in drive.positions(angle).items():
+        np.testing.assert_allclose(own.points[point].position, place, rtol=0, atol=same)
+    stepped = simulate(mechanism, profile=profile, samples=24, settings=Settings())
+    # how near it comes is another question
+    assert stepped.outcome in ("met", "missed")
+    text = to_xml(assembled(mechanism, Scene()))
+    model = mujoco.MjModel.from_xml_string(text)
+    assert model.joint("crank").qpos0[0] == pytest.approx(mechanism.start, abs=1e-12)
+    again = simulate(text, profile=profile, samples=24, method="pose")
+    assert again.outcome == "met"
+    assert crosscheck(again.motion, drive, tolerance=same).passed
+
+
+def test_a_crank_whose_range_begins_beyond_half_a_turn_starts_there_and_says_so_in_its_model():
+    drive = catalog.make(
+        "rssr",
+        crank=0.018,
+        coupler=0.034,
+        rocker=0.028,
+        pivot=(-0.027, -0.024, -0.026),
+        gamma1=-0.78,
+        gamma2=1.89,
+    )
+    assert drive.mechanism.start > np.pi
+    run = simulate(drive.mechanism, profile=constant(6.0, 0.1, drive.mechanism.start))
+    assert run.outcome == "met"
+    assert run.motion.angle[0] == drive.mechanism.start
+
+
+def test_a_swing_that_leaves_the_range_is_refused_on_every_lap():
+    drive = catalog.make("four_bar", **catalog.DRIVES["four_bar"].swinging)
+    low, high = drive.crank_range().arcs[0]
+    for lap in (-2, 0, 1):
+        profile = swing(0.5 * (low + high) + TURN * lap, 0.51 * (high - low), 20.0)
+        with pytest.raises(AssemblyError, match="cannot pass"):
+            simulate(drive.mechanism, profile=profile)
+
+
+def test_a_geared_crank_that_turns_into_another_linkage_is_refused_on_another_lap():
+    """Geared three to two, the second crank stands on its other side after a turn of the first."""
+    for seed in range(60):
+        drive = random_knitter(seed, -1.5)
+        arcs = drive.crank_range()
+        around = None if arcs.full else arc_around(arcs, drive.mechanism.start)
+        if around is not None:
+            break
+    low, high = around
+    middle, reach = 0.5 * (low + high), 0.2 * (high - low)
+    assert simulate(drive.mechanism, profile=swing(middle, reach, 20.0)).outcome == "met"
+    with pytest.raises(AssemblyError):
+        simulate(drive.mechanism, profile=swing(middle + TURN, reach, 20.0))
