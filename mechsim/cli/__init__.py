@@ -3,11 +3,8 @@
 A file is loaded when its command is typed: `mechsim --help` must be quick.
 """
 
-import signal
 import sys
-import threading
-from collections.abc import Generator
-from contextlib import contextmanager
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -16,7 +13,7 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from mechsim._version import __version__
-from mechsim.errors import MechsimError
+from mechsim.cli.endings import ended, tell
 
 # command -> its file and function, and what it does
 COMMANDS = {
@@ -68,11 +65,6 @@ PLAIN: dict[str, Any] = {
     "pretty_exceptions_enable": False,
 }
 
-# what the command-line library returns for Ctrl-C, without a word
-INTERRUPTED = 130
-# as a program that the system ends for that: 128 + SIGPIPE
-CLOSED_PIPE = 141
-
 
 class LoadedWhenTyped(TyperGroup):
     """Commands known by name and by what they do; the one that is typed is loaded."""
@@ -86,9 +78,20 @@ class LoadedWhenTyped(TyperGroup):
 def loaded(name: str) -> Any:
     """Return a command, its file loaded."""
     file, _, function = COMMANDS[name][0].partition(".")
+    command = getattr(import_module(f"mechsim.cli.{file}"), function)
     alone = typer.Typer(**PLAIN)
-    alone.command(name)(getattr(import_module(f"mechsim.cli.{file}"), function))
+    alone.command(name)(_without_mujocos_log(command) if "mujoco" in sys.modules else command)
     return get_command(alone)
+
+
+def _without_mujocos_log(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command that MuJoCo says nothing beside, on stderr or in a file of its own."""
+    from mechsim.simulation.mjcf import quiet
+    from mechsim.simulation.mujoco_loading import PROBLEM
+
+    if PROBLEM:
+        tell(f"mechsim: {PROBLEM}")
+    return quiet()(command)
 
 
 app = typer.Typer(
@@ -111,61 +114,5 @@ def _top(
 
 
 def main() -> None:
-    """Run the command line: 0 all met, 1 something missed, 2 bad input, said in one line."""
-    with _listening() as pressed:
-        sys.exit(_ended(pressed))
-
-
-def _ended(pressed: list[int]) -> int:
-    """Return the exit code of the command typed."""
-    try:
-        code = app(standalone_mode=False)
-    except MechsimError as error:
-        return _refused(str(error))
-    except typer.exceptions.TyperException as error:
-        message = error.format_message() if hasattr(error, "format_message") else str(error)
-        return _refused(message)
-    except (KeyboardInterrupt, typer.Abort):
-        return _refused("stopped")
-    except (BrokenPipeError, SystemExit):
-        # the command-line library, too, ends so when nobody reads on
-        return CLOSED_PIPE
-    except Exception:
-        # an interrupted import of compiled code says anything but that
-        if not pressed:
-            raise
-        return _refused("stopped")
-    if code == INTERRUPTED:
-        return _refused("stopped")
-    return code if isinstance(code, int) else 0
-
-
-@contextmanager
-def _listening() -> Generator[list[int]]:
-    """Give a list that holds a number for every Ctrl-C pressed; one lost in a destructor prints nothing."""
-    pressed: list[int] = []
-
-    def press(number: int, _: object) -> None:
-        pressed.append(number)
-        raise KeyboardInterrupt
-
-    def lost(what: "sys.UnraisableHookArgs") -> None:
-        if not isinstance(what.exc_value, KeyboardInterrupt):
-            sys.__unraisablehook__(what)
-
-    here = threading.current_thread() is threading.main_thread()
-    before, hook = signal.getsignal(signal.SIGINT), sys.unraisablehook
-    if here:
-        signal.signal(signal.SIGINT, press)
-    sys.unraisablehook = lost
-    try:
-        yield pressed
-    finally:
-        sys.unraisablehook = hook
-        if here:
-            signal.signal(signal.SIGINT, before)
-
-
-def _refused(message: str) -> int:
-    print(f"mechsim: {' '.join(message.split())}", file=sys.stderr)
-    return 2
+    """Run the command line; see `endings.ended` for its exit codes."""
+    sys.exit(ended(lambda: app(standalone_mode=False)))

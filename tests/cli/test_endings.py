@@ -1,0 +1,134 @@
+"""How commands end: streams that take nothing, signals, faults of the program, a back end that fails."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from mechsim import cli
+
+MECHSIM = [sys.executable, "-m", "mechsim"]
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(cli.__file__).parents[2])}
+RENDER = ["render", "rssr", "-o", "film.mp4", "--frames-per-turn", "2000", "--size", "640x480"]
+SOLVE = ["solve", "rssr", "--angles", "0:3600:0.01deg", "-o", "out.csv"]
+
+
+def run(words: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    command = f"{sys.executable} -m mechsim {words}"
+    return subprocess.run(
+        ["sh", "-c", command],
+        cwd=folder,
+        env=ENVIRONMENT | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        ("list 2>&-", 0, ""),
+        ("list >&-", 0, ""),
+        ("solve rssr -o out.csv <&- >&- 2>&-", 0, ""),
+        ("solve rsr 2>&-", 2, ""),
+        ("solve rsr 2>/dev/full", 2, ""),
+        ("list >/dev/full", 2, "No space left on device"),
+        ("solve rssr >/dev/full", 2, "No space left on device"),
+    ],
+)
+def test_a_stream_that_takes_nothing_leaves_the_exit_code_right(
+    words: str, code: int, said: str, tmp_path: Path
+) -> None:
+    done = run(words, tmp_path)
+    assert done.returncode == code
+    assert said in done.stderr
+    assert len(done.stderr.splitlines()) <= 1
+    if "-o" in words:
+        # neither output nor messages went into the file that was given a stream's number
+        assert (tmp_path / "out.csv").read_text().startswith("angle,P2.x")
+
+
+def begun(words: list[str], folder: Path) -> subprocess.Popen[str]:
+    """Start a command and wait until it writes."""
+    process = subprocess.Popen(
+        [*MECHSIM, *words],
+        cwd=folder,
+        env=ENVIRONMENT,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    while process.poll() is None and not any(folder.iterdir()):
+        time.sleep(0.005)
+    return process
+
+
+@pytest.mark.parametrize(("name", "words"), [("SIGTERM", RENDER), ("SIGHUP", SOLVE)])
+def test_a_signal_that_ends_a_command_leaves_nothing_behind(
+    name: str, words: list[str], tmp_path: Path
+) -> None:
+    process = begun(words, tmp_path)
+    number = getattr(signal, name)
+    process.send_signal(number)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode == 128 + number
+    assert said.splitlines()[-1] == "mechsim: stopped"
+    assert list(tmp_path.iterdir()) == []
+    # the encoder, in the same group, is gone as well
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)
+
+
+def test_an_interrupt_from_the_keyboard_that_ends_the_encoder_too_is_no_fault_of_the_encoder(
+    tmp_path: Path,
+) -> None:
+    process = begun(RENDER, tmp_path)
+    time.sleep(0.5)
+    os.killpg(process.pid, signal.SIGINT)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode == 2
+    assert said.splitlines()[-1] == "mechsim: stopped"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_signal_that_is_ignored_stays_ignored(tmp_path: Path) -> None:
+    code = (
+        "import signal, os; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
+        "from mechsim.cli import endings\n"
+        "raise SystemExit(endings.ended(lambda: os.kill(os.getpid(), signal.SIGHUP)))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], env=ENVIRONMENT, check=False).returncode == 0
+
+
+def test_a_fault_of_the_program_never_looks_like_missed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(**_: object) -> None:
+        raise IndexError("list index out of range")
+
+    monkeypatch.setattr(cli, "app", broken)
+    for debug in (False, True):
+        if debug:
+            monkeypatch.setenv("MECHSIM_DEBUG", "1")
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        assert ended.value.code == 70
+        said = capsys.readouterr().err
+        assert "mechsim: internal error: IndexError: list index out of range: please report" in said
+        assert ("Traceback" in said) is debug
+
+
+@pytest.mark.parametrize("asked", ["osmesa", "nonsense"])
+def test_a_back_end_that_fails_stops_nothing_that_does_not_draw(asked: str, tmp_path: Path) -> None:
+    done = run("simulate rssr", tmp_path, MUJOCO_GL=asked)
+    assert done.returncode == 0
+    if done.stderr:
+        assert done.stderr == (
+            f"mechsim: MUJOCO_GL={asked} does not work here; pictures take another back end, if there is one\n"
+        )
