@@ -3,6 +3,8 @@
 import json
 import math
 import os
+import shutil
+import stat
 import tempfile
 import zipfile
 from collections.abc import Generator, Mapping
@@ -14,13 +16,44 @@ import numpy as np
 
 from mechsim.errors import InputError, OutputError
 from mechsim.maths.arrays import Array
+from mechsim.maths.memory import require_room
 from mechsim.model.motion import Motion
 
 Table = dict[str, Array]
 EXTENSIONS = (".csv", ".npz")
 
+# bytes in memory for each byte of text, and for each of a packed table
+IN_MEMORY, UNPACKED = 10.0, 3.0
+SHORTER = "give a shorter table"
 # rows formatted in one go: long enough to be fast, short enough to stay in the cache
 ROWS = 4096
+
+
+def place_of(path: str | Path) -> Path:
+    """Return where a file that is asked for really lies: what a symbolic link points to.
+
+    Raises:
+        OutputError: where no file can be written there, or one lies there that must not be.
+    """
+    path = Path(path)
+    try:
+        place = Path(os.path.realpath(path)) if path.is_symlink() else path
+        if place.is_dir():
+            raise OutputError(f"cannot write {path}: it is a directory; name a file in it")
+        if not place.parent.is_dir():
+            raise OutputError(f"cannot write {path}: there is no directory {place.parent}; make it first")
+        if place.is_symlink():
+            raise OutputError(f"cannot write {path}: its links lead in a circle; name another file")
+        # root may write what nobody may; it is protected all the same
+        if place.exists() and not (place.stat().st_mode & 0o222 and os.access(place, os.W_OK)):
+            raise OutputError(
+                f"cannot write {path}: it is read-only; name another file, or change its rights"
+            )
+    except OutputError:
+        raise
+    except (OSError, ValueError) as error:
+        raise _cannot_write(path, error) from error
+    return place
 
 
 @contextmanager
@@ -28,31 +61,35 @@ def written_beside(path: str | Path) -> Generator[Path]:
     """Give a temporary path beside `path`, and put it in its place when the block ends well.
 
     The temporary file keeps the extension, so that writers which go by it are content. A reader sees
-    the old file or the whole new one, never a part; nothing is left behind if the block raises.
+    the old file or the whole new one, never a part; nothing is left behind if the block raises. A symbolic
+    link stays one, and what it points to is written; into a device or a named pipe the file is copied.
 
     Raises:
         OutputError: if the directory does not exist, or the file cannot be written there.
     """
-    path = Path(path)
-    if path.is_dir():
-        raise OutputError(f"cannot write {path}: it is a directory; name a file in it")
-    if not path.parent.is_dir():
-        raise OutputError(f"cannot write {path}: there is no directory {path.parent}; make it first")
+    place = place_of(path)
+    there = place.exists()
+    special = there and not place.is_file()
+    folder = tempfile.gettempdir() if special else place.parent
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem[:32]}-", suffix=path.suffix, dir=path.parent)
+        handle, name = tempfile.mkstemp(prefix=f".{place.stem[:32]}-", suffix=place.suffix, dir=folder)
         os.close(handle)
     except OSError as error:
-        raise _cannot_write(path, error) from error
+        raise _cannot_write(Path(path), error) from error
     beside = Path(name)
     try:
         yield beside
-        # mkstemp makes files that only their owner reads
-        beside.chmod(0o666 & ~_umask())
-        beside.replace(path)
+        if special:
+            with beside.open("rb") as whole, place.open("wb") as taker:
+                shutil.copyfileobj(whole, taker)
+        else:
+            # mkstemp makes files that only their owner reads
+            beside.chmod(stat.S_IMODE(place.stat().st_mode) if there else 0o666 & ~_umask())
+            beside.replace(place)
     except OutputError:
         raise
     except OSError as error:
-        raise _cannot_write(path, error) from error
+        raise _cannot_write(Path(path), error) from error
     finally:
         beside.unlink(missing_ok=True)
 
@@ -105,11 +142,16 @@ def read(path: str | Path) -> Table:
     """Read a table back: column name -> (n,) numbers.
 
     Raises:
-        InputError: for another extension, a file that is not there, or one that holds no such table.
+        InputError: for another extension, a file that is not there, one that holds no such table, or one
+            that memory does not hold.
     """
     kind = _kind(path)
     try:
+        if not stat.S_ISREG(os.stat(path).st_mode):
+            raise InputError(f"{path} is no regular file; name one that holds a table")
         return _read_csv(Path(path)) if kind == ".csv" else _read_npz(Path(path))
+    except InputError:
+        raise
     except FileNotFoundError:
         raise InputError(f"there is no file {path}; name one that can be read") from None
     except UnicodeDecodeError:
@@ -117,6 +159,8 @@ def read(path: str | Path) -> Table:
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         first_line = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(f"{path} holds no table of numbers with a header: {first_line}") from error
+    except MemoryError:
+        raise InputError(f"{path} holds more than memory; give a shorter table") from None
 
 
 def _write_csv(path: Path, table: Mapping[str, Array]) -> None:
@@ -130,11 +174,13 @@ def _write_csv(path: Path, table: Mapping[str, Array]) -> None:
 
 
 def _read_csv(path: Path) -> Table:
-    with path.open(encoding="ascii") as file:
-        names, *lines = file.read().splitlines() or [""]
+    require_room(f"what {path.name} holds", path.stat().st_size, IN_MEMORY, SHORTER)
+    # a spreadsheet begins its text with a mark of the encoding
+    with path.open(encoding="utf-8-sig") as file:
+        head, *lines = file.read().splitlines() or [""]
     if not lines:
         raise ValueError("it has no row of numbers")
-    names = names.split(",")
+    names = [name.strip() for name in head.split(",")]
     try:
         rows = np.loadtxt(lines, delimiter=",", ndmin=2)
     except ValueError:
@@ -162,6 +208,10 @@ def _first_bad(names: list[str], lines: list[str]) -> str:
 
 
 def _read_npz(path: Path) -> Table:
+    with zipfile.ZipFile(path) as packed:
+        require_room(
+            f"what {path.name} holds", sum(one.file_size for one in packed.infolist()), UNPACKED, SHORTER
+        )
     with np.load(path, allow_pickle=False) as file:
         return {name: np.asarray(file[name], dtype=np.float64) for name in file.files}
 
@@ -179,5 +229,7 @@ def _umask() -> int:
     return mask
 
 
-def _cannot_write(path: Path, error: OSError) -> OutputError:
-    return OutputError(f"cannot write {path}: {error.strerror or error}; choose another place")
+def _cannot_write(path: Path, error: Exception) -> OutputError:
+    return OutputError(
+        f"cannot write {path}: {getattr(error, 'strerror', None) or error}; choose another place"
+    )

@@ -21,6 +21,9 @@ Unit = Literal["m", "rad", "1", "rad/s", "s"]
 # more angles than this in one range is a slip of the step, not a wish
 MOST_ANGLES = 10_000_000
 
+# letters: no unit needs more, and of no slip is more repeated
+LONGEST_UNIT = 60
+
 # what each unit measures, and an example for the sentence that refuses a value
 _KINDS: dict[str, tuple[str, str]] = {
     "m": ("a length", "13 mm"),
@@ -30,6 +33,10 @@ _KINDS: dict[str, tuple[str, str]] = {
     "s": ("a time", "2 ms"),
 }
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+
+# a unit is made of a few named ones: pint would take "mm!" and "mm=1" for mm, and reckon m**9**9**9
+_NAME = r"(?:[^\W\d_]|[°%])+(?:\s*(?:\*\*|\^)\s*-?\d)?"
+_UNIT = re.compile(rf"(?:1\s*/\s*)?{_NAME}(?:\s*[*/·]\s*{_NAME}|\s+{_NAME}){{0,5}}")
 
 
 def option(
@@ -206,7 +213,7 @@ def _split(part: str, unit: Unit, text: str, name: str) -> tuple[float, str]:
     match = _QUANTITY.fullmatch(part)
     number = float(match[1]) if match else np.nan
     if match is None or not abs(number) < np.inf:
-        what = "is" if part == text else f"holds {part.strip()!r}, which is"
+        what = "is" if part == text else f"holds {_short(part.strip())!r}, which is"
         raise _refusal(text, unit, name, f"{what} not a finite number with a unit")
     return number, match[2]
 
@@ -225,6 +232,8 @@ def _factor(written: str, unit: Unit, text: str, name: str) -> float:
     """Return how many of `unit` one of the written unit is."""
     if written in ("", unit):
         return 1.0
+    if len(written) > LONGEST_UNIT or not _UNIT.fullmatch(written):
+        raise _refusal(text, unit, name, f"has unit {_short(written)!r}, which is not known")
     registry = _registry()
     try:
         one = registry.Quantity(1.0, registry.parse_units(written)).to_root_units()
@@ -240,4 +249,8 @@ def _factor(written: str, unit: Unit, text: str, name: str) -> float:
 
 def _refusal(text: str, unit: Unit, name: str, what: str) -> InputError:
     kind, example = _KINDS[unit]
-    return InputError(f"{name} {text.strip()!r} {what}; give {kind} such as {example!r}")
+    return InputError(f"{name} {_short(text.strip())!r} {what}; give {kind} such as {example!r}")
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 4 * LONGEST_UNIT else f"{text[:LONGEST_UNIT]}..."

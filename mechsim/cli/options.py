@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from mechsim import units
+from mechsim import files, units
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import InputError, OutputError
@@ -92,33 +92,34 @@ def scene_of(level: str, cut: str | None = None) -> Scene:
 def writable(path: str, *extensions: str) -> Path:
     """Return an output path, checked before any work is done for it."""
     place = Path(path)
-    if place.is_dir():
+    if os.path.isdir(place):
         raise OutputError(f"cannot write {path!r}: it is a folder; give a file name")
     if extensions and place.suffix.lower() not in extensions:
         known = ", ".join(filter(None, extensions))
         raise InputError(f"{path!r} ends in {place.suffix or 'nothing'}; known are {known}")
     folder = place.parent
-    if not folder.is_dir() or not os.access(folder, os.W_OK):
+    if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
         raise OutputError(
             f"cannot write {path!r}: {str(folder)!r} is no folder that can be written; make it first"
         )
+    files.place_of(place)
     return place
 
 
 def folder_for(path: str) -> Path:
     """Return an output folder, made if it was not there, checked before any work is done for it."""
     folder = Path(path)
-    if folder.exists() and not folder.is_dir():
+    if os.path.exists(folder) and not os.path.isdir(folder):
         raise OutputError(f"cannot write into {path!r}: it is a file; name a folder")
-    if not folder.parent.is_dir():
+    if not os.path.isdir(folder.parent):
         raise OutputError(
             f"cannot make the folder {path!r}: there is no folder {str(folder.parent)!r}; make it first"
         )
     try:
         folder.mkdir(exist_ok=True)
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise OutputError(
-            f"cannot make the folder {path!r}: {error.strerror}; choose another place"
+            f"cannot make the folder {path!r}: {getattr(error, 'strerror', error)}; choose another place"
         ) from error
     if not os.access(folder, os.W_OK):
         raise OutputError(f"cannot write into the folder {path!r}; choose another, or change its rights")

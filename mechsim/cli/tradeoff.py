@@ -1,11 +1,13 @@
 """The command tradeoff: speed against accuracy, measured."""
 
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from mechsim import units
+from mechsim.analytic import catalog
 from mechsim.cli.options import Json, Output, Sets, Speed, drive_of, speed_of, writable
 from mechsim.cli.output import Tick, print_json, print_table, progress
 from mechsim.errors import InputError
@@ -68,7 +70,8 @@ def tradeoff(
 
 def _subject(name: str, sets: list[str] | None, speed: float) -> Subject:
     path = Path(name)
-    if path.suffix.lower() != ".xml" and not path.is_file():
+    # a file that happens to be called like a mechanism is not what is meant
+    if name in catalog.DRIVES or (path.suffix.lower() != ".xml" and not os.path.isfile(path)):
         return subject_of(drive_of(name, sets), speed)
     if sets:
         raise InputError(f"--set changes a mechanism of the catalogue; {name!r} is a file")

@@ -1,10 +1,14 @@
+import os
+import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mechsim import catalog, files
 from mechsim.errors import InputError, OutputError
+from mechsim.maths import memory
 
 
 @pytest.fixture(scope="module")
@@ -114,3 +118,75 @@ def test_a_file_that_holds_no_table_is_refused_by_name(tmp_path, name, content):
 def test_a_file_that_is_not_there_is_refused(tmp_path, name):
     with pytest.raises(InputError, match="there is no file"):
         files.read(tmp_path / name)
+
+
+def test_a_link_stays_a_link_and_what_it_points_to_is_written(motion, tmp_path):
+    (tmp_path / "there").mkdir()
+    target, link, loop = tmp_path / "there" / "real.csv", tmp_path / "link.csv", tmp_path / "loop.csv"
+    for _ in range(2):  # dangling first, then not
+        link.unlink(missing_ok=True)
+        link.symlink_to(target)
+        files.write(link, motion)
+        assert link.is_symlink()
+        assert len(files.read(target)["angle"]) == len(motion)
+    assert [path.name for path in (tmp_path / "there").iterdir()] == ["real.csv"]
+    loop.symlink_to(loop)
+    with pytest.raises(OutputError, match="circle"):
+        files.write(loop, motion)
+
+
+def test_a_named_pipe_takes_the_file_and_stays_one(motion, tmp_path):
+    pipe, told = tmp_path / "pipe.csv", []
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: told.append(pipe.read_text()))
+    reader.start()
+    files.write(pipe, motion)
+    reader.join()
+    files.write(tmp_path / "plain.csv", motion)
+    assert told == [(tmp_path / "plain.csv").read_text()]
+    assert pipe.is_fifo()
+    (tmp_path / "full.csv").symlink_to("/dev/full")
+    with pytest.raises(OutputError, match="No space left"):
+        files.write(tmp_path / "full.csv", motion)
+    assert Path("/dev/full").is_char_device()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["full.csv", "pipe.csv", "plain.csv"]
+
+
+def test_a_read_only_file_is_not_replaced_and_rights_are_kept(motion, tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("mine")
+    path.chmod(0o444)
+    with pytest.raises(OutputError, match="read-only"):
+        files.write(path, motion)
+    assert path.read_text() == "mine"
+    path.chmod(0o600)
+    files.write(path, motion)
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
+def test_a_name_that_no_folder_takes_is_refused(motion, tmp_path):
+    with pytest.raises(OutputError, match="File name too long"):
+        files.write(tmp_path / f"{'n' * 300}.csv", motion)
+
+
+@pytest.mark.parametrize(
+    "text", ["\ufefftime,angle\n0,1\n", "time, angle\n0, 1\n", " time ,angle\r\n0,1\r\n"]
+)
+def test_a_header_as_spreadsheets_write_it_is_understood(tmp_path, text):
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8", newline="")
+    assert files.read(tmp_path / "a.csv") == {"time": [0.0], "angle": [1.0]}
+
+
+def test_what_never_ends_or_unpacks_to_more_than_memory_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(InputError, match="no regular file"):
+        files.read(tmp_path / "pipe.csv")
+    np.savez_compressed(tmp_path / "bomb.npz", time=np.zeros(1_000_000))
+    files.read(tmp_path / "bomb.npz")
+    assert (tmp_path / "bomb.npz").stat().st_size < 20_000
+    monkeypatch.setattr(memory, "room", lambda: 20e6)
+    with pytest.raises(InputError, match=r"bomb.npz holds would take 24 MB of memory, and 20 MB"):
+        files.read(tmp_path / "bomb.npz")
+    (tmp_path / "long.csv").write_text("time\n" + "0\n" * 2_000_000)
+    with pytest.raises(InputError, match=r"long.csv holds would take 40 MB"):
+        files.read(tmp_path / "long.csv")

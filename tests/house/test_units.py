@@ -1,3 +1,5 @@
+import time
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -30,6 +32,11 @@ from mechsim.errors import InputError
         ("2 ms", "s", 0.002),
         ("3", "1", 3.0),
         ("5 %", "1", 0.05),
+        ("3 m^2/m", "m", 3.0),
+        ("3 m**2 / m", "m", 3.0),
+        ("2 m/s * s", "m", 2.0),
+        ("2 1/m * m", "1", 2.0),
+        ("2 deg per s", "rad/s", np.pi / 90),
     ],
 )
 def test_quantities_become_si(text, unit, value):
@@ -67,6 +74,14 @@ def test_helpers_agree_with_the_parser():
         ("", "m", "not a finite number"),
         ("mm", "m", "not a finite number"),
         ("1,5 mm", "m", "not known"),
+        ("13mm!", "m", "not known"),
+        ("13mm=1", "m", "not known"),
+        ("13mm#x", "m", "not known"),
+        ("13 m**9**9**9", "m", "not known"),
+        ("13 m**99", "m", "not known"),
+        ("13 (m)", "m", "not known"),
+        ("13 mm*1e3", "m", "not known"),
+        ("13 m**2", "m", "does not measure"),
     ],
 )
 def test_what_is_no_such_quantity_is_refused_in_one_sentence_with_an_example(text, unit, said):
@@ -77,6 +92,15 @@ def test_what_is_no_such_quantity_is_refused_in_one_sentence_with_an_example(tex
     assert repr(text.strip()) in sentence
     assert "such as" in sentence
     assert "\n" not in sentence
+
+
+def test_a_unit_that_would_take_hours_to_reckon_is_refused_at_once():
+    for text in ("13 m**9**9**9", "13 " + "(" * 10_000 + "m", "13 " + "m " * 10_000, "13 " + "m" * 10_000):
+        began = time.perf_counter()
+        with pytest.raises(InputError, match="not known") as refused:
+            units.parse_length(text)
+        assert time.perf_counter() - began < 0.5
+        assert len(str(refused.value)) < 1000
 
 
 def test_the_last_unit_of_a_vector_stands_for_missing_ones():

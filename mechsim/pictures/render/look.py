@@ -19,7 +19,7 @@ def parse_pixels(text: str) -> tuple[int, int]:
         InputError: for what is none.
     """
     parts = text.lower().split("x")
-    if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
+    if len(parts) != 2 or not all(part.strip().isdecimal() and len(part) < 9 for part in parts):
         raise InputError(f"--size is {text!r}; write width x height in pixels, as in 960x720")
     return int(parts[0]), int(parts[1])
 

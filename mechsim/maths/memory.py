@@ -1,0 +1,57 @@
+"""What a piece of work will hold in memory: refused before it is begun where there is no room for it."""
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+from mechsim.errors import InputError
+
+# of the memory that is free, what one piece of work may take
+PART = 0.7
+PROCESS = Path("/proc/meminfo")
+# of a container: what it may take, and what it has taken
+GROUPS = (
+    ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
+    ("/sys/fs/cgroup/memory/memory.limit_in_bytes", "/sys/fs/cgroup/memory/memory.usage_in_bytes"),
+)
+
+
+def room() -> float:
+    """Return the bytes of memory that one piece of work may take: of the machine, or of its container."""
+    free = float("inf")
+    with suppress(OSError, ValueError, IndexError):
+        line = next(one for one in PROCESS.read_text().splitlines() if one.startswith("MemAvailable"))
+        free = 1024.0 * float(line.split()[1])
+    if free == float("inf"):
+        with suppress(OSError, ValueError, AttributeError):
+            free = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    for most, taken in GROUPS:
+        with suppress(OSError, ValueError):
+            free = min(free, float(Path(most).read_text()) - float(Path(taken).read_text()))
+    return PART * free
+
+
+def require_room(what: str, count: float, each: float, remedy: str = "") -> None:
+    """Raise InputError where so many things, of so many bytes each, do not fit into memory.
+
+    Args:
+        what: they are, as the sentence says it: "1,440,000 instants".
+        count: of them.
+        each: bytes that one of them takes.
+        remedy: what to do, with `{most}` for how many would fit.
+    """
+    free = room()
+    if count * each > free:
+        most = f"{int(free / each):,}"
+        raise InputError(
+            f"{what} would take {said(count * each)} of memory, and {said(free)} are to be had; "
+            + (remedy.format(most=most) or f"take {most} at the most")
+        )
+
+
+def said(bytes_: float) -> str:
+    """Return a size in words."""
+    for unit, one in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6)):
+        if bytes_ >= one:
+            return f"{bytes_ / one:.3g} {unit}"
+    return f"{bytes_ / 1e3:.3g} kB"
