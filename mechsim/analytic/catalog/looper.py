@@ -200,7 +200,7 @@ class Looper(ClosedForm):
                 for count, (sheet, layer) in enumerate(first._sheets, 1):
                     one = replace(first, side=sign * count)
                     # all roots of one sign lie on the same sheets
-                    one.__dict__["_sheets"] = first._sheets
+                    vars(one)["_sheets"] = first._sheets
                     found.append((one, sheet, layer))
         return found
 

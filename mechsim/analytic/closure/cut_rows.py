@@ -58,12 +58,10 @@ class Cut:
 
     def frames(self, here: Placed) -> tuple[Array, Array, Array, Array]:
         """Return points (3, n) and joint frames (3, 3, n) of sides a and b."""
-        n = here.screws.shape[2]
         found: list[Array] = []
         for end, link in zip((self.joint.a, self.joint.b), self.sides, strict=True):
             if link < 0:
-                point, frame = np.array(end.point)[:, None], end.frame[..., None]
-                found += [np.broadcast_to(point, (3, n)), np.broadcast_to(frame, (3, 3, n))]
+                found += [np.array(end.point)[:, None], end.frame[..., None]]
             else:
                 turn = here.rotation[link]
                 found += [here.position[link] + np.array(end.point) @ turn, end.frame.T @ turn]

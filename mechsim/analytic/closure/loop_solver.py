@@ -1,6 +1,7 @@
 """Solving linearised loops for many instants at once: independent rows, and a gauge for what is left open."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,7 +144,8 @@ def loop_solver(loops: TreeLoops, at: Coordinates, before: Array | None = None) 
         return LoopSolver(loops, np.zeros(0, dtype=np.intp), np.eye(len(loops.unknown)), at)
     _, values, right = np.linalg.svd(matrix)
     rank = int((values > RANK_TOLERANCE * values[0]).sum())
-    _, _, order = qr(matrix.T, mode="economic", pivoting=True)
+    pivoted: Any = qr(matrix.T, mode="economic", pivoting=True)
+    order: NDArray[np.intp] = pivoted[2]
     gauge = right[rank:]
     if before is not None and len(gauge):
         left, _, turn = np.linalg.svd(before @ gauge.T)

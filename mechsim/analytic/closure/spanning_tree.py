@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS, Axis, Kind
+from mechsim.model.joints import KINDS, Kind
 from mechsim.model.mechanism import GROUND, Gear, Joint, Mechanism
 
 
@@ -35,13 +35,6 @@ class TreeJoint:
     def kind(self) -> Kind:
         """Its row in the table of kinds."""
         return KINDS[self.joint.kind]
-
-    @property
-    def axes(self) -> tuple[tuple[bool, Axis], ...]:
-        """Its coordinates in order: whether it slides (else turns), and along or about which axis."""
-        return tuple((True, axis) for axis in self.kind.slides) + tuple(
-            (False, axis) for axis in self.kind.turns
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +106,10 @@ class SpanningTree:
     @cached_property
     def slides(self) -> NDArray[np.bool_]:
         """Which coordinates are displacements, (count,)."""
-        return np.array([slide for branch in self.branches for slide, _ in branch.axes], dtype=np.bool_)
+        slides = np.zeros(self.count, dtype=np.bool_)
+        for branch in self.branches:
+            slides[branch.first : branch.first + len(branch.kind.slides)] = True
+        return slides
 
     def place(self, joint: str) -> int | None:
         """Return the index of the first coordinate of a joint; None where it closes a loop."""

@@ -53,8 +53,7 @@ def placed(tree: SpanningTree, at: Coordinates) -> Placed:
     for branch in tree.branches:
         fixed = tree.constants[branch.far]
         if branch.near < 0:
-            frame = np.broadcast_to(fixed.near_frame[..., None], (3, 3, n))
-            point = np.broadcast_to(fixed.near_point[:, None], (3, n))
+            frame, point = fixed.near_frame[..., None], fixed.near_point[:, None]
         else:
             turn = rotation[branch.near]
             frame = fixed.near_frame.T @ turn
@@ -152,8 +151,9 @@ def product(a: Array, b: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Return vector products, (3, n) or with more axes between."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    out[0] = a[1] * b[2] - a[2] * b[1]
+    first = a[1] * b[2] - a[2] * b[1]
+    out = np.empty((3, *first.shape))
+    out[0] = first
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
     return out

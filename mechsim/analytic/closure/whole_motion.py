@@ -130,8 +130,12 @@ def recorded(
         if place is None:
             joints[joint.name] = joint_motion(joint, links)
         else:
-            values = (getattr(found, part)[:, place] for part in ("values", "rates", "second"))
-            joints[joint.name] = JointMotion(*values, "rad" if kind.hinge else "m")
+            joints[joint.name] = JointMotion(
+                found.values[:, place],
+                found.rates[:, place],
+                found.second[:, place],
+                "rad" if kind.hinge else "m",
+            )
     return Motion(
         source="loop equations",
         angle=angle,
