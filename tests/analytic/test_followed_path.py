@@ -100,7 +100,8 @@ def test_a_gap_before_the_flat_pose_is_not_leapt_over(lack):
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 - lack)
     ((low, high),) = drive.crank_range().arcs
     assert high - low < 2 * np.pi
+    path = followed(drive.mechanism)
     with pytest.raises(AssemblyError, match="cannot pass") as refused:
-        closure.follow(drive.mechanism, [high + 2.0 * (2 * np.pi - (high - low))])
+        path.extend(high + 2.0 * (2 * np.pi - (high - low)))
     said = float(str(refused.value).split("cannot pass ")[1].split()[0])
     assert said == pytest.approx(high, abs=1e-6)
