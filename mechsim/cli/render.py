@@ -12,6 +12,7 @@ from mechsim.cli.declared_options import spread
 from mechsim.cli.options import File, Name, Sets, drive_of, speed_of, writable
 from mechsim.cli.output import progress
 from mechsim.errors import InputError
+from mechsim.maths.angles import TURN
 from mechsim.model.motion import Motion
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.studies.motion_source import joint_loads, motion_of, profile_of
@@ -83,7 +84,8 @@ def render(name: Name, output: File, film: FilmOptions, look: Look, sets: Sets =
         write_picture(place, drive.mechanism, motion, look, angle=at, **beside)
         typer.echo(f"wrote {output}")
         return
-    whole = abs(film.turns - round(film.turns)) < 1e-9 and drive.crank_range().full
+    rounds = film.turns * TURN / drive.period
+    whole = abs(rounds - round(rounds)) < 1e-9 and drive.crank_range().full
     look = replace(look, paths="tail" if look.paths and whole else look.paths)
     count = _write_film(place, drive, motion, whole, look, {"fps": film.fps, **beside})
     typer.echo(f"wrote {count} frames to {output}")

@@ -47,6 +47,8 @@ def _print_facts(found: dict[str, Any]) -> None:
     if found["dead_centres"]:
         ends = ", ".join(f"{math.degrees(a):.4f} deg" for a in found["dead_centres"])
         typer.echo(f"dead centres of the crank: {ends}")
+    if found["change_points"]:
+        _print_change_points(found)
     least = found["transmission_angle"]
     if least is not None:
         typer.echo(
@@ -66,6 +68,16 @@ def _print_facts(found: dict[str, Any]) -> None:
         return
     title = f"Assemblies at crank angle {at}"
     print_table(title, ("assembly", "point", "x [m]", "y [m]", "z [m]"), rows)
+
+
+def _print_change_points(found: dict[str, Any]) -> None:
+    at = ", ".join(f"{math.degrees(a):.4f} deg" for a in found["change_points"])
+    typer.echo(
+        f"change points of the crank: {at}: there two assemblies meet and bars lie on each other; the motion "
+        "goes on smoothly, or back with --through fold; a real one needs a second parallel crank or a flywheel"
+    )
+    if found["turns_to_come_round"] > 1:
+        typer.echo(f"it stands as before after {found['turns_to_come_round']} turns of the crank")
 
 
 def _number(value: Any) -> str:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 Record = TypeVar("Record")
+# how a motion goes on where two assemblies meet: as a heavy drive does, or back into the one it came from
+Through = Literal["smooth", "fold"]
 Source = Literal["closed form", "loop equations", "pose", "step", "user"]
 
 

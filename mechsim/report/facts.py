@@ -1,13 +1,14 @@
 """What `mechsim show` and the report say about a mechanism."""
 
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
+from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Fluctuation, FreeRun
 
@@ -41,7 +42,7 @@ def facts(drive: ClosedForm, angle: float | None = None, driver: str | None = No
                 "unit": field.metadata["unit"],
                 "doc": field.metadata["doc"],
             }
-            for field in fields(drive)
+            for field in catalog.parameters(drive.name).values()
         },
         "points": list(mechanism.points),
         "links": [link.name for link in mechanism.links],
@@ -54,6 +55,8 @@ def facts(drive: ClosedForm, angle: float | None = None, driver: str | None = No
         "crank_range": "full turn" if arcs.full else ranges[0] if len(ranges) == 1 else ranges,
         "crank_ranges": ranges,
         "dead_centres": list(drive.dead_centres()),
+        "change_points": list(drive.change_points()),
+        "turns_to_come_round": round(drive.period / TURN),
         "transmission_angle": _least_transmission(drive),
         "angle": at,
         "assemblies": assemblies(drive, at),

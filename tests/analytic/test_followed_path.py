@@ -3,6 +3,7 @@
 import mpmath
 import numpy as np
 import pytest
+from flat_linkages import flat_linkages, named, smooth_b, worst
 
 from mechsim import catalog
 from mechsim.analytic import closure
@@ -12,45 +13,6 @@ from mechsim.errors import AssemblyError
 ANGLES = np.unique(
     np.concatenate([np.linspace(-4 * np.pi, 4 * np.pi, 49), [1e-6, -3e-5, np.pi + 1e-4, 1e-3]])
 )
-
-
-def flat_linkages(count=12):
-    """Four-bars whose shortest and longest links are as long as the other two: one or two poses lie flat."""
-    rng = np.random.default_rng(5)
-    found = []
-    while len(found) < count:
-        ground, crank, coupler = rng.uniform(0.03, 0.15, 3)
-        rocker = (ground + crank - coupler, coupler + abs(ground - crank), crank)[len(found) % 3]
-        if len(found) % 3 == 2:
-            coupler = ground
-        lengths = (ground, crank, coupler, rocker)
-        if min(lengths) > 0.01 and catalog.make("four_bar", **named(lengths)).crank_range().full:
-            found.append(lengths)
-    return found
-
-
-def named(lengths):
-    return dict(zip(("ground", "crank", "coupler", "rocker"), lengths, strict=True))
-
-
-def smooth_b(lengths, angle, sign):
-    """B by half angles, whose product is the root that changes sign as the linkage passes a flat pose."""
-    ground, crank, coupler, rocker = (mpmath.mpf(length) for length in lengths)
-    a = crank * mpmath.expj(angle)
-    arm = ground - a
-    square = abs(arm) ** 2
-    outer = (coupler + rocker) ** 2 - (ground + crank) ** 2
-    inner = (ground - crank) ** 2 - (coupler - rocker) ** 2
-    reach = 2 * mpmath.sqrt(ground * crank)
-    tiny = mpmath.mpf(10) ** -15
-    first = reach * mpmath.cos(angle / 2)
-    second = reach * mpmath.sin(angle / 2)
-    if abs(outer) > tiny:
-        first = mpmath.sqrt(first**2 + outer)
-    if abs(inner) > tiny:
-        second = mpmath.sqrt(second**2 + inner)
-    along = (square + coupler**2 - rocker**2) / 2
-    return a + arm / square * (along + mpmath.mpc(0, 1) * sign * first * second / 2)
 
 
 @pytest.mark.parametrize("lengths", flat_linkages(), ids=lambda one: "-".join(f"{1e3 * x:.0f}" for x in one))
@@ -66,10 +28,6 @@ def test_a_linkage_passes_its_flat_poses_smoothly_and_rates_there_are_limits(len
     # measured 3e-13 and 8e-11
     assert worst(truths[sign], point.position) <= 1e-11 * mechanism.size
     assert worst(slopes, point.velocity) <= 1e-8 * mechanism.size
-
-
-def worst(exact, found):
-    return max(float(abs(z - complex(*p[:2]))) for z, p in zip(exact, found, strict=True))
 
 
 def test_a_parallelogram_stays_one_turn_after_turn():

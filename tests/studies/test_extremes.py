@@ -77,7 +77,7 @@ def test_a_crank_that_just_passes_is_followed_in_its_own_assembly(name):
     assert trial.outcome == trial.right == "met"
 
 
-@pytest.mark.parametrize("which", catalog.make("four_bar").change_points)
+@pytest.mark.parametrize("which", catalog.make("four_bar").laid_flat)
 def test_beside_a_change_point_it_is_met_and_through_it_true(which):
     drive = catalog.make("four_bar")
     assert towards_singular.change_point(drive, which, True).outcome == "met"

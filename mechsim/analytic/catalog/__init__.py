@@ -44,7 +44,9 @@ def parameters(name: str) -> dict[str, Field[Any]]:
     """
     if str(name) not in DRIVES:
         raise InputError(f"there is no mechanism {name!r}{nearest(str(name), list(DRIVES))}")
-    return {field.name: field for field in fields(DRIVES[name])}
+    # how change points are passed stands last: it is no dimension
+    known = sorted(fields(DRIVES[name]), key=lambda field: field.name == "through")
+    return {field.name: field for field in known}
 
 
 def with_theory(theory: str) -> str:

@@ -9,16 +9,18 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.parameter_fields import checked, checked_rate
+from mechsim.analytic.catalog.parameter_fields import checked, checked_rate, choice
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.jets import Jet, Values
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME, LinkFrame
 from mechsim.analytic.vector_method.trig_arcs import Arcs, reachable_arcs
+from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, sampled, signed_root, unsigned
 from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Mechanism, Pose
-from mechsim.model.motion import JointMotion, Motion, join
+from mechsim.model.motion import JointMotion, Motion, Through, join
 
 # parameters that say which assembly is meant
 SELECTORS = ("branch", "side", "assembly")
@@ -46,7 +48,7 @@ class ClosedForm(ABC):
     # a length that, moved far enough, lets the crank turn fully no more
     critical: ClassVar[str] = ""
     # name -> parameters with which bars come to lie on each other and both assemblies meet
-    change_points: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
+    laid_flat: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
     # the parameter that is a gear ratio
     gear: ClassVar[str] = ""
     # whether it stands for its kind in runs of many turns
@@ -123,14 +125,16 @@ class ClosedForm(ABC):
         """Return what is validated besides this mechanism itself: name -> the same with something changed."""
         return {}
 
-    def positions(self, angles: ArrayLike) -> dict[str, Array]:
+    def positions(self, angles: ArrayLike, through: Through | None = None) -> dict[str, Array]:
         """Return the tracked points at crank angles: name -> (n, 3) in [m].
+
+        `through` is as in `solve`.
 
         Raises:
             AssemblyError: where the loop cannot close; says over which part of the turn it can.
         """
-        angles = self._angles(angles)
-        parts = [self._places(angles[part]) for part in _chunks(len(angles))]
+        angles, form = self._angles(angles), self.passing(through)
+        parts = [form._places(angles[part]) for part in _chunks(len(angles))]
         places = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         self._require_closed(angles, places)
         return places
@@ -142,6 +146,7 @@ class ClosedForm(ABC):
         acceleration: ArrayLike = 0.0,
         *,
         links: bool = True,
+        through: Through | None = None,
     ) -> Motion:
         """Return the motion at crank angles, in closed form.
 
@@ -150,6 +155,8 @@ class ClosedForm(ABC):
             speed: crank speed, scalar or (n,) in [rad/s].
             acceleration: crank acceleration, scalar or (n,) in [rad/s2].
             links: False leaves out links and joints, for speed where only points are wanted.
+            through: "smooth" or "fold" where two assemblies meet; None takes the mechanism's own. Rates
+                there are limits, of a fold those that follow.
 
         Returns:
             Poses, velocities and accelerations of tracked points, links and joints, ground frame, SI.
@@ -160,21 +167,41 @@ class ClosedForm(ABC):
         Accuracy: loops close to 8 ulp of the longest link; rates are carried through the formula of
             the pose, relative error a few ulp divided by the sine of the transmission angle.
         """
-        angles = self._angles(angles)
+        angles, form = self._angles(angles), self.passing(through)
         speed = checked_rate(self.name, "speed", speed, angles.shape)
         acceleration = checked_rate(self.name, "acceleration", acceleration, angles.shape)
         parts = [
-            self._motion(Jet(angles[part], speed[part], acceleration[part]), links)
+            form._motion(Jet(angles[part], speed[part], acceleration[part]), links)
             for part in _chunks(len(angles))
         ]
         motion = join(parts)
         self._require_finite(motion)
-        return replace(motion, origin=self)
+        return replace(motion, origin=form)
 
     def dead_centres(self) -> tuple[float, ...]:
         """Return the crank angles at which the assemblies meet, in [rad]; empty if the crank turns fully."""
         arcs = self.crank_range()
         return () if arcs.full else tuple(end for arc in arcs.arcs for end in arc)
+
+    def change_points(self) -> tuple[float, ...]:
+        """Return the crank angles at which assemblies meet though the crank turns on, in [-pi, pi) rad.
+
+        There bars lie on each other, as in a parallelogram laid flat, and the linkage could go on in either
+        assembly.
+        """
+        return ()
+
+    @property
+    def period(self) -> float:
+        """Crank angle in [rad] after which the mechanism stands as before, if the crank gets so far.
+
+        It is two turns where the linkage passes one change point a turn, or any other odd number.
+        """
+        return TURN
+
+    def passing(self, through: Through | None) -> Self:
+        """Return the mechanism that goes on so where assemblies meet; None, or none meet: as it is."""
+        return self
 
     def guess(self) -> tuple[dict[str, Pose], float]:
         """Return link poses at a crank angle well inside the range, and that angle in [rad]."""
@@ -306,6 +333,8 @@ class TwoBranchForm(ClosedForm):
 
     margin_degree: ClassVar[int] = 2
 
+    through: Through = choice("smooth", ("smooth", "fold"), "how it goes on where both assemblies meet")
+
     @abstractmethod
     def margin(self, angles: ArrayLike) -> Array:
         """Return how far each crank angle is from a dead centre, (n,); negative where the loop cannot close.
@@ -315,7 +344,42 @@ class TwoBranchForm(ClosedForm):
         """
 
     def crank_range(self) -> Arcs:
+        return self._arcs
+
+    def change_points(self) -> tuple[float, ...]:
+        return self._root.touching
+
+    @property
+    def period(self) -> float:
+        return 2.0 * TURN if len(self.change_points()) % 2 and self.through == "smooth" else TURN
+
+    def passing(self, through: Through | None) -> Self:
+        return self if through in (None, self.through) else replace(self, through=through)
+
+    def across(self, angle: Values) -> Any:
+        """Return the square root of the margin that passes change points as `through` says, (n,).
+
+        At the angle of the guess it has the sign of `branch`. None where there are no change points, and
+        the sign never changes.
+        """
+        if not self._root.touching:
+            return None
+        root = self._root.over(angle)
+        if self.through == "fold":
+            return self.branch * unsigned(root)
+        return self.branch * self._root.sign(self._begin) * root
+
+    @cached_property
+    def _arcs(self) -> Arcs:
         return reachable_arcs(self.margin, self.margin_degree)
+
+    @cached_property
+    def _root(self) -> SignedRoot:
+        return signed_root(sampled(self.margin, self.margin_degree))
+
+    @cached_property
+    def _begin(self) -> float:
+        return self._start()
 
     def _start(self) -> float:
         start, arcs = super()._start(), self.crank_range()
@@ -327,7 +391,8 @@ class TwoBranchForm(ClosedForm):
         return float(spread[np.argmax(margins)])
 
     def assemblies(self, angle: float) -> Sequence[Self]:
-        if not self.margin(np.array([angle]))[0] >= 0.0:
+        margin = self._root.rest.value(angle) if self._root.touching else self.margin(np.array([angle]))[0]
+        if not margin >= 0.0:
             return []
         return [replace(self, branch=branch) for branch in (1, -1)]
 

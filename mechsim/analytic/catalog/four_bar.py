@@ -31,7 +31,7 @@ class FourBar(TwoBranchForm):
     }
     swinging: ClassVar[Mapping[str, Any]] = {"rocker": 0.035}
     critical: ClassVar[str] = "coupler"
-    change_points: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+    laid_flat: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "parallelogram": {"ground": 0.1, "coupler": 0.1, "crank": 0.04, "rocker": 0.04},
         "kite": {"ground": 0.1, "rocker": 0.1, "crank": 0.04, "coupler": 0.04},
     }
@@ -86,7 +86,7 @@ class FourBar(TwoBranchForm):
         ez, pivot = column(EZ), column((self.ground, 0.0, 0.0))
         ahead = spun(column(EX), ez, angle)
         a = self.crank * ahead
-        swing = circle_sphere(pivot, ez, self.rocker, a, self.coupler, self.branch)
+        swing = circle_sphere(pivot, ez, self.rocker, a, self.coupler, self.branch, self.across(angle))
         b = pivot + self.rocker * swing
         yield "crank", LinkFrame(column(ORIGIN), x=ahead, z=ez)
         yield "coupler", LinkFrame(a, x=(b - a) / self.coupler, z=ez)

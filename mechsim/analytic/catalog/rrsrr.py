@@ -149,8 +149,10 @@ class Rrsrr(TwoBranchForm):
         radial = spun(column(EY), ex, angle)  # er of papers.md
         hinge = cross(radial, ex)  # axis at C, v1 turns from er to ex about it
         c = self.crank * radial
-        rod = self.coupler * circle_sphere(c, hinge, self.coupler, pivot, self.link, self.branch)
-        rod = _settled(rod, cross(hinge, rod), c + rod - pivot, self.link)
+        across = self.across(angle)
+        rod = self.coupler * circle_sphere(c, hinge, self.coupler, pivot, self.link, self.branch, across)
+        if across is None:
+            rod = _settled(rod, cross(hinge, rod), c + rod - pivot, self.link)
         yield "crank", LinkFrame(origin, x=ex, y=radial)
         yield "coupler", LinkFrame(c, x=rod / self.coupler, z=hinge)
         axis, arm = column(self.rocker_frame[:, 2]), c + rod - pivot

@@ -132,7 +132,7 @@ class Rssr(TwoBranchForm):
         pivot, axis = column(self.pivot), column(self.rocker_frame[:, 2])
         crank = LinkFrame(column(ORIGIN), x=column(EX), y=self._radial(angle))
         p2 = crank.point((0.0, self.crank, 0.0))
-        swing = circle_sphere(pivot, axis, self.rocker, p2, self.coupler, self.branch)
+        swing = circle_sphere(pivot, axis, self.rocker, p2, self.coupler, self.branch, self.across(angle))
         yield "crank", crank
         yield "rocker", LinkFrame(pivot, x=swing, z=axis)
         along = (p2 - (pivot + self.rocker * swing)) / self.coupler

@@ -71,7 +71,9 @@ class SliderCrank(TwoBranchForm):
         ez, origin = column(EZ), column(ORIGIN)
         ahead = spun(column(EX), ez, angle)
         a = self.crank * ahead
-        reach = self.branch * self.rod * sine_of((self.offset - a[1]) / self.rod)
+        reach = self.across(angle)
+        if reach is None:
+            reach = self.branch * self.rod * sine_of((self.offset - a[1]) / self.rod)
         b = column((0.0, self.offset, 0.0)) + (a[0] + reach) * column(EX)
         yield "crank", LinkFrame(origin, x=ahead, z=ez)
         yield "slider", LinkFrame(b, x=column(EX), z=ez)

@@ -34,6 +34,8 @@ CLOSED = 1e-12
 # half the length of a cell about a change point, its nodes, and how near to it poses are read off the
 # polynomial, for there the loops tell nothing
 ABOUT, MANY, BLIND = 0.1, 18, 5e-3
+# no node of a cell lies so near to a change point, where the loops hardly hold it
+CLEAR = 2e-3
 # how far beyond what was asked a path is followed: no round number, where change points like to lie
 BEYOND = 0.2137
 # distances from a change point at which its side is measured: far, and nearest
@@ -134,12 +136,12 @@ class FollowedPath:
             cell, length = self._next(here, sense, step)
             if cell is not None:
                 done.append(cell)
-                here = float(cell.nodes[-1])
             elif length < SHORTEST:
                 raise AssemblyError(
                     f"{self.loops.tree.mechanism.name}: the crank cannot pass {here:.7g} rad in this "
                     "assembly; stay on this side of the dead centre or change the dimensions"
                 )
+            here = float(done[-1].nodes[-1]) if done else self.begin
 
     def _next(self, here: float, sense: int, step: float) -> tuple[Cell | None, float]:
         """Return the next cell, None where a shorter one must be tried, and the length to try next."""
@@ -180,9 +182,11 @@ class FollowedPath:
         here = float(cell.nodes[0])
         if sense * (meeting - here) > 1.5 * ABOUT:
             return None, sense * (meeting - here) - ABOUT
+        if sense * (meeting - here) < CLEAR:
+            return None, self._back(meeting, sense)
         beyond, count = meeting + sense * ABOUT, MANY
         nodes, weights = nodes_between(here, beyond, count)
-        while np.abs(nodes - meeting).min() < 0.02 * ABOUT:
+        while np.abs(nodes - meeting).min() < CLEAR:
             count += 1
             nodes, weights = nodes_between(here, beyond, count)
         found = self._closed(cell.solver, nodes, cell.at(nodes))
@@ -190,6 +194,21 @@ class FollowedPath:
             return None, 0.5 * step
         self.meetings.append(meeting)
         return Cell(nodes, found[0], weights, cell.solver), ABOUT
+
+    def _back(self, meeting: float, sense: int) -> float:
+        """Take back the cell that ends in a change point, and return the length of a shorter one.
+
+        Raises:
+            AssemblyError: where there is none, and the path begins there.
+        """
+        if not self.cells[sense]:
+            raise AssemblyError(
+                f"{self.loops.tree.mechanism.name}: the start lies {abs(meeting - self.begin):.3g} rad from "
+                f"crank angle {meeting:.7g} rad, where two assemblies meet and none can be told from the "
+                "other; start at another crank angle"
+            )
+        taken = self.cells[sense].pop()
+        return 0.6 * abs(float(taken.nodes[-1] - taken.nodes[0]))
 
     def _meeting(self, cell: Cell, a: float, b: float) -> float | None:
         """Return where two assemblies meet between two nodes; None where they only come near each other."""

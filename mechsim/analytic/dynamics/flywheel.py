@@ -63,16 +63,18 @@ def flywheel_for(machine: Machine, mean: float, coefficient: float) -> Fluctuati
 
 def _turn(machine: Machine, mean: float) -> tuple[Array, Array, Array, float]:
     """Return angles, inertia, energy gained since the first of them, and the constant torque."""
-    angle: Array = np.arange(ANGLES, dtype=np.float64) * (TURN / ANGLES)
+    # one that must pass a change point to come round does so in two turns
+    turns = 1 if machine.drive is None else round(machine.drive.period / TURN)
+    angle: Array = np.arange(turns * ANGLES, dtype=np.float64) * (TURN / ANGLES)
     unit = machine.unit_motion(angle)
     part = coefficients(unit, applied(machine, unit), machine.forces.flywheel)
     force = part.force(mean) + loads(machine, unit, angle / mean).torque
     torque = -float(force.mean())
     waves = np.fft.rfft(force + torque)
-    order = np.arange(len(waves))
+    order = np.arange(len(waves)) / turns
     waves[1:] /= 1j * order[1:]
     waves[0] = 0.0
-    gained: Array = np.fft.irfft(waves, ANGLES).astype(np.float64)
+    gained: Array = np.fft.irfft(waves, len(angle)).astype(np.float64)
     return angle, part.inertia, gained - gained[0], torque
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.maths.arrays import Array
 
@@ -128,6 +129,14 @@ def cos_sin(angle: Values) -> tuple[Any, Any]:
 def revalued(x: Values, value: Array) -> Any:
     """Return the quantity with another value, such as one rid of rounding, and its own rates."""
     return Jet(value, x.rate, x.second) if isinstance(x, Jet) else value
+
+
+def chosen(which: NDArray[np.bool_], one: Values, other: Values) -> Any:
+    """Return a quantity made of two: one where that is said, (n,), else the other."""
+    if isinstance(one, Jet) and isinstance(other, Jet):
+        parts = ((getattr(x, part) for x in (one, other)) for part in ("value", "rate", "second"))
+        return Jet(*(np.where(which, a, b) for a, b in parts))
+    return np.where(which, values(one), values(other))
 
 
 def still(value: Array) -> Jet:

@@ -5,11 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mechsim.analytic.vector_method.trig_polynomial import FLAT, sampled
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
-
-# between the two roots that rounding makes of a double one the polynomial rises this much at most
-FLAT = 256.0 * np.finfo(np.float64).eps
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,36 +45,17 @@ def reachable_arcs(margin: Callable[[Array], Array], degree: int) -> Arcs:
         degree: its highest harmonic.
 
     Accuracy: simple roots to a few ulp (polished by Newton's method on the polynomial itself); a
-        double root, where two assemblies touch but the crank turns on, counts as no root.
+        double root, where two assemblies meet but the crank turns on, counts as no root.
     """
-    count = 2 * degree + 1
-    samples = margin(TURN * np.arange(count) / count)
-    harmonics = np.fft.fft(samples) / count
-    scale = np.abs(harmonics).max()
-    # with z = exp(i angle): z^degree times the polynomial is an ordinary one of degree 2 degree
-    coefficients = np.concatenate([harmonics[-degree:], harmonics[: degree + 1]])
-    roots = np.roots(coefficients[::-1])
-    near = np.abs(np.abs(roots) - 1.0) < 1e-5
-    order = np.arange(-degree, degree + 1)
-
-    def value(angle: float, derivative: int = 0) -> float:
-        return float(((1j * order) ** derivative * coefficients * np.exp(1j * order * angle)).sum().real)
-
-    ends = []
-    for guess in np.angle(roots[near]):
-        angle = float(guess)
-        for _ in range(8):
-            slope = value(angle, 1)
-            if abs(slope) <= 1e-9 * scale:
-                break
-            angle -= float(np.clip(value(angle) / slope, -1e-2, 1e-2))
-        ends.append((angle + np.pi) % TURN - np.pi)
-    ends = sorted(ends)
+    rest = sampled(margin, degree)
+    for double in rest.touching():
+        rest = rest.without(double)
+    ends = rest.roots()
     if not ends:
-        full = value(0.0) > 0.0
+        full = rest.value(0.0) > 0.0
         return Arcs(full, ((-np.pi, np.pi),) if full else ())
     gaps = list(zip(ends, [*ends[1:], ends[0] + TURN], strict=True))
-    return _joined(gaps, [value((low + high) / 2.0) / scale for low, high in gaps])
+    return _joined(gaps, [rest.value((low + high) / 2.0) / rest.scale for low, high in gaps])
 
 
 def _joined(gaps: list[tuple[float, float]], heights: list[float]) -> Arcs:

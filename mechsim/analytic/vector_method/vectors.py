@@ -9,13 +9,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.vector_method.jets import Values, cos_sin, product, revalued, values
+from mechsim.analytic.vector_method.jets import Values, chosen, cos_sin, product, revalued, values
 from mechsim.maths.arrays import Array
 
 Sign = Literal[1, -1]
 
 # a squared sine this little below zero is a dead centre met but for rounding, not a gap
 ROUNDING = 16.0 * np.finfo(np.float64).eps
+# a sine below this says more of its angle than the cosine
+SMALL = 0.5
 
 
 def dot(a: Values, b: Values) -> Any:
@@ -143,7 +145,13 @@ def unit_at_angles(v1: Values, v2: Values, angle1: ArrayLike, angle2: ArrayLike,
 
 
 def circle_sphere(
-    centre: Values, axis: Values, radius: float, sphere_centre: Values, sphere_radius: float, sign: Sign
+    centre: Values,
+    axis: Values,
+    radius: float,
+    sphere_centre: Values,
+    sphere_radius: float,
+    sign: Sign,
+    across: Values | None = None,
 ) -> Any:
     """Return where a circle meets a sphere.
 
@@ -155,6 +163,8 @@ def circle_sphere(
         sphere_radius: of the sphere.
         sign: which of the two points: the sign of p . (d x axis), where p points from the circle's
             centre to the answer and d to the sphere's centre.
+        across: where it is known better than by the lengths, p . (d x axis) times twice the radius, (n,),
+            of either sign; then `sign` is not looked at.
 
     Returns:
         Unit vectors p from the circle's centre to the point, (3, n), NaN where they do not meet.
@@ -172,6 +182,13 @@ def circle_sphere(
         2.0 * radius * reach
     )
     ahead = flat / reach
+    if across is not None:
+        sine = across / (2.0 * radius * reach)
+        known = values(sine)
+        cosine = np.where(values(off) < 1.0, 1.0, -1.0) * np.sqrt(1.0 - sine * sine)
+        usual = np.where(known < 0.0, -1.0, 1.0) * np.sqrt(_possible(off * (2.0 - off)))
+        small = np.abs(known) < SMALL
+        return chosen(small, cosine, 1.0 - off) * ahead + chosen(small, sine, usual) * cross(ahead, axis)
     return (1.0 - off) * ahead + sign * np.sqrt(_possible(off * (2.0 - off))) * cross(ahead, axis)
 
 

@@ -133,7 +133,7 @@ def study(
             done(f"{name}: {axis}")
         found.trials += [
             towards_singular.change_point(drive, which, on)
-            for which in drive.change_points
+            for which in drive.laid_flat
             for on in (True, False)
         ]
         if drive.gear:

@@ -59,7 +59,7 @@ def change_point(drive: ClosedForm, which: str, swing_only: bool) -> Trial:
 
     Through it, what follows is nobody's choice: any outcome will do that is true of the run.
     """
-    drive = replace(drive, **drive.change_points[which])
+    drive = replace(drive, **drive.laid_flat[which])
     start, near = drive.mechanism.start, 0.1
     profile: CrankProfile | None = None
     if swing_only:

@@ -1,0 +1,153 @@
+"""Trigonometric polynomials of the crank angle: their simple roots, and where they touch zero."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.vector_method.jets import Values, cos_sin, values
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
+
+# a polynomial this small beside its largest harmonic is rounding of the lengths it is made of
+FLAT = 256.0 * np.finfo(np.float64).eps
+# zeros of the complex polynomial this far from the unit circle are tried as real ones: a simple one, and
+# one of the derivative
+NEAR, TRIED = 1e-5, 1e-3
+# slopes this small beside the largest harmonic are those of an extremum
+LEVEL = 1e-9
+
+
+@dataclass(frozen=True)
+class TrigPolynomial:
+    """The real sum of harmonics_k exp(i k f) over k = -n .. n.
+
+    Attributes:
+        harmonics: (2 n + 1,), of which those of k and -k are conjugate.
+    """
+
+    harmonics: NDArray[np.complex128]
+
+    @cached_property
+    def order(self) -> Array:
+        """The numbers k, (2 n + 1,)."""
+        degree = len(self.harmonics) // 2
+        return np.arange(-degree, degree + 1.0)
+
+    @cached_property
+    def scale(self) -> float:
+        """Its largest harmonic."""
+        return float(np.abs(self.harmonics).max())
+
+    def value(self, angle: float, derivative: int = 0) -> float:
+        """Return the value or a derivative at one angle."""
+        turned = (1j * self.order) ** derivative * self.harmonics * np.exp(1j * self.order * angle)
+        return float(turned.sum().real)
+
+    def over(self, angle: Values) -> Any:
+        """Return the values at angles, (n,), as jets if these are."""
+        degree = len(self.harmonics) // 2
+        total: Any = 0.0 * angle + float(self.harmonics[degree].real)
+        for k in range(1, degree + 1):
+            c, s = cos_sin(k * angle)
+            harmonic = 2.0 * self.harmonics[degree + k]
+            total = total + c * float(harmonic.real) - s * float(harmonic.imag)
+        return total
+
+    def roots(self) -> list[float]:
+        """Return the simple roots, rising, in [-pi, pi)."""
+        return sorted(_wrapped(self._polished(guess, 0)) for guess in self._zeros(0, NEAR))
+
+    def touching(self) -> tuple[float, ...]:
+        """Return where the polynomial touches zero to within rounding, rising, in [-pi, pi)."""
+        found: list[float] = []
+        for guess in self._zeros(1, TRIED):
+            at = _wrapped(self._polished(guess, 1))
+            flat = abs(self.value(at)) <= FLAT * self.scale and abs(self.value(at, 1)) <= LEVEL * self.scale
+            known = any(abs(_wrapped(at - other)) < np.sqrt(LEVEL) for other in found)
+            if flat and not known and abs(self.value(at, 2)) > LEVEL * self.scale:
+                found.append(at)
+        return tuple(sorted(found))
+
+    def without(self, touching: float) -> "TrigPolynomial":
+        """Return what is left after division by sin2((f - touching) / 2), of one degree less."""
+        z = np.exp(1j * touching)
+        left, _ = np.polydiv(self.harmonics[::-1], np.array([1.0, -2.0 * z, z * z]))
+        left = -4.0 * z * left[::-1]
+        # what rounding takes from the symmetry
+        return TrigPolynomial(0.5 * (left + left[::-1].conj()))
+
+    def _zeros(self, derivative: int, near: float) -> Array:
+        """Return angles of the zeros close to the unit circle of z^n times the polynomial, z = exp(i f)."""
+        coefficients = (1j * self.order) ** derivative * self.harmonics
+        zeros = np.roots(coefficients[::-1])
+        return np.angle(zeros[np.abs(np.abs(zeros) - 1.0) < near])
+
+    def _polished(self, guess: float, derivative: int) -> float:
+        angle = float(guess)
+        for _ in range(8):
+            slope = self.value(angle, derivative + 1)
+            if abs(slope) <= LEVEL * self.scale:
+                break
+            angle -= float(np.clip(self.value(angle, derivative) / slope, -1e-2, 1e-2))
+        return angle
+
+
+@dataclass(frozen=True)
+class SignedRoot:
+    """The square root of a polynomial that changes its sign where the polynomial touches zero.
+
+    Attributes:
+        rest: the polynomial without its double roots.
+        touching: those roots in [rad].
+    """
+
+    rest: TrigPolynomial
+    touching: tuple[float, ...]
+
+    def over(self, angle: Values) -> Any:
+        """Return the root at angles, not wrapped, (n,), as a jet if they are; NaN where it is not real.
+
+        Accuracy: relative error of a few ulp also close to a double root.
+        """
+        found = np.sqrt(self.rest.over(angle))
+        for at in self.touching:
+            found = found * np.sin(0.5 * (angle - at))
+        return found
+
+    def sign(self, angle: float) -> float:
+        """Return the root's sign at an angle."""
+        return float(np.prod(np.sign(np.sin(0.5 * (angle - np.array(self.touching))))))
+
+
+def unsigned(root: Values) -> Any:
+    """Return the absolute value of a root; where it is zero its rates are those that follow."""
+    return root * np.where(values(root) < 0.0, -1.0, 1.0)
+
+
+def sampled(polynomial: Callable[[Array], Array], degree: int) -> TrigPolynomial:
+    """Return a trigonometric polynomial known by its values, evaluated at (n,) angles in [rad]."""
+    count = 2 * degree + 1
+    harmonics = np.fft.fft(polynomial(TURN * np.arange(count) / count)) / count
+    return TrigPolynomial(np.concatenate([harmonics[-degree:], harmonics[: degree + 1]]))
+
+
+def signed_root(polynomial: TrigPolynomial) -> SignedRoot:
+    """Return the square root that passes double roots smoothly."""
+    at = polynomial.touching()
+    rest = polynomial
+    for one in at:
+        rest = rest.without(one)
+    kept = tuple(one for one in at if rest.value(one) > 0.0)
+    if kept != at:
+        rest = polynomial
+        for one in kept:
+            rest = rest.without(one)
+    return SignedRoot(rest, kept)
+
+
+def _wrapped(angle: float) -> float:
+    return (angle + np.pi) % TURN - np.pi
