@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.parameter_fields import checked, checked_rate, choice
 from mechsim.analytic.vector_method import link_frames
-from mechsim.analytic.vector_method.jets import Jet, Values
+from mechsim.analytic.vector_method.jets import Jet, Values, values
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME, LinkFrame
 from mechsim.analytic.vector_method.trig_arcs import Arcs, reachable_arcs
 from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, sampled, signed_root, unsigned
@@ -364,6 +364,9 @@ class TwoBranchForm(ClosedForm):
         """
         if not self._root.touching:
             return None
+        if not self._arcs.full and self._arcs.arcs:
+            # a crank that only swings does the same on every lap
+            angle = angle - TURN * np.floor((values(angle) - self._arcs.arcs[0][0]) / TURN)
         root = self._root.over(angle)
         if self.through == "fold":
             return self.branch * unsigned(root)
