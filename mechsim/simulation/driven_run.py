@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.motion import Motion
@@ -13,6 +14,7 @@ from mechsim.model.outcome import Outcome
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.pose_errors import in_another_assembly, pose_errors
 from mechsim.simulation.poses import follow
+from mechsim.simulation.poses.meeting_motion import held_off, mended
 from mechsim.simulation.recorded_motion import States, evaluate
 from mechsim.simulation.run_result import Run
 from mechsim.simulation.settings import Settings
@@ -151,11 +153,19 @@ def solved(closed: ClosedModel, profile: CrankProfile, samples: int | None, tole
         # between two samples it may go where it cannot
         first_state(closed, profile)
     begin = clock.perf_counter()
-    qpos = follow.follow(closed.loops, closed.closed, angle)
+    qpos, path = follow.followed(closed.loops, closed.closed, angle)
     seconds = clock.perf_counter() - begin
-    rates = closed.loops.tangent(closed.loops.linearise(qpos)[1]) * speed[:, None]
-    states = States(time, qpos, rates)
+    away, near = qpos, list(path.blind(angle))
+    for meeting, rows in near:
+        away = held_off(away, meeting, rows)
+    rates = closed.loops.tangent(closed.loops.linearise(away)[1]) * speed[:, None]
+    states = States(time, away, rates)
     motion = evaluate(closed.loops, closed.track, states, "pose", crank_acceleration=acceleration)
+    if near:
+        motion = replace(motion, speed=speed, acceleration=acceleration)
+    for meeting, rows in near:
+        turned = angle[rows] - path.laps(angle[rows]) * TURN
+        motion = mended(motion, closed.loops, closed.track, qpos, meeting, rows, turned)
     assert motion.closure is not None
     estimate = float(motion.closure.max(initial=0.0))
     return Run(

@@ -84,6 +84,7 @@ class ModelLoops:
         self._data = mujoco.MjData(self.looking)
         self._batches: dict[int, batch.Batch] = {}
         self._basis: tuple[Array, Array, Array] | None = None
+        self._level: float | None = None
 
     def over_copy(self) -> "ModelLoops":
         """Return the same loops over a copy of the model that may be set up for stepping."""
@@ -216,14 +217,27 @@ class ModelLoops:
         It is the sign of the Jacobian's determinant with the crank held: two assemblies that meet at a
         dead centre have opposite signs, and from one dead centre to the next it stays.
         """
+        square = self._square(jacobian)
+        return np.zeros(len(jacobian)) if square is None else np.linalg.slogdet(square)[0]
+
+    def determinant(self, jacobian: Array) -> Array:
+        """Return the determinant whose sign is the side, (n,), in a unit of its own; 1 where not known."""
+        square = self._square(jacobian)
+        if square is None:
+            return np.ones(len(jacobian))
+        side, size = np.linalg.slogdet(square)
+        if self._level is None:
+            self._level = float(size[0]) if np.isfinite(size[0]) else 0.0
+        return side * np.exp(np.minimum(size - self._level, 300.0))
+
+    def _square(self, jacobian: Array) -> Array | None:
         held = jacobian[:, :, self.free]
         rows = self._independent(held)
         if rows is None or self._basis is None:
-            return np.zeros(len(held))
+            return None
         # freedoms that no row holds (a passive spin) stand in for the rows that are missing
         spare = np.broadcast_to(self._basis[2], (len(held), *self._basis[2].shape))
-        square = np.concatenate([rows.T @ held, spare], 1)
-        return np.linalg.slogdet(square)[0]
+        return np.concatenate([rows.T @ held, spare], 1)
 
     def tangent(self, jacobian: Array) -> Array:
         """Return the rates of all freedoms per radian of the crank, (n, nv), that keep the loops closed."""

@@ -1,8 +1,8 @@
 """Motion by solving poses: no time, no integration, every crank angle to rounding."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,12 +12,13 @@ from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.laps import on_other_laps
+from mechsim.simulation.poses.meetings import Meeting
 from mechsim.simulation.poses.rough_steps import ASTRAY, sprint
 from mechsim.simulation.poses.spline_path import AssemblyPath
-from mechsim.simulation.poses.strides import SHORTEST, STRIDE, walk
+from mechsim.simulation.poses.strides import SHORTEST, STRIDE, Strides, walk
 
 # from a closed state to a crank angle: states on the path, or None where it is not certain
-Steps = Callable[[ModelLoops, Array, float], Sequence[Array] | Array | None]
+Steps = Callable[[ModelLoops, Array, float], Strides | None]
 
 # how far from its start a state may be after a turn to count as the same: rounding of a walk, squared up
 SAME = 1e-9
@@ -44,6 +45,11 @@ def follow(loops: ModelLoops, start: Array, angles: ArrayLike) -> Array:
     Raises:
         AssemblyError: at the crank angle beyond which the loops cannot close in this assembly.
     """
+    return followed(loops, start, angles)[0]
+
+
+def followed(loops: ModelLoops, start: Array, angles: ArrayLike) -> tuple[Array, AssemblyPath]:
+    """Return what `follow` does, and the path on which the states lie."""
     angles = np.asarray(angles, dtype=np.float64)
     try:
         return _followed(loops, start, angles)
@@ -54,17 +60,17 @@ def follow(loops: ModelLoops, start: Array, angles: ArrayLike) -> Array:
         raise
 
 
-def _followed(loops: ModelLoops, start: Array, angles: Array) -> Array:
+def _followed(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, AssemblyPath]:
     sprinted = _sprinted(loops, start, angles)
     if sprinted is not None:
         states, sure = _along(sprinted, angles)
         if sure.all():
-            return states
+            return states, sprinted
     walked = _walked(loops, start, angles)
     states, sure = _along(walked, angles)
     for i in np.flatnonzero(~sure):
         states[i] = _walked_to(walked, angles[i : i + 1])
-    return states
+    return states, walked
 
 
 def _along(path: AssemblyPath, angles: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -84,40 +90,52 @@ def _sprinted(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath | 
         if reach < STRIDE:
             return None
     jacobian = loops.linearise(start[None])[1]
-    found = _knots(loops, start, angles, partial(sprint, jacobian=jacobian))
+
+    def stepped(loops: ModelLoops, begin: Array, end: float) -> Strides | None:
+        states = sprint(loops, begin, end, jacobian)
+        return None if states is None else Strides(list(states), [])
+
+    found = _knots(loops, start, angles, stepped)
     if found is None:
         return None
-    return AssemblyPath(loops, *found, float(loops.side(jacobian)[0]), near=0.0, far=ASTRAY)
+    return AssemblyPath(loops, *found[:2], float(loops.side(jacobian)[0]), near=0.0, far=ASTRAY)
 
 
 def _walked(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath:
     """Return the path over the range of crank angles by strides."""
     found = _knots(loops, start, angles, walk)
     assert found is not None
-    knots, gain = loops.close(found[0]), found[1]
+    knots, gain, meetings = found
+    path = AssemblyPath(loops, loops.close(knots), gain, 1.0, meetings=tuple(meetings))
     # most of the knots: at a dead centre, where a path may begin or end, rounding settles the sign
-    side = float(np.sign(loops.side(loops.linearise(knots)[1]).sum()))
-    return AssemblyPath(loops, knots, gain, side)
+    sides = loops.side(loops.linearise(path.knots)[1]) * path.sides(path.knots[:, loops.crank_place])
+    return replace(path, side=float(np.sign(sides.sum())))
 
 
-def _knots(loops: ModelLoops, start: Array, angles: Array, steps: Steps) -> tuple[Array, Array | None] | None:
-    """Return states over the range of crank angles, rising, and what a turn adds where one is enough."""
+def _knots(
+    loops: ModelLoops, start: Array, angles: Array, steps: Steps
+) -> tuple[Array, Array | None, list[Meeting]] | None:
+    """Return states over the range, rising, what a turn adds where one is enough, and meetings."""
     here = float(start[loops.crank_place])
     low, high = min(here, float(angles.min())), max(here, float(angles.max()))
     if high - low > 1.5 * TURN:
         lap = _both_directions(loops, start, here, here + TURN, steps)
-        gain = None if lap is None else _gain(loops, lap)
+        gain = None if lap is None else _gain(loops, lap[0])
         if lap is not None and gain is not None:
-            return lap, gain
-    knots = _both_directions(loops, start, low, high, steps)
-    return None if knots is None else (knots, None)
+            return lap[0], gain, lap[1]
+    found = _both_directions(loops, start, low, high, steps)
+    return None if found is None else (found[0], None, found[1])
 
 
-def _both_directions(loops: ModelLoops, start: Array, low: float, high: float, steps: Steps) -> Array | None:
-    here = float(start[loops.crank_place])
-    before = steps(loops, start, low) if here - low > SHORTEST else []
-    after = steps(loops, start, high) if high - here > SHORTEST else []
-    return None if before is None or after is None else np.stack([*before[::-1], start, *after])
+def _both_directions(
+    loops: ModelLoops, start: Array, low: float, high: float, steps: Steps
+) -> tuple[Array, list[Meeting]] | None:
+    here, nothing = float(start[loops.crank_place]), Strides([], [])
+    before = steps(loops, start, low) if here - low > SHORTEST else nothing
+    after = steps(loops, start, high) if high - here > SHORTEST else nothing
+    if before is None or after is None:
+        return None
+    return np.stack([*before.states[::-1], start, *after.states]), before.meetings + after.meetings
 
 
 def _gain(loops: ModelLoops, lap: Array) -> Array | None:
@@ -136,6 +154,6 @@ def _walked_to(path: AssemblyPath, angle: Array) -> Array:
     loops, place = path.loops, path.loops.crank_place
     knots = path.knots if path.gain is None else path.knots + path.laps(angle) * path.gain
     nearest = knots[np.argmin(np.abs(knots[:, place] - angle))]
-    there = [nearest, *walk(loops, nearest, float(angle[0]))][-1].copy()
+    there = [nearest, *walk(loops, nearest, float(angle[0])).states][-1].copy()
     there[place] = angle[0]
     return loops.close(there[None])[0]

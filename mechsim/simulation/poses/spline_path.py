@@ -1,6 +1,6 @@
 """The states of an assembly as a function of the crank angle, by splines through some of them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,6 +11,7 @@ from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.poses.meetings import Meeting
 
 # a correction of a pose interpolated between closed ones that cannot lead into another assembly, and one
 # that may though the side be the same: measured 2e-7 and 1e-2 at most
@@ -27,9 +28,10 @@ class AssemblyPath:
         loops: of the model.
         knots: states by rising crank angle, (k, nq), closed to within `far`.
         gain: what a turn adds to a state, (nq,), where the knots span one turn that leads back; else None.
-        side: on which side of the dead centres the path lies, +1 or -1; 0 where that is not known.
+        side: on which side of the dead centres its first knot lies, +1 or -1; 0 where that is not known.
         near: a correction of a pose up to this cannot lead into another assembly.
         far: a correction beyond this may, though the side be the same.
+        meetings: of assemblies, which the path passes smoothly, changing sides.
     """
 
     loops: ModelLoops
@@ -38,18 +40,47 @@ class AssemblyPath:
     side: float
     near: float = SURE
     far: float = DOUBT
+    meetings: tuple[Meeting, ...] = ()
 
     def at(self, angles: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Return closed states at crank angles, (n, nq), and which lie on the path for sure."""
         laps = self.laps(angles)
-        guess = self._guess(angles - laps * TURN)
+        turned = angles - laps * TURN
+        guess = self._guess(turned)
+        near = np.zeros(len(angles), dtype=np.bool_)
+        for meeting in self.meetings:
+            close = meeting.near(turned)
+            guess[close] = meeting.at(turned[close])
+            near |= close
         if self.gain is not None:
             guess += laps[:, None] * self.gain
         guess[:, self.loops.crank_place] = angles
+        if near.any():
+            states, sure = guess, near
+            if not near.all():
+                states[~near], sure[~near] = self._closed(guess[~near], turned[~near])
+            return states, sure
+        return self._closed(guess, turned)
+
+    def blind(self, angles: Array) -> Iterator[tuple[Meeting, Array]]:
+        """Yield meetings and which of some crank angles are so near that the loops say nothing, (n,)."""
+        turned = angles - self.laps(angles) * TURN
+        for meeting in self.meetings:
+            close = np.flatnonzero(meeting.near(turned))
+            if len(close):
+                yield meeting, close
+
+    def sides(self, angles: Array) -> Array:
+        """Return on which side of the dead centres the path lies at crank angles between the knots, (n,)."""
+        first = float(self.knots[0, self.loops.crank_place])
+        passed = [(angles > m.angle) & (m.angle > first) for m in self.meetings]
+        return self.side * (-1.0) ** np.sum(passed, axis=0)
+
+    def _closed(self, guess: Array, turned: Array) -> tuple[Array, NDArray[np.bool_]]:
         try:
             states, jacobian = self.loops.closed(guess)
         except (AssemblyError, FloatingPointError):
-            return guess, np.zeros(len(angles), dtype=np.bool_)
+            return guess, np.zeros(len(guess), dtype=np.bool_)
         moved = np.abs(states - guess).max(1)
         sure = moved <= self.near
         doubtful = np.flatnonzero(~sure)
@@ -57,7 +88,7 @@ class AssemblyPath:
             if jacobian is None:
                 jacobian = self.loops.linearise(states)[1]
             side = self.loops.side(jacobian[doubtful])
-            sure[doubtful] = (moved[doubtful] < self.far) & (side * self.side >= 0.0)
+            sure[doubtful] = (moved[doubtful] < self.far) & (side * self.sides(turned[doubtful]) >= 0.0)
         return states, sure
 
     def laps(self, angles: Array) -> Array:

@@ -1,0 +1,137 @@
+"""Where two assemblies of a model meet, and how a path that runs smoothly goes through there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.errors import AssemblyError
+from mechsim.maths.arrays import Array
+from mechsim.simulation.model_loops import ModelLoops
+
+# crank angles about a meeting at which the path is closed, and between which it is interpolated, in [rad]
+WINDOW, POINTS = 0.25, 20
+# nearer than this the loops hardly hold the pose
+BLIND = 1.5e-2
+# distances at which it is looked whether the determinant passes zero in a straight line, near last, and
+# by what part of its slope it may bend there
+SPREADS, BENT = (1e-2, 1e-4, 3e-7), 0.2
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """Where two assemblies meet, and the path through it.
+
+    Attributes:
+        angle: of the crank, in [rad].
+        nodes: crank angles on both sides, (k,).
+        states: closed there, (k, nq).
+    """
+
+    angle: float
+    nodes: Array
+    states: Array
+
+    def near(self, angles: Array) -> NDArray[np.bool_]:
+        """Return which crank angles are so near that poses are read off the path, (n,)."""
+        return np.abs(angles - self.angle) < BLIND
+
+    def at(self, angles: Array) -> Array:
+        """Return states at crank angles near by, (n, nq)."""
+        return weights(self.nodes, angles) @ self.states
+
+
+def weights(nodes: Array, at: Array) -> Array:
+    """Return Lagrange's weights of values at nodes (k,) for angles in between, (n, k)."""
+    found = np.ones((len(at), len(nodes)))
+    for k, node in enumerate(nodes):
+        others = np.delete(nodes, k)
+        found[:, k] = np.prod((at[:, None] - others) / (node - others), axis=1)
+    return found
+
+
+def determinant(loops: ModelLoops, states: Array) -> Array:
+    """Return the determinant of the loops with the crank held, to some scale of its own, (n,)."""
+    return loops.determinant(loops.linearise(states)[1])
+
+
+def meeting_between(loops: ModelLoops, before: Array, beyond: Array) -> Meeting | None:
+    """Return where two assemblies meet between two closed states, (nq,), of one smooth path.
+
+    None where they only come near each other: there the determinant bends away from zero.
+    """
+    place = loops.crank_place
+    low, high = before[place], beyond[place]
+    chord = _Chord(loops, np.stack([before, beyond]))
+    first = chord.closed(low + (high - low) * np.array([0.0, 0.21, 0.83, 1.0]))
+    if first is None:
+        return None
+    chord = _Chord(loops, first)
+    at = _zero(first[:, place], determinant(loops, first))
+    slope, wide = 0.0, chord
+    for spread in SPREADS:
+        around = at + spread * np.array([-2.0, -1.0, 1.0, 2.0])
+        states = chord.closed(around)
+        if states is None:
+            return None
+        found = determinant(loops, states)
+        if not (np.sign(found[[0, 1]]) == -np.sign(found[[2, 3]])).all():
+            return None
+        steep = float(found[3] - found[0]) / (4.0 * spread)
+        slope = slope or steep
+        if spread == SPREADS[-1]:
+            straight = np.abs(found - slope * (around - at)).max() < BENT * abs(slope) * spread
+            return _passed(loops, at, wide) if straight else None
+        at, chord = _zero(around, found), _Chord(loops, states)
+        wide = chord if spread == SPREADS[0] else wide
+    return None
+
+
+@dataclass(frozen=True)
+class _Chord:
+    """Closed states in a row, by which others are guessed."""
+
+    loops: ModelLoops
+    states: Array
+
+    def closed(self, angles: Array, far: float = 0.2) -> Array | None:
+        """Return closed states at crank angles, (n, nq); None where they are not sure."""
+        known = self.states[:, self.loops.crank_place]
+        guess = weights(known, angles) @ self.states
+        guess[:, self.loops.crank_place] = angles
+        try:
+            states = self.loops.close(guess)
+        except (AssemblyError, FloatingPointError, np.linalg.LinAlgError):
+            return None
+        moved = np.abs(states - guess).max()
+        reach = np.abs(self.states - self.states.mean(0)).max()
+        return states if moved < far * max(reach, np.abs(angles - known.mean()).max()) else None
+
+
+def _zero(at: Array, heights: Array) -> float:
+    """Return where the polynomial through four heights is zero, the nearest to the line's."""
+    middle, reach = float(at.mean()), float(np.ptp(at))
+    line = -heights[0] * (at[-1] - at[0]) / (heights[-1] - heights[0]) + at[0]
+    roots = np.polynomial.Polynomial.fit(at, heights, 3).roots()
+    real = roots[np.abs(roots.imag) < 1e-9 * reach].real
+    return float(real[np.argmin(np.abs(real - line))]) if len(real) else middle
+
+
+def _passed(loops: ModelLoops, angle: float, chord: _Chord) -> Meeting | None:
+    """Return the path through a meeting, closed at angles ever farther from it."""
+    near = np.cos(np.pi * (np.arange(POINTS) + 0.5) / POINTS) * WINDOW
+    half = np.sort(near[near > 0.0])
+    known = chord
+    offsets: list[float] = []
+    states: list[Array] = []
+    for offset in half:
+        pair = known.closed(angle + np.array([-offset, offset]))
+        if pair is None:
+            return None
+        offsets += [-offset, offset]
+        states += list(pair)
+        if offset > 2.5 * SPREADS[0]:
+            # the farthest foretell the next best
+            known = _Chord(loops, np.concatenate([known.states, pair])[-6:])
+    order = np.argsort(offsets)
+    return Meeting(angle, angle + np.array(offsets)[order], np.stack(states)[order])
