@@ -31,7 +31,9 @@ def test_a_run_by_poses_stays_one_linkage_for_two_turns(drive):
         # measured 2e-11, 3e-10 and 3e-9 where frame and crank are nearly alike, else 1e-13, 5e-12 and 1e-10
         assert np.abs(found.position - point.position).max() <= 1e-10 * drive.mechanism.size
         assert np.abs(found.velocity - point.velocity).max() <= 1e-9 * np.abs(point.velocity).max()
-        assert np.abs(found.acceleration - point.acceleration).max() <= 3e-8 * 400.0 * drive.mechanism.size
+        assert (
+            np.abs(found.acceleration - point.acceleration).max() <= 1e-8 * np.abs(point.acceleration).max()
+        )
     for name in exact.joints.keys() & motion.joints.keys():
         joint = exact.joints[name]
         assert np.abs(np.exp(1j * motion.joints[name].value) - np.exp(1j * joint.value)).max() <= 1e-9

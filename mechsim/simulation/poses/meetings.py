@@ -67,7 +67,10 @@ def meeting_between(loops: ModelLoops, before: Array, beyond: Array) -> Meeting 
     if first is None:
         return None
     chord = _Chord(loops, first)
-    at = _zero(first[:, place], determinant(loops, first))
+    heights = determinant(loops, first)
+    if heights[0] * heights[-1] >= 0.0:
+        return None
+    at = _zero(first[:, place], heights)
     slope, wide = 0.0, chord
     for spread in SPREADS:
         around = at + spread * np.array([-2.0, -1.0, 1.0, 2.0])
