@@ -28,7 +28,7 @@ def simulate(
         str | None,
         typer.Option(
             help="Bound on the place of any tracked point; a bare number is metres. Chooses the steps; "
-            "without it the settings stand, and a thousandth of the longest link is the bound."
+            "without it the settings stand, and a ten-thousandth of the stroke is the bound."
         ),
     ] = None,
     timestep: Annotated[str | None, typer.Option(help="Time step; a bare number is seconds.")] = None,

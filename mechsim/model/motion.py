@@ -94,6 +94,8 @@ class Motion:
         time: (n,) in [s]; None where the motion is a function of the angle alone.
         closure: worst distance by which the loops stood open at each instant, (n,) in [m]; None where
             the road does not know it.
+        conditioning: distance of each pose from a singular one, (n,): the smallest singular value of the
+            loop Jacobian, the crank held, in units of the mechanism's size; None where it is not known.
         spinning: links whose spin about their own line nothing determines, so that their orientation
             means nothing.
         origin: what can solve it again at other crank angles; None where nothing can.
@@ -109,6 +111,7 @@ class Motion:
     joints: Mapping[str, JointMotion] = field(default_factory=dict)
     time: Array | None = None
     closure: Array | None = None
+    conditioning: Array | None = None
     spinning: frozenset[str] = frozenset()
     origin: Solver | None = None
     broken: str = ""

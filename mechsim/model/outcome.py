@@ -19,6 +19,9 @@ Outcome = Literal[
     "dead centre",
 ]
 
+# bound on places where none is asked for, in units of the stroke: a twentieth of what a link 0.1 % long does
+PLACE = 1e-4
+
 # from good to bad
 GRAVITY: tuple[Outcome, ...] = ("met", "missed", "changed assembly", "diverged", "cannot assemble")
 

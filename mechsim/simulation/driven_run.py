@@ -8,9 +8,10 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
+from mechsim.maths.convergence import half_extent
 from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.motion import Motion
-from mechsim.model.outcome import Outcome
+from mechsim.model.outcome import PLACE, Outcome
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.pose_errors import in_another_assembly, pose_errors
 from mechsim.simulation.poses import follow
@@ -47,8 +48,8 @@ class DrivenRun:
     samples: int | None = None
     watch: Watch = unwatched
 
-    def stepped(self, settings: Settings, tolerance: float) -> Run:
-        """Return the motion stepped in time, and its outcome."""
+    def stepped(self, settings: Settings, tolerance: float | None = None) -> Run:
+        """Return the motion stepped in time, and its outcome by a tolerance in [m]; None is `PLACE`."""
         steps, motion = self._stepped(settings)
         outcome: Outcome = "met"
         broken, estimate, elsewhere = self._broken(steps, motion), np.inf, False
@@ -57,6 +58,7 @@ class DrivenRun:
             errors, places = pose_errors(self.closed, motion, states)
             estimate = float(errors.max())
             elsewhere = in_another_assembly(self.closed, motion, states, errors, places)
+        tolerance = allowed(motion) if tolerance is None else tolerance
         if broken:
             outcome, motion = "diverged", replace(motion, broken=broken)
         elif elsewhere:
@@ -140,8 +142,15 @@ def first_state(closed: ClosedModel, profile: CrankProfile) -> tuple[Array, Arra
     return qpos[0], closed.loops.tangent(closed.loops.linearise(qpos)[1])[0] * speed[0]
 
 
-def solved(closed: ClosedModel, profile: CrankProfile, samples: int | None, tolerance: float) -> Run:
-    """Return a crank motion with every pose solved by itself.
+def allowed(motion: Motion) -> float:
+    """Return the bound on the places of a motion's points where none is asked for, in [m]."""
+    return PLACE * half_extent(point.position for point in motion.points.values())
+
+
+def solved(
+    closed: ClosedModel, profile: CrankProfile, samples: int | None, tolerance: float | None = None
+) -> Run:
+    """Return a crank motion with every pose solved by itself; a tolerance of None is `PLACE`.
 
     Raises:
         AssemblyError: where the crank cannot make all of it.
@@ -168,6 +177,7 @@ def solved(closed: ClosedModel, profile: CrankProfile, samples: int | None, tole
         motion = mended(motion, closed.loops, closed.track, qpos, meeting, rows, turned)
     assert motion.closure is not None
     estimate = float(motion.closure.max(initial=0.0))
+    tolerance = allowed(motion) if tolerance is None else tolerance
     return Run(
         motion=motion,
         outcome="met" if estimate <= tolerance else "missed",

@@ -239,6 +239,20 @@ class ModelLoops:
         spare = np.broadcast_to(self._basis[2], (len(held), *self._basis[2].shape))
         return np.concatenate([rows.T @ held, spare], 1)
 
+    def conditioning(self, jacobian: Array) -> Array:
+        """Return how far states are from singular ones with the crank held, (n,), 0 to about 1.
+
+        The smallest singular value in units of the model's size; those that are nought at every state, of
+        rows that repeat others and freedoms that nothing holds, do not count.
+        """
+        held = jacobian[:, :, self.free] * np.where(self._angular, 1.0, self.size)
+        held[:, : 3 * len(self.pairs)] /= self.size
+        values = np.linalg.svd(held, compute_uv=False)
+        if not values.size:
+            return np.ones(len(held))
+        rank = int((values > RANK_TOLERANCE * values[:, :1]).sum(1).max())
+        return values[:, rank - 1] if rank else np.ones(len(held))
+
     def tangent(self, jacobian: Array) -> Array:
         """Return the rates of all freedoms per radian of the crank, (n, nv), that keep the loops closed."""
         driven = -jacobian[:, :, [self.crank]]

@@ -133,9 +133,8 @@ def _evaluated(
         for name in track.points
     }
     qacc = fields["qacc"].copy()
-    residual = loops.residual(states.qpos)
+    residual, jacobian = loops.linearise(states.qpos)
     if crank_acceleration is not None:
-        _, jacobian = loops.linearise(states.qpos)
         change = _correction(loops, jacobian, states, qacc, links, crank_acceleration)
         qacc += change
         links = {name: _moved_link(sims, model, name, link, change) for name, link in links.items()}
@@ -150,6 +149,7 @@ def _evaluated(
         _joints(model, states, qacc),
         time=states.time,
         closure=np.abs(residual[:, : 3 * len(loops.pairs)]).max(1, initial=0.0),
+        conditioning=loops.conditioning(jacobian),
     )
 
 

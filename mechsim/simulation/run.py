@@ -15,9 +15,6 @@ from mechsim.simulation.run_result import Method, Run
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stepping import Watch, unwatched
 
-# bound on places where none is asked for, in units of the longest link: what a picture still shows
-SAME = 1e-3
-
 
 @quiet()
 def simulate(
@@ -43,7 +40,7 @@ def simulate(
         profile: the crank's angle over time.
         tolerance: bound on the place of any tracked point, in [m]; the number of steps is then chosen
             by trials and the result checked against it. None steps as the settings say and calls the
-            run met within a thousandth of the longest link.
+            run met within a ten-thousandth of the stroke.
         settings: how to step; with a tolerance their number of steps is replaced.
         method: "step" integrates in time; "pose" solves each crank angle by itself, to rounding. None
             takes what is asked for: "step" where a tolerance or settings are given, or where the crank
@@ -81,9 +78,8 @@ def simulate(
     if method is None:
         stepping = tolerance is not None or settings is not None or closed.is_loose
         method = "step" if stepping else "pose"
-    bound = SAME * closed.loops.size if tolerance is None else tolerance
     if method == "pose":
-        return solved(closed, profile, samples, bound)
+        return solved(closed, profile, samples, tolerance)
     run = DrivenRun(closed, profile, first_state(closed, profile), samples, watch or unwatched)
     settings = settings or Settings()
-    return run.stepped(settings, bound) if tolerance is None else within(run, settings, bound)
+    return run.stepped(settings) if tolerance is None else within(run, settings, tolerance)

@@ -22,8 +22,8 @@ class Run:
     Attributes:
         motion: at the recorded instants; its rates and accelerations belong to the same instants.
         outcome: "met", "missed", "diverged" or "changed assembly".
-        tolerance: bound on the place of any tracked point, in [m]: what was asked for, or a thousandth
-            of the longest link.
+        tolerance: bound on the place of any tracked point, in [m]: what was asked for, or a
+            ten-thousandth of the stroke.
         estimate: the worst place error by the simulator's own account: distance from the pose solved
             at the same crank angle, in [m].
         steps: time steps taken, trials not counted; poses solved for method "pose".

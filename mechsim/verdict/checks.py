@@ -28,10 +28,10 @@ class Check:
         road: by which road, where a verdict tells of several.
         variant: of the mechanism, where it tells of several.
         unit: of worst, rms and bound.
-        worst: largest error.
-        at_angle: crank angle of the largest error, in [rad].
+        worst: error where it is the largest part of its bound.
+        at_angle: crank angle there, in [rad].
         rms: root mean square of the error over the run.
-        bound: largest error allowed.
+        bound: largest error allowed there.
         why: reason for the bound.
     """
 
@@ -126,25 +126,52 @@ def allowances(
         elif own is not None:
             found[row.name] = own
         elif road in row.bounds:
-            found[row.name] = row.bounds[road].tolerance(row.unit, scales[row.scale], asked)
+            bound = row.bounds[road]
+            found[row.name] = bound.tolerance(row.unit, scales[bound.scale or row.scale], asked)
     return found
 
 
-def checks_of(rows: Iterable[Quantity], found: Any, exact: Any, allowed: Bounds) -> Iterator[Check]:
-    """Compare two records in some quantities: subject by subject, each in all quantities of its kind."""
+def checks_of(
+    rows: Iterable[Quantity], found: Any, exact: Any, allowed: Bounds, conditioning: Array | None = None
+) -> Iterator[Check]:
+    """Compare two records in some quantities: subject by subject, each in all quantities of its kind.
+
+    Args:
+        rows: the quantities.
+        found: what is judged.
+        exact: what it should be.
+        allowed: tolerances by quantity.
+        conditioning: of the loops at each instant, (n,), by which bounds widen; None where it is not known.
+    """
     for over, group in groupby(rows, lambda row: row.over):
         among = tuple(group)
         for subject in over(found, exact):
             for row in among:
                 error = row.error(found, exact, subject)
                 if error is not None:
-                    yield check_of(row.name, subject, error, found.angle, allowed[row.name])
+                    yield check_of(row.name, subject, error, found.angle, allowed[row.name], conditioning)
 
 
-def check_of(kind: str, subject: str, error: Array, angle: Array, tolerance: Tolerance) -> Check:
-    """Return the check of an error (n,), 0 or more, at crank angles (n,) against a tolerance in its unit."""
-    # NaN counts as the worst there is
-    at = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
+def check_of(
+    kind: str,
+    subject: str,
+    error: Array,
+    angle: Array,
+    tolerance: Tolerance,
+    conditioning: Array | None = None,
+) -> Check:
+    """Return the check of an error (n,), 0 or more, at crank angles (n,) against a tolerance in its unit.
+
+    Every instant is held against the bound there, which widens where the conditioning (n,) is poor.
+    """
+    bound = tolerance.widened(conditioning, len(error))
+    # NaN counts as the worst there is; where nothing is allowed, any error does
+    part = np.divide(error, bound, out=np.where(error > 0.0, np.inf, error), where=bound > 0.0)
+    at = int(np.argmax(np.where(np.isnan(part), np.inf, part)))
+    why, wider = tolerance.why, bound[at] > tolerance.bound
+    if wider and conditioning is not None:
+        times = bound[at] / tolerance.bound
+        why += f"; x {times:.3g} where the loops' conditioning is {conditioning[at]:.2g}"
     return Check(
         kind=kind,
         subject=subject,
@@ -152,8 +179,8 @@ def check_of(kind: str, subject: str, error: Array, angle: Array, tolerance: Tol
         worst=float(error[at]),
         at_angle=float(angle[at]),
         rms=float(np.sqrt(np.mean(error**2))),
-        bound=tolerance.bound,
-        why=tolerance.why,
+        bound=float(bound[at]),
+        why=why,
     )
 
 

@@ -1,14 +1,16 @@
 """The judges: two motions, two records of efforts or two free runs to a verdict."""
 
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.arrays import Array
 from mechsim.maths.given import require
 from mechsim.model.efforts import Efforts, FreeRun
 from mechsim.model.motion import Motion, Solver
+from mechsim.model.outcome import PLACE
 from mechsim.verdict.checks import Bounds, Verdict, allowances, checks_of, concluded
 from mechsim.verdict.other_assembly import elsewhere
 from mechsim.verdict.point_function import PointFunction, differentiated
@@ -25,12 +27,19 @@ from mechsim.verdict.quantities import (
 )
 from mechsim.verdict.tolerances import Asked, Tolerance
 
-# default bound on place, in units of the stroke: a twentieth of what a link 0.1 % long does
-DEFAULT_PLACE = 1e-4
+
+class Judged(Protocol):
+    """A run in MuJoCo: a motion, and the bound on its places in [m] by which it calls itself met."""
+
+    @property
+    def motion(self) -> Motion: ...
+
+    @property
+    def tolerance(self) -> float: ...
 
 
 def crosscheck(
-    simulated: Motion,
+    simulated: Motion | Judged,
     analytic: Motion | Solver | PointFunction,
     *,
     tolerance: float | None = None,
@@ -40,18 +49,23 @@ def crosscheck(
     """Compare a simulated motion with an analytic one, at the crank angles the simulation really had.
 
     Args:
-        simulated: from `simulate`, or any motion.
+        simulated: a run from `simulate`, which if stepped is judged by its own tolerance, or any motion.
         analytic: a closed form, a motion it gave (it is then solved again at the simulated crank
             angles and speeds), or a function crank angles (n,) -> {point: (n, 3)}, whose rates come
             by eighth-order differences. A motion nothing can solve again must stand at the same angles.
-        tolerance: bound on the place of any point, in [m]; None takes 1e-4 of the stroke for a
-            stepped run and rounding for solved poses.
+        tolerance: bound on the place of any point, in [m]; None takes the run's, or 1e-4 of the stroke for
+            a stepped motion, and rounding for solved poses.
         bounds: bounds that replace those of `quantities`, by name ("position", "velocity", ...).
         speed: crank speed that was wanted, in [rad/s]; None takes the analytic motion's, if steady.
 
     Returns:
-        The verdict. An error of the drive stands on lines of its own.
+        The verdict. An error of the drive stands on lines of its own. Bounds hold instant by instant: they
+        widen where the loops are poorly conditioned, as errors of any computed motion do there.
     """
+    if not isinstance(simulated, Motion) and isinstance(getattr(simulated, "motion", None), Motion):
+        if tolerance is None and simulated.motion.source != "pose":
+            tolerance = simulated.tolerance
+        simulated = simulated.motion
     require("the simulated side", simulated, Motion)
     if not (isinstance(analytic, Motion) or hasattr(analytic, "solve") or callable(analytic)):
         raise InputError(
@@ -70,11 +84,11 @@ def crosscheck(
     except AssemblyError as error:
         return Verdict("cannot assemble", (), str(error))
     _require_points(simulated, exact)
+    solver = _solver(analytic)
     allowed = _motion_bounds(simulated, exact, tolerance) | dict(bounds or {})
-    checks = [*checks_of(MOTION, simulated, exact, allowed)]
+    checks = [*checks_of(MOTION, simulated, exact, allowed, _conditioning(simulated, exact, solver))]
     if speed is not None:
         checks += checks_of(DRIVE, simulated, _wanted(simulated, speed), allowed)
-    solver = _solver(analytic)
     return concluded(checks, None if solver is None else lambda: elsewhere(simulated, exact, solver))
 
 
@@ -135,15 +149,24 @@ def judge_free_run(
 
 
 def _motion_bounds(simulated: Motion, exact: Motion, tolerance: float | None) -> dict[str, Tolerance]:
-    stroke, fastest = stroke_of(exact), float(np.abs(simulated.speed).max())
-    rows, scales = (*MOTION, *DRIVE), motion_scales(stroke, fastest)
+    stroke, reach, fastest = stroke_of(exact), reach_of(exact), float(np.abs(simulated.speed).max())
+    quickest = float(np.abs(exact.acceleration).max())
+    rows, scales = (*MOTION, *DRIVE), motion_scales(stroke, fastest, reach, quickest)
     road = "pose" if simulated.source == "pose" and tolerance is None else "step"
-    asked = Asked(DEFAULT_PLACE * stroke if tolerance is None else tolerance, of=stroke)
+    asked = Asked(PLACE * stroke if tolerance is None else tolerance, of=stroke)
     allowed = allowances(rows, road, scales, asked)
     if exact.source == "user":
-        rough = allowances(rows, "function", motion_scales(reach_of(exact), fastest), Asked())
+        rough = allowances(rows, "function", motion_scales(reach, fastest, reach, quickest), Asked())
         allowed |= {name: most for name, most in rough.items() if most.bound > allowed[name].bound}
     return allowed
+
+
+def _conditioning(simulated: Motion, exact: Motion, solver: Solver | None) -> Array | None:
+    """Return the conditioning of the loops at each instant by the exact side, or else by the simulation."""
+    told = getattr(solver, "conditioning", None)
+    if exact.conditioning is None and told is not None and exact.links:
+        return told(exact)
+    return simulated.conditioning if exact.conditioning is None else exact.conditioning
 
 
 def _wanted(simulated: Motion, speed: float) -> Motion:

@@ -20,8 +20,8 @@ from mechsim.verdict.tolerances import EPS, OF, Bound
 
 # a drive torque that is a smaller part of the energy of motion counts as none
 IDLE = 1e-3
-# rounding of a solved pose, measured below 4 eps of the stroke; each rate adds a linear solve
-POSE = 2000.0 * EPS
+# of a crank that is placed
+PLACED_TO = 2000.0 * EPS
 # what errors of a stepped run look like beside the error of place, as multiples of place x speed^k:
 # measured 2 and 5 for the catalogue at 100 steps a turn or more (validation/choices/
 # constraint_settings.py), and 35 for the acceleration of a four-bar a hundredth from its dead centre
@@ -62,11 +62,17 @@ class Quantity:
         return max((worst(size) for size in sizes if size is not None), default=0.0) / scales[self.scale]
 
 
-ROUNDING = f"rounding: {POSE / EPS:.0f} eps; measured a hundredth of it away from dead centres"
-RATES = "rounding of a linear solve for each rate"
 SWING = "x position bound x crank speed{}: the loop's swing"
+# measured 2.2
+LEVERS = Bound("position bound over the stroke, for levers a tenth as long", asked=10.0, power=1)
+
+
+def _rounding(eps: int, measured: int, power: int, scale: str = "", how: str = "rounding") -> Bound:
+    """Return the bound of a solved pose: so many eps, where so many were measured over random drives."""
+    return Bound(f"{how}: {eps} eps, measured {measured}", eps * EPS, power=power, scale=scale)
+
+
 FUNCTION = "eighth-order differences of the function given: rounding {}, harmonics up to the tenth"
-SOLVED = Bound("1e-10 of crank speed: a linear solve away from dead centres", 1e-10)
 PLACED = "the crank is placed, not driven"
 
 MOTION = (
@@ -76,7 +82,7 @@ MOTION = (
         errors.of_points("position"),
         "stroke",
         {
-            "pose": Bound(ROUNDING, POSE),
+            "pose": _rounding(512, 100, 1, "reach"),
             "step": Bound("asked for: {part:.1g} of the stroke of {scale:.4g} m", asked=1.0),
         },
         over=errors.points,
@@ -89,10 +95,10 @@ MOTION = (
         errors.of_points("velocity"),
         "stroke · crank speed",
         {
-            "pose": Bound(RATES, 10.0 * POSE),
-            "step": Bound(f"{RATE_GAIN:.0f} {SWING.format('')}", asked=RATE_GAIN),
+            "pose": _rounding(2048, 220, 3, "reach · crank speed", "a linear solve"),
+            "step": Bound(f"{RATE_GAIN:.0f} {SWING.format('')}", asked=RATE_GAIN, power=2),
             "function": Bound(FUNCTION.format("1e-13"), 1e-10),
-            "closed form": SOLVED,
+            "closed form": _rounding(1024, 100, 3, "reach · crank speed", "a linear solve"),
         },
         over=errors.points,
         text="velocity of {}",
@@ -104,10 +110,12 @@ MOTION = (
         errors.of_points("acceleration"),
         "stroke · crank speed²",
         {
-            "pose": Bound(RATES, 100.0 * POSE),
-            "step": Bound(f"{ACCELERATION_GAIN:.0f} {SWING.format(' squared')}", asked=ACCELERATION_GAIN),
+            "pose": _rounding(8192, 1000, 5, "reach · crank speed²", "two linear solves"),
+            "step": Bound(
+                f"{ACCELERATION_GAIN:.0f} {SWING.format(' squared')}", asked=ACCELERATION_GAIN, power=4
+            ),
             "function": Bound(FUNCTION.format("1e-11"), 1e-9),
-            "closed form": SOLVED,
+            "closed form": _rounding(4096, 160, 5, "reach · crank speed²", "two linear solves"),
         },
         over=errors.points,
         text="acceleration of {}",
@@ -119,8 +127,8 @@ MOTION = (
         errors.of_joints("rad"),
         "rad",
         {
-            "pose": Bound(ROUNDING, 4.0 * POSE),
-            "step": Bound("position bound over the stroke, for levers half as long", asked=2.0),
+            "pose": _rounding(1024, 240, 1),
+            "step": LEVERS,
         },
         over=errors.joints,
         text="joint {}",
@@ -131,7 +139,7 @@ MOTION = (
         "m",
         errors.of_joints("m"),
         "stroke",
-        {"pose": Bound(ROUNDING, POSE), "step": Bound("position bound", asked=1.0)},
+        {"pose": _rounding(128, 8, 1, "reach"), "step": Bound("position bound", asked=1.0)},
         over=errors.joints,
         text="joint {}",
     ),
@@ -141,8 +149,8 @@ MOTION = (
         errors.orientation,
         "rad",
         {
-            "pose": Bound(ROUNDING, 4.0 * POSE),
-            "step": Bound("position bound over the stroke, for levers a quarter as long", asked=4.0),
+            "pose": _rounding(1024, 240, 1),
+            "step": LEVERS,
         },
         over=errors.links,
         text="orientation of {}",
@@ -153,7 +161,7 @@ MOTION = (
         alone("closure"),
         "stroke",
         {
-            "pose": Bound(ROUNDING, POSE),
+            "pose": _rounding(256, 51, 0, "reach"),
             "step": Bound("an open loop of this size moves a point by about the bound", asked=10.0),
         },
         text="loop residual",
@@ -168,7 +176,7 @@ DRIVE = (
         of("speed"),
         "crank speed",
         {
-            "pose": Bound(PLACED, POSE),
+            "pose": Bound(PLACED, PLACED_TO),
             "step": Bound("flywheel of 1e12 times the links: no reaction changes its speed", 1e-8),
         },
         text="drive: crank speed",
@@ -179,7 +187,7 @@ DRIVE = (
         errors.drive_angle,
         "rad",
         {
-            "pose": Bound(PLACED, 10.0 * POSE),
+            "pose": Bound(PLACED, 10.0 * PLACED_TO),
             "step": Bound("does not enter the errors, which are taken at the angle reached", 1e-7),
         },
         text="drive: crank angle",
@@ -257,12 +265,26 @@ FREE = (
 QUANTITIES = {row.name: row for row in (*MOTION, *DRIVE, *EFFORTS, *FREE)}
 
 
-def motion_scales(stroke: float, speed: float) -> dict[str, float]:
-    """Return the scales of motions from a stroke in [m] and the largest crank speed in [rad/s]."""
+def motion_scales(
+    stroke: float, speed: float, reach: float | None = None, acceleration: float = 0.0
+) -> dict[str, float]:
+    """Return the scales of motions.
+
+    Args:
+        stroke: in [m].
+        speed: largest of the crank, in [rad/s].
+        reach: largest coordinate of anything in [m]; None takes the stroke.
+        acceleration: largest of the crank, in [rad/s2]; where it is more than the speed squared it counts
+            instead.
+    """
+    reach, quickest = stroke if reach is None else reach, max(speed**2, acceleration)
     return {
         "stroke": stroke,
         "stroke · crank speed": stroke * speed,
-        "stroke · crank speed²": stroke * speed**2,
+        "stroke · crank speed²": stroke * quickest,
+        "reach": reach,
+        "reach · crank speed": reach * speed,
+        "reach · crank speed²": reach * quickest,
         "crank speed": speed,
         "rad": 1.0,
     }
@@ -301,8 +323,9 @@ def stroke_of(motion: Motion) -> float:
 
 
 def reach_of(motion: Motion) -> float:
-    """Return the largest coordinate of any point in [m]."""
-    return float(max(np.abs(point.position).max() for point in motion.points.values()))
+    """Return the largest coordinate of any point or link's origin in [m]."""
+    known = (*motion.points.values(), *motion.links.values())
+    return float(max(np.abs(one.position).max() for one in known))
 
 
 def _rms(values: Array) -> float:

@@ -7,7 +7,14 @@ A bound lies between the error measured and the effect of the smallest mistake w
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from mechsim.maths.arrays import Array
+
 EPS = 2.0**-52
+# conditioning of the loops from which they count as sound: below it bounds widen. Measured over random
+# drives: validation/robustness/bounds.py
+SOUND = 0.1
 # turns over which errors of a free run are bounded; over more they may grow
 FREE_TURNS = 10.0
 # before the reason of a bound that is a part of something measured
@@ -16,15 +23,29 @@ OF = "{part:.0e} of {scale:.3g} {unit}; "
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """A bound, its unit, and the reason it is what it is; in unit "1" it is a part of a quantity's scale."""
+    """A bound, its unit, and the reason it is what it is.
+
+    Attributes:
+        bound: where the loops are sound.
+        unit: of the bound; "1" is a part of a quantity's scale.
+        why: the reason.
+        power: of the loops' conditioning, in units of `SOUND`, by which it widens where that is less.
+    """
 
     bound: float
     unit: str
     why: str
+    power: int = 0
 
     def allows(self, worst: float) -> bool:
         """Return whether a worst value is within the bound; NaN is not."""
         return worst <= self.bound
+
+    def widened(self, conditioning: Array | None, count: int) -> Array:
+        """Return the bound at each of so many instants of known conditioning, (n,)."""
+        if conditioning is None or not self.power:
+            return np.full(count, self.bound)
+        return self.bound * np.maximum(1.0, SOUND / np.maximum(conditioning, EPS)) ** self.power
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,16 +72,20 @@ class Bound:
         fixed: part of the scale that is allowed in any case.
         asked: times the tolerance asked for that is allowed.
         growth: power of the turns, beyond `FREE_TURNS`, by which the fixed part grows.
+        power: of the conditioning, as in `Tolerance`.
+        scale: what the fixed part is a part of, where that is not the quantity's own.
     """
 
     why: str
     fixed: float = 0.0
     asked: float = 0.0
     growth: int = 0
+    power: int = 0
+    scale: str = ""
 
     def tolerance(self, unit: str, scale: float, asked: Asked) -> Tolerance:
         """Return the tolerance of a quantity with a scale in its unit."""
         fixed = self.fixed * max(1.0, abs(asked.turns) / FREE_TURNS) ** self.growth
         part = max(fixed, self.asked * asked.tolerance / asked.of)
         bound = max(fixed * scale, self.asked * (asked.tolerance * (scale / asked.of)))
-        return Tolerance(bound, unit, self.why.format(part=part, scale=scale, unit=unit))
+        return Tolerance(bound, unit, self.why.format(part=part, scale=scale, unit=unit), self.power)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.parameter_fields import checked, checked_rate, choice
+from mechsim.analytic.closure.rank import conditioning
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.jets import Jet, Values, values
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME, LinkFrame
@@ -178,6 +179,11 @@ class ClosedForm(ABC):
         self._require_finite(motion)
         return replace(motion, origin=form)
 
+    def conditioning(self, motion: Motion) -> Array:
+        """Return how far each pose of a motion is from a singular one, (n,), by the loop equations."""
+        poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
+        return conditioning(self.mechanism, poses)
+
     def dead_centres(self) -> tuple[float, ...]:
         """Return the crank angles at which the assemblies meet, in [rad]; empty if the crank turns fully."""
         arcs = self.crank_range()
@@ -206,13 +212,19 @@ class ClosedForm(ABC):
     def guess(self) -> tuple[dict[str, Pose], float]:
         """Return link poses at a crank angle well inside the range, and that angle in [rad]."""
         start = self._start()
-        frames = self._frames(np.array([start]), links=True)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            frames = self._frames(np.array([start]), links=True)
         guess = {
             link.name: Pose(
                 link_frames.place(frames[link.name].origin, 1)[0], frames[link.name].rotation(1)[0]
             )
             for link in self._described.links
         }
+        for name, pose in guess.items():
+            if not np.isfinite(pose.rotation).all():
+                raise AssemblyError(
+                    f"{self.name}: nothing can hold link {name!r} at crank angle {start:.6g} rad"
+                )
         return guess, start
 
     def _start(self) -> float:

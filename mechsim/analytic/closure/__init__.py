@@ -9,7 +9,14 @@ from mechsim.analytic.closure.assembly import assemble, rough_poses
 from mechsim.analytic.closure.joint_rows import Rows
 from mechsim.analytic.closure.loop_equations import Poses, equations, residual_norms
 from mechsim.analytic.closure.motion import point_on, rates
-from mechsim.analytic.closure.rank import RANK_TOLERANCE, Freedom, freedom, least_norm, singular_values
+from mechsim.analytic.closure.rank import (
+    RANK_TOLERANCE,
+    Freedom,
+    conditioning,
+    freedom,
+    least_norm,
+    singular_values,
+)
 from mechsim.analytic.closure.whole_motion import follow, solve
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.mechanism import Pose
@@ -21,6 +28,7 @@ __all__ = [
     "Poses",
     "Rows",
     "assemble",
+    "conditioning",
     "equations",
     "follow",
     "freedom",

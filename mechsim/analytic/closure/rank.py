@@ -29,6 +29,17 @@ def singular_values(mechanism: Mechanism, poses: Poses, *, crank_free: bool = Fa
     return values.astype(np.float64, copy=False)
 
 
+def conditioning(mechanism: Mechanism, poses: Poses) -> Array:
+    """Return the distance of each pose from a singular one with the crank held, (n,), 0 to about 1.
+
+    The smallest singular value of the loop Jacobian in units of the mechanism's size; those that are
+    nought at every pose, of redundant rows and passive freedoms, do not count.
+    """
+    values = singular_values(mechanism, poses)
+    rank = int((values > RANK_TOLERANCE * values[:, :1]).sum(1).max())
+    return values[:, rank - 1]
+
+
 @dataclass(frozen=True, slots=True)
 class Freedom:
     """What the rank of the loop Jacobian says at one pose.

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.closure.assembly import assemble, crank_angles
 from mechsim.analytic.closure.followed_path import FollowedPath
 from mechsim.analytic.closure.motion import crank_rate, joint_motion, point_on
+from mechsim.analytic.closure.rank import conditioning
 from mechsim.analytic.closure.tree_loops import tree_loops
 from mechsim.analytic.closure.tree_rates import LoopMotion, loop_motion
 from mechsim.errors import AssemblyError
@@ -120,6 +121,7 @@ def recorded(
     """Return the motion of points, links and joints as a record."""
     tree = path.loops.tree
     mechanism = tree.mechanism
+    poses = {name: Pose(found.position[:, i], found.rotation[:, i]) for name, i in tree.links.items()}
     links = {name: found.link(i) for name, i in tree.links.items()}
     joints: dict[str, JointMotion] = {}
     for joint in mechanism.joints:
@@ -148,4 +150,5 @@ def recorded(
         },
         links=links,
         joints=joints,
+        conditioning=conditioning(mechanism, poses),
     )

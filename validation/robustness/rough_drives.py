@@ -1,0 +1,66 @@
+"""Catalogue mechanisms of random dimensions, good and bad: cranks that turn or swing, any transmission."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mechsim import catalog
+from mechsim.analytic.catalog.base import SELECTORS, ClosedForm
+from mechsim.errors import MechsimError
+from mechsim.maths.angles import TURN
+from mechsim.model.crank_profile import CrankProfile, arc_around, swing, within_range
+
+# sizes vary by this factor up and down, angles by this many radians
+FACTOR, SPREAD = 1.6, 0.6
+# a swing stays inside this part of the range
+INSIDE = 0.95
+SPEED = 20.0 * np.pi
+# what is not dimension but kind
+KEPT = (*SELECTORS, "gear_ratio")
+
+
+def rough_drives(random: np.random.Generator, count: int) -> Iterator[ClosedForm]:
+    """Yield mechanisms of each kind in turn that can be assembled and driven over most of their range."""
+    names = list(catalog.DRIVES)
+    for i in range(count):
+        yield _rough(names[i % len(names)], random)
+
+
+def _rough(name: str, random: np.random.Generator) -> ClosedForm:
+    while True:
+        try:
+            drive = catalog.make(name, **_values(name, random))
+            if hasattr(drive, "guide") and random.random() < 0.3:
+                drive = replace(drive, guide=True)
+            profile = within_range(drive.mechanism, drive.crank_range(), SPEED)
+            drive.solve(profile.state(np.linspace(0.0, profile.duration, 73))[0])
+            return drive
+        except MechsimError:
+            continue
+
+
+def _values(name: str, random: np.random.Generator) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for parameter, field in catalog.parameters(name).items():
+        if parameter in KEPT or "options" in field.metadata or field.metadata["unit"] not in ("rad", "m"):
+            continue
+        default = np.asarray(field.default, dtype=np.float64)
+        if field.metadata["unit"] == "rad":
+            changed = default + random.uniform(-SPREAD, SPREAD, default.shape)
+        else:
+            changed = default * FACTOR ** random.uniform(-1.0, 1.0, default.shape)
+        values[parameter] = changed.item() if changed.ndim == 0 else tuple(changed.tolist())
+    return values
+
+
+def rough_swing(drive: ClosedForm, random: np.random.Generator) -> CrankProfile:
+    """Return a swing anywhere inside the range of a drive, on any lap on which its linkage is the same."""
+    arcs, start = drive.crank_range(), drive.mechanism.start
+    low, high = (start - np.pi, start + np.pi) if arcs.full else arc_around(arcs, start) or (start, start)
+    low, high = (low + high) / 2.0 + INSIDE * (high - low) / 2.0 * np.array([-1.0, 1.0])
+    middle = random.uniform(low, high)
+    reach = min(middle - low, high - middle) * random.uniform(0.1, 1.0)
+    laps = 0 if getattr(drive, "gear_ratio", 0.0) % 1.0 else int(random.integers(-3, 4))
+    return swing(middle + TURN * laps, reach, SPEED)

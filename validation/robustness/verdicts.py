@@ -1,0 +1,122 @@
+"""Random catalogue mechanisms by every road: none refused, no sound one missed, runs and verdicts agree.
+
+Each is validated, then put through a swing anywhere inside its range, on any lap, by poses and by steps;
+every run's own outcome is held against its verdict. And each is shown to the judge with a link 0.1 % long.
+
+    python validation/robustness/verdicts.py --count 800
+"""
+
+import argparse
+import sys
+from collections import Counter
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+from rough_drives import SPEED, rough_drives, rough_swing
+
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.errors import AssemblyError, MechsimError
+from mechsim.model.crank_profile import CrankProfile, within_range
+from mechsim.model.outcome import PLACE
+from mechsim.simulation import Settings, simulate
+from mechsim.studies.validate import validate
+from mechsim.verdict.judge import crosscheck
+from mechsim.verdict.quantities import stroke_of
+
+# a link this many times as long is wrong
+LONG = 1.001
+
+
+@dataclass
+class Found:
+    """What came out: how often each thing was tried, and every fault in a line."""
+
+    tried: Counter[str] = field(default_factory=Counter)
+    faults: dict[str, list[str]] = field(default_factory=dict)
+
+    def fault(self, kind: str, text: str) -> None:
+        self.faults.setdefault(kind, []).append(text)
+
+
+def study(count: int, seed: int = 1) -> Found:
+    """Return what came of so many random mechanisms."""
+    random = np.random.default_rng(seed)
+    found = Found()
+    for drive in rough_drives(random, count):
+        _validated(drive, found)
+        for profile in (
+            within_range(drive.mechanism, drive.crank_range(), SPEED),
+            rough_swing(drive, random),
+        ):
+            for method in ("pose", "step"):
+                _run(drive, profile, method, found)
+        _long(drive, random, found)
+    return found
+
+
+def _validated(drive: ClosedForm, found: Found) -> None:
+    found.tried["validated"] += 1
+    try:
+        case = validate(drive)
+    except MechsimError as error:
+        found.fault("validated", f"refused: {error}; {drive}")
+        return
+    if not case.passed:
+        found.fault("validated", f"{case.reason}; {drive}")
+
+
+def _run(drive: ClosedForm, profile: CrankProfile, method: str, found: Found) -> None:
+    found.tried[method] += 1
+    try:
+        settings = Settings() if method == "step" else None
+        run = simulate(drive.mechanism, profile=profile, method=method, settings=settings)
+        verdict = crosscheck(run, drive)
+    except MechsimError as error:
+        found.fault(method, f"refused: {error}; {drive}")
+        return
+    if (run.outcome == "met") != verdict.passed:
+        found.fault(method, f"run {run.outcome}, verdict {verdict.outcome}: {verdict.reason}; {drive}")
+
+
+def _long(drive: ClosedForm, random: np.random.Generator, found: Found) -> None:
+    """Show the judge a mechanism with one length a thousandth too long, by poses and as if stepped."""
+    lengths = [
+        one.name
+        for one in fields(drive)
+        if one.metadata["unit"] == "m" and isinstance(one.default, float) and getattr(drive, one.name) != 0.0
+    ]
+    name = lengths[int(random.integers(len(lengths)))]
+    wrong = replace(drive, **{name: LONG * getattr(drive, name)})
+    try:
+        profile = within_range(drive.mechanism, drive.crank_range(), SPEED)
+        run = simulate(wrong.mechanism, profile=profile, method="pose")
+        exact = drive.solve(run.motion.angle)
+        # a length that nothing depends on, as of a guide left out, is no mistake
+        moved = max(float(gap.max()) for gap in wrong.solve(run.motion.angle).place_errors(exact).values())
+    except AssemblyError:
+        return
+    place = PLACE * stroke_of(exact)
+    for kind, least, tolerance in (("pose", 1e-9 * place, None), ("step", 2.0 * place, place)):
+        if moved > least:
+            found.tried[f"0.1 % long, {kind}"] += 1
+            if crosscheck(run.motion, drive, tolerance=tolerance).passed:
+                found.fault(f"0.1 % long, {kind}", f"{name} passed, off by {moved:.2g} m; {drive}")
+
+
+def main(arguments: list[str]) -> int:
+    parser = argparse.ArgumentParser(description="Random mechanisms: runs and verdicts agree, none refused.")
+    parser.add_argument("--count", type=int, default=800)
+    parser.add_argument("--seed", type=int, default=1)
+    asked = parser.parse_args(arguments)
+    found = study(asked.count, asked.seed)
+    print(f"{'tried':<18} {'times':>6} {'faults':>6}")
+    for kind, times in found.tried.items():
+        print(f"{kind:<18} {times:6} {len(found.faults.get(kind, [])):6}")
+    for kind, texts in found.faults.items():
+        for text in texts:
+            print(f"FAULT {kind}: {text}")
+    return 1 if found.faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
