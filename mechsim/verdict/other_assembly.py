@@ -34,14 +34,13 @@ def elsewhere(simulated: Motion, exact: Motion, solver: Solver) -> float | None:
     far = np.max(list(simulated.place_errors(exact).values()), axis=0)
     pairs = np.unique(np.linspace(0, max(0, len(angle) - 2), MOST_PAIRS).astype(int))
     rows = np.unique(np.clip(np.concatenate([pairs, pairs + 1]), 0, len(angle) - 1))
-    apart, nearer = np.zeros(len(rows)), np.zeros(len(rows), dtype=np.bool_)
+    apart = np.zeros(len(rows))
     for k, i in enumerate(rows):
         for _, points in listed(float(angle[i])):
             gap = _farthest(points, {name: exact.points[name].position[i] for name in points})
             off = _farthest(points, {name: simulated.points[name].position[i] for name in points})
             apart[k] = max(apart[k], gap if off < NEARER * far[i] else 0.0)
-            nearer[k] |= bool(off < NEARER * far[i])
-    wrong = nearer & (apart > APART * stroke_of(exact))
+    wrong = apart > APART * stroke_of(exact)
     first = np.flatnonzero(wrong[1:] & wrong[:-1])
     return float(angle[rows[first[0]]]) if len(first) else None
 

@@ -1,0 +1,159 @@
+"""What is called a rate is the derivative of what it is the rate of, in mechanisms of every kind of joint."""
+
+from functools import cache
+
+import mechanisms
+import numpy as np
+import pytest
+from mechanisms import at
+
+from mechsim import closure
+from mechsim.model.mechanism import GROUND, Gear, Joint, Link, Mechanism, Pose
+
+SPEED, ACCELERATION, STEP = 1.3, -2.1, 2e-3
+# eighth-order differences
+FIRST = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
+SECOND = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560])
+MIDDLE = 4
+
+
+def rocking_slide() -> Mechanism:
+    """A block on the crank's pin that slides along a rocker: a slide and a pin on moving, slanted axes."""
+    return mechanisms._placed(
+        Mechanism(
+            "rocking slide",
+            (Link("crank"), Link("block"), Link("rocker")),
+            (
+                Joint("shaft", "revolute", at(GROUND), at("crank")),
+                Joint("pin", "revolute", at("crank", (0.03, 0.0, 0.0)), at("block", (0.004, 0.002, 0.0))),
+                Joint(
+                    "slide",
+                    "prismatic",
+                    at("rocker", (0.01, 0.005, 0.0), (1.0, 0.2, 0.0)),
+                    at("block", (0.003, -0.001, 0.0), (1.0, 0.2, 0.0)),
+                ),
+                Joint("pivot", "revolute", at(GROUND, (-0.08, 0.01, 0.0)), at("rocker")),
+            ),
+            "shaft",
+            {"P": ("block", (0.01, 0.02, 0.005))},
+            start=mechanisms.START,
+        ),
+        {
+            "crank": ((0.0, 0.0, 0.0), (0.0, 0.0, 0.7)),
+            "block": ((0.02, 0.018, 0.0), (0.0, 0.0, 0.1)),
+            "rocker": ((-0.08, 0.01, 0.0), (0.0, 0.0, 0.1)),
+        },
+    )
+
+
+def bevel_wheels() -> Mechanism:
+    """Wheels on a turning arm, each about a slanted axis that the one before carries, geared to the arm."""
+    links = tuple(Link(name) for name in ("arm", "wheel", "idler"))
+    return mechanisms._placed(
+        Mechanism(
+            "bevel wheels",
+            links,
+            (
+                Joint(
+                    "shaft",
+                    "revolute",
+                    at(GROUND, (0.01, 0.0, 0.02), (0.2, 0.1, 1.0)),
+                    at("arm", axis=(0.2, 0.1, 1.0)),
+                ),
+                Joint(
+                    "wheel",
+                    "revolute",
+                    at("arm", (0.03, 0.01, 0.0), (1.0, 0.3, 0.4)),
+                    at("wheel", axis=(1.0, 0.3, 0.4)),
+                ),
+                Joint(
+                    "idler",
+                    "revolute",
+                    at("idler", axis=(0.1, 1.0, -0.6)),
+                    at("wheel", (0.01, 0.02, 0.0), (0.1, 1.0, -0.6)),
+                ),
+            ),
+            "shaft",
+            {"P": ("idler", (0.01, 0.02, 0.005))},
+            gears=(Gear("shaft", "wheel", -1.5, 0.4), Gear("wheel", "idler", 0.7, -0.2)),
+            start=mechanisms.START,
+        ),
+        {name.name: ((0.01, 0.0, 0.02), (0.0, 0.0, 0.3)) for name in links},
+    )
+
+
+KINDS = [*mechanisms.everything(), rocking_slide(), bevel_wheels()]
+EVERY = [*KINDS, *(mechanisms.swapped(one) for one in KINDS[:-1])]
+NAMES = [one.name for one in KINDS] + [f"{one.name}, sides swapped" for one in KINDS[:-1]]
+cases = pytest.mark.parametrize("mechanism", EVERY, ids=NAMES)
+
+
+@cache
+def motions(name: str):
+    """The motion through nine instants by both sets of equations."""
+    mechanism = EVERY[NAMES.index(name)]
+    time = STEP * (np.arange(9) - MIDDLE)
+    angle = mechanism.start + 0.2 + SPEED * time + 0.5 * ACCELERATION * time**2
+    speed, acceleration = SPEED + ACCELERATION * time, np.full(9, ACCELERATION)
+    whole = closure.solve(mechanism, angle, speed, acceleration)
+    poses = {link: Pose(one.position, one.rotation) for link, one in whole.links.items()}
+    return closure.rates(mechanism, poses, angle, speed, acceleration), whole
+
+
+def derivatives(values, weights, order):
+    return np.tensordot(weights, values, 1) / STEP**order
+
+
+def vector_of(rotation):
+    """Rotation vectors from the middle one, (n, 3)."""
+    turned = rotation @ rotation[MIDDLE].T
+    odd = 0.5 * (turned[:, [2, 0, 1], [1, 2, 0]] - turned[:, [1, 2, 0], [2, 0, 1]])
+    sine = np.linalg.norm(odd, axis=1)
+    return odd * (np.arcsin(sine) / np.where(sine > 0.0, sine, 1.0))[:, None]
+
+
+def near(found, expected, tolerance):
+    assert np.abs(found - expected).max() <= tolerance * max(1.0, np.abs(expected).max())
+
+
+@cases
+def test_rates_of_joints_are_the_derivatives_of_their_coordinates(mechanism, request):
+    for motion in motions(request.node.callspec.id):
+        assert motion.joints
+        for joint in motion.joints.values():
+            near(joint.rate[MIDDLE], derivatives(joint.value, FIRST, 1), 1e-10)
+            near(joint.acceleration[MIDDLE], derivatives(joint.value, SECOND, 2), 1e-7)
+            near(joint.acceleration[MIDDLE], derivatives(joint.rate, FIRST, 1), 1e-9)
+
+
+@cases
+def test_rates_of_points_and_links_are_the_derivatives_of_their_places(mechanism, request):
+    for motion in motions(request.node.callspec.id):
+        for one in (*motion.points.values(), *motion.links.values()):
+            near(one.velocity[MIDDLE], derivatives(one.position, FIRST, 1), 1e-10)
+            near(one.acceleration[MIDDLE], derivatives(one.velocity, FIRST, 1), 1e-9)
+        for link in motion.links.values():
+            near(link.angular_velocity[MIDDLE], derivatives(vector_of(link.rotation), FIRST, 1), 1e-10)
+            near(link.angular_acceleration[MIDDLE], derivatives(link.angular_velocity, FIRST, 1), 1e-9)
+
+
+@cases
+def test_both_sets_of_equations_give_the_same_rates(mechanism, request):
+    six, tree = motions(request.node.callspec.id)
+    for name, link in six.links.items():
+        for part in ("velocity", "angular_velocity", "acceleration", "angular_acceleration"):
+            near(getattr(tree.links[name], part), getattr(link, part), 1e-11)
+    for name, joint in six.joints.items():
+        turns = (tree.joints[name].value - joint.value) / (2.0 * np.pi if joint.unit == "rad" else np.inf)
+        near(tree.joints[name].value, joint.value + 2.0 * np.pi * np.round(turns), 1e-12)
+        near(tree.joints[name].rate, joint.rate, 1e-11)
+        near(tree.joints[name].acceleration, joint.acceleration, 1e-11)
+
+
+@cases
+def test_the_loops_are_closed(mechanism, request):
+    motion = motions(request.node.callspec.id)[1]
+    poses = {link: Pose(one.position, one.rotation) for link, one in motion.links.items()}
+    open_by, turned_by = closure.residual_norms(mechanism, poses, motion.angle)
+    assert open_by.max() <= 1e-14
+    assert turned_by.max() <= 1e-13

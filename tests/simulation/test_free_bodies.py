@@ -1,0 +1,151 @@
+"""Loops of a model whose bodies fly freely, joined by points only: six coordinates a body, seven numbers."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from mechsim.errors import AssemblyError
+from mechsim.simulation.model_loops import ModelLoops
+
+MODEL = """
+<mujoco model="flying">
+  <worldbody>
+    <body name="crank" pos=".01 .02 0"><joint name="crank" axis="0 .1 1"/><geom size=".01"/>
+      <site pos=".1 0 .01"/></body>
+    <body name="first" pos="{far} 0 .03" euler="10 20 30"><freejoint/><geom size=".01"/>
+      <site pos=".1 .2 .3"/></body>
+    <body name="ball" pos=".2 .1 0"><joint type="ball"/><geom size=".01"/></body>
+    <body name="slide" pos=".3 .1 0"><joint type="slide" axis="1 2 3"/><geom size=".01"/></body>
+  </worldbody>
+  <equality>
+    <connect body1="first" body2="crank" anchor="0 0 0"/>
+    <connect body1="ball" body2="first" anchor=".03 .2 .1"/>
+    <connect body1="slide" body2="ball" anchor=".05 .1 .05"/>
+  </equality>
+</mujoco>
+"""
+FAR = 0.1
+
+
+@pytest.fixture
+def loops():
+    return ModelLoops(mujoco.MjModel.from_xml_string(MODEL.format(far=FAR)))
+
+
+def states(loops, n=4, reach=0.3):
+    steps = reach * np.random.default_rng(4).normal(size=(n, loops.model.nv))
+    return loops.moved(np.repeat(loops.model.qpos0[None], n, 0), steps)
+
+
+def test_the_numbers_of_a_state_are_told_apart(loops):
+    # crank, free body (place, quaternion), ball (quaternion), slide
+    assert loops.quaternions == [4, 8]
+    assert loops.turning.tolist() == [False] * 4 + [True] * 8 + [False]
+    assert loops.hinges.tolist() == [True] + [False] * 12
+    assert loops.free.tolist() == [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]
+    assert (loops.crank, loops.crank_place) == (0, 0)
+
+
+@pytest.mark.parametrize("n", [1, 4])
+def test_states_are_moved_as_mujoco_moves_them(loops, n):
+    before = states(loops, n)
+    steps = np.random.default_rng(5).normal(size=(n, loops.model.nv))
+    # a turn too small for a quotient, and one of more than a whole turn
+    steps[0, 4:7], steps[-1, 7:10] = (1e-9, -2e-9, 0.5e-9), (5.0, -4.0, 3.0)
+    for state, step, made in zip(before, steps, loops.moved(before, steps), strict=True):
+        expected = state.copy()
+        mujoco.mj_integratePos(loops.model, expected, step, 1.0)
+        assert np.abs(made - expected).max() < 2e-15
+    assert np.array_equal(before, states(loops, n))
+
+
+@pytest.mark.parametrize("n", [1, 4])
+def test_the_jacobian_is_the_derivative_of_the_residual(loops, n):
+    before = states(loops, n)
+    _, jacobian = loops.linearise(before)
+    for dof in range(loops.model.nv):
+        step = np.zeros((n, loops.model.nv))
+        step[:, dof] = 1e-6
+        ahead, behind = (loops.residual(loops.moved(before, sign * step)) for sign in (1.0, -1.0))
+        assert np.abs((ahead - behind) / 2e-6 - jacobian[:, :, dof]).max() < 1e-9
+
+
+def test_a_newton_step_goes_far_but_turns_by_half_a_radian_at_most(loops):
+    before = states(loops)
+    before[:, 1:4] += 10.0
+    residual, jacobian = loops.linearise(before)
+    held = loops.solve(jacobian, -residual[..., None])[..., 0]
+    step, _ = loops.newton(residual, jacobian)
+    turns = np.abs(held[:, 3:9]).max(1)
+    assert turns.max() > 0.5
+    for one, whole, turn in zip(step[:, loops.free], held, turns, strict=True):
+        assert one == pytest.approx(whole * min(1.0, 0.5 / turn))
+    assert np.abs(step[:, 1:4]).max() > 0.5
+    assert (step[:, 0] == 0.0).all()
+    # lengths alone, however long, are gone in a single step
+    shifted = np.repeat(loops.model.qpos0[None], 2, 0)
+    shifted[:, 1:4] += 1e-3
+    residual, jacobian = loops.linearise(shifted)
+    assert loops.gap(loops.residual(loops.moved(shifted, loops.newton(residual, jacobian)[0]))).max() < 1e-4
+
+
+def test_a_slide_and_the_place_of_a_free_body_are_lengths(loops):
+    assert loops._angular.tolist() == [False] * 3 + [True] * 6 + [False]
+
+
+def test_flying_bodies_come_together_and_stay_so_along_the_tangent(loops):
+    closed = loops.close(states(loops, 4, 0.02))
+    assert loops.gap(loops.residual(closed)).max() <= 1e-14
+    _, jacobian = loops.linearise(closed)
+    tangent = loops.tangent(jacobian)
+    assert (tangent[:, 0] == 1.0).all()
+    assert np.abs(jacobian @ tangent[..., None]).max() < 1e-14
+    assert np.abs(np.linalg.norm(closed[:, 4:8], axis=1) - 1.0).max() < 1e-15
+
+
+def test_what_is_solved_is_the_shortest_step_that_does_it(loops):
+    _, jacobian = loops.linearise(states(loops))
+    right = np.random.default_rng(1).normal(size=(4, jacobian.shape[1], 2))
+    for one, held, wanted in zip(
+        loops.solve(jacobian, right), jacobian[:, :, loops.free], right, strict=True
+    ):
+        assert one == pytest.approx(np.linalg.lstsq(held, wanted, rcond=None)[0], abs=1e-12)
+
+
+def test_places_are_those_of_sites_and_of_the_points_that_close_loops(loops):
+    before = states(loops)
+    data = mujoco.MjData(loops.model)
+    residual = loops.residual(before)
+    for state, sites, places, gap in zip(
+        before, loops.sites(before), loops.places(before), residual, strict=True
+    ):
+        data.qpos[:] = state
+        mujoco.mj_kinematics(loops.model, data)
+        assert sites == pytest.approx(data.site_xpos, abs=1e-15)
+        assert places[-2:] == pytest.approx(data.site_xpos, abs=1e-15)
+        ends = places[:-2].reshape(-1, 2, 3)
+        assert gap == pytest.approx((ends[:, 0] - ends[:, 1]).ravel(), abs=1e-15)
+
+
+def test_the_yardstick_is_the_longest_of_arms_and_bodies_places(loops):
+    reach = max(np.linalg.norm(local) for pair in loops.pairs for local in pair.local)
+    assert loops.size == max(reach, np.linalg.norm([0.3, 0.1, 0.0]))
+    far = ModelLoops(mujoco.MjModel.from_xml_string(MODEL.format(far=7.0)))
+    assert far.size == pytest.approx(np.hypot(7.0, 0.03))
+    assert far.gap(np.array([[7.0, 0.0, 0.0, 0.0, -14.0, 0.0, 0.0, 0.0, 0.0]])) == pytest.approx(
+        14.0 / far.size
+    )
+
+
+def test_the_two_assemblies_of_a_loop_lie_on_either_side(loops):
+    # the slide's body may be reached from above or below: both are closed, on sides of unlike sign
+    assert set(np.unique(loops.side(loops.linearise(states(loops, 40, 1.0))[1]))) <= {-1.0, 1.0}
+
+
+def test_what_cannot_come_together_is_named(loops):
+    lost = states(loops, 2)
+    lost[1, -1] = 1.0
+    loops.model.eq_data[1, 3:6] *= 100.0
+    far = ModelLoops(loops.model)
+    with pytest.raises(AssemblyError, match="flying: the loops do not close at crank angle"):
+        far.close(lost)

@@ -1,0 +1,173 @@
+"""Motions read from states: rates are derivatives of places, and a pendulum accelerates as Newton says."""
+
+import mechanisms
+import mujoco
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.model.scene import Scene
+from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.recorded_motion import CHUNK, States, add_sensors, evaluate
+
+SPEED, ACCELERATION, STEP, MIDDLE = 1.3, -2.1, 2e-3, 4
+# first derivative by eighth-order differences
+FIRST = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / STEP
+
+# a four-bar whose coupler flies freely until points hold it: two on the crank's pin and one on the rocker's
+TURNED = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
+PIN, ABOVE, FAR = (
+    " ".join(map(repr, (point @ TURNED).tolist()))
+    for point in np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.1], [0.2, 0.1, 0.05]])
+)
+FREE = f"""
+<mujoco>
+  <option gravity="1 -2 -9"/>
+  <worldbody>
+    <body name="crank"><joint name="crank" axis="0 0 1"/><geom size=".01"/>
+      <site name="A" pos=".1 .02 .03"/></body>
+    <body name="rod" pos=".1 .02 .03" xyaxes="{" ".join(map(repr, TURNED.T[:2].ravel().tolist()))}">
+      <freejoint name="fly"/><geom size=".01" pos=".1 0 .05"/></body>
+    <body name="rocker" pos=".35 0 0"><joint name="rocker" axis="0 0 1"/><geom size=".01"/></body>
+  </worldbody>
+  <equality>
+    <connect body1="rod" body2="crank" anchor="{PIN}"/>
+    <connect body1="rod" body2="crank" anchor="{ABOVE}"/>
+    <connect body1="rod" body2="rocker" anchor="{FAR}"/>
+  </equality>
+</mujoco>
+"""
+# a joint that follows the crank by a polynomial, and another that stands where it is told to
+CURVE = """
+<mujoco>
+  <worldbody>
+    <body name="a"><joint name="crank" axis="0 0 1" ref="20"/><geom size=".01"/>
+      <body name="b" pos=".1 0 0"><joint name="curve" axis="0 1 1" ref="10"/><geom size=".01" pos=".1 0 0"/>
+        <site name="P" pos=".2 .1 .05"/></body></body>
+    <body name="c" pos=".3 0 0"><joint name="slide" type="slide" axis="0 1 1"/><geom size=".01"/>
+      <body name="d"><joint name="still" axis="1 0 0" ref="30"/><geom size=".01" pos="0 0 .1"/></body></body>
+  </worldbody>
+  <equality>
+    <joint joint1="curve" joint2="crank" polycoef=".1 .5 .3 -.2 .1"/>
+    <joint joint1="slide" joint2="crank" polycoef="0 .2 -.1 0 0"/>
+    <joint joint1="still" polycoef=".4 0 0 0 0"/>
+  </equality>
+</mujoco>
+"""
+PENDULUM = """
+<mujoco>
+  <option gravity="0 -9.81 0"/>
+  <worldbody>
+    <body name="arm"><joint name="crank" axis="0 0 1" armature="0.01"/>
+      <inertial pos=".3 0 0" mass="2" diaginertia="1e-3 1e-3 1e-3"/><site name="tip" pos=".5 0 0"/>
+      <body><inertial pos="0 0 0" mass="1e-12" diaginertia="1e-14 1e-14 1e-14"/></body></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def of_text(text, points=()):
+    spec = mujoco.MjSpec.from_string(text)
+    track = add_sensors(spec, tuple(points))
+    return ModelLoops(spec.compile()), track
+
+
+def of_mechanism(mechanism):
+    spec = assembled(mechanism, Scene())
+    track = add_sensors(spec, tuple(mechanism.points))
+    return ModelLoops(spec.compile()), track
+
+
+CASES = {
+    "free body": lambda: of_text(FREE, ["A"]),
+    "curve": lambda: of_text(CURVE, ["P"]),
+    "four_bar": lambda: of_mechanism(catalog.make("four_bar").mechanism),
+    "guided rssr": lambda: of_mechanism(catalog.make("rssr", guide=True).mechanism),
+    **{one.name: lambda one=one: of_mechanism(one) for one in mechanisms.everything()},
+}
+
+
+def along(loops):
+    """Nine instants of a crank that speeds up, the loops closed in places and speeds."""
+    time = STEP * (np.arange(9) - MIDDLE)
+    start = loops.close(loops.model.qpos0[None])
+    _, jacobian = loops.linearise(start)
+    turned = SPEED * time + 0.5 * ACCELERATION * time**2
+    qpos = loops.close(loops.moved(np.repeat(start, 9, 0), turned[:, None] * loops.tangent(jacobian)))
+    _, jacobian = loops.linearise(qpos)
+    qvel = loops.tangent(jacobian) * (SPEED + ACCELERATION * time)[:, None]
+    return States(time, qpos, qvel), np.full(9, ACCELERATION)
+
+
+def near(found, expected, tolerance=1e-9):
+    assert np.abs(found - expected).max() <= tolerance * max(1.0, np.abs(expected).max())
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_rates_are_the_derivatives_of_places(case):
+    loops, track = CASES[case]()
+    states, acceleration = along(loops)
+    motion = evaluate(loops, track, states, "pose", crank_acceleration=acceleration)
+    near(motion.speed, SPEED + ACCELERATION * states.time)
+    near(motion.acceleration, acceleration)
+    assert motion.closure.max() < 1e-14
+    assert motion.joints.keys() >= {loops.model.joint(loops.model.dof_jntid[loops.crank]).name}
+    for one in (*motion.points.values(), *motion.links.values()):
+        near(one.velocity[MIDDLE], FIRST @ one.position)
+        near(one.acceleration[MIDDLE], FIRST @ one.velocity)
+    for link in motion.links.values():
+        turning = np.tensordot(FIRST, link.rotation, 1) @ link.rotation[MIDDLE].T
+        near(link.angular_velocity[MIDDLE], turning[[2, 0, 1], [1, 2, 0]])
+        near(link.angular_acceleration[MIDDLE], FIRST @ link.angular_velocity)
+    for joint in motion.joints.values():
+        near(joint.rate[MIDDLE], FIRST @ joint.value)
+        near(joint.acceleration[MIDDLE], FIRST @ joint.rate)
+
+
+def test_hinges_are_angles_and_slides_lengths_and_a_free_body_has_no_coordinate():
+    loops, track = CASES["curve"]()
+    joints = evaluate(loops, track, along(loops)[0], "pose").joints
+    assert {name: one.unit for name, one in joints.items()} == {
+        "crank": "rad",
+        "curve": "rad",
+        "slide": "m",
+        "still": "rad",
+    }
+    loops, track = CASES["free body"]()
+    assert set(evaluate(loops, track, along(loops)[0], "pose").joints) == {"crank", "rocker"}
+
+
+@pytest.mark.parametrize("weightless", [False, True])
+def test_a_pendulum_accelerates_as_newton_says(weightless):
+    loops, track = of_text(PENDULUM, ["tip"])
+    if weightless:
+        loops.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    n = CHUNK + 5
+    time = np.linspace(0.0, 1.0, n)
+    angle, speed, torque = np.sin(7.0 * time), 3.0 * np.cos(5.0 * time), 4.0 * np.cos(3.0 * time)
+    states = States(time, angle[:, None], speed[:, None])
+    motion = evaluate(loops, track, states, "step", force=torque)
+    weight = 0.0 if weightless else 2.0 * 9.81 * 0.3 * np.cos(angle)
+    expected = (torque - weight) / (0.01 + 1e-3 + 2.0 * 0.3**2)
+    near(motion.acceleration, expected)
+    assert len(motion) == n
+    along_arm = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], 1)
+    across = np.stack([-np.sin(angle), np.cos(angle), 0.0 * angle], 1)
+    tip = motion.points["tip"]
+    near(tip.position, 0.5 * along_arm)
+    near(tip.velocity, 0.5 * speed[:, None] * across)
+    near(tip.acceleration, 0.5 * (expected[:, None] * across - speed[:, None] ** 2 * along_arm))
+    near(motion.links["arm"].acceleration, 0.0)
+    assert track.links == ("arm", "body2")
+    assert motion.closure.tolist() == [0.0] * n
+
+
+def test_a_given_acceleration_takes_the_place_of_what_forces_would_do():
+    loops, track = of_text(PENDULUM, ["tip"])
+    n = CHUNK + 5
+    wanted = np.linspace(-2.0, 3.0, n)
+    states = States(np.linspace(0.0, 1.0, n), np.full((n, 1), 0.4), np.zeros((n, 1)))
+    motion = evaluate(loops, track, states, "pose", crank_acceleration=wanted, force=np.full(n, 5.0))
+    near(motion.acceleration, wanted)
+    near(motion.points["tip"].acceleration, 0.5 * wanted[:, None] * [-np.sin(0.4), np.cos(0.4), 0.0])

@@ -1,0 +1,161 @@
+"""Sizes of errors on small records: each is what a hand or another route makes it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from mechsim.model.efforts import Efforts, Reaction
+from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
+from mechsim.verdict import record_errors as errors
+
+N = 7
+RANDOM = np.random.default_rng(7)
+ANGLE = np.linspace(0.3, 5.0, N)
+FLAT = np.zeros((N, 3))
+
+
+def about(axis, angle):
+    """Turn about an axis by Rodrigues' formula, (3, 3)."""
+    x, y, z = np.asarray(axis) / np.linalg.norm(axis)
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew
+
+
+STRAIGHT = np.eye(3)
+
+
+def motion(rotation=STRAIGHT, joints=None, points=None, links=("rod",), **more):
+    turned = np.broadcast_to(rotation, (N, 3, 3))
+    return Motion(
+        "user",
+        ANGLE,
+        np.full(N, 2.0),
+        np.zeros(N),
+        points or {"P": PointMotion(FLAT, FLAT, FLAT)},
+        {name: LinkMotion(FLAT, turned, FLAT, FLAT, FLAT, FLAT) for name in links},
+        joints or {},
+        **more,
+    )
+
+
+def joint(value, unit="rad"):
+    return JointMotion(np.full(N, value), np.zeros(N), np.zeros(N), unit)
+
+
+def efforts(**fields):
+    zero = np.zeros(N)
+    reaction = Reaction(link="rod", by="crank", force=FLAT, moment=FLAT, point=FLAT)
+    given = {
+        "size": 0.1,
+        "time": None,
+        "angle": ANGLE,
+        "speed": np.full(N, 2.0),
+        "reactions": {"A": reaction},
+        "gears": {},
+        "sliding": np.ones((N, 1)),
+    }
+    names = ("acceleration", "torque", "kinetic", "potential", "power_in", "power_loads", "power_lost")
+    return Efforts(**{**dict.fromkeys((*names, "residual"), zero), **given, **fields})
+
+
+@pytest.mark.parametrize("turn", [1e-9, 1e-3, 0.4, 1.5, 2.5, 3.1])
+def test_a_link_turned_about_any_axis_is_off_by_the_angle(turn):
+    for axis in (*np.eye(3), *RANDOM.normal(size=(5, 3))):
+        start = about(RANDOM.normal(size=3), 1.1)
+        found, exact = motion(about(axis, turn) @ start), motion(start)
+        for one, other in ((found, exact), (exact, found)):
+            assert_allclose(errors.orientation(one, other, "rod"), turn, rtol=1e-6)
+
+
+def test_a_link_a_milliradian_off_is_missed_and_one_that_is_not_is_off_by_nothing():
+    start = about((0.3, -0.4, 0.8), 0.7)
+    assert_allclose(errors.orientation(motion(start), motion(start), "rod"), 0.0, atol=1e-15)
+
+
+def test_errors_of_points_are_lengths_of_their_gaps():
+    gaps = RANDOM.normal(size=(3, N, 3))
+    base = RANDOM.normal(size=(3, N, 3))
+    exact = motion(points={"P": PointMotion(*base)})
+    found = motion(points={"P": PointMotion(*(base + gaps))})
+    for kind, gap in zip(("position", "velocity", "acceleration"), gaps, strict=True):
+        assert_allclose(errors.of_points(kind)(found, exact, "P"), np.hypot(np.hypot(*gap.T[:2]), gap[:, 2]))
+
+
+@pytest.mark.parametrize("turns", [-3, -1, 0, 1, 2])
+@pytest.mark.parametrize("off", [-0.2, 1e-6, 0.5, 3.0])
+def test_joint_angles_are_compared_by_the_shorter_way_round_and_lengths_as_they_are(turns, off):
+    exact = motion(joints={"hinge": joint(0.4), "slide": joint(0.4, "m")})
+    value = 0.4 + off + 2.0 * np.pi * turns
+    found = motion(joints={"hinge": joint(value), "slide": joint(value, "m")})
+    assert_allclose(errors.of_joints("rad")(found, exact, "hinge"), abs(off), rtol=1e-8)
+    assert_allclose(errors.of_joints("m")(found, exact, "slide"), abs(value - 0.4))
+    assert errors.of_joints("rad")(found, exact, "slide") is None
+    assert errors.of_joints("m")(found, exact, "hinge") is None
+
+
+def test_only_what_both_know_is_compared_and_neither_the_crank_nor_a_spin_nothing_holds():
+    known = {name: joint(0.0) for name in ("crank", "one", "two")}
+    exact = motion(joints=known, links=("rod", "arm", "loose"), spinning=frozenset({"loose"}))
+    found = motion(joints={"crank": joint(0.0), "two": joint(0.0)}, links=("arm", "loose"))
+    assert list(errors.joints(found, exact)) == ["two"]
+    assert list(errors.links(found, exact)) == ["arm"]
+    assert list(errors.points(found, exact)) == ["P"]
+
+
+def test_the_crank_is_off_by_how_far_it_lags_or_leads_where_there_is_time():
+    late = motion(time=ANGLE / 2.0)
+    for off in (-0.1, 0.1):
+        wanted = replace(late, angle=ANGLE + off)
+        assert_allclose(errors.drive_angle(late, wanted, ""), 0.1)
+    assert errors.drive_angle(motion(), late, "") is None
+
+
+def test_a_field_is_off_by_its_difference_or_alone_by_what_it_is():
+    found, exact = efforts(torque=np.full(N, -3.0)), efforts(torque=np.full(N, 1.0))
+    assert_allclose(errors.of("torque")(found, exact, ""), 4.0)
+    assert_allclose(errors.alone("torque")(found, exact, ""), 3.0)
+    assert errors.alone("time")(found, exact, "") is None
+
+
+def test_the_torque_counts_unless_dry_friction_has_no_direction_and_the_crank_stands():
+    found = efforts(torque=np.ones(N))
+    # a part of 1e-7 of the fastest counts as standing
+    speed = np.full(N, 20.0)
+    speed[:4] = 0.0, 1e-6, -1.9e-6, 2.1e-6
+    standing = np.ones((N, 2))
+    standing[[0, 1, 2, 3, 5], 1] = 0.0
+    exact = efforts(speed=speed, sliding=standing)
+    assert errors.torque(found, exact, "").tolist() == [0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0]
+    assert errors.torque(found, efforts(speed=speed), "").tolist() == [1.0] * N
+
+
+def test_reactions_count_in_the_components_that_are_determined():
+    known = np.array([True, False, True, False, False, True])
+    wrong = replace(
+        efforts().reactions["A"],
+        force=FLAT + np.array([3.0, 100.0, 4.0]),
+        moment=FLAT + np.array([7.0, 100.0, -2.0]),
+    )
+    there = replace(wrong, force=FLAT + 1.0, moment=FLAT - 1.0, determined=known)
+    exact = efforts(reactions={"A": there})
+    found = efforts(reactions={"A": replace(wrong, force=wrong.force + 1.0, moment=wrong.moment - 1.0)})
+    assert_allclose(errors.of_reactions("force")(found, exact, "A"), 5.0)
+    assert_allclose(errors.of_reactions("moment")(found, exact, "A"), 2.0)
+    none = replace(exact.reactions["A"], determined=np.array([False] * 3 + [True] * 3))
+    assert errors.of_reactions("force")(found, replace(exact, reactions={"A": none}), "A") is None
+    assert errors.of_reactions("moment")(found, replace(exact, reactions={"A": none}), "A") is not None
+
+
+def test_reactions_and_gears_say_nothing_where_a_dry_joint_turns_round():
+    wrong = replace(efforts().reactions["A"], force=FLAT + 1.0)
+    sliding = np.ones((N, 2))
+    sliding[2, 1] = 0.0
+    exact = efforts(sliding=sliding, gears={"a-b": np.zeros(N)})
+    found = efforts(reactions={"A": wrong}, gears={"a-b": np.full(N, -1.0)})
+    counts = [0.0 if i == 2 else 1.0 for i in range(N)]
+    assert_allclose(errors.of_reactions("force")(found, exact, "A"), np.sqrt(3.0) * np.array(counts))
+    assert errors.gear_torque(found, exact, "a-b").tolist() == counts
+    assert list(errors.gears(found, exact)) == ["a-b"]
+    assert list(errors.reactions(found, exact)) == ["A"]

@@ -1,0 +1,29 @@
+"""Print pip constraints that pin what pyproject.toml asks for to the lowest versions it allows.
+
+`python validation/lowest_versions.py > lowest.txt && pip install -c lowest.txt -e '.[test]'`
+"""
+
+import re
+import tomllib
+from pathlib import Path
+
+PYPROJECT = Path(__file__).resolve().parents[1] / "pyproject.toml"
+FLOOR = re.compile(r"^(?P<name>[\w-]+)(\[[\w,]+\])?>=(?P<version>[\w.]+)$")
+
+
+def lowest(project: dict) -> list[str]:
+    """Return a pin for every floor of what is needed to use and to test; refuse what has none."""
+    extras = project["optional-dependencies"]
+    asked = [*project["dependencies"], *extras["test"], *extras["tables"]]
+    pins = []
+    for one in asked:
+        if not one.startswith(f"{project['name']}["):
+            found = FLOOR.match(one)
+            if found is None:
+                raise SystemExit(f"{one!r} names no lowest version; write it as name>=version")
+            pins.append(f"{found['name']}=={found['version']}")
+    return pins
+
+
+if __name__ == "__main__":
+    print("\n".join(lowest(tomllib.loads(PYPROJECT.read_text())["project"])))
