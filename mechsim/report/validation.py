@@ -60,6 +60,7 @@ def write_validation_report(
                 still=still,
                 video=video,
                 plots=[(PLOTS[kind].about, drawing) for kind, drawing in drawings.items()],
+                checks=case.checks,
                 settings=_settings(case),
             )
         )

@@ -28,6 +28,11 @@ def test_the_report_holds_page_numbers_plots_picture_and_video(monkeypatch, tmp_
     assert beside["mechanisms"]["slider_crank"]["checks"] == printed["mechanisms"]["slider_crank"]["checks"]
     page = (tmp_path / "out" / "index.html").read_text()
     assert "data:video/mp4" in page
+    # every quantity printed stands on the page, with how much of its bound was used
+    checks = printed["mechanisms"]["slider_crank"]["checks"]
+    assert f"{len(checks)} of {len(checks)}" in page
+    for check in checks:
+        assert check["quantity"] in page
 
 
 def test_without_opengl_validation_passes_and_one_line_names_the_package(monkeypatch, tmp_path, capsys):
