@@ -1,4 +1,4 @@
-"""The way of a triad as cranks carry its pivots round, with every step certified.
+"""The path of a triad as cranks carry its pivots round, with every step certified.
 
 From a pose found, Newton's method for the next crank angle converges, and to the only solution
 nearby, if the theorem of Newton and Kantorovich says so for every crank angle in between. The step is
@@ -24,9 +24,9 @@ Complex = NDArray[np.complex128]
 KANTOROVICH = 0.4
 # a step shorter than this, in [rad], is a dead centre reached: it lies some ten or hundred such steps ahead
 SHORTEST = 1e-9
-# from the last node on the way to its dead centre a pose moves by 1e-4 or so, in [rad]
+# from the last node towards its dead centre a pose moves by 1e-4 or so, in [rad]
 ASTRAY = 1e-2
-# a way longer than this many steps means dimensions in which the steps never get anywhere
+# a path longer than this many steps means dimensions in which the steps never get anywhere
 MOST_STEPS = 2_000_000
 # up to six assemblies can follow one another before the first comes round again
 MOST_ROUNDS = 6
@@ -59,7 +59,7 @@ class Pivots:
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """A pose on the way and how singular it is."""
+    """A pose on the path and how singular it is."""
 
     angle: float
     place: complex
@@ -68,7 +68,7 @@ class Node:
 
 
 class TriadPath:
-    """All poses that a triad reaches from one pose as the crank turns either way; grows as asked."""
+    """All poses that a triad reaches from one pose as the crank turns to either side; grows as asked."""
 
     def __init__(
         self,
@@ -101,15 +101,15 @@ class TriadPath:
         ]
         place, turn = complex(start[0]), complex(start[1])
         first = self._node(0.0, place + turn * self._middle, turn)
-        self._ways: dict[int, list[Node]] = {1: [first], -1: [first]}
+        self._nodes: dict[int, list[Node]] = {1: [first], -1: [first]}
         self._ends: dict[int, float | None] = {1: None, -1: None}
         self._table: tuple[Array, Complex, Complex] | None = None
         self._round: float | None = None
 
     def end(self, side: int, target: float) -> float | None:
-        """Return the dead centre met on the way to a crank angle (side +1 up, -1 down), or None."""
-        way = self._ways[side]
-        while self._ends[side] is None and side * way[-1].angle < side * target:
+        """Return the dead centre met before a crank angle (side +1 up, -1 down), or None."""
+        nodes = self._nodes[side]
+        while self._ends[side] is None and side * nodes[-1].angle < side * target:
             self._advance(side)
         end = self._ends[side]
         return end if end is not None and side * end < side * target else None
@@ -117,10 +117,10 @@ class TriadPath:
     def round(self) -> float | None:
         """Return the crank angle after which the triad itself stands as before, in [rad].
 
-        None where the way is blocked or the pivots never stand as before.
+        None where the path is blocked or the pivots never stand as before.
         """
         if self._round is None and self._period is not None:
-            first = self._ways[1][0]
+            first = self._nodes[1][0]
             for number in range(1, MOST_ROUNDS + 1):
                 angle = number * self._period
                 if self.end(1, angle) is not None:
@@ -134,7 +134,7 @@ class TriadPath:
     def poses(self, angles: Array) -> tuple[Complex, Complex]:
         """Return place and turn of the link at crank angles, (n,) each; NaN beyond a dead centre.
 
-        A crank angle beyond a dead centre that is within reach the other way round is taken so.
+        A crank angle beyond a dead centre that is within reach from the other side is taken so.
 
         Accuracy: Newton's method to rounding.
         """
@@ -144,14 +144,14 @@ class TriadPath:
         place, turn = self._on_table(angles, 5 if bounds == (None, None) else 16)
         for side, bound in zip((-1, 1), bounds, strict=True):
             if bound is not None:
-                last = self._ways[side][-1]
+                last = self._nodes[side][-1]
                 beyond = side * angles > side * bound
                 beyond |= (side * angles > side * last.angle) & ~(abs(turn - last.turn) < ASTRAY)
                 place[beyond] = turn[beyond] = np.nan
         return place - turn * self._middle, turn
 
     def _reduced(self, angles: Array) -> Array:
-        """Return crank angles of the way for which the pivots stand as at those asked for."""
+        """Return crank angles of the path for which the pivots stand as at those asked for."""
         low, high, period = float(angles.min()), float(angles.max()), self._period
         if period is None:
             return angles
@@ -160,18 +160,18 @@ class TriadPath:
         whole = self.round()
         if whole is not None:
             return angles - whole * np.floor(angles / whole)
-        # a way blocked on one side of a motion that repeats is blocked on the other
+        # a path blocked on one side of a motion that repeats is blocked on the other
         far = (1 + MOST_ROUNDS) * period
         low, high = self.end(-1, -far), self.end(1, far)
         if low is None or high is None or high - low >= period:
-            return angles  # without a gap between its ends the way would be left for another unseen
+            return angles  # without a gap between its ends the path would be left for another unseen
         back = np.ceil(np.maximum(angles - high, 0.0) / period)
         return angles - period * (back - np.ceil(np.maximum(low - angles, 0.0) / period))
 
     def _on_table(self, angles: Array, steps: int = 5) -> tuple[Complex, Complex]:
         """Solve from the node that each angle was certified from: the nearest towards zero."""
         if self._table is None:
-            nodes = [*self._ways[-1][:0:-1], *self._ways[1]]
+            nodes = [*self._nodes[-1][:0:-1], *self._nodes[1]]
             self._table = (
                 np.array([node.angle for node in nodes]),
                 np.array([node.place for node in nodes]),
@@ -189,13 +189,13 @@ class TriadPath:
 
     def _advance(self, side: int) -> None:
         """Take the longest step the theorem allows, or find the dead centre ahead."""
-        way = self._ways[side]
-        here = way[-1]
+        nodes = self._nodes[side]
+        here = nodes[-1]
         step = self._longest_step(here)
         if step < SHORTEST:
-            self._ends[side] = self._dead_centre(way)
+            self._ends[side] = self._dead_centre(nodes)
             return
-        if len(way) > MOST_STEPS:
+        if len(nodes) > MOST_STEPS:
             raise AssemblyError(
                 f"the triad needs more than {MOST_STEPS} steps to reach crank angle {here.angle:.6g} rad; "
                 "ask for fewer turns"
@@ -204,7 +204,7 @@ class TriadPath:
         place, turn = close(
             here.place, here.turn, self._pivots.at(angle), self._platform, self._legs, steps=5
         )
-        way.append(self._node(angle, place, turn))
+        nodes.append(self._node(angle, place, turn))
         self._table = None
 
     def _longest_step(self, node: Node) -> float:
@@ -215,8 +215,8 @@ class TriadPath:
         shift, turning = inverse(vectors, moments(vectors, node.turn, self._platform))
         gains = [abs(complex(abs(s) / self._size, t)) for s, t in zip(shift, turning, strict=True)]
         bend = sum(gain * b for gain, b in zip(gains, self._bends, strict=True))
-        pull = sum(g * leg * v for g, leg, v in zip(gains, self._legs, self._travel, strict=True))
-        step = KANTOROVICH / (bend * pull) if pull > 0.0 else np.pi
+        travel = sum(g * leg * v for g, leg, v in zip(gains, self._legs, self._travel, strict=True))
+        step = KANTOROVICH / (bend * travel) if travel > 0.0 else np.pi
         while not self._certified(gains, bend, step):
             step *= 0.8
         return step
@@ -237,15 +237,15 @@ class TriadPath:
             return False
         return all(move + 2.0 * newton * arm <= leg for _, move, leg, arm in parts)
 
-    def _dead_centre(self, way: list[Node]) -> float:
+    def _dead_centre(self, path: list[Node]) -> float:
         """Return where the determinant d vanishes, from angle = end + p d^2 + q d^3 through three nodes."""
-        last = way[-1]
-        sizes = abs(np.array([node.determinant for node in way[-5000:]]))
-        if len(way) < 3 or sizes[-1] == 0.0 or not sizes.max() >= 3.0 * sizes[-1]:
+        last = path[-1]
+        sizes = abs(np.array([node.determinant for node in path[-5000:]]))
+        if len(path) < 3 or sizes[-1] == 0.0 or not sizes.max() >= 3.0 * sizes[-1]:
             return last.angle
         nodes = [last]
         for factor in (1.7, 3.0):
-            nodes.append(way[-5000:][np.nonzero(sizes >= factor * sizes[-1])[0][-1]])
+            nodes.append(path[-5000:][np.nonzero(sizes >= factor * sizes[-1])[0][-1]])
         d = np.array([node.determinant for node in nodes]) / last.determinant
         ahead = np.array([node.angle - last.angle for node in nodes])
         end = np.linalg.solve(np.stack([np.ones(3), d**2, d**3], 1), ahead)[0]
