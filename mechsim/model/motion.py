@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.errors import MissingToolError
 from mechsim.maths.arrays import Array
@@ -175,6 +176,22 @@ def _library(name: str) -> Any:
 def join(parts: list[Record]) -> Record:
     """Return the parts of one motion, or of another record of instants, put end to end."""
     return parts[0] if len(parts) == 1 else _joined(parts)
+
+
+def taken(record: Record, rows: NDArray[np.bool_]) -> Record:
+    """Return some instants of a motion, or of another record of instants."""
+    return _taken(record, rows)
+
+
+def _taken(record: Any, rows: NDArray[np.bool_]) -> Any:
+    if isinstance(record, np.ndarray):
+        return record[rows]
+    if isinstance(record, Mapping):
+        return {key: _taken(value, rows) for key, value in record.items()}
+    if is_dataclass(record) and hasattr(record, "__slots__"):
+        parts = {f.name: _taken(getattr(record, f.name), rows) for f in fields(record)}
+        return type(record)(**parts)  # pyright: ignore[reportCallIssue]
+    return record
 
 
 def _joined(parts: list[Any]) -> Any:

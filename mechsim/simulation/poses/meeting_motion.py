@@ -7,7 +7,7 @@ import numpy as np
 from mechsim.maths.arrays import Array
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.poses.meetings import Meeting, weights
+from mechsim.simulation.poses.meetings import Meeting, fitted
 from mechsim.simulation.recorded_motion import States, Track, evaluate
 
 
@@ -36,7 +36,7 @@ def mended(
     tangent = loops.tangent(loops.linearise(meeting.states)[1])
     around = States(np.zeros(count), meeting.states, tangent)
     unit = evaluate(loops, track, around, "pose", crank_acceleration=np.zeros(count))
-    by = weights(meeting.nodes, turned)
+    by = fitted(meeting.nodes, meeting.angle, turned)
     speed, second = motion.speed.copy(), motion.acceleration.copy()
 
     def put(into: Array, values: Array) -> Array:

@@ -9,8 +9,9 @@ from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 
-# crank angles about a meeting at which the path is closed, and between which it is interpolated, in [rad]
-WINDOW, POINTS = 0.25, 20
+# crank angles about a meeting at which the path is closed and between which it is interpolated, in [rad],
+# their number, and the degree by which rates are
+WINDOW, POINTS, DEGREE = 0.25, 48, 22
 # nearer than this the loops hardly hold the pose
 BLIND = 1.5e-2
 # distances at which it is looked whether the determinant passes zero in a straight line, near last, and
@@ -38,7 +39,7 @@ class Meeting:
 
     def at(self, angles: Array) -> Array:
         """Return states at crank angles near by, (n, nq)."""
-        return weights(self.nodes, angles) @ self.states
+        return fitted(self.nodes, self.angle, angles) @ self.states
 
 
 def weights(nodes: Array, at: Array) -> Array:
@@ -48,6 +49,18 @@ def weights(nodes: Array, at: Array) -> Array:
         others = np.delete(nodes, k)
         found[:, k] = np.prod((at[:, None] - others) / (node - others), axis=1)
     return found
+
+
+def fitted(nodes: Array, about: float, at: Array) -> Array:
+    """Return weights of values at nodes (k,) for angles close to a meeting, (n, k): a polynomial's fit.
+
+    The nearest nodes count least: rates there are lost to rounding as the inverse cube of the distance.
+    """
+    reach = float(np.abs(nodes - about).max())
+    basis = np.polynomial.chebyshev.chebvander((nodes - about) / reach, DEGREE)
+    trust = np.abs((nodes - about) / reach) ** 3
+    asked = np.polynomial.chebyshev.chebvander((at - about) / reach, DEGREE)
+    return asked @ (np.linalg.pinv(trust[:, None] * basis, rcond=1e-12) * trust)
 
 
 def determinant(loops: ModelLoops, states: Array) -> Array:
@@ -137,4 +150,7 @@ def _passed(loops: ModelLoops, angle: float, chord: _Chord) -> Meeting | None:
             # the farthest foretell the next best
             known = _Chord(loops, np.concatenate([known.states, pair])[-6:])
     order = np.argsort(offsets)
-    return Meeting(angle, angle + np.array(offsets)[order], np.stack(states)[order])
+    rows = np.stack(states)[order]
+    # the loops hold a pose the less the nearer it lies: a last step, to rounding
+    rows = loops.moved(rows, loops.newton(*loops.linearise(rows))[0])
+    return Meeting(angle, angle + np.array(offsets)[order], rows)
