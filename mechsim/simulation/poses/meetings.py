@@ -14,6 +14,8 @@ from mechsim.simulation.model_loops import ModelLoops
 WINDOW, POINTS, DEGREE = 0.25, 48, 22
 # nearer than this the loops hardly hold the pose
 BLIND = 1.5e-2
+# singular values below this part of the largest belong to directions in which they do not hold it there
+HELD = 0.05
 # distances at which it is looked whether the determinant passes zero in a straight line, near last, and
 # by what part of its slope it may bend there
 SPREADS, BENT = (1e-2, 1e-4, 3e-7), 0.2
@@ -61,6 +63,18 @@ def fitted(nodes: Array, about: float, at: Array) -> Array:
     trust = np.abs((nodes - about) / reach) ** 3
     asked = np.polynomial.chebyshev.chebvander((at - about) / reach, DEGREE)
     return asked @ (np.linalg.pinv(trust[:, None] * basis, rcond=1e-12) * trust)
+
+
+def settled(loops: ModelLoops, states: Array) -> Array:
+    """Return states close to a meeting moved by what closes the loops in all directions that they hold."""
+    for _ in range(2):
+        residual, jacobian = loops.linearise(states)
+        step = np.zeros((len(states), loops.model.nv))
+        step[:, loops.free] = -(np.linalg.pinv(jacobian[:, :, loops.free], rcond=HELD) @ residual[..., None])[
+            ..., 0
+        ]
+        states = loops.moved(states, step)
+    return states
 
 
 def determinant(loops: ModelLoops, states: Array) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.poses.meetings import WINDOW, Meeting, determinant, meeting_between
+from mechsim.simulation.poses.meetings import WINDOW, Meeting, determinant, meeting_between, settled
 
 # the crank's longest stride
 STRIDE = 2.0 * np.pi / 16
@@ -117,7 +117,7 @@ def _within(loops: ModelLoops, meeting: Meeting, angle: float) -> Array:
     """Return the state at a crank angle close to a meeting, (nq,)."""
     state = meeting.at(np.array([angle]))
     state[0, loops.crank_place] = angle
-    return state[0] if meeting.near(np.array([angle]))[0] else loops.close(state)[0]
+    return (settled(loops, state) if meeting.near(np.array([angle]))[0] else loops.close(state))[0]
 
 
 def _landed(loops: ModelLoops, here: Array, guess: Array, side: Array) -> tuple[Array, Array] | None:
