@@ -13,6 +13,18 @@ class AssemblyError(MechsimError, ValueError):
     """The loops cannot be closed at a crank angle that was asked for."""
 
 
+class MobilityError(MechsimError, ValueError):
+    """A mechanism whose motion its drivers do not settle, or that has more drivers than freedoms.
+
+    Attributes:
+        outcome: "undetermined" or "overdriven".
+    """
+
+    def __init__(self, message: str, outcome: str = "undetermined"):
+        super().__init__(message)
+        self.outcome = outcome
+
+
 class OutputError(MechsimError, OSError):
     """A result cannot be written where it was asked to go."""
 

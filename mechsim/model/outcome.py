@@ -10,6 +10,9 @@ Outcome = Literal[
     "changed assembly",
     "diverged",
     "cannot assemble",
+    # of a model whose drivers leave freedoms open, or are more than there are freedoms
+    "undetermined",
+    "overdriven",
     # of a run without one: "done" is what was asked for
     "done",
     "time over",
@@ -23,7 +26,15 @@ Outcome = Literal[
 PLACE = 1e-4
 
 # from good to bad
-GRAVITY: tuple[Outcome, ...] = ("met", "missed", "changed assembly", "diverged", "cannot assemble")
+GRAVITY: tuple[Outcome, ...] = (
+    "met",
+    "missed",
+    "changed assembly",
+    "diverged",
+    "cannot assemble",
+    "undetermined",
+    "overdriven",
+)
 
 
 def gravest(outcomes: Iterable[Outcome]) -> int:

@@ -12,7 +12,7 @@ from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism, Pose
 from mechsim.model.scene import Scene
 from mechsim.simulation.mjcf import compiled, generate, quiet
-from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
+from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recorded_motion import Track, add_sensors
 
 
@@ -27,9 +27,6 @@ class Described(Protocol):
 
 Model = Mechanism | mujoco.MjSpec | str | os.PathLike[str]
 Source = Model | Described
-
-# turn, in [rad], by which a freedom that the crank leaves is tried
-NUDGE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -59,20 +56,6 @@ class ClosedModel:
     def places(self, states: Array) -> Array:
         """Return the places of the tracked points at n states, (n, k, 3) in [m]."""
         return self.loops.sites(states)[:, [self.model.site(name).id for name in self.track.points]]
-
-    @property
-    def is_loose(self) -> bool:
-        """Whether the tracked points can move with the crank held: then poses alone do not settle them."""
-        loops = self.loops
-        held = loops.linearise(self.closed[None])[1][0][:, loops.free]
-        _, values, freedoms = np.linalg.svd(held)
-        rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
-        moves = np.zeros((len(freedoms) - rank, self.model.nv))
-        moves[:, loops.free] = NUDGE * freedoms[rank:]
-        nudged = loops.moved(np.repeat(self.closed[None], len(moves), 0), moves)
-        places = self.places(np.concatenate([self.closed[None], nudged]))
-        # the second order, a nudge's square, is what a closed loop lets a point move
-        return bool(np.abs(places[1:] - places[0]).max(initial=0.0) > NUDGE**1.5 * loops.size)
 
 
 def of_source(source: Source, scene: Scene | None = None) -> ClosedModel:

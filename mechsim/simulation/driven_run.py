@@ -13,6 +13,7 @@ from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import PLACE, Outcome
 from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.open_freedoms import require_within_limits
 from mechsim.simulation.pose_errors import in_another_assembly, pose_errors
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.meeting_motion import held_off, mended
@@ -164,6 +165,7 @@ def solved(
     begin = clock.perf_counter()
     qpos, path = follow.followed(closed.loops, closed.closed, angle)
     seconds = clock.perf_counter() - begin
+    require_within_limits(closed, qpos)
     away, near = qpos, list(path.blind(angle))
     for meeting, rows in near:
         away = held_off(away, meeting, rows)

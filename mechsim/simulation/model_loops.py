@@ -159,6 +159,11 @@ class ModelLoops:
         bodies = self.model.site_bodyid
         return position[:, bodies] + (rotation[:, bodies] @ self.model.site_pos[..., None])[..., 0]
 
+    def centres(self, qpos: Array) -> Array:
+        """Return the centres of mass of all bodies at n states, (n, nbody, 3) in [m]."""
+        position, rotation, _ = self._many(qpos)
+        return position + (rotation @ self.model.body_ipos[..., None])[..., 0]
+
     def places(self, qpos: Array) -> Array:
         """Return the places of all sites and of all points that close loops at n states, (n, k, 3) in [m]."""
         position, rotation, _ = self._many(qpos)

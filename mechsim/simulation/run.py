@@ -10,6 +10,7 @@ from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import Source
 from mechsim.simulation.driven_run import DrivenRun, check_records, first_state, solved
 from mechsim.simulation.mjcf import quiet
+from mechsim.simulation.open_freedoms import require_determined, require_movable, standing
 from mechsim.simulation.place_tolerance import within
 from mechsim.simulation.run_result import Method, Run
 from mechsim.simulation.settings import Settings
@@ -52,7 +53,9 @@ def simulate(
 
     Raises:
         InputError: for values that cannot be used.
-        AssemblyError: if the loops close nowhere or only over part of the crank motion.
+        AssemblyError: if the loops close nowhere or only over part of the crank motion, or a joint would
+            leave its range.
+        MobilityError: where the crank does not settle the poses asked for, or cannot move.
     """
     if tolerance is not None and not 0.0 < number(tolerance) < np.inf:
         remedy = units_remedy(tolerance, "units.parse_length('1 um')")
@@ -75,10 +78,13 @@ def simulate(
         raise InputError(f"{samples} samples asked for; take a whole number, at least 1")
     samples = None if samples is None else int(samples)
     check_records(profile, samples)
+    found = standing(closed)
     if method is None:
-        stepping = tolerance is not None or settings is not None or closed.is_loose
+        stepping = tolerance is not None or settings is not None or found.open
         method = "step" if stepping else "pose"
+    require_movable(closed, found)
     if method == "pose":
+        require_determined(closed, found)
         return solved(closed, profile, samples, tolerance)
     run = DrivenRun(closed, profile, first_state(closed, profile), samples, watch or unwatched)
     settings = settings or Settings()

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.closure.assembly import assemble, crank_angles
 from mechsim.analytic.closure.followed_path import FollowedPath
 from mechsim.analytic.closure.motion import crank_rate, joint_motion, point_on
+from mechsim.analytic.closure.open_joints import require_determined
 from mechsim.analytic.closure.rank import conditioning
 from mechsim.analytic.closure.tree_loops import tree_loops
 from mechsim.analytic.closure.tree_rates import LoopMotion, loop_motion
@@ -28,10 +29,12 @@ def followed(mechanism: Mechanism) -> FollowedPath:
 
     Raises:
         AssemblyError: where the loops do not close at the start.
+        MobilityError: where the crank leaves joints or tracked points open.
     """
     mechanism = described(mechanism)
     poses = assemble(mechanism, [mechanism.start])
     loops, start = tree_loops(mechanism, poses, mechanism.start)
+    require_determined(loops, start)
     return FollowedPath(loops, lambda angle: angle[None], start, mechanism.start)
 
 
@@ -44,6 +47,7 @@ def follow(mechanism: Mechanism, angles: ArrayLike) -> dict[str, Pose]:
 
     Raises:
         AssemblyError: where the loops do not close.
+        MobilityError: where the crank leaves joints or tracked points open.
 
     Accuracy: residuals of a few ulp of the longest link away from a dead centre.
     """
@@ -71,6 +75,7 @@ def solve(
 
     Raises:
         AssemblyError: where the loops do not close.
+        MobilityError: where the crank leaves joints or tracked points open.
 
     Accuracy: relative errors of about 1e-15 times the condition of the loops; within 5e-3 rad of a change
         point 1e-12.

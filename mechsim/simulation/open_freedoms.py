@@ -1,0 +1,163 @@
+"""What the drivers leave open: rank decides before anything is run, so that no motion is invented."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from mechsim.errors import AssemblyError, MobilityError
+from mechsim.maths.arrays import Array
+from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.model_loops import HINGE, RANK_TOLERANCE, SLIDE, ModelLoops
+
+# displacement, in [rad] and in units of the size, by which a freedom is tried; part of it that stays where
+# there is one, and that a point or joint moves by which it matters
+NUDGE, STAYS, MATTERS = 1e-3, 0.5, 1e-2
+# part of the crank's own row that other freedoms cannot follow where the crank is locked
+LOCKED = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """How a model stands with its crank held.
+
+    Attributes:
+        open: joints and points that can still move; idle freedoms, such as a rod's spin, are none.
+        locked: whether the crank itself cannot move though nothing is open.
+        meeting: whether two assemblies meet in this very pose.
+    """
+
+    open: tuple[str, ...]
+    locked: bool
+    meeting: bool
+
+
+def standing(closed: ClosedModel) -> Standing:
+    """Return what the drivers leave open at the closed state of a model."""
+    loops, state = closed.loops, closed.closed[None]
+    jacobian = loops.linearise(state)[1]
+    held = jacobian[0][:, loops.free]
+    _, values, freedoms = np.linalg.svd(held)
+    rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
+    turned = np.linalg.pinv(held, rcond=RANK_TOLERANCE) @ -jacobian[0][:, loops.crank]
+    missed = np.abs(held @ turned + jacobian[0][:, loops.crank]).max(initial=0.0)
+    follows = bool(missed <= LOCKED * np.abs(jacobian[0]).max(initial=1e-300))
+    names: list[str] = []
+    singular = False
+    for freedom in freedoms[rank:]:
+        moved = _moved(loops, closed.closed, freedom)
+        seen = _seen(
+            closed, closed.closed, moved if moved is not None else _nudged(loops, closed.closed, freedom)
+        )
+        singular |= moved is None and bool(seen)
+        names += seen if moved is not None else ()
+    return Standing(
+        tuple(dict.fromkeys(names)),
+        locked=not follows and not singular and not names,
+        meeting=follows and singular,
+    )
+
+
+def require_determined(closed: ClosedModel, found: Standing) -> None:
+    """Refuse a model whose poses the crank does not settle.
+
+    Raises:
+        MobilityError: with the joints and points left open.
+    """
+    if found.open:
+        raise MobilityError(
+            f"{closed.loops.name}: undetermined: with the crank held {', '.join(found.open)} can still move; "
+            "drive, hold or couple them, or run it with --method step",
+            "undetermined",
+        )
+
+
+def require_movable(closed: ClosedModel, found: Standing) -> None:
+    """Refuse a crank that cannot move, and a start from which two motions lead.
+
+    Raises:
+        MobilityError: for a crank that cannot move.
+        AssemblyError: where two assemblies meet in the pose it starts from.
+    """
+    if found.locked:
+        raise MobilityError(
+            f"{closed.loops.name}: overdriven: the loops leave the crank no motion at crank angle "
+            f"{closed.angle:.6g} rad; take away a driver, a gear or a joint",
+            "overdriven",
+        )
+    if found.meeting:
+        raise AssemblyError(
+            f"{closed.loops.name}: it starts at crank angle {closed.angle:.6g} rad, where two assemblies "
+            "meet and none can be told from the other; give a start at another crank angle"
+        )
+
+
+def require_within_limits(closed: ClosedModel, states: Array) -> None:
+    """Refuse poses beyond the range of a joint, states being (n, nq).
+
+    Raises:
+        AssemblyError: with the joint, its value, its bound and the crank angle.
+    """
+    model = closed.model
+    for i in np.flatnonzero(model.jnt_limited):
+        if model.jnt_type[i] not in (HINGE, SLIDE):
+            continue
+        values, (low, high) = states[:, model.jnt_qposadr[i]], model.jnt_range[i]
+        beyond = np.maximum(low - values, values - high)
+        worst = int(np.argmax(beyond))
+        if beyond[worst] > 1e-9 * max(1.0, high - low):
+            unit = "rad" if model.jnt_type[i] == HINGE else "m"
+            raise AssemblyError(
+                f"{closed.loops.name}: joint {model.joint(i).name!r} would stand at {values[worst]:.6g} "
+                f"{unit}, beyond its range of {low:.6g} to {high:.6g}, at crank angle "
+                f"{states[worst, closed.loops.crank_place]:.6g} rad; widen the range or turn the crank less"
+            )
+
+
+def _nudged(loops: ModelLoops, state: Array, freedom: Array) -> Array:
+    step = np.zeros((1, loops.model.nv))
+    step[0, loops.free] = NUDGE * freedom
+    return loops.moved(state[None], step)[0]
+
+
+def _moved(loops: ModelLoops, state: Array, freedom: Array) -> Array | None:
+    """Return the state moved along a freedom and closed; None where the loops do not let it."""
+    nudged = _nudged(loops, state, freedom)
+    try:
+        closed = loops.close(nudged[None])[0]
+    except (AssemblyError, FloatingPointError, np.linalg.LinAlgError):
+        return None
+    return closed if np.abs(closed - nudged).max() < (1.0 - STAYS) * np.abs(nudged - state).max() else None
+
+
+def _seen(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
+    """Return the joints and tracked points that differ between two states."""
+    model, loops = closed.model, closed.loops
+    found: list[str] = []
+    centres = np.linalg.norm(np.diff(loops.centres(np.stack([state, moved])), axis=0)[0], axis=1)
+    swings = centres > MATTERS * NUDGE * loops.size
+    for body in range(model.nbody - 1, 0, -1):
+        swings[model.body_parentid[body]] |= swings[body]
+    for i, (kind, place) in enumerate(zip(model.jnt_type, model.jnt_qposadr, strict=True)):
+        scale = loops.size if kind == SLIDE else 1.0
+        turned = kind in (HINGE, SLIDE) and abs(moved[place] - state[place]) > MATTERS * NUDGE * scale
+        # a link that spins about its own line stands as it did
+        if turned and swings[model.jnt_bodyid[i]]:
+            found.append(f"joint {model.joint(i).name or i!r}")
+    places = closed.places(np.stack([state, moved]))
+    gone = np.linalg.norm(places[1] - places[0], axis=1)
+    for name, far in zip(closed.track.points, gone, strict=True):
+        body = int(model.site_bodyid[model.site(name).id])
+        if far > MATTERS * NUDGE * loops.size and not _floats(loops, body):
+            found.append(f"point {name}")
+    return found
+
+
+def _floats(loops: ModelLoops, body: int) -> bool:
+    """Say whether a body hangs on nothing: free, and in no loop."""
+    model = loops.model
+    root = int(model.body_rootid[body])
+    joint = int(model.body_jntadr[root])
+    free = joint >= 0 and model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_FREE)
+    in_loop = any(int(model.body_rootid[of]) == root for pair in loops.pairs for of, _ in pair.ends)
+    return bool(free and not in_loop)

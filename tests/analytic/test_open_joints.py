@@ -1,0 +1,60 @@
+"""The loop equations name what the crank leaves open, and invent no motion."""
+
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.analytic import closure
+from mechsim.errors import MobilityError
+from mechsim.model.mechanism import GROUND, End, Gear, Joint, Link, Mechanism, Pose
+
+LINKS = {"a": (0.0, 0.0), "b": (0.03, 0.0), "c": (0.1, 0.05), "d": (0.1, 0.0)}
+
+
+def five_bar(*gears):
+    """Five bars with two pivots on the frame: two freedoms."""
+    joints = (
+        Joint("crank", "revolute", End(GROUND), End("a")),
+        Joint("A", "revolute", End("a", (0.03, 0.0, 0.0)), End("b")),
+        Joint("B", "revolute", End("b", (0.03, 0.06, 0.0)), End("c", (-0.04, 0.01, 0.0))),
+        Joint("C", "revolute", End("c"), End("d", (0.0, 0.05, 0.0))),
+        Joint("D", "revolute", End(GROUND, (0.1, 0.0, 0.0)), End("d")),
+    )
+    guess = {name: Pose(np.array([*at, 0.0]), np.eye(3)) for name, at in LINKS.items()}
+    whole = Mechanism(
+        name="five-bar",
+        links=tuple(Link(name) for name in LINKS),
+        joints=joints,
+        driver="crank",
+        points={"P": ("b", (0.03, 0.06, 0.0))},
+        gears=gears,
+    )
+    return whole.with_guess(guess, 0.0)
+
+
+@pytest.mark.parametrize("road", [closure.follow, closure.solve])
+def test_a_five_bar_with_one_driver_is_refused_with_what_is_open(road):
+    with pytest.raises(MobilityError, match=r"undetermined.*joint 'A'.*point P") as refused:
+        road(five_bar(), [0.0, 0.1])
+    assert refused.value.outcome == "undetermined"
+
+
+def test_geared_to_its_crank_it_is_determined():
+    motion = closure.solve(five_bar(Gear("crank", "D", 1.0)), [0.0, 0.1])
+    assert motion.joints["D"].rate == pytest.approx([1.0, 1.0])
+
+
+@pytest.mark.parametrize("name", catalog.DRIVES)
+def test_an_idle_spin_is_no_freedom(name):
+    drive = catalog.make(name)
+    assert len(closure.solve(drive.mechanism, [drive.mechanism.start])) == 1
+
+
+def test_a_start_at_a_dead_centre_is_no_freedom():
+    drive = catalog.make("four_bar", rocker=0.035)
+    ((_, high), *_) = drive.crank_range().arcs
+    poses = {
+        name: Pose(link.position[0], link.rotation[0])
+        for name, link in drive.solve([high - 1e-7]).links.items()
+    }
+    closure.follow(drive.mechanism.with_guess(poses, high - 1e-7), [high - 0.1])

@@ -1,0 +1,107 @@
+"""Motion is never invented: what the drivers leave open is named before anything is run."""
+
+import numpy as np
+import pytest
+
+from mechsim import catalog, simulate
+from mechsim.errors import AssemblyError, MobilityError
+from mechsim.simulation import closed_model
+from mechsim.simulation.open_freedoms import standing
+
+FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 0 0"/><worldbody>
+<body name="a"><joint name="crank" axis="0 0 1"/><geom size=".01"/>
+ <body name="b" pos=".03 0 0"><joint name="A" axis="0 0 1"/><geom size=".01" pos=".01 .03 0"/>
+  <site name="P" pos=".03 .06 0"/></body></body>
+<body name="d" pos=".1 0 0"><joint name="D" axis="0 0 1"/><geom size=".01"/>
+ <body name="c" pos="0 .05 0"><joint name="C" axis="0 0 1"/><geom size=".01" pos="-.02 0 0"/></body></body>
+</worldbody><equality><connect body1="b" body2="c" anchor=".03 .06 0"/></equality></mujoco>"""
+SECOND = '<joint joint1="D" joint2="crank" polycoef="0 1 0 0 0"/></equality>'
+TREE = """<mujoco model="tree"><worldbody><body name="a"><joint name="crank" axis="0 0 1"/><geom size=".01"/>
+<site name="P" pos=".03 0 0"/><body name="b" pos=".03 0 0"><joint name="loose" axis="0 0 1"/>
+<geom size=".01" pos=".02 0 0"/></body></body>BESIDE</worldbody></mujoco>"""
+FINGER = """<body name="NAME_driver" pos="Y 0 0"><joint name="NAME" axis="0 0 1"/><geom size=".005"/>
+ <body name="NAME_coupler" pos="0 .03 0"><joint name="NAME coupler" axis="0 0 1"/><geom size=".005"/>
+ </body></body>
+<body name="NAME_spring" pos="Y .01 0"><joint name="NAME spring" axis="0 0 1"/><geom size=".005"/>
+ <body name="NAME_follower" pos=".03 .04 0"><joint name="NAME follower" axis="0 0 1"/><geom size=".005"/>
+  <site name="NAME tip" pos="0 .03 0"/></body></body>"""
+
+
+def gripper():
+    """Two fingers of five links each, their drivers coupled: three freedoms and one driver."""
+    fingers = "".join(
+        FINGER.replace("NAME", n).replace("Y", y) for n, y in (("crank", ".1"), ("left", "-.1"))
+    )
+    closing = "".join(
+        f'<connect body1="{n}_follower" body2="{n}_coupler" anchor="-.01 0 0"/>' for n in ("crank", "left")
+    )
+    coupled = '<joint joint1="left" joint2="crank" polycoef="0 1 0 0 0"/>'
+    return (
+        f'<mujoco model="gripper"><worldbody>{fingers}</worldbody>'
+        f"<equality>{closing}{coupled}</equality></mujoco>"
+    )
+
+
+def tree(beside=""):
+    return TREE.replace("BESIDE", beside)
+
+
+@pytest.mark.parametrize(
+    ("model", "named"),
+    [
+        (FIVE_BAR, ["joint 'A'", "joint 'D'", "joint 'C'", "point P"]),
+        (gripper(), ["joint 'crank spring'", "joint 'left follower'", "point crank tip"]),
+        (tree(), ["joint 'loose'"]),
+    ],
+    ids=["five-bar", "gripper", "tree"],
+)
+def test_poses_that_the_crank_does_not_settle_are_refused_with_what_is_open(model, named):
+    with pytest.raises(MobilityError, match=r"undetermined.*--method step") as refused:
+        simulate(model, speed=1.0, turns=0.02, method="pose")
+    assert refused.value.outcome == "undetermined"
+    assert all(name in str(refused.value) for name in named)
+    assert simulate(model, speed=1.0, turns=0.002).method == "step"
+
+
+def test_a_five_bar_with_both_cranks_driven_is_determined():
+    model = FIVE_BAR.replace("</equality>", SECOND)
+    assert simulate(model, speed=1.0, turns=0.02, method="pose").outcome == "met"
+
+
+@pytest.mark.parametrize("method", ["pose", "step"])
+def test_more_drivers_than_freedoms_are_refused(method):
+    held = '<joint joint1="A" polycoef="0 0 0 0 0"/><joint joint1="C" polycoef="0 0 0 0 0"/></equality>'
+    with pytest.raises(MobilityError, match=r"overdriven.*crank angle 0 rad") as refused:
+        simulate(FIVE_BAR.replace("</equality>", held), speed=1.0, turns=0.02, method=method)
+    assert refused.value.outcome == "overdriven"
+
+
+def test_a_free_body_beside_a_sound_mechanism_and_an_idle_spin_are_no_freedom():
+    free = '<body name="f" pos="1 1 1"><freejoint/><geom size=".01"/><site name="Q"/></body>'
+    model = tree(free).replace('<joint name="loose" axis="0 0 1"/>', "")
+    assert simulate(model, speed=1.0, turns=0.02, method="pose").outcome == "met"
+    for name in catalog.DRIVES:
+        found = standing(closed_model.of_source(catalog.make(name)))
+        assert (found.open, found.locked, found.meeting) == ((), False, False), name
+
+
+def test_a_joint_does_not_leave_its_range_and_the_sentence_says_which():
+    limited = FIVE_BAR.replace("</equality>", SECOND).replace(
+        'name="C" axis="0 0 1"', 'name="C" axis="0 0 1" limited="true" range="-60 60"'
+    )
+    assert simulate(limited, speed=1.0, turns=0.002, method="pose").outcome == "met"
+    with pytest.raises(
+        AssemblyError, match=r"joint 'C' would stand at .* beyond its range of .* crank angle"
+    ):
+        simulate(limited, speed=1.0, turns=0.3, method="pose")
+
+
+@pytest.mark.parametrize("method", ["pose", "step"])
+def test_a_start_where_assemblies_meet_is_refused_with_its_angle(method):
+    mechanism = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.1, rocker=0.04).mechanism
+    flat = {
+        name: mechanism.guess[name].__class__(np.array(at), np.eye(3))
+        for name, at in (("crank", (0.0, 0, 0)), ("coupler", (0.04, 0, 0)), ("rocker", (0.1, 0, 0)))
+    }
+    with pytest.raises(AssemblyError, match=r"crank angle 0 rad.*another crank angle"):
+        simulate(mechanism.with_guess(flat, 0.0), speed=1.0, method=method)
