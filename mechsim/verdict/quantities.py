@@ -218,7 +218,7 @@ ENERGY = {
 }
 POWER = {
     "pose": SPRINGS,
-    "step": Bound(f"{OF}rates of loops closed to 1e-8: measured 4e-9", 1e-6),
+    "step": Bound(f"{OF}rates of loops closed to 1e-8: measured 4e-9", 4e-7),
     "asked": AS_TORQUE,
 }
 RESIDUAL = {

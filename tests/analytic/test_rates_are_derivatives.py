@@ -8,6 +8,7 @@ import pytest
 from mechanisms import at
 
 from mechsim import closure
+from mechsim.errors import InputError
 from mechsim.model.mechanism import GROUND, Gear, Joint, Link, Mechanism, Pose
 
 SPEED, ACCELERATION, STEP = 1.3, -2.1, 2e-3
@@ -143,6 +144,8 @@ def test_both_sets_of_equations_give_the_same_rates(mechanism, request):
     for name, link in six.links.items():
         for part in ("velocity", "angular_velocity", "acceleration", "angular_acceleration"):
             near(getattr(tree.links[name], part), getattr(link, part), 1e-11)
+    assert six.points.keys() == tree.points.keys() == mechanism.points.keys()
+    assert six.joints.keys() == tree.joints.keys()
     for name, joint in six.joints.items():
         turns = (tree.joints[name].value - joint.value) / (2.0 * np.pi if joint.unit == "rad" else np.inf)
         near(tree.joints[name].value, joint.value + 2.0 * np.pi * np.round(turns), 1e-12)
@@ -157,3 +160,18 @@ def test_the_loops_are_closed(mechanism, request):
     open_by, turned_by = closure.residual_norms(mechanism, poses, motion.angle)
     assert open_by.max() <= 1e-14
     assert turned_by.max() <= 1e-13
+
+
+def test_a_crank_turns_evenly_unless_it_is_said_otherwise_and_its_rates_are_one_or_as_many_as_angles():
+    mechanism, angles = KINDS[0], np.array([0.7, 0.8, 0.9])
+    poses = closure.assemble(mechanism, angles)
+    even = closure.rates(mechanism, poses, angles, SPEED)
+    for speed in ([SPEED], [SPEED] * 3):
+        for acceleration in (0.0, [0.0], [0.0] * 3):
+            same = closure.rates(mechanism, poses, angles, speed, acceleration)
+            assert np.array_equal(same.acceleration, np.zeros(3))
+            for name, point in even.points.items():
+                assert np.array_equal(point.acceleration, same.points[name].acceleration)
+    for wrong in ([1.0, 2.0], np.nan, [1.0, np.inf, 1.0], [[1.0]], "1"):
+        with pytest.raises(InputError, match="the crank's speed is no finite number; give one, or 3"):
+            closure.rates(mechanism, poses, angles, wrong)

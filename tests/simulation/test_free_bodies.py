@@ -10,7 +10,7 @@ from mechsim.simulation.model_loops import ModelLoops
 MODEL = """
 <mujoco model="flying">
   <worldbody>
-    <body name="crank" pos=".01 .02 0"><joint name="crank" axis="0 .1 1"/><geom size=".01"/>
+    <body name="crank" pos="{crank} .02 0"><joint name="crank" axis="0 .1 1"/><geom size=".01"/>
       <site pos=".1 0 .01"/></body>
     <body name="first" pos="{far} 0 .03" euler="10 20 30"><freejoint/><geom size=".01"/>
       <site pos=".1 .2 .3"/></body>
@@ -29,7 +29,7 @@ FAR = 0.1
 
 @pytest.fixture
 def loops():
-    return ModelLoops(mujoco.MjModel.from_xml_string(MODEL.format(far=FAR)))
+    return ModelLoops(mujoco.MjModel.from_xml_string(MODEL.format(far=FAR, crank=0.01)))
 
 
 def states(loops, n=4, reach=0.3):
@@ -130,7 +130,9 @@ def test_places_are_those_of_sites_and_of_the_points_that_close_loops(loops):
 def test_the_yardstick_is_the_longest_of_arms_and_bodies_places(loops):
     reach = max(np.linalg.norm(local) for pair in loops.pairs for local in pair.local)
     assert loops.size == max(reach, np.linalg.norm([0.3, 0.1, 0.0]))
-    far = ModelLoops(mujoco.MjModel.from_xml_string(MODEL.format(far=7.0)))
+    out = ModelLoops(mujoco.MjModel.from_xml_string(MODEL.format(far=FAR, crank=9.0)))
+    assert out.size == pytest.approx(np.hypot(9.0, 0.02))
+    far = ModelLoops(mujoco.MjModel.from_xml_string(MODEL.format(far=7.0, crank=0.01)))
     assert far.size == pytest.approx(np.hypot(7.0, 0.03))
     assert far.gap(np.array([[7.0, 0.0, 0.0, 0.0, -14.0, 0.0, 0.0, 0.0, 0.0]])) == pytest.approx(
         14.0 / far.size

@@ -99,13 +99,12 @@ class Stack:
 
     def turned(self, residual: Array, turns: list[tuple[float, Side, Side]]) -> None:
         """A weighted sum of joint angles is given; residual in [rad]."""
-        bias = np.zeros(self.n)
         parts: list[tuple[int | None, Array, Array]] = []
         for weight, a, b in turns:
-            axis, axis_rate, _ = a.direction(2)
-            bias = bias + weight * dot(axis_rate, b.spin - a.spin)
+            axis = a.frame[..., 2]
             parts += [(a.slot, np.zeros(3), -weight * axis), (b.slot, np.zeros(3), weight * axis)]
-        self._add(wrap(residual), bias, parts)
+        # the sides turn against each other about the axis, which a rate of the axis is square to: no bias
+        self._add(wrap(residual), np.zeros(self.n), parts)
 
     def rows(self) -> Rows:
         """Return all rows collected."""

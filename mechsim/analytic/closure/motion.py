@@ -100,19 +100,22 @@ def joint_motion(joint: Joint, links: Mapping[str, LinkMotion]) -> JointMotion:
     poses = [Pose(link.position, link.rotation) for link in (a, b)]
     value = joint_coordinate(joint, *poses)[..., 0]
     axis = a.rotation @ np.asarray(joint.a.axis)
-    axis_rate = cross(a.angular_velocity, axis)
     if KINDS[joint.kind].hinge:
+        # the links turn against each other about the axis, which a rate of the axis is square to
         spin = b.angular_velocity - a.angular_velocity
-        change = dot(axis, b.angular_acceleration - a.angular_acceleration)
-        return JointMotion(np.unwrap(value), dot(axis, spin), change + dot(axis_rate, spin))
+        return JointMotion(
+            np.unwrap(value), dot(axis, spin), dot(axis, b.angular_acceleration - a.angular_acceleration)
+        )
     ends = point_on(a, joint.a.point), point_on(b, joint.b.point)
     gap = ends[1].position - ends[0].position
     gap_rate = ends[1].velocity - ends[0].velocity
     gap_second = ends[1].acceleration - ends[0].acceleration
+    axis_rate = cross(a.angular_velocity, axis)
     axis_second = cross(a.angular_acceleration, axis) + cross(a.angular_velocity, axis_rate)
+    # the gap lies along the axis, which a rate of the axis is square to
     return JointMotion(
         value,
-        dot(axis, gap_rate) + dot(axis_rate, gap),
+        dot(axis, gap_rate),
         dot(axis, gap_second) + 2.0 * dot(axis_rate, gap_rate) + dot(axis_second, gap),
         "m",
     )

@@ -71,12 +71,11 @@ def placed(tree: SpanningTree, at: Coordinates) -> Placed:
             there = there + along * (sense * at.values[k])
             screws[k, :3] = sense * along
             k += 1
-        # axes of turning pass through side b's point
-        pivot = there if branch.forward else point
+        # where a joint slides as well as turns, it does so along the axis it turns about
         for axis in branch.kind.turns:
             about = (frame_b if axis == "b" else frame_a)[:, COLUMN[axis]]
             screws[k, 3:] = about if branch.forward else -about
-            screws[k, :3] = cross(pivot, screws[k, 3:])
+            screws[k, :3] = cross(point, screws[k, 3:])
             k += 1
         rotation[branch.far] = fixed.far_frame @ other
         position[branch.far] = there - fixed.far_point @ rotation[branch.far]

@@ -1,0 +1,127 @@
+"""The equations of a tree: slopes, twists and biases are derivatives, for every kind of joint."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mechanisms import at
+
+from mechsim.analytic.closure.cut_rows import cuts_of
+from mechsim.analytic.closure.spanning_tree import spanning_tree
+from mechsim.analytic.closure.tree_loops import TreeLoops
+from mechsim.analytic.closure.tree_motion import Coordinates, drifts, placed, twists
+from mechsim.model.mechanism import GROUND, Joint, Link, Mechanism
+
+STEP, MIDDLE = 2e-3, 4
+FIRST = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / STEP
+CROSS = 1.2
+KINDS = ("revolute", "prismatic", "cylindrical", "universal", "spherical")
+
+
+def joint(name, kind, a, b):
+    return Joint(name, kind, a, b, CROSS) if kind == "universal" else Joint(name, kind, a, b)
+
+
+def branched(swap):
+    """Two chains with two balls and every other kind of joint, each named from either side."""
+    chain = [
+        ("universal", GROUND, "a"),
+        ("spherical", "a", "b"),
+        ("cylindrical", "b", "c"),
+        ("spherical", "c", "d"),
+        ("prismatic", GROUND, "e"),
+        ("revolute", "e", "f"),
+        ("universal", "f", "g"),
+        ("cylindrical", "g", "h"),
+    ]
+    random = np.random.default_rng(3)
+    joints = []
+    for i, (kind, near, far) in enumerate(chain):
+        ends = [
+            at(link, tuple(random.uniform(-0.2, 0.2, 3)), tuple(random.uniform(0.2, 1.0, 3)))
+            for link in (near, far)
+        ]
+        joints.append(joint(f"j{i}", kind, *(ends[::-1] if (i + swap) % 2 else ends)))
+    shaft = Joint("shaft", "revolute", at(GROUND), at("shaft"))
+    links = tuple(Link(name) for name in ("shaft", *"abcdefgh"))
+    return Mechanism("branched", links, (shaft, *joints), "shaft", {})
+
+
+class Moving:
+    """A tree at nine instants of constant coordinate rates, with one joint more that closes a loop."""
+
+    def __init__(self, swap, cut):
+        mechanism = branched(swap)
+        tree = spanning_tree(mechanism)
+        assert not tree.cuts
+        self.tree = replace(tree, cuts=(cut,) if cut else ())
+        self.loops = TreeLoops(self.tree, cuts_of(self.tree), (), (0,))
+        random = np.random.default_rng(8)
+        turns = np.linalg.qr(random.normal(size=(2, 3, 3)))[0]
+        turns *= np.sign(np.linalg.det(turns))[:, None, None]
+        start = Coordinates(random.uniform(-0.7, 0.7, (tree.count, 9)), np.repeat(turns[..., None], 9, 3))
+        start = Coordinates(np.repeat(start.values[:, :1], 9, 1), start.turns)
+        rates = random.uniform(-1.0, 1.0, tree.count)
+        self.rates = np.repeat((rates * self.loops.units)[:, None], 9, 1)
+        self.at = self.loops.moved(start, np.outer(rates, STEP * (np.arange(9) - MIDDLE)))
+        self.here = placed(self.tree, self.at)
+        self.twist = twists(self.tree, self.here, self.rates)
+        self.drift = drifts(self.tree, self.here, self.twist, self.rates)
+
+
+def near(found, expected, tolerance=1e-9):
+    assert np.abs(found - expected).max() <= tolerance * max(1.0, np.abs(expected).max())
+
+
+def rotation_of(here, link):
+    """The link's axes as columns, (n, 3, 3)."""
+    return here.rotation[link].transpose(2, 0, 1)
+
+
+@pytest.mark.parametrize("swap", [0, 1])
+def test_twists_and_drifts_are_the_rates_of_places_and_of_twists(swap):
+    moving = Moving(swap, None)
+    for link in range(len(moving.tree.branches)):
+        turned, place, twist = (
+            rotation_of(moving.here, link),
+            moving.here.position[link].T,
+            moving.twist[link].T,
+        )
+        near(turned @ turned.transpose(0, 2, 1), np.eye(3), 1e-13)
+        spin = np.tensordot(FIRST, turned, 1) @ turned[MIDDLE].T
+        near(twist[MIDDLE, 3:], spin[[2, 0, 1], [1, 2, 0]])
+        near(twist[MIDDLE, :3] + np.cross(twist[MIDDLE, 3:], place[MIDDLE]), FIRST @ place)
+        near(moving.drift[link, :, MIDDLE], FIRST @ twist)
+
+
+@pytest.mark.parametrize("swap", [0, 1])
+@pytest.mark.parametrize("sides", ["dh", "hd", "d-", "-d"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_slopes_and_biases_of_a_closing_joint_are_derivatives_of_its_residual(kind, sides, swap):
+    ends = [
+        at(GROUND if one == "-" else one, (0.05, -0.03, 0.08 + 0.02 * i), (0.3, 1.0 - i, 0.4))
+        for i, one in enumerate(sides)
+    ]
+    moving = Moving(swap, joint("cut", kind, *ends))
+    residual, slope, _ = moving.loops.linearise(moving.at)
+    rate = np.einsum("mkn,kn->mn", slope, moving.rates / moving.loops.units[:, None])
+    near(rate[:, MIDDLE], residual @ FIRST)
+    near(moving.loops.bias(moving.here, moving.twist, moving.drift)[:, MIDDLE], rate @ FIRST)
+    # by hand, from the links' places
+    sight = []
+    for end in ends:
+        link = moving.tree.links.get(end.link, -1)
+        turned = np.broadcast_to(np.eye(3), (9, 3, 3)) if link < 0 else rotation_of(moving.here, link)
+        place = 0.0 if link < 0 else moving.here.position[link].T
+        sight.append((place + turned @ np.array(end.point), (turned @ end.frame).transpose(2, 0, 1)))
+    (point_a, (xa, ya, za)), (point_b, (_, yb, zb)) = sight
+    gap = (point_b - point_a) / moving.tree.mechanism.size
+    aligned = [xa * zb, ya * zb]
+    expected = {
+        "revolute": [xa * gap, ya * gap, za * gap, *aligned],
+        "prismatic": [xa * gap, ya * gap, *aligned, xa * yb],
+        "cylindrical": [xa * gap, ya * gap, *aligned],
+        "universal": [xa * gap, ya * gap, za * gap, za * zb - np.cos(CROSS) / 3.0],
+        "spherical": [xa * gap, ya * gap, za * gap],
+    }[kind]
+    near(residual, np.array([row.sum(1) for row in expected]), 1e-13)

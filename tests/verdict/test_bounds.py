@@ -1,0 +1,149 @@
+"""What verdicts promise, one number a road: whoever changes a bound changes it here too, and says why."""
+
+import re
+
+import numpy as np
+import pytest
+
+from mechsim.verdict.quantities import ACCELERATION_GAIN, IDLE, QUANTITIES, RATE_GAIN
+from mechsim.verdict.tolerances import EPS, SOUND
+
+# quantity -> road -> part of the scale, times the tolerance asked for, powers of turns and of conditioning
+PROMISED = {
+    "position": {
+        "pose": (512 * EPS, 0.0, 0, 1),
+        "step": (0.0, 1.0, 0, 0),
+    },
+    "velocity": {
+        "pose": (2048 * EPS, 0.0, 0, 3),
+        "step": (0.0, 30.0, 0, 2),
+        "function": (1e-10, 0.0, 0, 0),
+        "closed form": (1024 * EPS, 0.0, 0, 3),
+    },
+    "acceleration": {
+        "pose": (8192 * EPS, 0.0, 0, 5),
+        "step": (0.0, 300.0, 0, 4),
+        "function": (1e-09, 0.0, 0, 0),
+        "closed form": (4096 * EPS, 0.0, 0, 5),
+    },
+    "angle": {
+        "pose": (1024 * EPS, 0.0, 0, 1),
+        "step": (0.0, 10.0, 0, 1),
+    },
+    "displacement": {
+        "pose": (128 * EPS, 0.0, 0, 1),
+        "step": (0.0, 1.0, 0, 0),
+    },
+    "orientation": {
+        "pose": (1024 * EPS, 0.0, 0, 1),
+        "step": (0.0, 10.0, 0, 1),
+    },
+    "loop": {
+        "pose": (256 * EPS, 0.0, 0, 0),
+        "step": (0.0, 10.0, 0, 0),
+    },
+    "drive speed": {
+        "pose": (2000 * EPS, 0.0, 0, 0),
+        "step": (1e-08, 0.0, 0, 0),
+    },
+    "drive": {
+        "pose": (20000 * EPS, 0.0, 0, 0),
+        "step": (1e-07, 0.0, 0, 0),
+    },
+    "drive torque": {
+        "pose": (1e-10, 0.0, 0, 0),
+        "step": (1e-06, 0.0, 0, 0),
+        "asked": (0.0, 1.0, 0, 0),
+    },
+    "force": {
+        "pose": (1e-10, 0.0, 0, 0),
+        "step": (1e-05, 0.0, 0, 0),
+        "asked": (0.0, 1.0, 0, 0),
+    },
+    "moment": {
+        "pose": (1e-10, 0.0, 0, 0),
+        "step": (1e-05, 0.0, 0, 0),
+        "asked": (0.0, 1.0, 0, 0),
+    },
+    "gear torque": {
+        "pose": (1e-10, 0.0, 0, 0),
+        "step": (1e-05, 0.0, 0, 0),
+        "asked": (0.0, 1.0, 0, 0),
+    },
+    "kinetic energy": {
+        "pose": (1e-12, 0.0, 0, 0),
+        "step": (1e-08, 0.0, 0, 0),
+        "asked": (1e-08, 1.0, 0, 0),
+    },
+    "potential energy": {
+        "pose": (1e-12, 0.0, 0, 0),
+        "step": (1e-08, 0.0, 0, 0),
+        "asked": (1e-08, 1.0, 0, 0),
+    },
+    "power loads": {
+        "pose": (1e-10, 0.0, 0, 0),
+        "step": (4e-07, 0.0, 0, 0),
+        "asked": (1e-08, 1.0, 0, 0),
+    },
+    "power lost": {
+        "pose": (1e-10, 0.0, 0, 0),
+        "step": (4e-07, 0.0, 0, 0),
+        "asked": (1e-08, 1.0, 0, 0),
+    },
+    "accelerations under these forces": {
+        "pose": (1e-08, 0.0, 0, 0),
+        "step": (0.001, 0.0, 0, 0),
+        "asked": (0.001, 0.0, 0, 0),
+    },
+    "crank angle": {
+        "step": (1e-06, 0.0, 2, 0),
+        "asked": (0.0, 1.0, 0, 0),
+    },
+    "crank speed": {
+        "step": (1e-06, 0.0, 1, 0),
+        "asked": (1e-06, 10.0, 1, 0),
+    },
+    "energy balance": {
+        "step": (1e-06, 0.0, 0, 0),
+        "asked": (1e-06, 100.0, 0, 0),
+    },
+    "work of motor and loads": {
+        "step": (1e-06, 0.0, 0, 0),
+        "asked": (1e-06, 100.0, 0, 0),
+    },
+    "energy lost": {
+        "step": (1e-06, 0.0, 0, 0),
+        "asked": (1e-06, 100.0, 0, 0),
+    },
+}
+STATED = re.compile(r"measured (?P<number>[\d.]+(e-\d+)?)")
+
+
+@pytest.mark.parametrize("name", PROMISED)
+def test_bounds_are_what_was_promised(name):
+    found = {
+        road: (bound.fixed, bound.asked, bound.growth, bound.power)
+        for road, bound in QUANTITIES[name].bounds.items()
+    }
+    assert found == {road: pytest.approx(row, rel=1e-12) for road, row in PROMISED[name].items()}
+
+
+def test_every_quantity_has_its_promise():
+    assert PROMISED.keys() == QUANTITIES.keys()
+
+
+def test_bounds_lie_above_what_they_say_was_measured_and_at_most_a_hundredfold():
+    stated = 0
+    for row in QUANTITIES.values():
+        for bound in row.bounds.values():
+            said = STATED.search(bound.why)
+            if said:
+                unit = EPS if " eps" in bound.why else 1.0
+                stated += 1
+                assert 1.2 <= bound.fixed / (float(said["number"]) * unit) <= 100.01, (row.name, bound.why)
+    assert stated >= 10
+
+
+def test_a_torque_that_is_a_thousandth_of_the_energy_counts_as_none_and_rates_grow_by_their_gains():
+    assert (IDLE, RATE_GAIN, ACCELERATION_GAIN, SOUND) == (1e-3, 30.0, 300.0, 0.1)
+    assert np.finfo(np.float64).eps == EPS

@@ -1,0 +1,321 @@
+"""Tolerances, checks and verdicts, put together from numbers a hand can follow."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim.model.efforts import Efforts, FreeRun, Reaction
+from mechsim.model.motion import Motion, PointMotion
+from mechsim.verdict.checks import Verdict, allowances, check_of, concluded
+from mechsim.verdict.judge import crosscheck, judge_efforts, judge_free_run
+from mechsim.verdict.quantities import (
+    QUANTITIES,
+    efforts_scales,
+    free_scales,
+    motion_scales,
+    reach_of,
+    stroke_of,
+)
+from mechsim.verdict.record_errors import of
+from mechsim.verdict.tolerances import EPS, SOUND, Asked, Bound, Tolerance
+
+N = 5
+ANGLE = np.linspace(0.2, 3.0, N)
+FLAT = np.zeros((N, 3))
+ONES = np.ones(N)
+
+
+# tolerances
+
+
+def test_a_tolerance_allows_its_bound_and_nothing_above():
+    tolerance = Tolerance(2.0, "m", "")
+    assert tolerance.allows(2.0)
+    assert not tolerance.allows(2.0000001)
+    assert not tolerance.allows(np.nan)
+
+
+def test_nothing_is_asked_unless_it_is():
+    assert (Asked().tolerance, Asked().of, Asked().turns) == (0.0, 1.0, 0.0)
+    plain = Bound("why", 1e-3)
+    assert (plain.asked, plain.growth, plain.power, plain.scale) == (0.0, 0, 0, "")
+    # without growth more turns change nothing
+    assert plain.tolerance("m", 2.0, Asked(turns=1000.0)).bound == pytest.approx(2e-3)
+
+
+@pytest.mark.parametrize("turns", [0.0, 3.0, 10.0, -20.0, 40.0])
+@pytest.mark.parametrize("growth", [0, 1, 2])
+def test_the_fixed_part_grows_by_its_power_beyond_ten_turns_either_way(turns, growth):
+    bound = Bound("", 1e-6, growth=growth).tolerance("rad", 3.0, Asked(turns=turns)).bound
+    assert bound == pytest.approx(3e-6 * max(1.0, abs(turns) / 10.0) ** growth)
+
+
+def test_the_larger_of_what_is_allowed_anyway_and_what_was_asked_counts():
+    bound = Bound("{part:.3g} of {scale:.3g} {unit}", 1e-3, asked=2.0, power=3)
+    strict, loose = (bound.tolerance("m", 0.5, Asked(part, of=4.0)) for part in (1e-6, 0.1))
+    assert strict.bound == pytest.approx(0.5e-3)
+    assert strict.why == "0.001 of 0.5 m"
+    assert loose.bound == pytest.approx(2.0 * 0.1 * 0.5 / 4.0)
+    assert loose.why == "0.05 of 0.5 m"
+    assert (loose.unit, loose.power) == ("m", 3)
+
+
+def test_bounds_widen_where_loops_are_poorly_conditioned_by_their_power_and_not_elsewhere():
+    conditioning = np.array([10.0, 1.0, 0.5, 0.1]) * SOUND
+    for power in (0, 1, 3):
+        widened = Tolerance(2.0, "m", "", power).widened(conditioning, 4)
+        assert widened == pytest.approx([2.0, 2.0, 2.0 * 2.0**power, 2.0 * 10.0**power])
+        assert Tolerance(2.0, "m", "", power).widened(None, 3).tolist() == [2.0] * 3
+    assert np.isfinite(Tolerance(2.0, "m", "", 1).widened(np.zeros(2), 2)).all()
+    assert Tolerance(2.0, "m", "").power == 0
+
+
+# checks
+
+
+def test_a_check_tells_the_error_that_is_the_largest_part_of_its_bound():
+    error, conditioning = np.array([1.0, 3.0, 2.5, 0.0, 0.5]), np.array([1.0, 0.25, 1.0, 1.0, 1.0]) * SOUND
+    plain = check_of("position", "P", error, ANGLE, Tolerance(2.0, "m", "why", 1))
+    assert (plain.worst, plain.at_angle, plain.bound, plain.why) == (3.0, ANGLE[1], 2.0, "why")
+    assert plain.rms == pytest.approx(np.sqrt((1.0 + 9.0 + 6.25 + 0.25) / 5.0))
+    assert (plain.unit, plain.kind, plain.subject, plain.passed) == ("m", "position", "P", False)
+    wide = check_of("position", "P", error, ANGLE, Tolerance(2.0, "m", "why", 1), conditioning)
+    assert (wide.worst, wide.at_angle, wide.bound, wide.why) == (2.5, ANGLE[2], 2.0, "why")
+    assert wide.used == pytest.approx(1.25)
+    widened = check_of("position", "P", error[:2], ANGLE[:2], Tolerance(0.5, "m", "why", 1), conditioning[:2])
+    assert (widened.worst, widened.bound) == (1.0, 0.5)
+    narrow = check_of(
+        "position", "P", error[1:2], ANGLE[1:2], Tolerance(2.0, "m", "why", 1), conditioning[1:2]
+    )
+    assert (narrow.worst, narrow.bound, narrow.passed) == (3.0, 8.0, True)
+    assert narrow.why.startswith("why; x 4 ")
+
+
+def test_where_nothing_is_allowed_any_error_is_beyond_the_bound_and_none_is_within():
+    none = Tolerance(0.0, "m", "")
+    assert check_of("loop", "", np.zeros(N), ANGLE, none).passed
+    off = np.array([0.0, 0.0, 1e-300, 0.0, 0.0])
+    check = check_of("loop", "", off, ANGLE, none)
+    assert (check.passed, check.at_angle, check.used) == (False, ANGLE[2], None)
+
+
+def test_a_verdict_is_met_or_says_by_how_much_at_most_three_quantities_are_beyond():
+    bad = [check_of("loop", "", k * ONES, ANGLE, Tolerance(0.5, "m", "")) for k in (1.0, 2.0, 3.0, 4.0, 5.0)]
+    good = check_of("loop", "", 0.1 * ONES, ANGLE, Tolerance(0.5, "m", ""))
+    assert concluded([good]) == Verdict("met", (good,))
+    assert concluded([good], lambda: 1.0).outcome == "met"
+    names = "loop residual by 2 times, loop residual by 4 times, loop residual by 6 times"
+    assert concluded([*bad[:3], good]).reason == f"beyond the bound: {names}"
+    assert concluded([good, *bad]).reason == f"beyond the bound: {names} and 2 more"
+    assert concluded(bad, lambda: None).outcome == "missed"
+    moved = concluded(bad, lambda: 1.23456)
+    assert (moved.outcome, moved.reason) == ("changed assembly", "first seen at crank angle 1.2346 rad")
+    odd = check_of("loop", "", np.nan * ONES, ANGLE, Tolerance(0.5, "m", ""))
+    assert concluded([good, odd]).outcome == "diverged"
+    assert good.passed
+    assert concluded([good]).passed
+    assert not concluded(bad).passed
+
+
+def test_bounds_given_are_in_the_quantitys_unit_or_parts_of_its_scale():
+    rows = [QUANTITIES[name] for name in ("position", "acceleration", "accelerations under these forces")]
+    scales = {**motion_scales(0.5, 2.0, 0.8), "1": 1.0}
+    given = {row.name: Tolerance(0.1, unit, "own") for row, unit in zip(rows, ("m", "1", "1"), strict=True)}
+    found = allowances(rows, "pose", scales, Asked(), given)
+    assert found["position"].bound == 0.1
+    assert found["acceleration"].bound == pytest.approx(0.1 * 0.5 * 4.0)
+    assert found["acceleration"].unit == "m/s2"
+    assert found["accelerations under these forces"].bound == 0.1
+    assert set(allowances(rows, "function", scales, Asked())) == {"acceleration"}
+    assert set(allowances(rows, "function", scales, Asked(), {})) == {"acceleration"}
+
+
+def test_a_bound_may_be_a_part_of_another_scale_than_the_errors_are():
+    row = replace(QUANTITIES["position"], bounds={"pose": Bound("", 1e-3, scale="reach")})
+    assert allowances([row], "pose", motion_scales(0.5, 2.0, 0.8), Asked())["position"].bound == 0.8e-3
+
+
+# scales
+
+
+def test_scales_of_a_motion_are_products_of_its_lengths_and_speeds():
+    scales = motion_scales(0.5, 3.0, 0.8, 2.0)
+    assert scales["stroke"] == 0.5
+    assert scales["stroke · crank speed"] == 1.5
+    assert scales["stroke · crank speed²"] == 4.5
+    assert (scales["reach"], scales["reach · crank speed"]) == (0.8, pytest.approx(2.4))
+    assert scales["reach · crank speed²"] == pytest.approx(7.2)
+    assert (scales["crank speed"], scales["rad"]) == (3.0, 1.0)
+    assert motion_scales(0.5, 3.0)["reach"] == 0.5
+    assert motion_scales(0.5, 3.0, 0.8, 20.0)["stroke · crank speed²"] == 10.0
+
+
+def moving(path, **more):
+    return Motion("user", ANGLE, ONES, 0.0 * ONES, {"P": PointMotion(path, FLAT, FLAT)}, **more)
+
+
+def test_the_stroke_is_half_the_longest_extent_and_the_reach_the_largest_coordinate():
+    path = np.outer(np.linspace(-1.0, 3.0, N), (0.5, -1.0, 0.2))
+    assert stroke_of(moving(path)) == pytest.approx(2.0)
+    assert reach_of(moving(path)) == pytest.approx(3.0)
+    # where nothing moves there is no stroke to measure by
+    assert stroke_of(moving(FLAT + np.array([0.1, -0.7, 0.2]))) == pytest.approx(0.7)
+
+
+def efforts(force, torque=(3.0, -4.0, 0.0, 0.0, 0.0), kinetic=(-2.0, 1.0, 0.0, 0.0, 0.0), **more):
+    one = Reaction(link="a", by="b", force=np.asarray(force), moment=FLAT, point=FLAT)
+    names = ("acceleration", "potential", "power_in", "power_loads", "power_lost", "residual")
+    zeros = dict.fromkeys(names, np.zeros(N))
+    given = {"size": 0.2, "time": None, "angle": ANGLE, "speed": -5.0 * ONES, "gears": {}, **zeros}
+    given |= {"torque": np.array(torque), "kinetic": np.array(kinetic), "sliding": np.ones((N, 1))}
+    return Efforts(**{**given, "reactions": {"A": one}, **more})
+
+
+def test_scales_of_efforts_are_root_mean_squares_of_forces_and_largest_energies():
+    found = efforts(FLAT + np.array([2.0, 0.0, 1.5]), potential=np.array([1.0, -7.0, 0.0, 0.0, 0.0]))
+    scales, torque = efforts_scales(found), np.sqrt(5.0)
+    assert scales["torque"] == pytest.approx(torque)
+    assert (scales["force"], scales["moment"]) == pytest.approx((2.5, 0.5))
+    assert (scales["kinetic energy"], scales["potential energy"]) == (2.0, 7.0)
+    assert scales["power"] == pytest.approx(5.0 * torque)
+    assert scales["1"] == 1.0
+
+
+def test_where_no_joint_carries_a_force_or_no_torque_is_needed_another_scale_stands_in():
+    idle = efforts_scales(efforts(FLAT, torque=np.zeros(N)))
+    assert idle["torque"] == pytest.approx(2e-3)
+    assert idle["force"] == pytest.approx(2e-3 / 0.2)
+
+
+def free(n=N, **more):
+    zeros = np.zeros(n)
+    names = ("acceleration", "kinetic", "potential", "work", "lost", "motor")
+    angle = np.linspace(0.0, 30.0, n)
+    return FreeRun(
+        **{
+            **dict.fromkeys(names, zeros),
+            "time": angle,
+            "angle": angle,
+            "speed": zeros - 2.0,
+            "outcome": "done",
+            **more,
+        }
+    )
+
+
+def test_scales_of_a_free_run_are_its_fastest_speed_and_its_largest_energy():
+    up = np.linspace(0.0, 1.0, N)
+    for name, values in (("kinetic", -3.0 * up), ("potential", 5.0 + 3.0 * up), ("lost", 3.0 * up)):
+        scales = free_scales(free(**{name: values}))
+        assert (scales["crank speed"], scales["rad"]) == (2.0, 1.0)
+        assert scales["energy"] == pytest.approx(3.0)
+
+
+# judges
+
+
+def off_by(size, **more):
+    return moving(PATH + size * np.array([0.0, 0.6, 0.8]), **more)
+
+
+PATH = np.outer(np.linspace(-1.0, 1.0, N), (1.0, 0.0, 0.0))
+EXACT = moving(PATH)
+# bounds on the path's stroke of one metre: asked for, and by default a ten-thousandth
+PLACES = ((1e-3, 1e-3), (None, 1e-4), (2e-6, 2e-6))
+
+
+@pytest.mark.parametrize(("tolerance", "bound"), PLACES)
+def test_a_stepped_motion_keeps_the_tolerance_asked_for_or_a_ten_thousandth_of_the_stroke(tolerance, bound):
+    simulated = replace(EXACT, source="step")
+    given = replace(EXACT, source="closed form")
+    for size, passed in ((0.99 * bound, True), (1.01 * bound, False)):
+        found = replace(simulated, points=off_by(size).points)
+        verdict = crosscheck(found, given, tolerance=tolerance)
+        assert verdict.passed == passed
+        assert verdict.checks[0].worst == pytest.approx(size)
+        assert verdict.checks[0].bound == pytest.approx(bound)
+
+
+def test_a_solved_pose_is_right_to_rounding_unless_a_tolerance_is_given():
+    given, solved = replace(EXACT, source="closed form"), replace(EXACT, source="pose")
+    near = replace(solved, points=off_by(1e-9).points)
+    assert crosscheck(solved, given).passed
+    assert not crosscheck(near, given).passed
+    assert crosscheck(near, given, tolerance=1e-8).passed
+
+
+def test_motions_at_other_angles_or_with_other_points_are_not_compared():
+    given = replace(EXACT, source="closed form")
+    shifted = replace(EXACT, angle=ANGLE + 1e-9)
+    with pytest.raises(Exception, match="stands at other crank angles"):
+        crosscheck(shifted, given)
+    with pytest.raises(Exception, match="stands at other crank angles"):
+        crosscheck(shifted, replace(given, angle=ANGLE[:1]))
+    assert crosscheck(replace(EXACT, angle=ANGLE + 1e-13), given).passed
+    with pytest.raises(Exception, match="has no point Q"):
+        crosscheck(EXACT, replace(given, points={**EXACT.points, "Q": EXACT.points["P"]}))
+    with pytest.raises(Exception, match="gives no point"):
+        crosscheck(EXACT, replace(given, points={}))
+    hole = PATH.copy()
+    hole[2, 1] = np.nan
+    with pytest.raises(Exception, match=f"no finite place for point 'P' at crank angle {ANGLE[2]:.6g}"):
+        crosscheck(EXACT, replace(given, points=moving(hole).points))
+    with pytest.raises(Exception, match="no instants"):
+        crosscheck(replace(EXACT, angle=ANGLE[:0]), given)
+
+
+def test_the_drive_is_judged_where_its_speed_is_known_and_from_where_it_began():
+    given = replace(EXACT, source="closed form")
+    time = (ANGLE - ANGLE[0]) / 1.0 + 7.0
+    verdict = crosscheck(replace(EXACT, time=time), given)
+    assert verdict.passed
+    assert {"drive", "drive speed"} <= {check.kind for check in verdict.checks}
+    assert {check.kind for check in crosscheck(EXACT, given).checks} >= {"drive speed"}
+    uneven = replace(given, speed=np.linspace(1.0, 1.1, N))
+    assert not {"drive", "drive speed"} & {check.kind for check in crosscheck(EXACT, uneven).checks}
+    fast = crosscheck(replace(EXACT, time=time, speed=1.5 * ONES), given, speed=1.5)
+    assert {check.kind for check in fast.checks if not check.passed} == {"drive"}
+
+
+@pytest.mark.parametrize("field", ["position", "velocity", "acceleration"])
+def test_numbers_that_are_not_finite_are_a_diverged_run(field):
+    given, wild = replace(EXACT, source="closed form"), FLAT.copy()
+    wild[3, 2] = np.inf
+    broken = replace(EXACT, points={"P": replace(EXACT.points["P"], **{field: wild})})
+    assert crosscheck(broken, given).outcome == "diverged"
+    for name in ("speed", "acceleration"):
+        assert crosscheck(replace(EXACT, **{name: wild[:, 2]}), given).outcome == "diverged"
+    assert crosscheck(replace(EXACT, broken="why"), given).reason == "why"
+
+
+def test_efforts_asked_for_a_tolerance_keep_it_and_others_what_their_road_can():
+    exact = efforts(FLAT + 1.0)
+    for road, tolerance, bound in (("pose", None, 1e-10), ("step", None, 1e-6), ("step", 1e-3, 1e-3)):
+        for part, passed in ((0.99, True), (1.01, False)):
+            found = replace(exact, torque=exact.torque + part * bound * np.sqrt(5.0))
+            assert judge_efforts(found, exact, road=road, tolerance=tolerance).passed == passed
+
+
+def test_free_runs_are_bounded_over_ten_turns_and_their_angle_by_the_square_of_more():
+    for turns, bound in ((5.0, 1e-6), (10.0, 1e-6), (30.0, 9e-6)):
+        angle = np.linspace(1.0, 1.0 + turns * 2.0 * np.pi, N)
+        exact = free(angle=angle, kinetic=ONES)
+        for part, passed in ((0.99, True), (1.01, False)):
+            assert judge_free_run(replace(exact, angle=angle + part * bound), exact).passed == passed
+    asked = free(kinetic=ONES)
+    assert judge_free_run(replace(asked, angle=asked.angle + 0.9e-3), asked, tolerance=1e-3).passed
+    assert not judge_free_run(replace(asked, angle=asked.angle + 1.1e-3), asked, tolerance=1e-3).passed
+    assert judge_free_run(free(outcome="diverged", reason="why"), asked).reason == "why"
+    assert judge_free_run(free(2), free(2, kinetic=np.ones(2))).checks
+    assert "ends after" in judge_free_run(asked, free(3)).reason
+
+
+def test_of_two_quantities_of_one_record_the_larger_error_is_told_as_a_part_of_its_scale():
+    row = replace(QUANTITIES["crank speed"], error=of("speed"))
+    exact = free()
+    found = replace(exact, speed=exact.speed + np.linspace(0.0, 0.5, N))
+    assert row.largest(found, exact, {"crank speed": 2.0}) == pytest.approx(0.25)
+    silent = replace(row, error=lambda *_: None)
+    assert silent.largest(found, exact, {"crank speed": 2.0}) == 0.0
+    assert EPS == 2.0**-52
