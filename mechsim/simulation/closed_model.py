@@ -2,17 +2,19 @@
 
 import os
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism, Pose
 from mechsim.model.scene import Scene
 from mechsim.simulation.mjcf import compiled, generate, quiet
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
 from mechsim.simulation.recorded_motion import Track, add_sensors
 
 
@@ -27,6 +29,9 @@ class Described(Protocol):
 
 Model = Mechanism | mujoco.MjSpec | str | os.PathLike[str]
 Source = Model | Described
+
+# turn, in [rad], by which a freedom that the crank leaves is tried
+NUDGE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -56,6 +61,26 @@ class ClosedModel:
     def places(self, states: Array) -> Array:
         """Return the places of the tracked points at n states, (n, k, 3) in [m]."""
         return self.loops.sites(states)[:, [self.model.site(name).id for name in self.track.points]]
+
+    @property
+    def driven_points(self) -> tuple[str, ...]:
+        """The tracked points that the crank moves alone; all where there is none."""
+        settled = zip(self.track.points, self.loose, strict=True)
+        return tuple(name for name, loose in settled if not loose) or self.track.points
+
+    @cached_property
+    def loose(self) -> NDArray[np.bool_]:
+        """Which tracked points can move with the crank held, (k,): poses alone do not settle them."""
+        loops = self.loops
+        held = loops.linearise(self.closed[None])[1][0][:, loops.free]
+        _, values, freedoms = np.linalg.svd(held)
+        rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
+        moves = np.zeros((len(freedoms) - rank, self.model.nv))
+        moves[:, loops.free] = NUDGE * freedoms[rank:]
+        nudged = loops.moved(np.repeat(self.closed[None], len(moves), 0), moves)
+        places = self.places(np.concatenate([self.closed[None], nudged]))
+        # the second order, a nudge's square, is what a closed loop lets a point move
+        return np.abs(places[1:] - places[0]).max((0, 2), initial=0.0) > NUDGE**1.5 * loops.size
 
 
 def of_source(source: Source, scene: Scene | None = None) -> ClosedModel:

@@ -59,7 +59,7 @@ class DrivenRun:
             errors, places = pose_errors(self.closed, motion, states)
             estimate = float(errors.max())
             elsewhere = in_another_assembly(self.closed, motion, states, errors, places)
-        tolerance = allowed(motion) if tolerance is None else tolerance
+        tolerance = allowed(self.closed, motion) if tolerance is None else tolerance
         if broken:
             outcome, motion = "diverged", replace(motion, broken=broken)
         elif elsewhere:
@@ -143,9 +143,9 @@ def first_state(closed: ClosedModel, profile: CrankProfile) -> tuple[Array, Arra
     return qpos[0], closed.loops.tangent(closed.loops.linearise(qpos)[1])[0] * speed[0]
 
 
-def allowed(motion: Motion) -> float:
+def allowed(closed: ClosedModel, motion: Motion) -> float:
     """Return the bound on the places of a motion's points where none is asked for, in [m]."""
-    return PLACE * half_extent(point.position for point in motion.points.values())
+    return PLACE * half_extent(motion.points[name].position for name in closed.driven_points)
 
 
 def solved(
@@ -179,7 +179,7 @@ def solved(
         motion = mended(motion, closed.loops, closed.track, qpos, meeting, rows, turned)
     assert motion.closure is not None
     estimate = float(motion.closure.max(initial=0.0))
-    tolerance = allowed(motion) if tolerance is None else tolerance
+    tolerance = allowed(closed, motion) if tolerance is None else tolerance
     return Run(
         motion=motion,
         outcome="met" if estimate <= tolerance else "missed",

@@ -16,6 +16,9 @@ NEARER, APART, MOST_PAIRS = 0.5, 0.02, 100
 def pose_errors(closed: ClosedModel, motion: Motion, states: Array) -> tuple[Array, Array]:
     """Return how far the farthest tracked point is from its place in the solved pose, and those places.
 
+    A point that the crank leaves free, as of a body beside the linkage, belongs where the closed loops
+    nearest to the recorded state put it.
+
     Args:
         closed: the model.
         motion: at n instants.
@@ -26,6 +29,12 @@ def pose_errors(closed: ClosedModel, motion: Motion, states: Array) -> tuple[Arr
         before that, (known, k, 3) in [m].
     """
     places = closed.places(_solved(closed, states))
+    if closed.loose.any():
+        try:
+            nearest = closed.places(closed.loops.close(states[: len(places)]))
+            places[:, closed.loose] = nearest[:, closed.loose]
+        except AssemblyError:
+            places[:, closed.loose] = np.inf
     error = np.full(len(states), np.inf)
     error[: len(places)] = _distances(_recorded(motion)[: len(places)], places)
     return error, places
@@ -44,7 +53,8 @@ def in_another_assembly(
         places: as from `pose_errors`.
     """
     known, recorded = len(places), _recorded(motion)
-    far = error[:known] > APART * 0.5 * float(np.ptp(places, axis=0).max())
+    moved = [name in closed.driven_points for name in closed.track.points]
+    far = error[:known] > APART * 0.5 * float(np.ptp(places[:, moved], axis=0).max())
     pairs = np.flatnonzero(far[1:] & far[:-1])
     tried = pairs[np.unique(np.linspace(0, len(pairs) - 1, MOST_PAIRS).astype(int))] if len(pairs) else []
     for i in tried:

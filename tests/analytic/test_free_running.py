@@ -8,7 +8,7 @@ from mpmath import mp
 
 from mechsim import catalog, closure, course, dynamics, motors
 from mechsim.analytic.dynamics.crank_table import CrankTable, columns
-from mechsim.model.forces import Forces, Friction, JointSpring, Load
+from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load
 from mechsim.model.inertia import Inertia
 from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
 
@@ -211,3 +211,19 @@ def test_a_run_backwards_is_the_mirror_of_the_run_in_the_mirrored_world():
     one = dynamics.free_run(machine, angle=-np.pi / 2 + 0.4, times=np.linspace(0.0, 2.0, 9))
     other = dynamics.free_run(mirrored, angle=-np.pi / 2 - 0.4, times=np.linspace(0.0, 2.0, 9))
     assert one.angle + np.pi / 2 == pytest.approx(-(other.angle + np.pi / 2), rel=1e-9)
+
+
+@pytest.mark.parametrize("force", [(-5.0, 0.0, 0.0), (0.0, 0.0, 3.0), (-5.0, 2.0, 1.0)])
+def test_a_mechanism_of_ones_own_runs_freely_under_a_load_on_its_slider(force):
+    """Along two axes the slider never moves: what the load has of a lever there is rounding."""
+    drive = catalog.make("slider_crank")
+    loads = (Load("B", course.constant(force)),)
+    couple = Couple("slider", course.constant((0.0, 0.0, 2.0)))
+    friction = (Friction("crank", 1e-4, 1e-3), Friction("B", 1e-3))
+    forces = Forces(loads=loads, couples=(couple,), friction=friction, gravity=(0.0, 0.0, -9.81))
+    own, known = (
+        dynamics.free_run(dynamics.machine(one, forces), speed=60.0, duration=0.05)
+        for one in (drive.mechanism, drive)
+    )
+    assert own.outcome == "done"
+    np.testing.assert_allclose(own.angle, known.angle, rtol=0, atol=1e-9)

@@ -15,6 +15,7 @@ from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
 from mechsim.units import rpm
+from mechsim.verdict.judge import crosscheck
 
 CATALOGUE = ("rssr", "four_bar", "slider_crank")
 TURN = 2.0 * np.pi
@@ -379,3 +380,28 @@ def test_a_crank_that_its_drive_loses_is_a_diverged_run_and_says_where() -> None
     run = simulate(mechanism, speed=10.0, turns=20.0, settings=Settings(flywheel=1e-6))
     assert run.outcome == "diverged"
     assert "the crank stands at" in run.motion.broken
+
+
+def test_a_body_that_falls_beside_the_linkage_changes_nothing_of_its_outcome() -> None:
+    drive = catalog.make("four_bar")
+    spec = assembled(drive.mechanism, Scene())
+    spec.option.gravity = 0.0, -9.81, 0.0
+    ball = spec.worldbody.add_body(name="ball", pos=(0.3, 0.3, 0.1))
+    ball.add_freejoint()
+    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(0.01, 0.0, 0.0))
+    ball.add_site(name="falling")
+    run = simulate(spec, speed=62.8, settings=Settings())
+    assert run.outcome == "met"
+    assert np.ptp(run.motion.points["falling"].position[:, 1]) > 0.04
+    # its fall makes no bound wider
+    assert run.tolerance < 1e-5
+    assert crosscheck(run, drive).passed
+
+
+def test_a_run_given_to_the_judge_is_judged_by_its_own_tolerance() -> None:
+    drive = catalog.make("rssr")
+    run = simulate(drive.mechanism, speed=62.8, tolerance=1e-7)
+    place = next(check for check in crosscheck(run, drive).checks if check.kind == "position")
+    assert place.bound == run.tolerance == 1e-7
+    rough = simulate(drive.mechanism, speed=62.8, settings=Settings(steps_per_turn=40))
+    assert (rough.outcome == "met") == crosscheck(rough, drive).passed

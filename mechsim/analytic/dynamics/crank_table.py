@@ -164,9 +164,27 @@ class CrankTable:
         largest = np.abs(values).max(0)
         # where a derivative passes through zero its rounding is that of its size elsewhere
         largest[1] = max(largest[1], largest[0])
+        largest[2:4] = largest[2:4].max()
+        largest[2:] = np.maximum(largest[2:], _floors(self.machine, len(largest) - 2))
         exact = RESOLVED if self.machine.drive is not None else ASSEMBLED
         least = exact if high - low > ARC / SHORTER else NOISY
         return Arc(low, high, values) if (tail <= least * largest).all() else None
+
+
+def _floors(machine: Machine, count: int) -> Array:
+    """Return below what the columns from the static torque on are rounding of nought, (count,).
+
+    As of a planar linkage's way out of its plane, or of a joint that never turns.
+    """
+    size, forces = machine.mechanism.size, machine.forces
+    lever = min(1.0, size)
+    masses = sum(link.inertia.mass for link in machine.mechanism.links if link.inertia is not None)
+    weight = masses * size * float(np.linalg.norm(forces.gravity))
+    damping = lever**2 * sum(one.viscous + one.viscous_turn for one in forces.friction)
+    damping += size**2 * sum(spring.damping for spring in forces.springs)
+    loads, couples = [size] * 3 * len(forces.loads), [1.0] * 3 * len(forces.couples)
+    dry = [lever] * (count - 3 - len(loads) - len(couples))
+    return np.array([weight, weight, damping, *dry, *loads, *couples])
 
 
 def _alike(one: Arc, other: Arc) -> bool:

@@ -1,0 +1,40 @@
+"""Random mechanisms by every road, a few of them: validation/robustness/verdicts.py and bounds.py."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "validation" / "robustness"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def studies():
+    sys.path.insert(0, str(FOLDER))
+    yield
+    sys.path.remove(str(FOLDER))
+
+
+def test_no_random_mechanism_is_refused_and_every_run_agrees_with_its_verdict():
+    import verdicts
+
+    found = verdicts.study(7, seed=3)
+    assert found.faults == {}
+    assert found.tried["validated"] == 7
+    assert found.tried["0.1 % long, pose"] >= 5
+
+
+def test_errors_lie_below_their_bounds_but_not_far_below():
+    import bounds
+
+    found = bounds.parts(7, seed=3)
+    worst = {key: max(used)[0] for key, used in found.items()}
+    for (road, kind), used in worst.items():
+        if "dynamics" not in road:
+            assert used <= 1.0, (road, kind)
+    # a few mechanisms use less of a bound than the worst of many, which use a hundredth or more
+    for road in ("closed form", "pose", "step"):
+        for kind in ("velocity", "acceleration", "loop"):
+            assert worst[road, kind] > 1e-4, (road, kind)
+    assert worst["pose", "position"] > 1e-3
+    assert worst["step", "position"] > 1e-3

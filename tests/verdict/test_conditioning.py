@@ -1,0 +1,94 @@
+"""Bounds follow the conditioning of the loops: wider near a dead centre, never so wide as to hide a fault."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim import catalog, closure
+from mechsim.model.crank_profile import swing
+from mechsim.simulation import Settings, simulate
+from mechsim.studies.validate import validate
+from mechsim.verdict.checks import check_of
+from mechsim.verdict.judge import crosscheck
+from mechsim.verdict.tolerances import SOUND, Tolerance
+
+FIVE_LINK = {
+    "crank": 9.91071e-3,
+    "coupler": 23.32629e-3,
+    "link": 25.86263e-3,
+    "pivot": (-26.18643e-3, -38.03311e-3, 27.12999e-3),
+    "gamma1": -0.0808723,
+    "gamma2": -0.894713,
+}
+SWINGING = [name for name, drive in catalog.DRIVES.items() if drive.swinging]
+
+
+def near_a_dead_centre(name, part):
+    """Return a drive that swings over a part of its range, and that swing."""
+    drive = catalog.make(name, **catalog.DRIVES[name].swinging)
+    low, high = drive.crank_range().arcs[0]
+    return drive, swing(0.5 * (low + high), 0.5 * part * (high - low), 20.0)
+
+
+def test_a_sound_mechanism_of_small_transmission_angle_is_met():
+    case = validate(catalog.make("rrsrr", **FIVE_LINK))
+    assert case.passed, case.reason
+    assert any("where the loops' conditioning is" in check.why for check in case.checks)
+
+
+@pytest.mark.parametrize("name", SWINGING)
+@pytest.mark.parametrize("part", [0.99, 0.9999])
+def test_poses_near_a_dead_centre_are_met_by_run_and_verdict(name, part):
+    drive, profile = near_a_dead_centre(name, part)
+    run = simulate(drive.mechanism, profile=profile, method="pose", samples=72)
+    verdict = crosscheck(run, drive)
+    assert run.outcome == verdict.outcome == "met", str(verdict)
+
+
+@pytest.mark.parametrize("name", SWINGING)
+@pytest.mark.parametrize("method", ["pose", "step"])
+def test_a_link_a_thousandth_long_is_refused_near_a_dead_centre_too(name, method):
+    drive, profile = near_a_dead_centre(name, 0.98)
+    longer = next(one for one in ("coupler", "rod", "link", "rod3") if hasattr(drive, one))
+    wrong = replace(drive, **{longer: 1.001 * getattr(drive, longer)})
+    settings = Settings() if method == "step" else None
+    run = simulate(wrong.mechanism, profile=profile, method=method, settings=settings, samples=72)
+    verdict = crosscheck(run.motion, drive)
+    assert not verdict.passed
+    # nor at the instants alone where the loops are worst conditioned
+    conditioning = drive.conditioning(drive.solve(run.motion.angle))
+    assert conditioning.min() < SOUND
+
+
+def test_each_instant_is_held_against_its_own_bound():
+    tolerance = Tolerance(1.0, "m", "here", power=2)
+    conditioning = SOUND * np.array([2.0, 1.0, 0.1, 0.5])
+    error, angle = np.array([0.9, 0.9, 90.0, 3.9]), np.arange(4.0)
+    check = check_of("position", "A", error, angle, tolerance, conditioning)
+    assert check.passed
+    assert (check.worst, check.at_angle, check.bound) == (3.9, 3.0, pytest.approx(4.0))
+    assert check.why == "here; x 4 where the loops' conditioning is 0.05"
+    # an error that is allowed where conditioning is poor is not where it is good
+    assert not check_of("position", "A", error[[2, 0, 1, 3]], angle, tolerance, conditioning).passed
+    flat = check_of("position", "A", error, angle, Tolerance(1.0, "m", "here"), conditioning)
+    assert (flat.worst, flat.bound, flat.why) == (90.0, 1.0, "here")
+
+
+def test_where_nothing_is_allowed_any_error_is_missed():
+    nothing = Tolerance(0.0, "m", "none")
+    assert check_of("position", "A", np.zeros(2), np.zeros(2), nothing).passed
+    assert not check_of("position", "A", np.array([0.0, 1e-300]), np.zeros(2), nothing).passed
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rssr", "slider_crank", "rrsrr"])
+def test_both_roads_tell_the_conditioning_of_the_loops(name):
+    """They write the loops in other coordinates: it is alike, not the same, and falls to a dead centre."""
+    drive, profile = near_a_dead_centre(name, 0.9999)
+    run = simulate(drive.mechanism, profile=profile, method="pose", samples=40)
+    simulated, exact = run.motion.conditioning, drive.conditioning(drive.solve(run.motion.angle))
+    own = closure.solve(drive.mechanism, run.motion.angle).conditioning
+    np.testing.assert_allclose(own, exact, rtol=1e-6)
+    assert 0.05 < (simulated / exact).min() <= (simulated / exact).max() < 20.0
+    for one in (simulated, exact):
+        assert one[0] < 0.1 * one.max()
