@@ -6,9 +6,10 @@ dataclass that people set so.
 
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import field
 from functools import cache
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,9 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 
 Array = NDArray[np.float64]
-Unit = Literal["m", "rad", "1", "rad/s", "s"]
+Unit = Literal[
+    "m", "rad", "1", "rad/s", "s", "kg", "kg m^2", "m/s^2", "N", "N m", "N/m", "N m/rad", "N s/m", "N m s/rad"
+]
 
 # more angles than this in one range is a slip of the step, not a wish
 MOST_ANGLES = 10_000_000
@@ -31,6 +34,15 @@ _KINDS: dict[str, tuple[str, str]] = {
     "1": ("a plain number", "0.5"),
     "rad/s": ("a speed of rotation", "600 rpm"),
     "s": ("a time", "2 ms"),
+    "kg": ("a mass", "0.4 kg"),
+    "kg m^2": ("a moment of inertia", "2 kg mm^2"),
+    "m/s^2": ("an acceleration", "9.81 m/s^2"),
+    "N": ("a force", "20 N"),
+    "N m": ("a moment", "3 N mm"),
+    "N/m": ("a stiffness", "5 N/mm"),
+    "N m/rad": ("a stiffness of turning", "2 N m/rad"),
+    "N s/m": ("a damping", "4 N s/m"),
+    "N m s/rad": ("a damping of turning", "1e-3 N m s/rad"),
 }
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 
@@ -175,6 +187,28 @@ def parse_angles(text: str, name: str = "the angles") -> Array:
     else:
         values = np.concatenate([values, [stop]])
     return values * factors[0]
+
+
+def in_si(value: float, written: str, unit: Unit, name: str = "the value") -> float:
+    """Return a number of a unit written as text, in an SI unit.
+
+    Raises:
+        InputError: for a unit that is not known or measures something else.
+    """
+    return _in_si(value, _factor(written, unit, written, name))
+
+
+def of_any_kind(text: str, name: str = "the value") -> tuple[float, Unit]:
+    """Return a quantity in the SI unit of what it measures, and that unit.
+
+    Raises:
+        InputError: for what is no finite number with a known unit.
+    """
+    kinds: tuple[Unit, ...] = get_args(Unit)
+    for unit in kinds:
+        with suppress(InputError):
+            return parse(text, unit, name), unit
+    raise InputError(f"{name} {_short(text.strip())!r} is no number with a unit; give one such as '13 mm'")
 
 
 def _require_text(text: str, unit: Unit, name: str) -> None:

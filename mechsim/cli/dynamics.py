@@ -27,7 +27,7 @@ from mechsim.cli.dynamics_output import (
     verdict_facts,
 )
 from mechsim.cli.force_options import MachineOptions
-from mechsim.cli.options import Json, Name, Sets, drive_of, speed_of, writable
+from mechsim.cli.options import Json, Model, Sets, form_of, speed_of, writable
 from mechsim.cli.output import print_json
 from mechsim.errors import InputError
 from mechsim.model.crank_profile import CrankProfile, within_range
@@ -95,11 +95,11 @@ class DynamicsOptions:
 
 @spread
 def dynamics(
-    name: Name, acting: MachineOptions, asked: DynamicsOptions, sets: Sets = None, as_json: Json = False
+    model: Model, acting: MachineOptions, asked: DynamicsOptions, sets: Sets = None, as_json: Json = False
 ) -> None:
     """Drive torque, joint reactions and energy of a prescribed crank; free running under a motor."""
     asked.check()
-    machine = acting.machine(drive_of(name, sets))
+    machine = acting.machine(form_of(model, sets))
     if acting.motor is not None or asked.free:
         passed = _free(machine, asked.speed if asked.free else 0.0, asked, as_json)
     else:
@@ -109,7 +109,6 @@ def dynamics(
 
 def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool) -> bool:
     drive = machine.drive
-    assert drive is not None
     profile = within_range(
         drive.mechanism,
         drive.crank_range(),
@@ -138,7 +137,6 @@ def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool) -> bool:
 
 def _steady(machine: Machine, asked: DynamicsOptions) -> tuple[Fluctuation | None, Fluctuation | None]:
     """Return a turn under a constant torque, and one with the flywheel wanted; None where there is none."""
-    assert machine.drive is not None
     if not machine.drive.crank_range().full:
         return None, None
     turn = None

@@ -6,7 +6,7 @@ import typer
 
 from mechsim import files
 from mechsim.analytic import catalog
-from mechsim.cli.options import Output, Sets, drive_of, folder_for, scene_of, writable
+from mechsim.cli.options import Output, Sets, folder_for, form_of, scene_of, writable
 from mechsim.cli.output import progress
 from mechsim.errors import InputError
 from mechsim.pictures.render.exported_scene import exported
@@ -14,8 +14,9 @@ from mechsim.simulation import mjcf
 
 
 def export(
-    name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="A mechanism of the catalogue.")
+    model: Annotated[
+        str | None,
+        typer.Argument(metavar="[MODEL]", help="A catalogue name, FILE.toml or FILE.py:OBJECT."),
     ] = None,
     every: Annotated[
         str | None, typer.Option("--all", metavar="DIR", help="Export every mechanism into this folder.")
@@ -27,8 +28,8 @@ def export(
 ) -> None:
     """Write the MuJoCo model of a mechanism."""
     wanted = scene_of(scene, cut)
-    if (name is None) == (every is None):
-        raise InputError("export takes either one NAME or --all DIR; give one of them")
+    if (model is None) == (every is None):
+        raise InputError("export takes either one MODEL or --all DIR; give one of them")
     if every is not None:
         if sets or output or cut:
             raise InputError("--all exports every mechanism as it is; leave out --set, --cut and -o")
@@ -41,9 +42,9 @@ def export(
                 tick(one)
         typer.echo(f"wrote {len(catalog.DRIVES)} models to {every}")
         return
-    assert name is not None
+    assert model is not None
     place = None if output is None else writable(output, ".xml")
-    text = mjcf.to_xml(exported(drive_of(name, sets).mechanism, wanted))
+    text = mjcf.to_xml(exported(form_of(model, sets).mechanism, wanted))
     if place is None:
         typer.echo(text, nl=False)
         return

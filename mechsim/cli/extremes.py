@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from mechsim.cli.options import Json, drive_of, folder_for
+from mechsim.analytic.forms import closed_form
+from mechsim.cli.options import Json, folder_for, form_of
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.files import write_json
 from mechsim.pictures import plots
@@ -26,7 +27,7 @@ def extremes(
 ) -> None:
     """Push steps, speed, size, masses, poses, turns and gears until something breaks; say where it does."""
     for name in names or ():
-        drive_of(name, None)
+        closed_form(form_of(name, None), "how far it can be pushed")
     folder = None if report is None else folder_for(report)
 
     with progress("extremes", axes_of(names, quick)) as tick:

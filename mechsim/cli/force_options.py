@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechsim import files, units
 from mechsim.analytic import dynamics
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.model import motors
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Place, Spring
@@ -97,7 +97,7 @@ def _places(text: str, option: str) -> tuple[Place, Place]:
     return place(first), place(second)
 
 
-def loads_of(drive: ClosedForm, path: str) -> dict[str, Any]:
+def loads_of(drive: Form, path: str) -> dict[str, Any]:
     """Return loads from a table: angle [rad] or time [s]; P3.fx .. [N], LINK.mx .. [N m], crank [N m]."""
     columns = files.read(path)
     over = "angle" if "angle" in columns else "time"
@@ -179,7 +179,7 @@ class MachineOptions:
         if self.gear is not None and self.motor is None:
             raise InputError("--gear is the gear of a motor, and none is given; add --motor")
 
-    def forces(self, drive: ClosedForm) -> Forces:
+    def forces(self, drive: Form) -> Forces:
         """Return all that acts on a mechanism."""
         loads: dict[str, Any] = {} if self.load is None else loads_of(drive, self.load)
         motor = self.motor
@@ -196,6 +196,6 @@ class MachineOptions:
             **loads,
         )
 
-    def machine(self, drive: ClosedForm) -> dynamics.Machine:
+    def machine(self, drive: Form) -> dynamics.Machine:
         """Return a mechanism with links that weigh and all that acts on it."""
         return dynamics.machine(drive, self.forces(drive), density=self.density, diameter=self.diameter)

@@ -2,22 +2,25 @@
 
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from mechsim import files, units
-from mechsim.analytic import catalog
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.forms import Form
 from mechsim.errors import InputError, OutputError
 from mechsim.model.scene import Scene
+from mechsim.subjects.subject import load
 
 # crank speeds in [rad/s]: a turn takes most of a day, and faster than any shaft; MuJoCo's own absolute
 # bounds on time and acceleration lie beyond
 SLOWEST, FASTEST = 1e-4, 1e9
 
-Name = Annotated[
-    str, typer.Argument(metavar="NAME", help="A mechanism of the catalogue; see `mechsim list`.")
+Model = Annotated[
+    str,
+    typer.Argument(
+        metavar="MODEL", help="A mechanism of the catalogue (`mechsim list`), FILE.toml or FILE.py:OBJECT."
+    ),
 ]
 Sets = Annotated[
     list[str] | None,
@@ -29,48 +32,15 @@ File = Annotated[str, typer.Option("-o", "--output", metavar="FILE", help="Where
 Output = Annotated[str | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
 
 
-def drive_of(name: str, sets: list[str] | None) -> ClosedForm:
-    """Return a catalogue mechanism with the parameters of `--set`."""
-    fields = catalog.parameters(name)
-    values: dict[str, Any] = {}
+def form_of(model: str, sets: list[str] | None) -> Form:
+    """Return what a command was given, with the parameters of `--set`."""
+    changed: dict[str, str] = {}
     for text in sets or ():
         parameter, equals, value = text.partition("=")
-        parameter = parameter.strip()
         if not equals:
             raise InputError(f"--set {text!r} has no '='; write --set name=value, as in --set crank=13mm")
-        if parameter not in fields:
-            raise InputError(
-                f"{name} has no parameter {parameter!r}{catalog.nearest(parameter, list(fields))}"
-            )
-        values[parameter] = _value(name, fields[parameter], parameter, value.strip())
-    return catalog.make(name, **values)
-
-
-def _value(mechanism: str, field: Any, parameter: str, text: str) -> Any:
-
-    unit, what = field.metadata["unit"], f"{parameter} of {mechanism}"
-    options = field.metadata.get("options")
-    if options is not None:
-        words = {str(option).lower(): option for option in options}
-        if set(options) == {False, True}:
-            words = {"on": True, "off": False, "true": True, "false": False, "1": True, "0": False}
-        word = text.lower().removeprefix("+")
-        if word not in words:
-            raise InputError(f"{what} is {text!r}; it can be {' or '.join(list(words)[:2])}")
-        return words[word]
-    if isinstance(field.default, tuple):
-        values = units.parse_vector(text, unit, what)
-        if len(values) != len(field.default):
-            raise InputError(
-                f"{what} is {text!r}, {len(values)} numbers; give {len(field.default)}, with commas"
-            )
-        return values
-    value = units.parse(text, unit, what)
-    if isinstance(field.default, int):
-        if value != int(value):
-            raise InputError(f"{what} is {text!r}; give a whole number")
-        return int(value)
-    return value
+        changed[parameter.strip()] = value.strip()
+    return load(model, changed)
 
 
 def speed_of(text: str) -> float:

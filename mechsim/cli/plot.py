@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from mechsim.cli.declared_options import spread
-from mechsim.cli.options import File, Name, Sets, Speed, drive_of, speed_of, writable
+from mechsim.cli.options import File, Model, Sets, Speed, form_of, speed_of, writable
 from mechsim.cli.output import progress
 from mechsim.errors import InputError
 from mechsim.pictures import plots
@@ -14,7 +14,7 @@ from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
 
 @spread
 def plot(
-    name: Name,
+    model: Model,
     output: File,
     asked: PlotOptions,
     kind: Annotated[str, typer.Option(help=f"One of {', '.join(PLOTS)}.")] = "motion",
@@ -30,7 +30,7 @@ def plot(
     place = writable(output)
     if kind not in PLOTS:
         raise InputError(f"there is no plot {kind!r}; known are {', '.join(PLOTS)}")
-    drive = drive_of(name, sets)
+    drive = form_of(model, sets)
     with progress("plot", None) as tick:
         source = PlotSource(drive=drive, speed=speed_of(speed), asked=asked, done=tick)
         figure = PLOTS[kind].draw(source)

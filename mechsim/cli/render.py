@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import typer
 
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.forms import Form
 from mechsim.cli.declared_options import spread
-from mechsim.cli.options import File, Name, Sets, drive_of, speed_of, writable
+from mechsim.cli.options import File, Model, Sets, form_of, speed_of, writable
 from mechsim.cli.output import progress
 from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
@@ -58,7 +58,7 @@ class FilmOptions:
 
 
 @spread
-def render(name: Name, output: File, film: FilmOptions, look: Look, sets: Sets = None) -> None:
+def render(model: Model, output: File, film: FilmOptions, look: Look, sets: Sets = None) -> None:
     """Draw a mechanism without a screen: .png, .mp4, .webm, .gif, or a new folder of .png files.
 
     Whole turns of a crank that turns fully play in a loop without a seam: no frame is shown twice.
@@ -67,7 +67,7 @@ def render(name: Name, output: File, film: FilmOptions, look: Look, sets: Sets =
     place = writable(output, ".png", ".mp4", ".webm", ".gif", "")
     _check(output, film, look)
     at = None if film.angle is None else parse_angle(film.angle, "the crank angle")
-    drive = drive_of(name, sets)
+    drive = form_of(model, sets)
     profile = profile_of(drive, film.speed, film.turns, at)
     samples = film.samples(profile.duration, picture, look.overlay)
     motion = motion_of(drive, "simulated" if film.road == "both" else film.road, profile, samples)
@@ -112,7 +112,7 @@ def _check(output: str, film: FilmOptions, look: Look) -> None:
 
 
 def _write_film(
-    place: Path, drive: ClosedForm, motion: Motion, whole: bool, look: Look, beside: dict[str, Any]
+    place: Path, drive: Form, motion: Motion, whole: bool, look: Look, beside: dict[str, Any]
 ) -> int:
     """Write a video, with progress on stderr; of whole turns the last frame, the first again, is left out."""
     shown = motion.angle[:-1] if whole else motion.angle

@@ -6,13 +6,13 @@ from typing import Annotated, Any
 import typer
 
 from mechsim import units
-from mechsim.cli.options import Json, Name, Sets, drive_of
+from mechsim.cli.options import Json, Model, Sets, form_of
 from mechsim.cli.output import print_json, print_table
-from mechsim.report.facts import facts
+from mechsim.report.facts import OWN, facts
 
 
 def show(
-    name: Name,
+    model: Model,
     sets: Sets = None,
     angle: Annotated[
         str | None, typer.Option(help="List the assemblies at this crank angle; a bare number is rad.")
@@ -23,7 +23,7 @@ def show(
     as_json: Json = False,
 ) -> None:
     """Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups."""
-    drive = drive_of(name, sets)
+    drive = form_of(model, sets)
     at = None if angle is None else units.parse_angle(angle, "the crank angle")
     found = facts(drive, at, driver)
     if as_json:
@@ -55,6 +55,8 @@ def _print_facts(found: dict[str, Any]) -> None:
             f"transmission angle: at least {math.degrees(least['least']):.2f} deg, "
             f"at crank angle {math.degrees(least['at_angle']):.1f} deg"
         )
+    elif found["about"] == OWN:
+        typer.echo("transmission angle: known for mechanisms of the catalogue only")
     for line in found["assur_explained"]:
         typer.echo(line)
     rows = []

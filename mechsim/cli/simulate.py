@@ -7,9 +7,9 @@ import numpy as np
 import typer
 
 from mechsim import files, simulation, units
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.forms import Form
 from mechsim.cli.declared_options import spread
-from mechsim.cli.options import Json, Name, Output, Sets, Speed, drive_of, scene_of, speed_of, writable
+from mechsim.cli.options import Json, Model, Output, Sets, Speed, form_of, scene_of, speed_of, writable
 from mechsim.cli.output import print_json, progress
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.crank_profile import arc_around
@@ -20,7 +20,7 @@ Asked = Annotated[Mapping[str, Any], Settings]
 
 @spread
 def simulate(
-    name: Name,
+    model: Model,
     *,
     speed: Speed = "600rpm",
     turns: Annotated[float, typer.Option(help="Turns of the crank.")] = 1.0,
@@ -52,7 +52,7 @@ def simulate(
 ) -> None:
     """Run a mechanism in MuJoCo under a driven crank."""
     place = None if output is None else writable(output, ".csv", ".npz")
-    drive = drive_of(name, sets)
+    drive = form_of(model, sets)
     wanted = None if tolerance is None else units.parse_length(tolerance, "the tolerance")
     steady = speed_of(speed)
     motion = _profile(profile) if profile else _turned(drive, steady, turns)
@@ -80,7 +80,7 @@ def simulate(
     if place is not None:
         files.write(place, run.motion)
     if as_json:
-        print_json(run.summary() | {"mechanism": name, "output": output, "rows": len(run.motion)})
+        print_json(run.summary() | {"mechanism": drive.name, "output": output, "rows": len(run.motion)})
     else:
         typer.echo(f"{run.outcome}: {_found(run)}")
         what = "poses" if run.method == "pose" else "steps"
@@ -96,7 +96,7 @@ def _found(run: Run) -> str:
     return f"places within {run.estimate:.3g} m of the solved poses (bound {run.tolerance:.3g} m)"
 
 
-def _turned(drive: ClosedForm, speed: float, turns: float) -> CrankProfile:
+def _turned(drive: Form, speed: float, turns: float) -> CrankProfile:
     """Return the crank's motion at constant speed; refuse one that leaves the crank's range."""
     arcs = drive.crank_range()
     if arcs.full or not arcs.arcs:

@@ -7,14 +7,15 @@ import typer
 
 from mechsim import units
 from mechsim.analytic import catalog
-from mechsim.cli.options import Json, Name, Sets, drive_of
+from mechsim.analytic.forms import closed_form
+from mechsim.cli.options import Json, Model, Sets, form_of
 from mechsim.cli.output import print_json
 from mechsim.errors import InputError
 from mechsim.theory.synthesis import Synthesis, synthesize_looper
 
 
 def synthesize(
-    name: Name,
+    model: Model,
     through: Annotated[str, typer.Option(help="Middle of the line, as in 12.8751,29.9574mm.")],
     tilt: Annotated[str, typer.Option(help="Angle of the line from +Y towards +X, as in 1.3905deg.")],
     length: Annotated[str, typer.Option(help="Extent of the line in y, its middle at the point.")],
@@ -27,9 +28,9 @@ def synthesize(
     the straightest, whose coupler point leaves the line least. The deviation of either is the farthest
     that the path of its coupler point is from the line, over the whole of the line.
     """
-    base: Any = drive_of(name, sets)
+    base: Any = closed_form(form_of(model, sets), "a synthesis")
     if "coupler line" not in base.theories:
-        raise InputError(f"{name} cannot be synthesised; {catalog.with_theory('coupler line')} can")
+        raise InputError(f"{base.name} cannot be synthesised; {catalog.with_theory('coupler line')} can")
     point = units.parse_vector(through, "m", "--through")
     if len(point) != 2:
         raise InputError(f"--through is {through!r}, {len(point)} numbers; give 2, with a comma")

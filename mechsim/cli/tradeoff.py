@@ -1,14 +1,12 @@
 """The command tradeoff: speed against accuracy, measured."""
 
-import os
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from mechsim import units
-from mechsim.analytic import catalog
-from mechsim.cli.options import Json, Output, Sets, Speed, drive_of, speed_of, writable
+from mechsim.cli.options import Json, Output, Sets, Speed, form_of, speed_of, writable
 from mechsim.cli.output import Tick, print_json, print_table, progress
 from mechsim.errors import InputError
 from mechsim.pictures import plots
@@ -28,8 +26,11 @@ from mechsim.studies.tradeoff.plot import work_precision
 
 
 def tradeoff(
-    name: Annotated[
-        str, typer.Argument(metavar="NAME", help="A mechanism of the catalogue, or an MJCF file of your own.")
+    model: Annotated[
+        str,
+        typer.Argument(
+            metavar="MODEL", help="A catalogue name, FILE.toml, FILE.py:OBJECT, or an MJCF file of your own."
+        ),
     ],
     speed: Speed = "600rpm",
     budget: Annotated[str, typer.Option(help="Time to spend; a bare number is seconds.")] = "60s",
@@ -52,7 +53,7 @@ def tradeoff(
     seconds = units.parse_time(budget, "the budget")
     if not 0.0 < seconds < float("inf"):
         raise InputError(f"the budget is {budget}; give a time above 0, as in 60s")
-    subject = _subject(name, sets, speed_of(speed))
+    subject = _subject(model, sets, speed_of(speed))
     with progress("tradeoff", 100) as tick:
         found = measure(subject, budget=seconds, seed=seed, tell=_Percent(tick))
     if place is not None:
@@ -68,13 +69,12 @@ def tradeoff(
             typer.echo(f"wrote {what} to {path}")
 
 
-def _subject(name: str, sets: list[str] | None, speed: float) -> Subject:
-    path = Path(name)
-    # a file that happens to be called like a mechanism is not what is meant
-    if name in catalog.DRIVES or (path.suffix.lower() != ".xml" and not os.path.isfile(path)):
-        return subject_of(drive_of(name, sets), speed)
+def _subject(model: str, sets: list[str] | None, speed: float) -> Subject:
+    path = Path(model)
+    if path.suffix.lower() != ".xml":
+        return subject_of(form_of(model, sets), speed)
     if sets:
-        raise InputError(f"--set changes a mechanism of the catalogue; {name!r} is a file")
+        raise InputError(f"--set changes a mechanism of the catalogue; {model!r} is an MJCF file")
     return subject_of_model(path, path.stem, speed)
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from mechsim.analytic import catalog
-from mechsim.cli.options import Json, Sets, Speed, drive_of, folder_for, speed_of
+from mechsim.cli.options import Json, Sets, Speed, folder_for, form_of, speed_of
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.errors import AssemblyError, InputError
 from mechsim.report.validation import write_validation_report
@@ -15,7 +15,8 @@ from mechsim.verdict.checks import HEAD
 
 def validate(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME]...", help="Mechanisms; none means all.")
+        list[str] | None,
+        typer.Argument(metavar="[MODEL]...", help="Names, FILE.toml, FILE.py:OBJECT; none: the catalogue."),
     ] = None,
     report: Annotated[
         str | None, typer.Option(metavar="DIR", help="Write plots, pictures, videos and a page here.")
@@ -28,7 +29,7 @@ def validate(
     names = names or list(catalog.DRIVES)
     if sets and len(names) != 1:
         raise InputError("--set changes one mechanism; name it")
-    drives = [drive_of(name, sets) for name in names]
+    drives = [form_of(name, sets) for name in names]
     asked = speed_of(speed)
     folder = None if report is None else folder_for(report)
     try:
@@ -37,7 +38,7 @@ def validate(
     except AssemblyError:
         if as_json:
             lost = {"passed": False, "outcome": "cannot assemble", "checks": [], "steps": 0, "seconds": 0.0}
-            print_json({"passed": False, "mechanisms": dict.fromkeys(names, lost)})
+            print_json({"passed": False, "mechanisms": dict.fromkeys([drive.name for drive in drives], lost)})
         raise
     passed = all(case.passed for case in cases.values())
     results = {"passed": passed, "mechanisms": {name: case.as_dict() for name, case in cases.items()}}

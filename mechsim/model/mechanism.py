@@ -24,6 +24,8 @@ ORIGIN: Vector = (0.0, 0.0, 0.0)
 EX: Vector = (1.0, 0.0, 0.0)
 EY: Vector = (0.0, 1.0, 0.0)
 EZ: Vector = (0.0, 0.0, 1.0)
+# lengths and cosines of unit vectors across each other are off by less
+ROUNDED = 1e-14
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,21 +85,24 @@ class End:
         length = float(np.linalg.norm(axis))
         if not length > 0.0:
             raise InputError(f"axis of a joint on link {self.link!r} is the zero vector; give a direction")
-        axis = axis / length
         given = self.mark
         if given is None:
-            given = EX if abs(axis[0]) < 0.9 else EY
+            given = EX if abs(axis[0]) < 0.9 * length else EY
         mark = _finite(self, "mark", given)
-        mark = mark - axis * (axis @ mark)
-        length = float(np.linalg.norm(mark))
-        if not length > 1e-9:
-            raise InputError(
-                f"mark {given} of a joint on link {self.link!r} lies along its axis; "
-                "give a direction across the axis"
-            )
+        # those of another End stay what they are to the last bit
+        if self.mark is None or not _unit_and_across(axis, mark):
+            axis = axis / length
+            mark = mark - axis * (axis @ mark)
+            length = float(np.linalg.norm(mark))
+            if not length > 1e-9:
+                raise InputError(
+                    f"mark {given} of a joint on link {self.link!r} lies along its axis; "
+                    "give a direction across the axis"
+                )
+            mark = mark / length
         object.__setattr__(self, "point", tuple(point.tolist()))
         object.__setattr__(self, "axis", tuple(axis.tolist()))
-        object.__setattr__(self, "mark", tuple((mark / length).tolist()))
+        object.__setattr__(self, "mark", tuple(mark.tolist()))
 
     @property
     def frame(self) -> Array:
@@ -289,6 +294,12 @@ def joint_coordinate(joint: Joint, a: Pose, b: Pose) -> Array:
     gap = b.point(joint.b.point) - a.point(joint.a.point)
     frame_a, frame_b = a.rotation @ joint.a.frame, b.rotation @ joint.b.frame  # (..., 3, 3)
     return coordinates(KINDS[joint.kind], gap, frame_a, frame_b, joint.cross_angle)
+
+
+def _unit_and_across(axis: Array, mark: Array) -> bool:
+    """Whether axis and mark are unit vectors across each other already, to rounding."""
+    both = np.column_stack([axis, mark])
+    return bool(np.abs(both.T @ both - np.eye(2)).max() < ROUNDED)
 
 
 def _finite(end: End, what: str, value: Vector) -> Array:

@@ -8,12 +8,16 @@ from numpy.typing import NDArray
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
+from mechsim.analytic.forms import Form
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Fluctuation, FreeRun
 
+# what there is to say of a mechanism that is not of the catalogue
+OWN = "a mechanism of one's own, by its loop equations"
 
-def facts(drive: ClosedForm, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:
+
+def facts(drive: Form, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:
     """Return all that is known of a mechanism without simulating it, as plain data.
 
     Args:
@@ -35,15 +39,8 @@ def facts(drive: ClosedForm, angle: float | None = None, driver: str | None = No
         groups, explained = apart.as_dicts(), apart.lines()
     return {
         "name": drive.name,
-        "about": (type(drive).__doc__ or "").splitlines()[0],
-        "parameters": {
-            field.name: {
-                "value": getattr(drive, field.name),
-                "unit": field.metadata["unit"],
-                "doc": field.metadata["doc"],
-            }
-            for field in catalog.parameters(drive.name).values()
-        },
+        "about": (type(drive).__doc__ or "").splitlines()[0] if isinstance(drive, ClosedForm) else OWN,
+        "parameters": _parameters(drive),
         "points": list(mechanism.points),
         "links": [link.name for link in mechanism.links],
         "joints": [
@@ -65,7 +62,23 @@ def facts(drive: ClosedForm, angle: float | None = None, driver: str | None = No
     }
 
 
-def assemblies(drive: ClosedForm, angle: float) -> list[dict[str, Any]]:
+def _parameters(drive: Form) -> dict[str, dict[str, Any]]:
+    if not isinstance(drive, ClosedForm):
+        return {
+            name: {"value": value, "unit": "as written", "doc": ""}
+            for name, value in drive.parameters.items()
+        }
+    return {
+        field.name: {
+            "value": getattr(drive, field.name),
+            "unit": field.metadata["unit"],
+            "doc": field.metadata["doc"],
+        }
+        for field in catalog.parameters(drive.name).values()
+    }
+
+
+def assemblies(drive: Form, angle: float) -> list[dict[str, Any]]:
     """Return every real assembly at a crank angle: what selects it, and its points in [m]."""
     return [
         {**chosen, "points": {name: place.tolist() for name, place in points.items()}}
@@ -73,9 +86,9 @@ def assemblies(drive: ClosedForm, angle: float) -> list[dict[str, Any]]:
     ]
 
 
-def _least_transmission(drive: ClosedForm) -> dict[str, float] | None:
+def _least_transmission(drive: Form) -> dict[str, float] | None:
     arcs = drive.crank_range().arcs
-    if not arcs:
+    if not arcs or not isinstance(drive, ClosedForm):
         return None
     low, high = arcs[0]
     margin = 1e-6 * (high - low)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from mechsim.analytic import catalog, dynamics
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.forms import Form, closed_form
 from mechsim.errors import InputError
 from mechsim.model.motion import Motion
 from mechsim.pictures import plots
@@ -58,7 +58,7 @@ class PlotSource:
         done: called after each piece of long work.
     """
 
-    drive: ClosedForm
+    drive: Form
     speed: float
     asked: PlotOptions = field(default_factory=PlotOptions)
     motions: dict[str, Motion] = field(default_factory=dict[str, Motion])
@@ -105,12 +105,13 @@ def _errors(source: PlotSource, road: str) -> "Figure":
 
 
 def _transmission(source: PlotSource) -> "Figure":
+    drive = closed_form(source.drive, "a transmission angle")
     angles = source.motion("closed").angle
-    return plots.transmission_plot(angles, source.drive.transmission_angle(angles))
+    return plots.transmission_plot(angles, drive.transmission_angle(angles))
 
 
 def _velocity_plan(source: PlotSource) -> "Figure":
-    drive: Any = source.drive
+    drive: Any = closed_form(source.drive, "a velocity plan")
     asked = source.asked
     if "velocity plan" not in drive.theories:
         known = catalog.with_theory("velocity plan")
@@ -132,7 +133,7 @@ def _torque(source: PlotSource) -> "Figure":
 
 
 def _stability(source: PlotSource) -> "Figure":
-    drive = source.drive
+    drive = closed_form(source.drive, "a stability map")
     if drive != type(drive)():
         raise InputError("a stability map is of the catalogue's own dimensions; leave out --set")
     return extremes_map(stability_map.study([drive.name], quick=True, done=source.done))

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.analytic import dynamics
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile, within_range
@@ -19,7 +19,7 @@ MOST_SAMPLES = 100_000
 WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
 
 
-def profile_of(drive: ClosedForm, speed: float, turns: float, through: float | None = None) -> CrankProfile:
+def profile_of(drive: Form, speed: float, turns: float, through: float | None = None) -> CrankProfile:
     """Return the crank's motion: whole turns, or for a crank that cannot turn fully one swing to and fro.
 
     The swing passes a crank angle, or where assembly begins.
@@ -31,7 +31,7 @@ def profile_of(drive: ClosedForm, speed: float, turns: float, through: float | N
     )
 
 
-def motion_of(drive: ClosedForm, road: str, profile: CrankProfile, samples: float) -> Motion:
+def motion_of(drive: Form, road: str, profile: CrankProfile, samples: float) -> Motion:
     """Return a motion to be drawn, with so many evenly spread samples after the first.
 
     Args:
@@ -51,7 +51,7 @@ def motion_of(drive: ClosedForm, road: str, profile: CrankProfile, samples: floa
     return simulate(drive.mechanism, profile=profile, samples=count, method=method).motion
 
 
-def joint_loads(drive: ClosedForm, road: str, profile: CrankProfile, motion: Motion) -> dict[str, Any]:
+def joint_loads(drive: Form, road: str, profile: CrankProfile, motion: Motion) -> dict[str, Any]:
     """Return forces and moments in the joints at the samples of a motion, from the same road as the motion.
 
     They act on the link b of each joint; links are rods of steel and weigh, as `mechsim dynamics` has it.
@@ -71,7 +71,7 @@ def joint_loads(drive: ClosedForm, road: str, profile: CrankProfile, motion: Mot
     return {"forces": forces, "moments": moments}
 
 
-def simulated_torque(drive: ClosedForm, profile: CrankProfile, samples: int) -> tuple[Array, Array]:
+def simulated_torque(drive: Form, profile: CrankProfile, samples: int) -> tuple[Array, Array]:
     """Return crank angles in [rad] and MuJoCo's drive torques in [N m], with links as in `joint_loads`."""
     machine = dynamics.machine(drive, WEIGHT)
     run = driven(machine.mechanism, machine.forces, profile=profile, samples=samples)

@@ -10,6 +10,7 @@ import numpy as np
 
 from mechsim.analytic import closure
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.model.crank_profile import CrankProfile, arc_around, swing, within_range
@@ -46,7 +47,7 @@ class Case:
         seconds: for the whole case.
     """
 
-    drive: ClosedForm
+    drive: Form
     outcome: Outcome
     reason: str
     checks: tuple[Check, ...]
@@ -72,8 +73,10 @@ class Case:
         }
 
 
-def validate(drive: ClosedForm, *, speed: float = 20.0 * np.pi) -> Case:
+def validate(drive: Form, *, speed: float = 20.0 * np.pi) -> Case:
     """Validate one mechanism: closed form against loop equations, solved poses and a stepped run.
+
+    One without a closed form: loop equations against MuJoCo's.
 
     Args:
         drive: the mechanism.
@@ -103,7 +106,7 @@ def _with_variant(case: Case, name: str, variant: Case) -> Case:
     )
 
 
-def _validated(drive: ClosedForm, speed: float) -> Case:
+def _validated(drive: Form, speed: float) -> Case:
     begin = clock.perf_counter()
     profile = within_range(drive.mechanism, drive.crank_range(), speed, drive.period / TURN)
     angles = profile.state(np.linspace(0.0, profile.duration, 73))[0]
@@ -119,12 +122,13 @@ def _validated(drive: ClosedForm, speed: float) -> Case:
         run = simulate(mechanism, profile=stepped, tolerance=place)
     steady = speed if stepped.steady else None
     verdicts = [
-        ("closed form", _against_loops(drive, exact)),
         ("pose", crosscheck(poses.motion, drive, speed=wanted)),
         ("step", crosscheck(run.motion, drive, tolerance=place, speed=steady)),
     ]
     if run.outcome == "diverged":
-        verdicts[2] = ("step", Verdict("diverged", (), "MuJoCo warned of a bad state"))
+        verdicts[-1] = ("step", Verdict("diverged", (), "MuJoCo warned of a bad state"))
+    if isinstance(drive, ClosedForm):
+        verdicts = [("closed form", _against_loops(drive, exact)), *verdicts]
     checks = tuple(replace(check, road=road) for road, verdict in verdicts for check in verdict.checks)
     outcome, reason = _worst(verdicts)
     return Case(
@@ -184,7 +188,7 @@ def _against_loops(drive: ClosedForm, exact: Motion) -> Verdict:
 
 
 def validate_all(
-    drives: Iterable[ClosedForm],
+    drives: Iterable[Form],
     *,
     speed: float = 20.0 * np.pi,
     done: Callable[[Case], None] = lambda _: None,

@@ -22,10 +22,11 @@ MAY = {
     "shapes": {"maths", "model"},
     "theory": {"maths", "model", "analytic"},
     "pictures": {"maths", "model", "shapes", "simulation", "files", "units"},
+    "subjects": {"maths", "model", "analytic", "units", "files"},
     "studies": {"maths", "model", "analytic", "simulation", "verdict", "pictures", "files", "units"},
     "report": {"maths", "model", "analytic", "theory", "verdict", "pictures", "studies", "files", "units"},
     "cli": {"maths", "model", "analytic", "simulation", "verdict", "shapes", "theory", "pictures", "studies"}
-    | {"report", "files", "units"},
+    | {"subjects", "report", "files", "units"},
     "__main__": {"cli"},
     "errors": set(),
     "files": {"maths", "model"},

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.dynamics.applied import applied
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.reduced_equation import coefficients, load_leverage
@@ -79,7 +80,7 @@ class CrankTable:
         if self.periodic:
             angle = angle % TURN
         place = int(np.floor(angle / ARC))
-        if self.machine.drive is None and not self.ahead:
+        if isinstance(self.machine.drive, LoopForm) and not self.ahead:
             self.ahead = True
             self._look_ahead(place)
             return self.at(angle)
@@ -166,7 +167,7 @@ class CrankTable:
         largest[1] = max(largest[1], largest[0])
         largest[2:4] = largest[2:4].max()
         largest[2:] = np.maximum(largest[2:], _floors(self.machine, len(largest) - 2))
-        exact = RESOLVED if self.machine.drive is not None else ASSEMBLED
+        exact = ASSEMBLED if isinstance(self.machine.drive, LoopForm) else RESOLVED
         least = exact if high - low > ARC / SHORTER else NOISY
         return Arc(low, high, values) if (tail <= least * largest).all() else None
 

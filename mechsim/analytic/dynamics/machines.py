@@ -1,23 +1,18 @@
 """A machine: a mechanism with masses, what acts on it, and how its motion is found."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic import closure
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.dynamics.unit_motion import UnitMotion, from_motion
+from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
 from mechsim.model.forces import Forces
-from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.mechanism import GROUND, Mechanism
 from mechsim.model.rod_inertia import STEEL, with_inertia
-
-# crank angle between poses that are followed one by one where there is no closed form, in [rad]
-FOLLOWED = np.pi / 36
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,14 +22,12 @@ class Machine:
     Attributes:
         mechanism: every link has an inertia.
         forces: what acts on it.
-        drive: the closed form that gives its motion; None leaves that to the loop equations.
-        known: poses already followed by the loop equations: crank angle in [rad] -> poses.
+        drive: what gives its motion: a closed form, or the loop equations.
     """
 
     mechanism: Mechanism
     forces: Forces
-    drive: ClosedForm | None = None
-    known: dict[float, Mapping[str, Pose]] = field(default_factory=dict, repr=False, compare=False)
+    drive: Form
 
     __repr__ = short_repr
 
@@ -45,10 +38,7 @@ class Machine:
             AssemblyError: where the loops do not close.
         """
         asked = np.atleast_1d(np.asarray(angles, dtype=np.float64))
-        if self.drive is not None:
-            return from_motion(self.mechanism, self.drive.solve(asked, 1.0, 0.0))
-        poses = self._poses(asked)
-        return from_motion(self.mechanism, closure.rates(self.mechanism, poses, asked, 1.0, 0.0))
+        return from_motion(self.mechanism, self.drive.solve(asked, 1.0, 0.0))
 
     def with_forces(self, forces: Forces) -> "Machine":
         """Return the same mechanism under other forces."""
@@ -56,34 +46,9 @@ class Machine:
         _check_flywheel(self.mechanism, forces)
         return replace(self, forces=forces)
 
-    def _poses(self, angles: Array) -> dict[str, Pose]:
-        """Close the loops at each angle from the nearest pose followed so far."""
-        if not self.known:
-            start = self.mechanism.start
-            self.known[start] = closure.assemble(self.mechanism, [start])
-        self._walk(min(self.known), float(angles.min()), -FOLLOWED)
-        self._walk(max(self.known), float(angles.max()), FOLLOWED)
-        places = np.array(sorted(self.known))
-        nearest = places[np.abs(places - angles[:, None]).argmin(1)]
-        guess = {
-            link.name: Pose(
-                np.concatenate([self.known[float(at)][link.name].position for at in nearest]),
-                np.concatenate([self.known[float(at)][link.name].rotation for at in nearest]),
-            )
-            for link in self.mechanism.links
-        }
-        return closure.assemble(self.mechanism, angles, guess)
-
-    def _walk(self, here: float, there: float, step: float) -> None:
-        """Follow the assembly outwards from the last known angle, so far as an angle lies outside."""
-        while (there - here) * step > 0.0:
-            following = here + step if abs(there - here) > abs(step) else there
-            self.known[following] = closure.assemble(self.mechanism, [following], self.known[here])
-            here = following
-
 
 def machine(
-    source: ClosedForm | Mechanism,
+    source: Form | Mechanism,
     forces: Forces | None = None,
     *,
     mechanism: Mechanism | None = None,
@@ -103,8 +68,8 @@ def machine(
     Raises:
         InputError: for forces that name what the mechanism does not have.
     """
-    drive = source if isinstance(source, ClosedForm) else None
-    bare = mechanism or (source.mechanism if isinstance(source, ClosedForm) else source)
+    drive = LoopForm(source) if isinstance(source, Mechanism) else source
+    bare = mechanism or drive.mechanism
     described = with_inertia(bare, density, diameter)
     acting = forces or Forces()
     acting.check(described)

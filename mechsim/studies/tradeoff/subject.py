@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.convergence import believed_order, half_extent, richardson
@@ -92,20 +93,21 @@ def differences(motion: Motion, exact: Motion, stroke: float, speed: float) -> d
     return {name: QUANTITIES[name].largest(motion, exact, scales) for name in COMPARED[:-1]}
 
 
-def subject_of(drive: ClosedForm, speed: float) -> Subject:
-    """Return a catalogue mechanism as a subject: its reference is the closed form."""
+def subject_of(drive: Form, speed: float) -> Subject:
+    """Return a mechanism as a subject: its reference is the closed form, or else the loop equations."""
     profile = within_range(drive.mechanism, drive.crank_range(), speed)
     angles = profile.state(np.linspace(0.0, profile.duration, 361))[0]
     stroke = half_extent(drive.positions(angles).values())
     mechanism = drive.mechanism
     reference = Reference(
-        "closed form", lambda motion: drive.solve(motion.angle, motion.speed, motion.acceleration)
+        "closed form" if isinstance(drive, ClosedForm) else "loop equations",
+        lambda motion: drive.solve(motion.angle, motion.speed, motion.acceleration),
     )
     built = build_model(mechanism, profile, speed)
     return Subject(drive.name, mechanism, built, reference, stroke, abs(speed), _variants(drive, angles))
 
 
-def _variants(drive: ClosedForm, angles: Array) -> dict[str, Mechanism]:
+def _variants(drive: Form, angles: Array) -> dict[str, Mechanism]:
     """Return the variants of a mechanism whose tracked points are at the same places at crank angles."""
     places = drive.positions(angles)
     found: dict[str, Mechanism] = {}

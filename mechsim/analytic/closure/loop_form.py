@@ -1,0 +1,119 @@
+"""A mechanism of one's own that moves by its loop equations: what a closed form gives, without one."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.analytic.closure.followed_path import FollowedPath
+from mechsim.analytic.closure.rank import conditioning
+from mechsim.analytic.closure.whole_motion import followed, solve
+from mechsim.analytic.vector_method.trig_arcs import Arcs
+from mechsim.errors import AssemblyError
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
+from mechsim.model.forces import Forces
+from mechsim.model.mechanism import Mechanism, Pose
+from mechsim.model.motion import Motion
+
+# two crank angles nearer than this are one
+SAME = 1e-9
+
+
+@dataclass(frozen=True)
+class LoopForm:
+    """A mechanism whose motion its loop equations give, as a `ClosedForm` gives that of the catalogue's.
+
+    Attributes:
+        mechanism: its guess says which assembly is meant.
+        forces: what its description says acts on it.
+        parameters: name -> value of what it was made from, as written.
+        formula: FILE.py:FUNCTION of the user's own model; empty where there is none.
+    """
+
+    mechanism: Mechanism
+    forces: Forces = field(default_factory=Forces)
+    parameters: Mapping[str, float] = field(default_factory=dict[str, float])
+    formula: str = ""
+
+    @property
+    def name(self) -> str:
+        """The mechanism's."""
+        return self.mechanism.name
+
+    @property
+    def period(self) -> float:
+        """Crank angle in [rad] after which it stands as before: two turns past an odd number of meetings."""
+        return 2.0 * TURN if self._range.full and len(self.change_points()) % 2 else TURN
+
+    def solve(self, angles: ArrayLike, speed: ArrayLike = 1.0, acceleration: ArrayLike = 0.0) -> Motion:
+        """Return the motion at crank angles; as `closure.solve`.
+
+        Raises:
+            AssemblyError: where the loops do not close.
+        """
+        return replace(solve(self.mechanism, angles, speed, acceleration), origin=self)
+
+    def positions(self, angles: ArrayLike) -> dict[str, Array]:
+        """Return the tracked points at crank angles: name -> (n, 3) in [m].
+
+        Raises:
+            AssemblyError: where the loops do not close.
+        """
+        return {name: point.position for name, point in self.solve(angles).points.items()}
+
+    def crank_range(self) -> Arcs:
+        """Return the arc of crank angle over which this assembly can be followed from its start."""
+        return self._range
+
+    def dead_centres(self) -> tuple[float, ...]:
+        """Return the crank angles beyond which it cannot be followed, in [rad]; empty for a full turn."""
+        return () if self._range.full else tuple(end for arc in self._range.arcs for end in arc)
+
+    def change_points(self) -> tuple[float, ...]:
+        """Return the crank angles at which assemblies meet though the crank turns on, in [-pi, pi) rad.
+
+        The motion passes them smoothly.
+        """
+        start, full = self.mechanism.start, self._range.full
+        once = [at for at in self._path.meetings if start <= at < start + TURN or not full]
+        return tuple(sorted({float((at + np.pi) % TURN - np.pi) for at in once}))
+
+    def conditioning(self, motion: Motion) -> Array:
+        """Return how far each pose of a motion is from a singular one, (n,), by the loop equations."""
+        poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
+        return conditioning(self.mechanism, poses)
+
+    def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
+        """Return the one assembly that is known: tracked points, (3,) in [m]; empty where it cannot stand."""
+        with suppress(AssemblyError):
+            return [({}, {name: place[0] for name, place in self.positions([angle]).items()})]
+        return []
+
+    def assembly_sign(self, points: Mapping[str, Array]) -> Array:
+        """Return ones, (n,): no sign of this mechanism tells its assemblies apart."""
+        return np.ones(len(next(iter(points.values()))))
+
+    def variants(self) -> Mapping[str, "LoopForm"]:
+        """Return nothing: what could be made otherwise the description does not say."""
+        return {}
+
+    @cached_property
+    def _path(self) -> FollowedPath:
+        return followed(self.mechanism)
+
+    @cached_property
+    def _range(self) -> Arcs:
+        path, start = self._path, self.mechanism.start
+        ends: list[float] = []
+        for sense in (1, -1):
+            with suppress(AssemblyError):
+                path.extend(start + sense * TURN)
+                return Arcs(True, ((-np.pi, np.pi),))
+            ends.append(float(path.cells[sense][-1].nodes[-1]) if path.cells[sense] else start)
+        high, low = ends
+        lap = TURN * np.floor((low + np.pi) / TURN)
+        return Arcs(False, ((low - lap, high - lap),) if high - low > SAME else ())

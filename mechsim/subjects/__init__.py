@@ -1,0 +1,1 @@
+"""What a command is given, a name or a file, made into a mechanism that moves."""

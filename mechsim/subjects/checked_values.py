@@ -1,0 +1,158 @@
+"""The values of a TOML file checked by the table of keys, as plain values in SI."""
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from mechsim import units
+from mechsim.errors import InputError
+from mechsim.subjects.expressions import FUNCTIONS, Expressions
+from mechsim.subjects.toml_keys import Choice, Key, Keys, Named, Number, Several, Word
+from mechsim.subjects.toml_source import KeyPath, TomlSource, nearest, shown
+from mechsim.units import Unit
+
+# a number and then letters is a quantity; all other text is an expression
+_QUANTITY = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*[^\W\d_eE°%]|.*[°%]")
+
+
+@dataclass(frozen=True)
+class Values:
+    """What makes plain values in SI of a file's.
+
+    Attributes:
+        source: the file.
+        length: unit of lengths without one.
+        angle: unit of angles without one.
+        parameters: name -> value, lengths and angles in the file's units, all else in SI.
+    """
+
+    source: TomlSource
+    length: str
+    angle: str
+    parameters: Mapping[str, float]
+
+    def checked(self, key: Key, value: Any, path: KeyPath) -> Any:
+        """Return a value as a key wants it.
+
+        Raises:
+            InputError: for any that does not fit; names file, line, key, value and remedy.
+        """
+        match key:
+            case Number(unit=unit):
+                return self._number(value, unit, path)
+            case Word(options=options):
+                return self._word(value, options, path)
+            case Several(of=of, count=count):
+                return self._several(value, of, count, path)
+            case Named(of=of):
+                return {
+                    name: self.checked(of, one, (*path, name))
+                    for name, one in self._table(value, path).items()
+                }
+            case Keys():
+                return self._keys(value, key, path)
+            case Choice(of=of, about=about):
+                fitting = next((one for one in of if _fits(one, value)), None)
+                if fitting is None:
+                    raise self.source.refusal(path, f"is {shown(value)}; give {about}")
+                return self.checked(fitting, value, path)
+
+    def _number(self, value: Any, unit: Unit, path: KeyPath) -> float:
+        if isinstance(value, str) and _QUANTITY.match(value):
+            with self.source.about(path):
+                return units.parse(value, unit, ".".join(str(part) for part in path))
+        bare = self.bare(value, path)
+        with self.source.about(path):
+            return self.in_si(bare, unit)
+
+    def bare(self, value: Any, path: KeyPath) -> float:
+        """Return a number, or the value of an expression."""
+        if isinstance(value, str):
+            try:
+                return Expressions(self.parameters, self.in_si(1.0, "rad")).value(value)
+            except InputError as error:
+                raise self.source.refusal(path, f"is {shown(value)}, which {error}") from None
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self.source.refusal(path, f"is {shown(value)}; give a number, or text such as '13 mm'")
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            raise self.source.refusal(path, f"is {shown(value)}; give a finite number")
+        return number
+
+    def in_si(self, value: float, unit: Unit) -> float:
+        """Return a number without a unit of its own in SI."""
+        own: dict[Unit, str] = {"m": self.length, "rad": self.angle}
+        return units.in_si(value, own.get(unit, unit), unit)
+
+    def with_parameters(self, given: Any, changed: Mapping[str, str]) -> "Values":
+        """Return the same with parameters, each reckoned from those before it.
+
+        Args:
+            given: the file's table.
+            changed: name -> text that stands for what the file has.
+        """
+        table = self._table(given, ("parameters",))
+        for name in changed:
+            if name not in table:
+                raise InputError(f"{self.source.path} has no parameter {name!r}{nearest(name, table)}")
+        found = replace(self, parameters={})
+        for name, value in table.items():
+            path = ("parameters", name)
+            if not name.isidentifier() or name in (*FUNCTIONS, "pi"):
+                raise self.source.refusal(path, "is no name for a parameter; use letters, digits and _")
+            number = found.parameter(changed.get(name, value), path)
+            found = replace(found, parameters={**found.parameters, name: number})
+        return found
+
+    def parameter(self, value: Any, path: KeyPath) -> float:
+        """Return a parameter, a length or an angle in the file's unit."""
+        if not (isinstance(value, str) and _QUANTITY.match(value)):
+            return self.bare(value, path)
+        with self.source.about(path):
+            number, unit = units.of_any_kind(value, f"parameter {path[-1]}")
+            return number / self.in_si(1.0, unit)
+
+    def _word(self, value: Any, options: tuple[str, ...], path: KeyPath) -> str:
+        if not isinstance(value, str):
+            raise self.source.refusal(path, f"is {shown(value)}; give text")
+        if options and value not in options:
+            raise self.source.refusal(path, f"is {shown(value)}; it can be {', '.join(options)}")
+        return value
+
+    def _several(self, value: Any, of: Key, count: int | None, path: KeyPath) -> tuple[Any, ...]:
+        if not isinstance(value, list) or (count is not None and len(value) != count):
+            wanted = "a list" if count is None else f"a list of {count}"
+            raise self.source.refusal(path, f"is {shown(value)}; give {wanted}, each {of.about}")
+        return tuple(self.checked(of, one, (*path, i)) for i, one in enumerate(value))
+
+    def _keys(self, value: Any, keys: Keys, path: KeyPath) -> dict[str, Any]:
+        table = self._table(value, path)
+        for name in table:
+            if name not in keys.keys:
+                raise self.source.refusal((*path, name), f"is no key here{nearest(name, keys.keys)}")
+        for name in keys.required:
+            if name not in table:
+                raise self.source.refusal(path, f"has no {name!r}; give it: {keys.keys[name].about}")
+        return {name: self.checked(keys.keys[name], one, (*path, name)) for name, one in table.items()}
+
+    def _table(self, value: Any, path: KeyPath) -> dict[str, Any]:
+        if not isinstance(value, dict):
+            raise self.source.refusal(path, f"is {shown(value)}; give a table")
+        return value
+
+
+def _fits(key: Key, value: Any) -> bool:
+    match key:
+        case Number() | Word():
+            return isinstance(value, str | int | float) if isinstance(key, Number) else isinstance(value, str)
+        case Several():
+            return isinstance(value, list)
+        case Choice(of=of):
+            return any(_fits(one, value) for one in of)
+        case _:
+            return isinstance(value, dict)

@@ -1,0 +1,131 @@
+"""A mechanism in a TOML file, read: its keys are those of `toml_keys`, and docs/models.md shows them."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.vector_method.rotations import turned_by
+from mechsim.errors import InputError
+from mechsim.model.inertia import Inertia
+from mechsim.model.joints import KINDS, kinds_that
+from mechsim.model.mechanism import GROUND, End, Gear, Joint, Link, Mechanism, Pose
+from mechsim.subjects.checked_values import Values
+from mechsim.subjects.toml_keys import ROOT, Keys
+from mechsim.subjects.toml_source import TomlSource, nearest, read_source
+
+# what a joint is driven by where no driver is named
+CRANK = "crank"
+
+
+def read_toml(path: str, changed: Mapping[str, str] | None = None) -> LoopForm:
+    """Return the mechanism of a TOML file.
+
+    Args:
+        path: of the file.
+        changed: parameter -> text that stands for what the file has.
+
+    Raises:
+        InputError: for what the file may not hold; names file, line, key, value and remedy.
+    """
+    source = read_source(path)
+    document = {name: one for name, one in source.document.items() if name not in ("parameters", "units")}
+    values = _units(source).with_parameters(source.document.get("parameters", {}), changed or {})
+    read = values.checked(ROOT, document, ())
+    with source.about(()):
+        mechanism = Mechanism(
+            name=read["name"],
+            links=tuple(_links(source, read)),
+            joints=tuple(_joint(source, name, one) for name, one in read["joints"].items()),
+            driver=_driver(source, read),
+            points={name: (one["link"], one.get("at", (0.0, 0.0, 0.0))) for name, one in _of(read, "points")},
+            gears=tuple(Gear(**one) for _, one in _of(read, "couplings")),
+            guess={name: _pose(source, name, one) for name, one in _of(read, "guess")},
+            start=read.get("start", 0.0),
+        )
+    return LoopForm(
+        mechanism, parameters=values.parameters, formula=read.get("formula", {}).get("python", "")
+    )
+
+
+def _units(source: TomlSource) -> Values:
+    """Return what reads values, with the file's units and no parameters yet."""
+    bare = Values(source, "m", "rad", {})
+    words = Keys({"units": ROOT.keys["units"]}, "")
+    given = {name: one for name, one in source.document.items() if name == "units"}
+    units = bare.checked(words, given, ()).get("units", {})
+    found = Values(source, units.get("length", "m"), units.get("angle", "rad"), {})
+    with source.about(("units",)):
+        found.in_si(1.0, "m")
+        found.in_si(1.0, "rad")
+    return found
+
+
+def _of(read: Mapping[str, Any], table: str) -> Iterator[tuple[str, Any]]:
+    yield from read.get(table, {}).items()
+
+
+def _links(source: TomlSource, read: Mapping[str, Any]) -> Iterator[Link]:
+    """Yield the links with tables, then those that only joints name, at least two of them."""
+    declared: dict[str, Any] = read.get("links", {})
+    if GROUND in declared:
+        raise source.refusal(("links", GROUND), "is the frame, which has no table; take it out")
+    for name, one in declared.items():
+        with source.about(("links", name)):
+            inertia = one.get("inertia")
+            yield Link(name, one.get("outline", ()), inertia and Inertia(**inertia))
+    named = [(joint, side, one[side]["link"]) for joint, one in _of(read, "joints") for side in "ab"]
+    count = Counter(link for _, _, link in named)
+    for joint, side, link in named:
+        if link in declared or link == GROUND:
+            continue
+        if count[link] == 1:
+            known = dict.fromkeys(name for name in (GROUND, *declared, *count) if name != link)
+            why = f"is {link!r}, which no other joint names and [links] does not hold"
+            raise source.refusal(("joints", joint, side, "link"), why + nearest(link, known))
+    yield from (Link(name) for name in count if name not in declared and name != GROUND)
+
+
+def _joint(source: TomlSource, name: str, one: Mapping[str, Any]) -> Joint:
+    with source.about(("joints", name)):
+        a, b = (_end(one[side]) for side in "ab")
+        rest = {key: one[key] for key in ("cross_angle",) if key in one}
+        return Joint(name, one["kind"], a, b, **rest)
+
+
+def _end(one: Mapping[str, Any]) -> End:
+    known = {"at": "point", "axis": "axis", "mark": "mark"}
+    return End(one["link"], **{known[key]: value for key, value in one.items() if key != "link"})
+
+
+def _driver(source: TomlSource, read: Mapping[str, Any]) -> str:
+    drivers = read.get("drivers", (CRANK,) if CRANK in read["joints"] else ())
+    if not drivers:
+        raise InputError('no joint is driven; add drivers = ["NAME OF A REVOLUTE JOINT"]')
+    name = drivers[0]
+    if name not in read["joints"]:
+        raise source.refusal(("drivers",), f"names joint {name!r}{nearest(name, read['joints'])}")
+    kind = read["joints"][name]["kind"]
+    if not KINDS[kind].hinge:
+        only = kinds_that(lambda kind: kind.hinge)
+        raise source.refusal(("drivers",), f"names {kind} joint {name!r}; only a {only} one can be driven")
+    return name
+
+
+def _pose(source: TomlSource, link: str, one: Mapping[str, Any]) -> Pose:
+    rotation = np.eye(3)
+    if "turn" in one and "rotation" in one:
+        raise source.refusal(("guess", link), "has both turn and rotation; give one of them")
+    if "turn" in one:
+        axis = np.array(one["turn"]["axis"])
+        length = float(np.linalg.norm(axis))
+        if not length > 0.0:
+            raise source.refusal(("guess", link, "turn"), "has an axis of length 0; give a direction")
+        rotation = turned_by(rotation[None], (axis / length * one["turn"]["angle"])[None])[0]
+    elif "rotation" in one:
+        rotation = np.array(one["rotation"])
+        if not np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-6 or np.linalg.det(rotation) < 0.0:
+            raise source.refusal(("guess", link, "rotation"), "is no rotation matrix; give one, or a turn")
+    return Pose(np.array(one.get("at", (0.0, 0.0, 0.0))), rotation)

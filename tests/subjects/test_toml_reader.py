@@ -1,0 +1,182 @@
+"""A mechanism in a TOML file: what it becomes, and how what it may not hold is refused."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mechsim.analytic import catalog
+from mechsim.errors import InputError
+from mechsim.subjects.subject import load
+
+FOUR_BAR = """name = "bar"
+units = { length = "mm", angle = "deg" }
+drivers = ["crank"]
+start = 10
+[parameters]
+ground = 100
+crank = "4 cm"
+coupler = "ground + crank/2"
+rocker = "sqrt(81e2)"
+[links.coupler]
+outline = [[0, 0, 0], ["coupler/2", "30 mm", 0]]
+inertia = { mass = "400 g", centre = [60, 0, 0], moments = [1e-6, "3e-6 kg m^2", 3e-6] }
+[joints.crank]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "crank" }
+[joints.A]
+kind = "revolute"
+a = { link = "crank", at = ["crank", 0, 0] }
+b = { link = "coupler" }
+[joints.B]
+kind = "revolute"
+a = { link = "coupler", at = ["coupler", 0, 0] }
+b = { link = "rocker", at = ["rocker", 0, 0] }
+[joints.rocker]
+kind = "revolute"
+a = { link = "ground", at = ["ground", 0, 0] }
+b = { link = "rocker" }
+[points]
+A = { link = "crank", at = ["crank", 0, 0] }
+B = { link = "rocker", at = ["rocker", 0, 0] }
+[guess]
+coupler = { at = ["crank*cos(10)", "crank*sin(10)", 0], turn = { axis = [0, 0, 1], angle = 45 } }
+rocker = { at = ["ground", 0, 0], turn = { axis = [0, 0, 1], angle = 80 } }
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path):
+    def written(text: str) -> str:
+        path = tmp_path / "bar.toml"
+        path.write_text(text)
+        return str(path)
+
+    return written
+
+
+def test_lengths_angles_and_expressions_become_a_mechanism_that_moves_as_its_closed_form_does(file):
+    read = load(file(FOUR_BAR))
+    exact = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.09)
+    angles = np.linspace(-3.0, 7.0, 41)
+    found, wanted = read.solve(angles, 3.0, -2.0), exact.solve(angles, 3.0, -2.0)
+    for name in ("A", "B"):
+        np.testing.assert_allclose(found.points[name].position, wanted.points[name].position, atol=1e-14)
+        np.testing.assert_allclose(
+            found.points[name].acceleration, wanted.points[name].acceleration, atol=1e-11
+        )
+    assert read.crank_range().full
+    coupler = next(link for link in read.mechanism.links if link.name == "coupler")
+    assert coupler.outline[1] == (0.06, 0.03, 0.0)
+    assert coupler.inertia is not None
+    assert (coupler.inertia.mass, coupler.inertia.centre) == (0.4, (0.06, 0.0, 0.0))
+    assert np.diag(coupler.inertia.matrix).tolist() == [1e-6, 3e-6, 3e-6]
+
+
+@pytest.mark.parametrize(("text", "crank"), [("35mm", 0.035), ("35", 0.035), ("ground/4", 0.025)])
+def test_a_parameter_is_changed_as_if_the_file_had_it_so(file, text, crank):
+    read = load(file(FOUR_BAR), {"crank": text})
+    np.testing.assert_allclose(read.positions([0.0])["A"], [[crank, 0.0, 0.0]], rtol=1e-14)
+
+
+def test_a_crank_that_only_swings_has_the_range_of_the_closed_form(file):
+    read = load(
+        file(FOUR_BAR.replace("start = 10", "start = 70").replace("cos(10)", "cos(70)")), {"crank": "100"}
+    )
+    exact = catalog.make("four_bar", ground=0.1, crank=0.1, coupler=0.15, rocker=0.09)
+    np.testing.assert_allclose(read.crank_range().arcs, exact.crank_range().arcs[:1], atol=1e-9)
+    np.testing.assert_allclose(read.dead_centres(), exact.dead_centres()[:2], atol=1e-9)
+
+
+CHANGES = {
+    "an unknown key": ("kind =", "kimd =", ("line 14", "joints.crank.kimd", "did you mean 'kind'")),
+    "an unknown table": ("[points]", "[pionts]", ("line 29", "pionts", "did you mean 'points'")),
+    "no name": ('name = "bar"', "", ("has no 'name'",)),
+    "another kind": ('"revolute"', '"screw"', ("joints.crank.kind", "'screw'", "revolute, prismatic")),
+    "an unknown parameter": ('"ground + crank/2"', '"grond"', ("line 8", "'grond'", "did you mean 'ground'")),
+    "a parameter of later": ("ground = 100", 'ground = "rocker"', ("line 6", "no parameter given before")),
+    "division by zero": ('"ground + crank/2"', '"1/(crank - crank)"', ("line 8", "divides by zero")),
+    "no number": ('"ground + crank/2"', '"sqrt(-1)"', ("line 8", "finite real number")),
+    "code": ('"ground + crank/2"', '"().__class__"', ("line 8", "no arithmetic")),
+    "a call": ('"ground + crank/2"', "\"__import__('os')\"", ("line 8", "no function here")),
+    "a tower of powers": ('"ground + crank/2"', '"9**9**9"', ("line 8", "exponent", "64")),
+    "a long expression": ('"ground + crank/2"', f'"{"1+" * 400}1"', ("line 8", "801 characters")),
+    "a deep expression": ('"ground + crank/2"', f'"{"-" * 200}1"', ("line 8", "50 deep")),
+    "pi in degrees": (
+        '"crank*cos(10)"',
+        '"crank*cos(pi/18)"',
+        ("line 33", "guess.coupler.at[0]", "a part of pi"),
+    ),
+    "an angle for a length": ('"30 mm"', '"30 deg"', ("line 11", "'30 deg'", "does not measure that")),
+    "two components": ('["ground", 0, 0] }\nb', '["ground", 0] }\nb', ("joints.rocker.a.at", "a list of 3")),
+    "a truth value": ("start = 10", "start = true", ("line 4", "start is True")),
+    "not finite": ("start = 10", "start = inf", ("line 4", "start is inf")),
+    "a huge number": ("start = 10", f"start = 1{'0' * 400}", ("line 4", "start is 1")),
+    "a link of one joint": (
+        'b = { link = "rocker" }',
+        'b = { link = "rokker" }',
+        ("line 24", "did you mean 'rokker'"),
+    ),
+    "an unknown driver": ('["crank"]', '["handle"]', ("line 3", "'handle'", "known are crank")),
+    "two drivers": ('["crank"]', '["crank", "rocker"]', ("line 3", "a list of 1")),
+    "a point on no link": ('A = { link = "crank"', 'A = { link = "wheel"', ("'wheel'",)),
+    "an unknown unit": ('"mm"', '"furlongz"', ("line 2", "furlongz")),
+    "a unit of time": ('"mm"', '"s"', ("line 2", "does not measure that")),
+    "no TOML": ("start = 10", "start == 10", ("no TOML", "line 4")),
+    "negative mass": ('"400 g"', '"-400 g"', ("line 10", "mass of a link")),
+    "a zero axis": (
+        'a = { link = "ground" }',
+        'a = { link = "ground", axis = [0, 0, 0] }',
+        ("line 13", "zero vector"),
+    ),
+    "a table for a list": ('["crank"]', "{}", ("line 3", "drivers")),
+    "nests": ("start = 10", f"start = {'[' * 5000}{']' * 5000}", ("nests too deep",)),
+}
+
+
+@pytest.mark.parametrize("case", CHANGES)
+def test_what_a_file_may_not_hold_is_refused_in_one_line_with_its_place(file, case):
+    old, new, words = CHANGES[case]
+    assert old in FOUR_BAR
+    path = file(FOUR_BAR.replace(old, new, 1))
+    with pytest.raises(InputError) as error:
+        load(path)
+    said = str(error.value)
+    assert "\n" not in said
+    assert "bar.toml" in said
+    for word in words:
+        assert re.search(re.escape(word), said), said
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        ("nowhere.toml", "there is no file nowhere.toml"),
+        (".toml", "there is no file"),
+        ("four_barr", "did you mean 'four_bar'"),
+        ("scene.xml", "MJCF"),
+        ("a.py", "FILE.py:OBJECT"),
+        ("nowhere.py:thing", "there is no file nowhere.py"),
+    ],
+)
+def test_a_model_that_is_none_is_refused_by_name(model, words):
+    with pytest.raises(InputError, match=re.escape(words)):
+        load(model)
+
+
+def test_a_file_called_like_a_catalogue_mechanism_does_not_shadow_it(tmp_path, monkeypatch):
+    (tmp_path / "rssr").write_text(FOUR_BAR)
+    monkeypatch.chdir(tmp_path)
+    assert load("rssr") == catalog.make("rssr")
+
+
+def test_an_unknown_parameter_set_is_refused_with_the_nearest(file):
+    with pytest.raises(InputError, match="did you mean 'crank'"):
+        load(file(FOUR_BAR), {"crnk": "3"})
+
+
+def test_a_file_too_large_is_not_read(file):
+    with pytest.raises(InputError, match="1000000 at most"):
+        load(file(FOUR_BAR + "#" * 1_000_000))
