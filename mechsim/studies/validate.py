@@ -143,7 +143,7 @@ def _validated(drive: Form, speed: float) -> Case:
     )
 
 
-def _decided(drive: ClosedForm, profile: CrankProfile, speed: float) -> CrankProfile:
+def _decided(drive: Form, profile: CrankProfile, speed: float) -> CrankProfile:
     """Return the motion that can be stepped: a swing between change points, which dynamics do not decide."""
     start, points = drive.mechanism.start, np.array(drive.change_points())
     if not len(points):
