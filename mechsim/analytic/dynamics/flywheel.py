@@ -64,7 +64,7 @@ def flywheel_for(machine: Machine, mean: float, coefficient: float) -> Fluctuati
 def _turn(machine: Machine, mean: float) -> tuple[Array, Array, Array, float]:
     """Return angles, inertia, energy gained since the first of them, and the constant torque."""
     # one that must pass a change point to come round does so in two turns
-    turns = 1 if machine.drive is None else round(machine.drive.period / TURN)
+    turns = round(machine.drive.period / TURN)
     angle: Array = np.arange(turns * ANGLES, dtype=np.float64) * (TURN / ANGLES)
     unit = machine.unit_motion(angle)
     part = coefficients(unit, applied(machine, unit), machine.forces.flywheel)
