@@ -38,6 +38,8 @@ class Linearised:
 
     def side(self) -> Array:
         """Return the signed distance from a singular pose, (n,): two assemblies that meet differ in sign."""
+        if not self.matrix.size:  # the drivers alone say where everything is
+            return np.ones(len(self.matrix))
         least = np.linalg.svd(self.matrix, compute_uv=False)[:, -1]
         return np.linalg.slogdet(self.matrix)[0] * least
 
