@@ -7,7 +7,7 @@ import shutil
 import stat
 import tempfile
 import zipfile
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -138,6 +138,20 @@ def write(path: str | Path, motion: Motion) -> None:
             np.savez_compressed(beside, allow_pickle=False, **table)  # pyright: ignore[reportArgumentType]
 
 
+def write_in_parts(path: str | Path, parts: Iterable[Motion]) -> None:
+    """Write a motion that comes part by part as `.csv`, with no more than one part in memory.
+
+    Raises:
+        OutputError: where the file cannot be written.
+    """
+    with written_beside(path) as beside, beside.open("w", encoding="ascii", newline="") as file:
+        for number, part in enumerate(parts):
+            table = dict(part.columns())
+            if number == 0:
+                file.write(",".join(table) + "\n")
+            file.writelines(csv_lines(table))
+
+
 def read(path: str | Path) -> Table:
     """Read a table back: column name -> (n,) numbers.
 
@@ -164,13 +178,18 @@ def read(path: str | Path) -> Table:
 
 
 def _write_csv(path: Path, table: Mapping[str, Array]) -> None:
-    rows = np.column_stack(list(table.values()))
-    line = ",".join(["%.17g"] * rows.shape[1]) + "\n"
     with path.open("w", encoding="ascii", newline="") as file:
         file.write(",".join(table) + "\n")
-        for start in range(0, len(rows), ROWS):
-            block = rows[start : start + ROWS]
-            file.write(line * len(block) % tuple(block.ravel().tolist()))
+        file.writelines(csv_lines(table))
+
+
+def csv_lines(table: Mapping[str, Array]) -> Iterator[str]:
+    """Yield the rows of a table as text, many at a time, in numbers that read back to the last bit."""
+    line = ",".join(["%.17g"] * len(table)) + "\n"
+    columns = list(table.values())
+    for start in range(0, len(columns[0]), ROWS):
+        block = np.column_stack([column[start : start + ROWS] for column in columns])
+        yield line * len(block) % tuple(block.ravel().tolist())
 
 
 def _read_csv(path: Path) -> Table:

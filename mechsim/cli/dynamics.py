@@ -28,9 +28,9 @@ from mechsim.cli.dynamics_output import (
 )
 from mechsim.cli.force_options import MachineOptions
 from mechsim.cli.options import Json, Model, Sets, form_of, speed_of, writable
-from mechsim.cli.output import print_json
+from mechsim.cli.output import print_json, progress
 from mechsim.errors import InputError
-from mechsim.model.crank_profile import CrankProfile, within_range
+from mechsim.model.crank_profile import LEAST_TURNS, CrankProfile, within_range
 from mechsim.model.efforts import Fluctuation, FreeRun
 from mechsim.pictures import plots
 from mechsim.report.facts import run_facts, study_facts, turn_facts
@@ -72,10 +72,10 @@ class DynamicsOptions:
             raise InputError(
                 "--tolerance is kept by MuJoCo's runs, and --method none leaves them out; drop one"
             )
-        if not (0.0 < abs(self.turns) < 1e4 and 1 <= self.samples <= 100_000):
+        if not (LEAST_TURNS <= abs(self.turns) < 1e4 and 1 <= self.samples <= 100_000):
             raise InputError(
                 f"{self.turns:g} turns of {self.samples} instants; "
-                "give turns other than 0 and 1 to 100000 instants"
+                f"give turns other than 0, {LEAST_TURNS:g} at least, and 1 to 100000 instants"
             )
         if self.csv is not None:
             writable(self.csv, ".csv", ".npz")
@@ -185,14 +185,16 @@ def _free(machine: Machine, speed: float, asked: DynamicsOptions, as_json: bool)
 
 
 def _stepped(machine: Machine, speed: float, asked: DynamicsOptions) -> tuple[SteppedFreeRun, Verdict]:
-    found = free_running.free_run(
-        machine.mechanism,
-        machine.forces,
-        speed=speed,
-        turns=asked.turns,
-        tolerance=asked.tolerance,
-        samples=asked.instants,
-    )
+    with progress("dynamics", None) as tick:
+        found = free_running.free_run(
+            machine.mechanism,
+            machine.forces,
+            speed=speed,
+            turns=asked.turns,
+            tolerance=asked.tolerance,
+            samples=asked.instants,
+            watch=tick,
+        )
     return found, crosscheck_free(found, machine)
 
 

@@ -10,10 +10,13 @@ from typing import Any, Protocol
 
 import typer
 
+from mechsim.cli.endings import tell
 from mechsim.files import plain
 
-# between two lines of progress where there is no terminal
-SECONDS = 10.0
+# before the first line of progress where there is no terminal, and between two
+FIRST, SECONDS = 3.0, 10.0
+# a shorter rest, in [s], is not worth a word
+SHORT = 5.0
 
 
 def print_json(value: Any) -> None:
@@ -37,28 +40,50 @@ def print_table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) 
 
 
 class Tick(Protocol):
-    """Called after each piece of work, with what was done."""
+    """Called after each piece of work, with what was done and what part of the whole that makes."""
 
-    def __call__(self, done: str = "", /) -> None:
-        """Advance by one."""
+    def __call__(self, done: str = "", part: float | None = None, /) -> None:
+        """Advance to a part of the whole, 0 to 1; by one of the total where none is told."""
         ...
 
 
-def _nothing(done: str = "") -> None:
+def left(part: float, spent: float) -> str:
+    """Return in words how long work goes on that came so far in so many seconds; empty where it is short."""
+    rest = spent * (1.0 - part) / part if part > 0.0 else 0.0
+    if rest < SHORT:
+        return ""
+    for unit, one in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if rest >= 2.0 * one:
+            return f"about {rest / one:.0f} {unit} left"
+    return f"about {rest:.0f} s left"
+
+
+def _nothing(done: str = "", part: float | None = None) -> None:
     pass
 
 
 def _lines(what: str, total: int | None) -> Tick:
     """Return a tick that prints a line when the last one is long past."""
-    count, last = 0, time.monotonic()
+    count, begun = 0, time.monotonic()
+    # since when how much is done is known: other work came before, and a run may be tried again
+    origin, since, due, quiet = 0.0, begun, begun + FIRST, True
 
-    def tick(done: str = "") -> None:
-        nonlocal count, last
+    def tick(done: str = "", part: float | None = None) -> None:
+        nonlocal count, origin, since, due, quiet
         count += 1
-        if time.monotonic() - last > SECONDS:
-            last = time.monotonic()
-            far = [] if total is None else [f"{count} of {total}"]
-            typer.echo(f"{what}: {', '.join([*far, done])}", err=True)
+        now = time.monotonic()
+        far = [f"{count} of {total}"] if part is None and total else []
+        if part is None and total:
+            part = count / total
+        elif part is not None and (part < origin or since == begun):
+            origin, since = part, now
+        if now < due:
+            return
+        rest = left((part - origin) / (1.0 - origin), now - since) if part and origin < 1.0 else ""
+        # what is over in a moment needs no line
+        if rest or not quiet or now > begun + SECONDS:
+            tell(f"{what}: {', '.join(filter(None, [*far, done, rest]))}")
+            due, quiet = now + SECONDS, False
 
     return tick
 
@@ -73,14 +98,30 @@ def progress(what: str, total: int | None, *, quiet: bool = False) -> Generator[
         yield _lines(what, total)
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     far = () if total is None else (MofNCompleteColumn(),)
-    columns = (TextColumn("{task.description}"), BarColumn(), *far, TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        *far,
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=total)
 
-        def tick(done: str = "") -> None:
-            bar.update(task, advance=1, description=done or what)
+        def tick(done: str = "", part: float | None = None) -> None:
+            if part is None:
+                bar.update(task, advance=1, description=done or what)
+            else:
+                bar.update(task, total=1.0, completed=part, description=done or what)
 
         yield tick

@@ -9,6 +9,9 @@ from mechsim.errors import InputError
 
 Kind = TypeVar("Kind")
 
+# beyond this a number is a slip of the unit or the exponent, and its square too large for a double
+HUGE = 1e30
+
 
 def number(value: object) -> float:
     """Return a real number as a float; NaN for text, None, lists and all else."""

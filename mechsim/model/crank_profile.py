@@ -15,6 +15,8 @@ from mechsim.model.mechanism import Mechanism
 
 # a crank that cannot turn fully swings over this part of its range
 PART_OF_RANGE = 0.9
+# fewer turns are a slip: between crank angles nearer to each other no motion is to be seen
+LEAST_TURNS = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +62,8 @@ def constant(speed: float, turns: float, start: float = 0.0) -> CrankProfile:
     if not 0.0 < abs(number(speed)) < np.inf:
         remedy = units_remedy(speed, "units.parse_speed('600 rpm') or units.rpm(600)")
         raise InputError(f"crank speed is {speed} rad/s; give a finite speed other than 0{remedy}")
-    if not 0.0 < number(turns) < np.inf:
-        raise InputError(f"{turns} turns asked for; give a finite number above 0")
+    if not LEAST_TURNS <= number(turns) < np.inf:
+        raise InputError(f"{turns} turns asked for; give a finite number above 0, {LEAST_TURNS:g} at least")
 
     def state(time: Array) -> tuple[Array, Array, Array]:
         return start + speed * time, np.full_like(time, speed), np.zeros_like(time)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.maths.given import number, numbers, require
+from mechsim.maths.given import HUGE, number, numbers, require
 from mechsim.model.joints import KINDS, Kind, kinds_that
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import GROUND, ORIGIN, Mechanism, Vector
@@ -107,9 +107,10 @@ class JointSpring:
 
     def __post_init__(self) -> None:
         _at_least_zero(f"stiffness of the spring in joint {self.joint!r}", self.stiffness)
-        if not abs(number(self.rest)) < np.inf:
+        if not abs(number(self.rest)) < HUGE:
             raise InputError(
-                f"rest of the spring in joint {self.joint!r} is {self.rest}; give a finite number"
+                f"rest of the spring in joint {self.joint!r} is {self.rest}; "
+                f"give a finite number, below {HUGE:g}"
             )
 
 
@@ -179,8 +180,8 @@ class Forces:
 
     def __post_init__(self) -> None:
         gravity = numbers(self.gravity)
-        if gravity.shape != (3,) or not np.isfinite(gravity).all():
-            raise InputError(f"gravity is {self.gravity} m/s2; give three finite numbers")
+        if gravity.shape != (3,) or not (np.abs(gravity) < HUGE).all():
+            raise InputError(f"gravity is {self.gravity} m/s2; give three finite numbers, below {HUGE:g}")
         object.__setattr__(self, "gravity", tuple(gravity.tolist()))
         _at_least_zero("moment of inertia of the flywheel", self.flywheel)
         if self.crank_torque is not None and self.crank_torque.width != 1:
@@ -246,11 +247,11 @@ def located(mechanism: Mechanism, place: Place) -> tuple[str, Vector]:
     names = [GROUND, *(known.name for known in mechanism.links)]
     if link not in names:
         raise InputError(f"{mechanism.name} has no link {link!r}, only {', '.join(names)}; name one of them")
-    if len(point) != 3 or not np.isfinite(point).all():
+    if len(point) != 3 or not (np.abs(point) < HUGE).all():
         raise InputError(f"place {point} on link {link!r} is not three finite numbers in [m]; give x, y, z")
     return link, point
 
 
 def _at_least_zero(what: str, value: float) -> None:
-    if not 0.0 <= number(value) < np.inf:
-        raise InputError(f"{what} is {value}; give a finite number, 0 or more")
+    if not 0.0 <= number(value) < HUGE:
+        raise InputError(f"{what} is {value}; give a finite number, 0 or more, below {HUGE:g}")

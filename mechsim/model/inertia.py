@@ -7,10 +7,13 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
+from mechsim.maths.given import HUGE
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 
+# a mass beyond this in [kg], or below its inverse, is a slip; Steiner's moments are finite with any other
+HEAVIEST = 1e60
 # how far moments may miss symmetry and the triangle inequality: rounding of a rotated laminar body
 SLACK = 1e-9
 
@@ -32,9 +35,12 @@ class Inertia:
 
     def __post_init__(self) -> None:
         mass, centre = float(self.mass), np.asarray(self.centre, dtype=np.float64)
-        if not 0.0 < mass < np.inf:
-            raise InputError(f"mass of a link is {self.mass} kg; give a finite mass above 0")
-        if centre.shape != (3,) or not np.isfinite(centre).all():
+        if not 1.0 / HEAVIEST < mass < HEAVIEST:
+            raise InputError(
+                f"mass of a link is {self.mass} kg; give a finite mass above 0, "
+                f"from {1.0 / HEAVIEST:g} to {HEAVIEST:g} kg"
+            )
+        if centre.shape != (3,) or not (np.abs(centre) < HUGE).all():
             raise InputError(f"centre of mass {self.centre} m is not three finite numbers; give x, y, z")
         moments = np.asarray(self.moments, dtype=np.float64)
         if moments.shape == (3,):
@@ -75,7 +81,7 @@ def _rows(moments: Array) -> Matrix:
 
 def _checked(moments: Array) -> Matrix:
     """Return an inertia matrix made exactly symmetric, or raise InputError if no body has it."""
-    if moments.shape != (3, 3) or not np.isfinite(moments).all():
+    if moments.shape != (3, 3) or not (np.abs(moments) < HEAVIEST * HUGE**2).all():
         raise InputError(
             "moments of inertia of a link are not 3 x 3 finite numbers in [kg m2]; "
             "give the matrix about the centre, or its three diagonal elements"

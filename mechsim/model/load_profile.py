@@ -11,6 +11,7 @@ from scipy.interpolate import make_interp_spline
 from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
+from mechsim.maths.given import HUGE
 
 Over = Literal["angle", "time"]
 # how far a table may miss the turn, in [rad], and be drawn to it: angles written with six digits
@@ -143,8 +144,8 @@ def _check_table(x: Array, y: Array, over: str) -> None:
             f"load table has {over}s of shape {x.shape} and values of shape {y.shape}; "
             "give two rows or more, with one value or three each"
         )
-    if not (np.isfinite(x).all() and np.isfinite(y).all()):
-        raise InputError("load table holds what is no finite number; mend the row")
+    if not (np.isfinite(x).all() and (np.abs(y) < HUGE).all()):
+        raise InputError(f"load table holds what is no finite number below {HUGE:g}; mend the row")
     rises = np.diff(x) > 0.0
     if not rises.all():
         row = int(np.argmin(rises)) + 1

@@ -7,9 +7,10 @@ from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
+from mechsim.maths.given import HUGE
 
-# beyond this a number is a slip of the unit or the exponent, and its square too large for a double
-HUGE = 1e30
+# a gear ratio beyond this, or below its inverse, is a slip too: its square goes with a torque
+STEEPEST = 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,8 +129,11 @@ class Geared:
     ratio: float
 
     def __post_init__(self) -> None:
-        if not 0.0 < abs(self.ratio) < np.inf:
-            raise InputError(f"gear ratio of the motor is {self.ratio}; give a finite number, not 0")
+        if not 1.0 / STEEPEST <= abs(self.ratio) <= STEEPEST:
+            raise InputError(
+                f"gear ratio of the motor is {self.ratio}; give one from {1.0 / STEEPEST:g} to "
+                f"{STEEPEST:g} either way"
+            )
 
     def torque(self, speed: ArrayLike) -> Array:
         """Return the torque on the crank at crank speeds in [rad/s], (n,) in [N m]."""

@@ -7,14 +7,12 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
-from mechsim.maths.given import number
+from mechsim.maths.given import HUGE, number
 from mechsim.model.inertia import Inertia, Matrix, Vector, combine
 from mechsim.model.mechanism import Mechanism, described
 
 # of steel in [kg/m3]
 STEEL = 7850.0
-# beyond this a number is a slip of the unit or the exponent
-HUGE = 1e30
 # diameter of the rods where none is given, in units of the mechanism's size
 THICKNESS = 0.05
 # a link whose points all coincide, such as a slider, is a pin this many diameters long

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.errors import MissingToolError
+from mechsim.errors import MissingToolError, OutputError
 from mechsim.files import written_beside
 from mechsim.pictures import plots
 from mechsim.report.facts import facts
@@ -42,12 +42,7 @@ def write_validation_report(
     notes: list[str] = []
     sections: list[Section] = []
     for name, case in cases.items():
-        still, video = None, None
-        try:
-            still, video = _drawn(folder, name, case)
-        except MissingToolError as error:
-            if str(error) not in notes:
-                notes.append(str(error))
+        still, video = _drawn(folder, name, case, notes)
         drawings = _plots(case)
         for kind, drawing in drawings.items():
             with written_beside(folder / f"{name}_{kind}.svg") as beside:
@@ -69,16 +64,27 @@ def write_validation_report(
     return notes
 
 
-def _drawn(folder: Path, name: str, case: Case) -> tuple[bytes, Path]:
-    """Write a still and a video of the stepped run; return the still's bytes and the video's path."""
+def _drawn(folder: Path, name: str, case: Case, notes: list[str]) -> tuple[bytes | None, Path | None]:
+    """Write a still and a video of the stepped run; return the still's bytes and the video's path.
+
+    What cannot be drawn is None, and the notes say why; the page does without it.
+    """
     from mechsim.pictures.render import turn_angles, write_picture, write_video
 
     mechanism, motion = case.drive.mechanism, case.run.motion
     picture, video = folder / f"{name}.png", folder / f"{name}.mp4"
-    write_picture(picture, mechanism, motion, size=SIZE, angle=float(motion.angle[0]))
-    angles = turn_angles(motion, FRAMES_PER_TURN)
-    write_video(video, mechanism, motion, angles=angles, fps=FRAMES_PER_SECOND, size=SIZE, paths="tail")
-    return picture.read_bytes(), video
+    still: bytes | None = None
+    try:
+        write_picture(picture, mechanism, motion, size=SIZE, angle=float(motion.angle[0]))
+        still = picture.read_bytes()
+        angles = turn_angles(motion, FRAMES_PER_TURN)
+        write_video(video, mechanism, motion, angles=angles, fps=FRAMES_PER_SECOND, size=SIZE, paths="tail")
+    except (MissingToolError, OutputError) as error:
+        # where nothing at all can be written, the page says so
+        if str(error) not in notes:
+            notes.append(str(error))
+        return still, None
+    return still, video
 
 
 def _plots(case: Case) -> dict[str, bytes]:

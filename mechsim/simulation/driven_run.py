@@ -9,6 +9,7 @@ from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.maths.convergence import half_extent
+from mechsim.maths.memory import require_room
 from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import PLACE, Outcome
@@ -24,7 +25,8 @@ from mechsim.simulation.stepping import MOST_STEPS, Steps, Watch, step, unwatche
 
 # instants recorded a turn where nothing else is asked
 SAMPLES = 72
-MOST_RECORDS = 10_000_000
+# bytes held for each number that is recorded of an instant, with what is in between
+HELD = 32.0
 # crank angles at which a profile is probed, so that a crank that cannot go there is refused
 PROBES = 64
 # a crank this far from where it is driven, in [rad], is driven no more
@@ -40,7 +42,7 @@ class DrivenRun:
         profile: of the crank.
         start: closed state and rates at time zero, (nq,) and (nv,).
         samples: instants recorded after the first; None takes about `SAMPLES` a turn.
-        watch: told now and then in words how far a run has come.
+        watch: told now and then how far a run has come, in words and as a part of the whole.
     """
 
     closed: ClosedModel
@@ -149,7 +151,11 @@ def allowed(closed: ClosedModel, motion: Motion) -> float:
 
 
 def solved(
-    closed: ClosedModel, profile: CrankProfile, samples: int | None, tolerance: float | None = None
+    closed: ClosedModel,
+    profile: CrankProfile,
+    samples: int | None,
+    tolerance: float | None = None,
+    watch: Watch = unwatched,
 ) -> Run:
     """Return a crank motion with every pose solved by itself; a tolerance of None is `PLACE`.
 
@@ -171,7 +177,9 @@ def solved(
         away = held_off(away, meeting, rows)
     rates = closed.loops.tangent(closed.loops.linearise(away)[1]) * speed[:, None]
     states = States(time, away, rates)
-    motion = evaluate(closed.loops, closed.track, states, "pose", crank_acceleration=acceleration)
+    motion = evaluate(
+        closed.loops, closed.track, states, "pose", crank_acceleration=acceleration, watch=watch
+    )
     if near:
         motion = replace(motion, speed=speed, acceleration=acceleration)
     for meeting, rows in near:
@@ -192,11 +200,14 @@ def solved(
     )
 
 
-def check_records(profile: CrankProfile, samples: int | None) -> None:
+def check_records(closed: ClosedModel, profile: CrankProfile, samples: int | None) -> None:
     """Raise InputError where more instants would be recorded than memory holds."""
     records = samples or SAMPLES * profile.turns
-    if records > MOST_RECORDS:
-        raise InputError(
-            f"{records:.3g} instants of {profile.turns:g} turns would be recorded; take {MOST_RECORDS:,} "
-            "at the most: fewer turns, or records farther apart"
-        )
+    model, track = closed.model, closed.track
+    numbers = 24 * len(track.links) + 9 * len(track.points) + 3 * model.njnt + model.nq + model.nv
+    require_room(
+        f"{records:.3g} instants of {profile.turns:g} turns",
+        records,
+        HELD * numbers,
+        "take {most} instants at the most: fewer turns, or records farther apart",
+    )

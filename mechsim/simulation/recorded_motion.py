@@ -1,7 +1,7 @@
 """States of a model to a Motion: places, rates and accelerations of one and the same instant."""
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import mujoco
@@ -75,6 +75,7 @@ def evaluate(
     *,
     crank_acceleration: Array | None = None,
     force: Array | None = None,
+    watch: Callable[[str, float], None] = lambda _, __: None,
 ) -> Motion:
     """Return the motion at recorded states.
 
@@ -86,18 +87,20 @@ def evaluate(
         crank_acceleration: (n,) in [rad/s2]: accelerations are then those that keep the loops closed
             exactly. None reports what MuJoCo's own dynamics gives at the state.
         force: generalised force on the crank at each state, (n,) in [N m].
+        watch: told how far it has come, in words and as a part of the whole.
     """
     n = len(states.time)
 
     def part(of: Array | None, i: int) -> Array | None:
         return None if of is None else of[i : i + CHUNK]
 
-    return join(
-        [
+    parts: list[Motion] = []
+    for i in range(0, n, CHUNK):
+        parts.append(
             _evaluated(loops, track, states.at(i), source, part(crank_acceleration, i), part(force, i))
-            for i in range(0, n, CHUNK)
-        ]
-    )
+        )
+        watch(f"{min(i + CHUNK, n):,} of {n:,} poses", min(i + CHUNK, n) / n)
+    return join(parts)
 
 
 def _evaluated(

@@ -49,7 +49,7 @@ def simulate(
         samples: instants to record after the first, evenly spread; None takes about 72 a turn. With
             samples given, the number of steps is raised to a multiple of them.
         scene: what the model holds; None takes `Scene(level="motion")`.
-        watch: told now and then in words how far a stepped run has come.
+        watch: told now and then how far the run has come, in words and as a part of the whole, 0 to 1.
 
     Raises:
         InputError: for values that cannot be used.
@@ -77,7 +77,7 @@ def simulate(
     if samples is not None and not (number(samples) >= 1 and number(samples) % 1 == 0):
         raise InputError(f"{samples} samples asked for; take a whole number, at least 1")
     samples = None if samples is None else int(samples)
-    check_records(profile, samples)
+    check_records(closed, profile, samples)
     found = standing(closed)
     if method is None:
         stepping = tolerance is not None or settings is not None or found.open
@@ -85,7 +85,7 @@ def simulate(
     require_movable(closed, found)
     if method == "pose":
         require_determined(closed, found)
-        return solved(closed, profile, samples, tolerance)
+        return solved(closed, profile, samples, tolerance, watch or unwatched)
     run = DrivenRun(closed, profile, first_state(closed, profile), samples, watch or unwatched)
     settings = settings or Settings()
     return run.stepped(settings) if tolerance is None else within(run, settings, tolerance)

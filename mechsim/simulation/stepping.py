@@ -10,19 +10,22 @@ from mujoco import batch
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
+from mechsim.maths.memory import require_room
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recorded_motion import States
 from mechsim.simulation.settings import Settings
 
-# is told in words how far a run has come
-Watch = Callable[[str], None]
+# is told how far a run has come: in words, and what part of the whole that is, 0 to 1
+Watch = Callable[[str, float], None]
 
 # steps in one call into C: long enough that the call costs nothing, short enough for memory
 BLOCK = 4096
 # of a run: at about 10 us a step, more would take hours
 MOST_STEPS = 1_000_000_000
+# bytes held for each step of a crank whose speed changes
+TORQUE = 64.0
 TIME = int(mujoco.mjtState.mjSTATE_TIME)
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 
@@ -52,7 +55,7 @@ class Steps:
     processor: float = 0.0
 
 
-def unwatched(_: str) -> None:
+def unwatched(_: str, __: float) -> None:
     """Take no notice."""
 
 
@@ -84,6 +87,8 @@ def step(
         watch: told after every block how far the run has come.
     """
     timestep = profile.duration / total
+    if not profile.steady:
+        require_room(f"the drive's torque at {total:,} steps", total, TORQUE, "take {most} steps at the most")
     used = settings.apply(loops, timestep)
     model = loops.model
     sims = batch.Batch(model, 1, 1)
@@ -119,7 +124,7 @@ def step(
         records.append((number[good], qpos[good], qvel[good]))
         diverged = bool(not good.all() or sims.warning[..., 1].any())
         done += count
-        watch(f"{done:,} of {total:,} steps")
+        watch(f"{done:,} of {total:,} steps", done / total)
     at, qpos, qvel = (np.concatenate(parts) for parts in zip(*records, strict=True))
     force = None if torque is None else torque[np.minimum(at, total - 1)]
     return Steps(States(timestep * at, qpos, qvel), force, done, spent, timestep, diverged, used, processor)

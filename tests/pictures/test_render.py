@@ -387,3 +387,14 @@ def test_a_missing_ffmpeg_is_named_before_the_first_frame(drive, motion, tmp_pat
     with pytest.raises(MissingToolError, match="imageio-ffmpeg"):
         render.write_video(tmp_path / "a.mp4", drive.mechanism, motion)
     assert not list(tmp_path.iterdir())
+
+
+def test_an_ffmpeg_that_does_not_run_is_passed_over(tmp_path, monkeypatch):
+    broken = tmp_path / "ffmpeg"
+    broken.write_text("#!/bin/sh\nexit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert render.find_ffmpeg() != str(broken)
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(MissingToolError, match=r"ffmpeg does not run; install"):
+        render.find_ffmpeg()

@@ -1,6 +1,7 @@
 """A free crank from event to event: pieces of DOP853's solution between rests, turns back and the end."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,11 @@ PATIENCE = 1000.0
 MOST_RESTS = 10_000
 # of a torque beside its own parts: below this it is rounding of a balance
 BALANCED = 1e-12
+# a step tried this many turns past the end, or this far in [rad] where there is none, leads nowhere
+PAST, FAR = 2.0, 1e9
+# times in a turn that a motor would bring the crank to its speed: beyond, an explicit method has no step
+# that is both stable and long
+STIFF = 2e4
 # points in time at which a machine at rest under loads over time is tried for a start
 PROBES = 512
 
@@ -39,6 +45,7 @@ class Runner:
         self.pushes = [*(load.force for load in forces.loads), *(one.moment for one in forces.couples)]
         self.steady = not any(course.over == "time" for course in forces.courses)
         self.start, self.turns, self.tolerance = angle, turns, tolerance
+        self.reach = FAR if turns is None else TURN * (PAST + abs(turns))
         self.time, self.state = 0.0, np.array([angle, speed, 0.0, 0.0])
         self.from_rest = speed == 0.0
         self.barred: float | None = None
@@ -66,7 +73,7 @@ class Runner:
         def rate(time: float, state: Array) -> Array:
             angle, speed = float(state[0]), float(state[1])
             beyond = self.barred is not None and (angle - self.barred) * sign >= 0.0
-            if beyond or not np.isfinite(state).all():
+            if beyond or not np.isfinite(state).all() or abs(angle - self.start) > self.reach:
                 return np.full(4, np.nan)
             try:
                 inertia, slope, static, damping, dry, drive = self.parts(time, angle, speed)
@@ -108,17 +115,9 @@ class Runner:
         inertia, *_ = self.parts(self.time, float(self.state[0]), float(self.state[1]))
         speed = max(abs(float(self.state[1])), 1.0)
         floor = self.tolerance * np.array([1.0, speed, inertia * speed**2, inertia * speed**2])
-        done: Any = solve_ivp(
-            self.rates(sign),
-            (self.time, end),
-            self.state,
-            method="DOP853",
-            rtol=self.tolerance,
-            atol=floor,
-            dense_output=True,
-            events=events,
-        )
-        self.pieces.append((self.time, float(done.t[-1]), sign, done.sol))
+        done = self._solved(sign, end, floor, events, inertia)
+        if len(done.t) > 1:
+            self.pieces.append((self.time, float(done.t[-1]), sign, done.sol))
         self.time, self.state = float(done.t[-1]), done.y[:, -1].copy()
         if done.status < 0:
             return "dead centre", self.bar or f"the crank cannot be followed beyond {self.time:.6g} s"
@@ -132,6 +131,33 @@ class Runner:
             self.state[1] = 0.0
             return self._turning_back(sign)
         return self._timed_out(end)
+
+    def _solved(self, sign: float, end: float, floor: Array, events: list[Any], inertia: float) -> Any:
+        """Return the solution up to the next event: by DOP853, or by Radau's method where that is stiff."""
+
+        def by(method: str) -> Any:
+            return solve_ivp(
+                self.rates(sign),
+                (self.time, end),
+                self.state,
+                method=method,  # pyright: ignore[reportArgumentType]
+                rtol=self.tolerance,
+                atol=floor,
+                dense_output=True,
+                events=events,
+            )
+
+        if self._is_stiff(inertia):
+            # what bars its way is no number, and an implicit method then has no step to shorten
+            with suppress(ValueError):
+                return by("Radau")
+        return by("DOP853")
+
+    def _is_stiff(self, inertia: float) -> bool:
+        motor = self.forces.motor
+        if motor is None or motor.slope == 0.0:
+            return False
+        return abs(motor.slope) / inertia * TURN / max(abs(motor.no_load), abs(float(self.state[1]))) > STIFF
 
     def _direction(self, end: float) -> float:
         """Return the sign of the motion that begins from rest; 0 where dry friction or balance holds it.

@@ -16,8 +16,13 @@ from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import require
+from mechsim.maths.memory import require_room
 from mechsim.model.display import short_repr
 from mechsim.model.efforts import Efforts, wrench_columns
+
+# bytes held at an instant for each element of the matrix that balances its links
+HELD = 80.0
+FEWER = "take {most} instants at the most"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,6 +110,8 @@ def prescribed(
     """
     require("what is to be solved", machine, Machine)
     angle = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+    equations = 6.0 * len(machine.mechanism.links)
+    require_room(f"inverse dynamics of {len(angle):,} instants", len(angle), HELD * equations**2, FEWER)
     w, e = _rate("speed", speed, angle), _rate("acceleration", acceleration, angle)
     at = None if time is None else np.broadcast_to(np.asarray(time, dtype=np.float64), angle.shape)
     if at is None and np.ptp(w) == 0.0 and w[0] != 0.0 and not e.any():

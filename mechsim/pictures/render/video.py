@@ -1,5 +1,6 @@
 """Pictures and videos in files."""
 
+import functools
 import shutil
 import subprocess
 import tempfile
@@ -111,23 +112,36 @@ def turn_angles(motion: Motion, per_turn: int = 36) -> np.ndarray:
 
 
 def find_ffmpeg() -> str:
-    """Return the path of an ffmpeg program: the system's, else the one imageio-ffmpeg brings.
+    """Return the path of an ffmpeg program that runs: the system's, else the one imageio-ffmpeg brings.
 
     Raises:
         MissingToolError: where there is neither.
     """
     found = shutil.which("ffmpeg")
-    if found:
+    if found and _runs(found):
         return found
     try:
         import imageio_ffmpeg
 
-        return imageio_ffmpeg.get_ffmpeg_exe()
-    except (ImportError, RuntimeError) as error:
-        raise MissingToolError(
-            "no video can be written: there is no ffmpeg here; install the system package ffmpeg "
-            "or the Python package imageio-ffmpeg"
-        ) from error
+        brought = imageio_ffmpeg.get_ffmpeg_exe()
+        if _runs(brought):
+            return brought
+    except (ImportError, RuntimeError):
+        pass
+    what = f"{found} does not run" if found else "there is no ffmpeg here"
+    raise MissingToolError(
+        f"no video can be written: {what}; install the system package ffmpeg "
+        "or the Python package imageio-ffmpeg"
+    )
+
+
+@functools.cache
+def _runs(program: str) -> bool:
+    try:
+        done = subprocess.run([program, "-version"], capture_output=True, timeout=30, check=False)
+    except (OSError, subprocess.SubprocessError):
+        return False
+    return done.returncode == 0 and done.stdout.startswith(b"ffmpeg")
 
 
 def _encode(

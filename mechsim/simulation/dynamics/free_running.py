@@ -28,6 +28,7 @@ from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
 from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
 from mechsim.simulation.run_result import SteppedFreeRun
 from mechsim.simulation.settings import Settings
+from mechsim.simulation.stepping import Watch, unwatched
 
 # turns of the crank at its expected speed after which a run for turns is given up
 PATIENCE = 20.0
@@ -57,6 +58,7 @@ def free_run(
     timestep: float | None = None,
     settings: Settings | None = None,
     cut: tuple[str, ...] | None = None,
+    watch: Watch = unwatched,
 ) -> SteppedFreeRun:
     """Let a machine run by itself from a crank angle and speed, stepped in MuJoCo.
 
@@ -73,6 +75,7 @@ def free_run(
         timestep: in [s]; None takes the settings' part of a turn at the speed to be expected.
         settings: how to step; the flywheel in them is left out.
         cut: joints at which the loops are cut; None lets the generator choose.
+        watch: told now and then how far the run has come, in words and as a part of the whole, 0 to 1.
 
     Raises:
         InputError: where it is not said when to end, or values cannot be used.
@@ -91,7 +94,9 @@ def free_run(
     loaded = loaded_model(mechanism, forces or Forces(), cut)
     settings = settings or (REDUNDANT if _is_redundant(loaded) else Settings())
     first = mechanism.start if angle is None else angle
-    plan = _Plan(loaded, settings, started(loaded, first, speed), turns, duration, samples, 0.0, np.inf)
+    plan = _Plan(
+        loaded, settings, started(loaded, first, speed), turns, duration, samples, 0.0, np.inf, watch
+    )
     if timestep is None or duration is None or tolerance is not None:
         expected = expect_speed(loaded, first, speed, turns, duration)
         plan = replace(plan, fastest=expected.speed, longest=expected.timestep(np.inf))
@@ -123,6 +128,7 @@ class _Plan:
         samples: as asked for.
         fastest: speed to be expected, in [rad/s]; 0 where it is not needed.
         longest: time step that damping allows, in [s].
+        watch: told how far a run has come.
     """
 
     loaded: LoadedModel
@@ -133,6 +139,7 @@ class _Plan:
     samples: int
     fastest: float
     longest: float
+    watch: Watch
 
     def let_run(self, steps: int, per_record: int = 1, *, timestep: float | None = None) -> FreeStepping:
         """Return the run with so many steps in a turn at the speed to be expected.
@@ -161,7 +168,7 @@ class _Plan:
         step, total, stride = step / per_record, total * per_record, stride * per_record
         loops = _prepared(self.loaded, settings, step)
         begin = clock.perf_counter()
-        run = step_freely(self.loaded, loops, self.start, total, stride, self.turns, self.fastest)
+        run = step_freely(self.loaded, loops, self.start, total, stride, self.turns, self.fastest, self.watch)
         seconds = clock.perf_counter() - begin
         return FreeStepping(run, loops, settings, seconds, every)
 

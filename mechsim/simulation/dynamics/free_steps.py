@@ -17,6 +17,7 @@ from mechsim.simulation.dynamics.friction import STEPS, oppose, softness
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recorded_motion import States
+from mechsim.simulation.stepping import Watch, unwatched
 
 TIME = int(mujoco.mjtState.mjSTATE_TIME)
 
@@ -46,6 +47,7 @@ def step_freely(
     stride: int,
     turns: float | None,
     fastest: float,
+    watch: Watch = unwatched,
 ) -> FreeSteps:
     """Step a model that is set up for it.
 
@@ -57,6 +59,7 @@ def step_freely(
         stride: steps from one record to the next.
         turns: of the crank after which to end; None takes all steps.
         fastest: speed to be expected in [rad/s].
+        watch: told after every block how far the run has come.
     """
     place, dof = loops.crank_place, loops.crank
     timestep = float(loops.model.opt.timestep)
@@ -82,6 +85,8 @@ def step_freely(
         if bad or not good.all():
             outcome, reason = "diverged", f"MuJoCo's state went bad after {timestep * done:.6g} s"
             break
+        made = 0.0 if turns is None else float(abs(qpos[-1, place] - start[0][place])) / TURN / abs(turns)
+        watch(f"{done:,} steps", min(1.0, max(made, done / total)))
         end = _given_up(loaded, records, turns, rest, place, dof)
         if end is not None:
             outcome, reason = end

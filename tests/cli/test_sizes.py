@@ -1,0 +1,129 @@
+"""What is asked is sized before it is begun; what takes long says how long."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mechsim import catalog, cli, dynamics, files, motors, units
+from mechsim.cli import output, solve
+from mechsim.maths import memory
+from mechsim.model.forces import Forces
+
+# what would hold more than a machine has: words of the command, and what the one line says
+TOO_LARGE = {
+    "simulate rssr --turns 1e5": ["7.2e+06 instants", "instants at the most"],
+    "simulate rssr --turns 1e5 --tolerance 1um": ["7.2e+06 instants", "fewer turns"],
+    "simulate rssr --every 1e-5deg": ["3.6e+07 instants", "records farther apart"],
+    "solve rssr --angles 0:360:1e-4deg -o a.npz": ["3,600,001 crank angles", "write .csv"],
+    "solve rssr --angles 0:360:1e-4deg --json": ["3,600,001 crank angles", "write .csv"],
+    "dynamics rssr --samples 100000 --turns 100": ["10,000,001 instants", "instants at the most"],
+    "dynamics rssr --turns 9999": ["3,599,641 instants", "instants at the most"],
+    "solve rssr --set crank=13m**9**9**9": ["crank", "not known"],
+}
+
+
+@pytest.fixture
+def a_gigabyte(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(memory, "room", lambda: 1e9)
+
+
+@pytest.mark.usefixtures("a_gigabyte")
+@pytest.mark.parametrize("words", TOO_LARGE)
+def test_what_memory_does_not_hold_is_refused_at_once_with_what_would_fit(
+    words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["mechsim", *words.split()])
+    began = time.perf_counter()
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    said = capsys.readouterr().err
+    assert time.perf_counter() - began < 20.0
+    assert ended.value.code == 2
+    assert len(said.splitlines()) == 1
+    assert all(word in said for word in TOO_LARGE[words])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_solution_is_the_same_in_parts(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, part in (("whole.csv", solve.PART), ("parts.csv", 10)):
+        monkeypatch.setattr(solve, "PART", part)
+        monkeypatch.setattr("sys.argv", ["mechsim", "solve", "rrsrr", "-o", name])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        assert ended.value.code == 0
+    assert (tmp_path / "whole.csv").read_bytes() == (tmp_path / "parts.csv").read_bytes()
+    exact = catalog.make("rrsrr").solve(units.parse_angles("0:360:5deg"), units.rpm(600))
+    table = files.read(tmp_path / "parts.csv")
+    for name, column in exact.columns():
+        np.testing.assert_array_equal(table[name], column)
+    capsys.readouterr()
+
+
+def test_long_work_says_how_long_it_goes_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
+
+    def lines(work: Callable[[output.Tick], None], total: int | None = None) -> list[str]:
+        now[0] = 0.0
+        with output.progress("work", total) as tick:
+            work(tick)
+        return capsys.readouterr().err.splitlines()
+
+    def counted(tick: output.Tick) -> None:
+        for _ in range(20):
+            now[0] += 4.0
+            tick("piece")
+
+    def parted(tick: output.Tick) -> None:
+        for i in range(1, 4):
+            now[0] += 3600.0
+            tick(f"{i} steps", i / 10_000)
+
+    def short(tick: output.Tick) -> None:
+        for i in range(1, 5):
+            now[0] += 1.0
+            tick("", i / 4)
+
+    first, *_, last = lines(counted, 1000)
+    assert first == "work: 1 of 1000, piece, about 67 min left"
+    assert last.endswith("about 65 min left")
+    # the first part tells only when work began
+    assert lines(parted) == [
+        "work: 1 steps",
+        "work: 2 steps, about 417 days left",
+        "work: 3 steps, about 417 days left",
+    ]
+    assert lines(short) == []
+    assert [output.left(0.5, spent) for spent in (1.0, 100.0, 1e4, 1e6)] == [
+        "",
+        "about 100 s left",
+        "about 3 h left",
+        "about 12 days left",
+    ]
+
+
+@pytest.mark.parametrize(
+    "motor",
+    [
+        motors.TorqueSpeedLine(1e4, units.rpm(600)),
+        motors.DCMotor(1.0, 2.0, 3.0),
+        motors.ConstantTorque(1e12),
+    ],
+)
+def test_a_motor_far_too_strong_for_its_machine_drives_it_all_the_same(motor: motors.PlainMotor) -> None:
+    machine = dynamics.machine(catalog.make("four_bar"), Forces(motor=motor))
+    run = dynamics.free_run(machine, turns=1.0)
+    assert run.outcome == "done"
+    assert run.energy_error < 1e-9
+    if motor.slope:
+        # it holds its speed but for the moment it starts
+        assert np.ptp(run.speed[1:]) < 0.02 * abs(motor.no_load)
