@@ -22,8 +22,8 @@ from mechsim.model.motion import Motion
 Table = dict[str, Array]
 EXTENSIONS = (".csv", ".npz")
 
-# bytes in memory for each byte of text, and for each of a packed table
-IN_MEMORY, UNPACKED = 10.0, 3.0
+# bytes in memory for each byte of text, and for each of an unpacked table, whose numbers may be of one byte
+IN_MEMORY, UNPACKED = 10.0, 10.0
 SHORTER = "give a shorter table"
 # rows formatted in one go: long enough to be fast, short enough to stay in the cache
 ROWS = 4096

@@ -3,11 +3,11 @@
     python validation/robustness/fuzz.py [--examples 1000] [--interrupts 40] [--kills 30]
 
 Commands run in this process, in a folder of their own, against a clock. What counts as a fault: an
-exception that gets through, an exit code other than 0, 1 and 2, a code 2 without exactly one line on
-stderr, a warning of numpy's, more than `PATIENCE` seconds, a file left that is not whole or that was
-not asked for. Then the same with an interrupt (Ctrl-C) after a random time, and whole processes killed
-(SIGKILL) in the middle of writing, after which the file asked for must be whole or absent. The exit code
-is 1 if there was any fault.
+exception that gets through, an exit code other than 0, 1 and 2, such as that of a fault of the program, a
+code 2 without exactly one line on stderr, a warning of numpy's, more than `PATIENCE` seconds, a file left
+that is not whole or that was not asked for. Then the same with an interrupt
+(Ctrl-C), SIGTERM or SIGHUP after a random time, and whole processes killed (SIGKILL) in the middle of
+writing, after which the file asked for must be whole or absent. The exit code is 1 if there was any fault.
 """
 
 import argparse
@@ -58,14 +58,17 @@ numbers = st.one_of(
     st.sampled_from(["0", "-0", "1e-300", "1e300", "nan", "inf", "", "1e999", "0x10", "1,5", "5e-324", "٣"]),
 )
 units = st.sampled_from(
-    ["", "mm", "m", "deg", "rad", "rpm", "s", "ms", "um", " mm", "parrots", "kg", "%", "1/m"]
+    [
+        *("", "mm", "m", "deg", "rad", "rpm", "s", "ms", "um", " mm", "parrots", "kg", "%", "1/m"),
+        *("mm!", "mm=1", "mm#x", "m**9**9**9", "m**2", "(m)"),
+    ]
 )
 quantities = st.builds(lambda number, unit: f"{number}{unit}", numbers, units)
 lengths = st.integers(1, 400).map(lambda value: f"{0.5 * value}mm")
 texts = st.one_of(quantities, st.text(max_size=8), st.sampled_from(["on", "off", "1", "-1", "+1", "2,3,4mm"]))
 names = st.one_of(
     st.sampled_from(list(catalog.DRIVES)),
-    st.sampled_from(["rsr", "", "four-bar", "RSSR", "--"]),
+    st.sampled_from(["rsr", "", "four-bar", "RSSR", "--", "n" * 304, "."]),
     st.text(max_size=6),
 )
 
@@ -95,8 +98,10 @@ outputs = st.sampled_from(
         ".",
         "out.CSV",
         "ä b.csv",
+        "n" * 300 + ".csv",
     ]
 )
+amounts = st.sampled_from(["1", "0.1", "0", "-1", "nan", "1e300", "1e29", "1e-308", "x", ""])
 angles = st.one_of(
     st.sampled_from(
         ["0:360:5deg", "0:1:0.1", "30deg", "0:360:0deg", "360:0:-30deg", "a:b:c", "0:1e9:1", "::", "1:2"]
@@ -150,10 +155,33 @@ OPTIONS: dict[str, dict[str, st.SearchStrategy[str]]] = {
         "--length": st.one_of(st.just("4mm"), quantities),
     },
     "validate": {"--speed": speeds},
-    "render": {"-o": st.sampled_from(["out.bmp", "no/out.png"]), "--size": st.sampled_from(["big", "1x1"])},
+    "render": {
+        "-o": st.sampled_from(["out.bmp", "no/out.png", "no/" + "n" * 304]),
+        "--size": st.sampled_from(["big", "1x1", "²x²", "1x" + "9" * 5000, "640x480x3"]),
+    },
+    "dynamics": {
+        "--motor": st.sampled_from(
+            ["constant:1e20", "line:1e4,600rpm", "dc:12,1,0.05", "constant:0", "line:1", "dc:1,0,1", "x:1"]
+        ),
+        "--gear": amounts,
+        "--flywheel": amounts,
+        "--density": amounts,
+        "--diameter": amounts,
+        "--turns": st.sampled_from(["1", "0.01", "1e-308", "0", "nan", "9999"]),
+        "--samples": st.sampled_from(["36", "1", "0", "100000"]),
+        "--gravity": st.sampled_from(["0,-9.81,0", "1e300,0,0", "0,0", "nan,0,0"]),
+        "--friction": amounts.map("crank={}".format),
+        "--coefficient": amounts,
+        "--method": st.sampled_from(["pose", "none", "none", "x"]),
+        "--csv": outputs,
+    },
+    "tradeoff": {"--budget": st.sampled_from(["0", "-1s", "nan", "x"]), "--by": st.just("colour")},
+    "extremes": {"--report": st.sampled_from(["no/out", "n" * 304])},
 }
 FREQUENT = ["show", "solve", "solve", "export", "export", "simulate", "simulate", "simulate", "plot", "list"]
-SCARCE = ["synthesize", "validate", "render"]
+SCARCE = ["synthesize", "validate", "render", "dynamics", "dynamics", "dynamics"]
+# which take long; only refusals of theirs are tried
+REFUSED = {"tradeoff": "--budget", "extremes": "--report", "render": "-o"}
 
 
 # values that are right by themselves; together they may still be refused
@@ -173,10 +201,15 @@ SOUND: dict[str, list[str]] = {
     "--method": ["step", "pose"],
     "--every": ["5deg", "0.1", "77deg"],
     "--kind": ["motion", "curve", "space", "transmission"],
+    "--motor": ["constant:1", "line:2,600rpm", "dc:12,1,0.05"],
+    "--flywheel": ["0", "1e-3", "1e3"],
+    "--density": ["7850", "1", "1e6"],
+    "--samples": ["36", "1", "200"],
+    "--csv": ["out.csv", "out.npz"],
 }
 
 
-FILES = {"export": ["out.xml"], "plot": ["out.svg", "out.png", "out.pdf"]}
+FILES: dict[str, list[str]] = {"render": [], "export": ["out.xml"], "plot": ["out.svg", "out.png", "out.pdf"]}
 NEEDED: dict[str, tuple[str, ...]] = {
     "plot": ("-o", "out.svg"),
     "synthesize": ("--through", "12.8751,29.9574mm", "--tilt", "1.3905deg", "--length", "4mm"),
@@ -188,7 +221,8 @@ WITH_JSON = ("list", "show", "solve", "simulate", "validate", "synthesize")
 def cases(draw: st.DrawFn) -> Case:
     """What someone may type: a third of it strange, the rest made of sound parts."""
     sound = draw(st.integers(0, 2)) > 0
-    command = draw(st.sampled_from(FREQUENT * 3 + SCARCE))
+    command = draw(st.sampled_from(FREQUENT * 3 + SCARCE + ["tradeoff", "extremes"]))
+    sound = sound and command not in REFUSED
     words = [command]
     if command != "list":
         name = draw(st.sampled_from(list(catalog.DRIVES)) if sound else names)
@@ -199,6 +233,8 @@ def cases(draw: st.DrawFn) -> Case:
         values = FILES.get(command, ["out.csv", "out.npz"]) if option == "-o" else SOUND.get(option, [])
         if not sound or values:
             words += [option, draw(st.sampled_from(values) if sound else known[option])]
+    if command in REFUSED and REFUSED[command] not in words:
+        words += [REFUSED[command], draw(known[REFUSED[command]])]
     if sound and not set(NEEDED.get(command, ())) & set(words):
         words += NEEDED.get(command, ())
     if (not sound or command in WITH_JSON) and draw(st.integers(0, 3)) == 0:
@@ -227,7 +263,7 @@ def profiles(draw: st.DrawFn) -> dict[str, bytes]:
         st.lists(st.tuples(st.floats(-1, 1), st.floats(-10, 10)), max_size=12)
         | st.integers(6, 30).map(lambda n: [(0.01 * i, 0.03 * i) for i in range(n)])
     )
-    head = draw(st.sampled_from(["time,angle", "time,angle", "angle,time", "t,a", ""]))
+    head = draw(st.sampled_from(["time,angle", "time, angle", "\ufefftime,angle", "angle,time", "t,a", ""]))
     text = "\n".join([head, *(f"{t!r},{a!r}" for t, a in rows)])
     made = draw(
         st.sampled_from([text.encode(), text.encode()[:-3], b"\xff\xfe\x00", b"", text.encode("utf-16")])
@@ -360,12 +396,14 @@ LONG = (
     ("plot", "rssr", "-o", "out.svg"),
 )
 
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
 
 def interrupts(count: int, seed: int = 1) -> list[str]:
-    """Press Ctrl-C in whole processes after random times; return every fault."""
+    """End whole processes by Ctrl-C, SIGTERM or SIGHUP after random times; return every fault."""
     chance, found = random.Random(seed), []
     for i in range(count):
-        words = LONG[i % len(LONG)]
+        words, number = LONG[i % len(LONG)], SIGNALS[i % len(SIGNALS)]
         with tempfile.TemporaryDirectory() as place:
             process = subprocess.Popen(
                 [sys.executable, "-c", LISTENING, *words], cwd=place, text=True, **PIPES
@@ -373,13 +411,15 @@ def interrupts(count: int, seed: int = 1) -> list[str]:
             assert process.stdout is not None
             process.stdout.readline()
             time.sleep(chance.uniform(0.0, 1.5))
-            process.send_signal(signal.SIGINT)
+            process.send_signal(number)
             said = process.communicate()[1]
+            # as if by Ctrl-C, whose exit code is that of a refusal
+            ended = 2 if process.returncode == 128 + number else process.returncode
             faults = [
-                *_unclear(process.returncode, said),
+                *_unclear(ended, said),
                 *_untidy(Path(place), Case(words), process.returncode),
             ]
-        found += [f"interrupted: {fault}  <-  {' '.join(words)}" for fault in faults]
+        found += [f"ended by {number.name}: {fault}  <-  {' '.join(words)}" for fault in faults]
     return found
 
 
