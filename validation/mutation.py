@@ -33,6 +33,11 @@ ROOT = Path(__file__).resolve().parents[1]
 VERDICT = ["verdict/test_tolerances.py", "verdict/test_bounds.py", "verdict/test_quantities.py"]
 CLOSURE = ["analytic/test_rates_are_derivatives.py", "analytic/test_closure.py"]
 TREE = ["analytic/test_tree_equations.py", "analytic/test_rates_are_derivatives.py"]
+LOOPS = [
+    "simulation/test_free_bodies.py",
+    "simulation/test_model_loops.py",
+    "simulation/test_recorded_motion.py",
+]
 # file of mechsim/ -> tests that are there to kill its mutants, quickest first
 KILLERS: dict[str, list[str]] = {
     "verdict/tolerances.py": VERDICT,
@@ -50,7 +55,7 @@ KILLERS: dict[str, list[str]] = {
         "analytic/test_followed_path.py",
     ],
     "analytic/closure/followed_path.py": ["analytic/test_followed_path.py"],
-    "simulation/model_loops.py": ["simulation/test_free_bodies.py", "simulation/test_model_loops.py"],
+    "simulation/model_loops.py": LOOPS,
     "simulation/loop_constraints.py": [
         "simulation/test_recorded_motion.py",
         "simulation/test_model_loops.py",
@@ -96,6 +101,15 @@ class Mutant:
     after: str
     tree: ast.Module
 
+    def __str__(self) -> str:
+        same = _alike(self.before, self.after)
+        end = _alike(self.before[:same:-1], self.after[:same:-1])
+        before, after = (
+            text[max(0, same - 60) : same] + text[same : len(text) - end] + text[len(text) - end :][:20]
+            for text in (self.before, self.after)
+        )
+        return f"mechsim/{self.file}:{self.line}: {before}  ->  {after}"
+
     @property
     def equivalent(self) -> bool:
         """Whether it is known to change nothing that counts."""
@@ -103,13 +117,16 @@ class Mutant:
 
 
 def nodes(node: ast.AST) -> Iterator[ast.AST]:
-    """All nodes but messages and annotations."""
+    """All nodes but messages, annotations and checks of lengths."""
     yield node
     for name, value in ast.iter_fields(node):
         if name in ("annotation", "returns", "decorator_list", "type_params"):
             continue
         for child in value if isinstance(value, list) else [value]:
-            if isinstance(child, ast.AST) and not isinstance(child, (ast.JoinedStr, ast.Raise)):
+            message = isinstance(child, (ast.JoinedStr, ast.Raise))
+            # zip's check of lengths that are equal
+            strict = isinstance(child, ast.keyword) and child.arg == "strict"
+            if isinstance(child, ast.AST) and not message and not strict:
                 yield from nodes(child)
 
 
@@ -138,6 +155,12 @@ def others(value: bool | float) -> list[bool | float]:
     if isinstance(value, int):
         return [value + 1] if abs(value) < 10 else [10 * value, value // 10]
     return [10.0 * value, 0.1 * value] if value else [1.0]
+
+
+def _alike(one: str, other: str) -> int:
+    """How many letters two texts begin with alike."""
+    pairs = zip(one, other, strict=False)
+    return next((i for i, (a, b) in enumerate(pairs) if a != b), min(len(one), len(other)))
 
 
 def mutants(file: str) -> list[Mutant]:
@@ -263,7 +286,7 @@ def main() -> int:
             killed += not lives
             if lives or asked.list:
                 fate = "SURVIVED" if lives else "killed"
-                print(f"{fate} mechsim/{one.file}:{one.line}: {one.before}  ->  {one.after}", flush=True)
+                print(f"{fate} {one}", flush=True)
         counted = len(tried) - len(excused)
         alive += counted - killed
         rows.append((file, len(every), counted, killed, len(excused)))

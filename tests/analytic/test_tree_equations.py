@@ -23,7 +23,7 @@ def joint(name, kind, a, b):
 
 
 def branched(swap):
-    """Two chains with two balls and every other kind of joint, each named from either side."""
+    """Chains with three balls and every other kind of joint, each named from either side."""
     chain = [
         ("universal", GROUND, "a"),
         ("spherical", "a", "b"),
@@ -33,6 +33,7 @@ def branched(swap):
         ("revolute", "e", "f"),
         ("universal", "f", "g"),
         ("cylindrical", "g", "h"),
+        ("spherical", "g", "i"),
     ]
     random = np.random.default_rng(3)
     joints = []
@@ -43,7 +44,7 @@ def branched(swap):
         ]
         joints.append(joint(f"j{i}", kind, *(ends[::-1] if (i + swap) % 2 else ends)))
     shaft = Joint("shaft", "revolute", at(GROUND), at("shaft"))
-    links = tuple(Link(name) for name in ("shaft", *"abcdefgh"))
+    links = tuple(Link(name) for name in ("shaft", *"abcdefghi"))
     return Mechanism("branched", links, (shaft, *joints), "shaft", {})
 
 
@@ -57,7 +58,7 @@ class Moving:
         self.tree = replace(tree, cuts=(cut,) if cut else ())
         self.loops = TreeLoops(self.tree, cuts_of(self.tree), (), (0,))
         random = np.random.default_rng(8)
-        turns = np.linalg.qr(random.normal(size=(2, 3, 3)))[0]
+        turns = np.linalg.qr(random.normal(size=(3, 3, 3)))[0]
         turns *= np.sign(np.linalg.det(turns))[:, None, None]
         start = Coordinates(random.uniform(-0.7, 0.7, (tree.count, 9)), np.repeat(turns[..., None], 9, 3))
         start = Coordinates(np.repeat(start.values[:, :1], 9, 1), start.turns)

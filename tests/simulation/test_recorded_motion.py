@@ -138,6 +138,16 @@ def test_hinges_are_angles_and_slides_lengths_and_a_free_body_has_no_coordinate(
     assert set(evaluate(loops, track, along(loops)[0], "pose").joints) == {"crank", "rocker"}
 
 
+def test_joints_that_follow_another_are_counted_from_where_the_model_has_them():
+    loops, track = CASES["curve"]()
+    joints = evaluate(loops, track, along(loops)[0], "pose").joints
+    turned = joints["crank"].value - np.deg2rad(20.0)
+    curve = 0.1 + 0.5 * turned + 0.3 * turned**2 - 0.2 * turned**3 + 0.1 * turned**4
+    near(joints["curve"].value, np.deg2rad(10.0) + curve, 1e-14)
+    near(joints["slide"].value, 0.2 * turned - 0.1 * turned**2, 1e-14)
+    near(joints["still"].value, np.deg2rad(30.0) + 0.4, 1e-14)
+
+
 @pytest.mark.parametrize("weightless", [False, True])
 def test_a_pendulum_accelerates_as_newton_says(weightless):
     loops, track = of_text(PENDULUM, ["tip"])

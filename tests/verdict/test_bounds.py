@@ -125,7 +125,7 @@ def test_bounds_are_what_was_promised(name):
         road: (bound.fixed, bound.asked, bound.growth, bound.power)
         for road, bound in QUANTITIES[name].bounds.items()
     }
-    assert found == {road: pytest.approx(row, rel=1e-12) for road, row in PROMISED[name].items()}
+    assert found == {road: pytest.approx(row, rel=1e-12, abs=0.0) for road, row in PROMISED[name].items()}
 
 
 def test_every_quantity_has_its_promise():
