@@ -85,7 +85,8 @@ def evaluate(
         states: n of them.
         source: the road they came by.
         crank_acceleration: (n,) in [rad/s2]: accelerations are then those that keep the loops closed
-            exactly. None reports what MuJoCo's own dynamics gives at the state.
+            exactly. None reports what MuJoCo's own dynamics gives at the state; with dry friction, the
+            crank's acceleration by it, and of all else those that keep the loops closed.
         force: generalised force on the crank at each state, (n,) in [N m].
         watch: told how far it has come, in words and as a part of the whole.
     """
@@ -137,6 +138,9 @@ def _evaluated(
     }
     qacc = fields["qacc"].copy()
     residual, jacobian = loops.linearise(states.qpos)
+    if crank_acceleration is None and has_dry_friction(model):
+        # where friction sticks or turns round, soft loops ring: what they ring about is the motion
+        crank_acceleration = qacc[:, loops.crank].copy()
     if crank_acceleration is not None:
         change = _correction(loops, jacobian, states, qacc, links, crank_acceleration)
         qacc += change
@@ -174,6 +178,11 @@ def link_motions(model: mujoco.MjModel, track: Track, fields: Mapping[str, Array
         )
         for name in track.links
     }
+
+
+def has_dry_friction(model: mujoco.MjModel) -> bool:
+    """Say whether joints or tendons of a model have dry friction of MuJoCo's own."""
+    return bool((model.dof_frictionloss > 0.0).any() or (model.tendon_frictionloss > 0.0).any())
 
 
 def _gravity(model: mujoco.MjModel) -> Array:

@@ -62,34 +62,30 @@ def crosscheck(
         The verdict. An error of the drive stands on lines of its own. Bounds hold instant by instant: they
         widen where the loops are poorly conditioned, as errors of any computed motion do there.
     """
-    if not isinstance(simulated, Motion) and isinstance(getattr(simulated, "motion", None), Motion):
-        if tolerance is None and simulated.motion.source != "pose":
-            tolerance = simulated.tolerance
-        simulated = simulated.motion
-    require("the simulated side", simulated, Motion)
+    found, tolerance = _taken(simulated, tolerance)
     if not (isinstance(analytic, Motion) or hasattr(analytic, "solve") or callable(analytic)):
         raise InputError(
             f"the analytic side is of type {type(analytic).__name__}; give a motion or a function"
         )
-    if len(simulated) == 0:
+    if len(found) == 0:
         raise InputError("the simulated motion has no instants; give at least one")
     if speed is None and isinstance(analytic, Motion) and np.ptp(analytic.speed) == 0.0:
         speed = float(analytic.speed[0])
-    if simulated.broken:
-        return Verdict("diverged", (), simulated.broken)
-    if not _finite(simulated):
+    if found.broken:
+        return Verdict("diverged", (), found.broken)
+    if not _finite(found):
         return Verdict("diverged", (), "the simulated motion holds numbers that are not finite")
     try:
-        exact = _at(simulated, analytic)
+        exact = _at(found, analytic)
     except AssemblyError as error:
         return Verdict("cannot assemble", (), str(error))
-    _require_points(simulated, exact)
+    _require_points(found, exact)
     solver = _solver(analytic)
-    allowed = _motion_bounds(simulated, exact, tolerance) | dict(bounds or {})
-    checks = [*checks_of(MOTION, simulated, exact, allowed, _conditioning(simulated, exact, solver))]
+    allowed = _motion_bounds(found, exact, tolerance) | dict(bounds or {})
+    checks = [*checks_of(MOTION, found, exact, allowed, _conditioning(found, exact, solver))]
     if speed is not None:
-        checks += checks_of(DRIVE, simulated, _wanted(simulated, speed), allowed)
-    return concluded(checks, None if solver is None else lambda: elsewhere(simulated, exact, solver))
+        checks += checks_of(DRIVE, found, _wanted(found, speed), allowed)
+    return concluded(checks, None if solver is None else lambda: elsewhere(found, exact, solver))
 
 
 def judge_efforts(
@@ -146,6 +142,16 @@ def judge_free_run(
     by = "step" if tolerance is None else "asked"
     allowed = allowances(FREE, by, free_scales(exact), Asked(tolerance or 0.0, turns=turns), bounds)
     return concluded(checks_of(FREE, found, exact, allowed))
+
+
+def _taken(simulated: Motion | Judged, tolerance: float | None) -> tuple[Motion, float | None]:
+    """Return the motion to be judged, and the bound on its places if there is one."""
+    motion = simulated if isinstance(simulated, Motion) else getattr(simulated, "motion", simulated)
+    require("the simulated side", motion, Motion)
+    assert isinstance(motion, Motion)
+    if tolerance is None and not isinstance(simulated, Motion) and motion.source != "pose":
+        tolerance = simulated.tolerance
+    return motion, tolerance
 
 
 def _motion_bounds(simulated: Motion, exact: Motion, tolerance: float | None) -> dict[str, Tolerance]:

@@ -80,7 +80,7 @@ REFUSED = {
     "angles as text": (lambda: ms.closure.solve(MECHANISM, "0:1"), "give a list in"),
     "loop speed as text": (lambda: ms.closure.solve(MECHANISM, [0.0], "600rpm"), "the crank's speed is no"),
     "a name of nothing": (lambda: ms.catalog.make(None), "there is no mechanism None"),
-    "a run for a motion": (lambda: ms.crosscheck(RUN, DRIVE), "is of type Run; give one of type Motion"),
+    "a mechanism for a run": (lambda: ms.crosscheck(DRIVE, DRIVE), "is of type .*; give one of type Motion"),
     "nothing to compare": (lambda: ms.crosscheck(RUN.motion, None), "the analytic side is of type NoneType"),
     "places as text": (lambda: ms.crosscheck(RUN.motion, lambda f: {"P3": "x"}), "'P3' of shape"),
     "a load as text": (lambda: ms.Load("P3", "3 N"), "the load on P3 is of type str"),

@@ -405,3 +405,18 @@ def test_a_run_given_to_the_judge_is_judged_by_its_own_tolerance() -> None:
     assert place.bound == run.tolerance == 1e-7
     rough = simulate(drive.mechanism, speed=62.8, settings=Settings(steps_per_turn=40))
     assert (rough.outcome == "met") == crosscheck(rough, drive).passed
+
+
+@pytest.mark.parametrize("loss", [1.0, 100.0])
+def test_accelerations_are_those_of_the_linkage_where_dry_friction_sticks(loss: float) -> None:
+    """In MuJoCo's soft loops it holds a rocker of a few grams at instants: 50 m/s2 off, at any time step."""
+    drive = catalog.make("rssr")
+    spec = assembled(drive.mechanism, Scene(level="dynamics"))
+    for joint in spec.joints:
+        joint.frictionloss = loss
+    run = simulate(spec, speed=62.8, tolerance=1e-3)
+    assert run.outcome == "met"
+    assert crosscheck(run, drive).passed
+    exact = drive.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
+    largest = float(np.abs(exact.points["P3"].acceleration).max())
+    assert worst(run.motion, exact, "acceleration") < 0.3 * largest
