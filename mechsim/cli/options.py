@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from mechsim import files, units
-from mechsim.analytic.forms import Form
+from mechsim.analytic.forms import Form, closed_form
 from mechsim.errors import InputError, OutputError
 from mechsim.model.scene import Scene
 from mechsim.subjects.subject import load
@@ -30,6 +30,22 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and no
 Speed = Annotated[str, typer.Option(help="Crank speed; a bare number is rad/s.")]
 File = Annotated[str, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
 Output = Annotated[str | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
+
+ThroughChange = Annotated[
+    str,
+    typer.Option(
+        "--through",
+        metavar="smooth|fold",
+        help="Where two assemblies meet: smooth goes on as a heavy drive does, fold keeps to its branch.",
+    ),
+]
+
+
+def passed(form: Form, through: str) -> Form:
+    """Return what goes through its change points so: only a closed form can fold."""
+    if through not in ("smooth", "fold"):
+        raise InputError(f"--through is {through!r}; it can be smooth or fold")
+    return form if through == "smooth" else closed_form(form, "--through fold").passing("fold")
 
 
 def form_of(model: str, sets: list[str] | None) -> Form:

@@ -83,6 +83,8 @@ def simulate(
         print_json(run.summary() | {"mechanism": drive.name, "output": output, "rows": len(run.motion)})
     else:
         typer.echo(f"{run.outcome}: {_found(run)}")
+        if run.note:
+            typer.echo(run.note)
         what = "poses" if run.method == "pose" else "steps"
         typer.echo(f"{run.steps} {what} in {run.seconds:.4g} s, by {run.method}")
         if place is not None:

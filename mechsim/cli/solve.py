@@ -10,7 +10,18 @@ import typer
 from mechsim import files, units
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
-from mechsim.cli.options import Json, Model, Output, Sets, Speed, form_of, speed_of, writable
+from mechsim.cli.options import (
+    Json,
+    Model,
+    Output,
+    Sets,
+    Speed,
+    ThroughChange,
+    form_of,
+    passed,
+    speed_of,
+    writable,
+)
 from mechsim.cli.output import Tick, print_json, progress
 from mechsim.maths.arrays import Array
 from mechsim.maths.memory import require_room
@@ -28,13 +39,14 @@ def solve(
         str, typer.Option(help="Crank angles start:stop:step, both ends included; a bare number is rad.")
     ] = "0:360:5deg",
     speed: Speed = "600rpm",
+    through: ThroughChange = "smooth",
     sets: Sets = None,
     output: Output = None,
     as_json: Json = False,
 ) -> None:
     """Solve a mechanism in closed form; write .csv or .npz, or print a table."""
     place = None if output is None else writable(output, ".csv", ".npz")
-    drive = form_of(model, sets)
+    drive = passed(form_of(model, sets), through)
     asked, at = units.parse_angles(angles, "the crank angles"), speed_of(speed)
     if as_json or (place is not None and place.suffix.lower() == ".npz"):
         numbers = len(asked) * (1.0 + 9.0 * len(drive.mechanism.points))

@@ -78,6 +78,7 @@ class DrivenRun:
             settings=steps.settings,
             timestep=steps.timestep,
             method="step",
+            note=self._note(),
         )
 
     def tried(self, settings: Settings) -> Array:
@@ -98,6 +99,24 @@ class DrivenRun:
             return self
         (start,), (speed,), _ = self.profile.state(np.zeros(1))
         return replace(self, profile=constant(float(speed), turns, float(start)), samples=None)
+
+    def _note(self) -> str:
+        """Return where two assemblies meet on the motion, in one sentence; nothing where none do."""
+        closed = self.closed
+        angle = self.profile.state(np.linspace(0.0, self.profile.duration, PROBES))[0]
+        _, path = follow.followed(closed.loops, closed.closed, angle)
+        low, high = float(angle.min()), float(angle.max())
+        laps = (0.0,) if path.gain is None else (-TURN, 0.0, TURN)
+        first = float(path.laps(angle[:1])[0]) * TURN
+        met = [m.angle + first + lap for m in path.meetings for lap in laps]
+        passed = sorted(at for at in met if low <= at <= high)
+        if not passed:
+            return ""
+        where = ", ".join(f"{at:.4g}" for at in passed[:3])
+        return (
+            f"at crank angle {where} rad two assemblies meet, and dynamics alone cannot decide which one "
+            "goes on: hold it by a second parallel crank or a flywheel, take more steps, or run it by pose"
+        )
 
     def _stepped(self, settings: Settings) -> tuple[Steps, Motion]:
         loops = self.closed.loops.over_copy()

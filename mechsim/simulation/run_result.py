@@ -32,6 +32,7 @@ class Run:
         timestep: in [s]; None for method "pose".
         method: "step" or "pose".
         promise: how a tolerance that was asked for was kept; None for method "pose" and without one.
+        note: what is not for dynamics to decide, in one sentence; empty where there is nothing.
     """
 
     motion: Motion
@@ -44,6 +45,7 @@ class Run:
     timestep: float | None = None
     method: Method
     promise: Promise | None = None
+    note: str = ""
 
     __repr__ = short_repr
 
@@ -56,6 +58,7 @@ class Run:
             "steps": self.steps,
             "seconds": self.seconds,
             "method": self.method,
+            "note": self.note,
             "settings": self.settings.as_dict() | {"timestep": self.timestep} if self.settings else {},
         }
 

@@ -238,6 +238,41 @@ def test_simulate_with_mujocos_own_settings_misses_and_says_so_by_its_exit_code(
     assert said["settings"]["timestep"] == 1e-3
 
 
+PARALLELOGRAM = [
+    part for text in ("ground=0.1", "crank=0.045", "coupler=0.1", "rocker=0.045") for part in ("--set", text)
+]
+
+
+def test_a_parallelogram_stays_one_linkage_all_the_way(mechsim: Call, tmp_path: Path) -> None:
+    table = str(tmp_path / "turn.csv")
+    assert mechsim("simulate", "four_bar", *PARALLELOGRAM, "-o", table).code == 0
+    found = files.read(table)
+    exact = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045)
+    places = exact.positions(found["angle"])["B"]
+    assert np.abs(found["B.x"] - places[:, 0]).max() < 1e-12
+    shown = mechsim("show", "four_bar", *PARALLELOGRAM).out
+    assert "crank range: full turn" in shown
+    assert "change points of the crank: -180.0000 deg" in shown
+    solved = mechsim("solve", "four_bar", *PARALLELOGRAM, "-o", table)
+    assert solved.code == 0
+
+
+def test_a_fold_keeps_to_the_branch_and_a_stepped_run_says_where_it_is_not_decided(
+    mechsim: Call, tmp_path: Path
+) -> None:
+    table = str(tmp_path / "turn.csv")
+    assert mechsim("solve", "four_bar", *PARALLELOGRAM, "--through", "fold", "-o", table).code == 0
+    found = files.read(table)
+    exact = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, through="fold")
+    points = {name: np.column_stack([found[f"{name}.{axis}"] for axis in "xyz"]) for name in ("A", "B")}
+    assert (exact.assembly_sign(points) >= -1e-15).all()
+    refused = mechsim("solve", "four_bar", *PARALLELOGRAM, "--through", "past")
+    assert refused.code == 2
+    assert "smooth or fold" in refused.err
+    told = mechsim("simulate", "four_bar", *PARALLELOGRAM, "--method", "step")
+    assert "rad two assemblies meet, and dynamics alone cannot decide" in told.out
+
+
 def test_simulate_by_poses_is_exact_to_rounding(mechsim: Call, tmp_path: Path) -> None:
     assert mechsim("simulate", "rssr", "--method", "pose", "--every", "5deg", "-o", "run.csv").code == 0
     table = files.read(tmp_path / "run.csv")

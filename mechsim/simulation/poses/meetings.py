@@ -16,6 +16,8 @@ WINDOW, POINTS, DEGREE = 0.25, 48, 22
 BLIND = 1.5e-2
 # singular values below this part of the largest belong to directions in which they do not hold it there
 HELD = 0.05
+# what a polynomial may miss the path by, in [rad] or [m], to be it
+SMOOTH = 1e-12
 # distances at which it is looked whether the determinant passes zero in a straight line, near last, and
 # by what part of its slope it may bend there
 SPREADS, BENT = (1e-2, 1e-4, 3e-7), 0.2
@@ -147,9 +149,12 @@ def _zero(at: Array, heights: Array) -> float:
     return float(real[np.argmin(np.abs(real - line))]) if len(real) else middle
 
 
-def _passed(loops: ModelLoops, angle: float, chord: _Chord) -> Meeting | None:
-    """Return the path through a meeting, closed at angles ever farther from it."""
-    near = np.cos(np.pi * (np.arange(POINTS) + 0.5) / POINTS) * WINDOW
+def _passed(loops: ModelLoops, angle: float, chord: _Chord, window: float = WINDOW) -> Meeting | None:
+    """Return the path through a meeting, closed at angles ever farther from it.
+
+    The window is halved until a polynomial is the path.
+    """
+    near = np.cos(np.pi * (np.arange(POINTS) + 0.5) / POINTS) * window
     half = np.sort(near[near > 0.0])
     known = chord
     offsets: list[float] = []
@@ -167,4 +172,8 @@ def _passed(loops: ModelLoops, angle: float, chord: _Chord) -> Meeting | None:
     rows = np.stack(states)[order]
     # the loops hold a pose the less the nearer it lies: a last step, to rounding
     rows = loops.moved(rows, loops.newton(*loops.linearise(rows))[0])
-    return Meeting(angle, angle + np.array(offsets)[order], rows)
+    nodes = angle + np.array(offsets)[order]
+    smooth = np.abs(fitted(nodes, angle, nodes) @ rows - rows)[np.abs(nodes - angle) > 0.3 * window].max()
+    if smooth > SMOOTH and window > 4.0 * BLIND:
+        return _passed(loops, angle, chord, 0.5 * window)
+    return Meeting(angle, nodes, rows)
