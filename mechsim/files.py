@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import secrets
 import shutil
 import stat
 import tempfile
@@ -71,19 +72,16 @@ def written_beside(path: str | Path) -> Generator[Path]:
     there = place.exists()
     special = there and not place.is_file()
     folder = tempfile.gettempdir() if special else place.parent
+    # named before it is made, so that no signal comes between its making and the care for its end
+    beside = Path(folder) / f".{place.stem[:32]}-{secrets.token_hex(4)}{place.suffix}"
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{place.stem[:32]}-", suffix=place.suffix, dir=folder)
-        os.close(handle)
-    except OSError as error:
-        raise _cannot_write(Path(path), error) from error
-    beside = Path(name)
-    try:
+        os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
         yield beside
         if special:
             with beside.open("rb") as whole, place.open("wb") as taker:
                 shutil.copyfileobj(whole, taker)
         else:
-            # mkstemp makes files that only their owner reads
+            # until now only its owner could read it
             beside.chmod(stat.S_IMODE(place.stat().st_mode) if there else 0o666 & ~_umask())
             beside.replace(place)
     except OutputError:

@@ -100,6 +100,8 @@ def ended(case: Tried) -> tuple[int, float, str, list[str]]:
             stderr=subprocess.PIPE,
             text=True,
             start_new_session=True,
+            # a shell lets what it runs in the background ignore Ctrl-C
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
         faults: list[str] = []
         if case.sent is not None:
