@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from mechsim.pictures import plots, render
     from mechsim.report.notebook import show
     from mechsim.simulation import Run, Settings, simulate
+    from mechsim.subjects.subject import load
     from mechsim.verdict.checks import Check, Verdict
     from mechsim.verdict.judge import crosscheck
     from mechsim.verdict.tolerances import Tolerance
@@ -65,6 +66,7 @@ _HOMES = _MODULES | {
     "Tolerance": "verdict.tolerances",
     "Verdict": "verdict.checks",
     "crosscheck": "verdict.judge",
+    "load": "subjects.subject",
     "show": "report.notebook",
     "simulate": "simulation",
 }
@@ -98,6 +100,7 @@ __all__ = [
     "course",
     "crosscheck",
     "dynamics",
+    "load",
     "motors",
     "plots",
     "render",

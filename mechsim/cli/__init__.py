@@ -23,7 +23,8 @@ COMMANDS = {
         "Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups.",
     ),
     "solve": ("solve.solve", "Solve a mechanism in closed form; write .csv or .npz, or print a table."),
-    "export": ("export.export", "Write the MuJoCo model of a mechanism."),
+    "export": ("export.export", "Write the MuJoCo model of a mechanism, or the mechanism as TOML."),
+    "schema": ("schema.schema", "Print the JSON Schema of mechanisms in TOML."),
     "simulate": ("simulate.simulate", "Run a mechanism in MuJoCo under a driven crank."),
     "validate": (
         "validate.validate",

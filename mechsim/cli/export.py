@@ -11,6 +11,7 @@ from mechsim.cli.output import progress
 from mechsim.errors import InputError
 from mechsim.pictures.render.exported_scene import exported
 from mechsim.simulation import mjcf
+from mechsim.subjects.toml_writer import toml_of
 
 
 def export(
@@ -23,11 +24,18 @@ def export(
     ] = None,
     scene: Annotated[str, typer.Option(help="pose, motion, dynamics or picture.")] = "motion",
     cut: Annotated[str | None, typer.Option(help="Joints at which to cut the loops, with commas.")] = None,
+    form: Annotated[
+        str, typer.Option("--format", metavar="xml|toml", help="A MuJoCo model, or the mechanism itself.")
+    ] = "xml",
     sets: Sets = None,
     output: Output = None,
 ) -> None:
-    """Write the MuJoCo model of a mechanism."""
+    """Write the MuJoCo model of a mechanism, or the mechanism as TOML."""
     wanted = scene_of(scene, cut)
+    if form not in ("xml", "toml"):
+        raise InputError(f"there is no format {form!r}; known are xml, toml")
+    if form == "toml" and (every is not None or cut is not None):
+        raise InputError("--all and --cut are for MuJoCo models; leave them out, or --format toml")
     if (model is None) == (every is None):
         raise InputError("export takes either one MODEL or --all DIR; give one of them")
     if every is not None:
@@ -43,8 +51,9 @@ def export(
         typer.echo(f"wrote {len(catalog.DRIVES)} models to {every}")
         return
     assert model is not None
-    place = None if output is None else writable(output, ".xml")
-    text = mjcf.to_xml(exported(form_of(model, sets).mechanism, wanted))
+    place = None if output is None else writable(output, f".{form}")
+    mechanism = form_of(model, sets).mechanism
+    text = toml_of(mechanism) if form == "toml" else mjcf.to_xml(exported(mechanism, wanted))
     if place is None:
         typer.echo(text, nl=False)
         return
