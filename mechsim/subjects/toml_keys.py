@@ -167,7 +167,6 @@ ROOT = Keys(
         ),
         "start": Number("rad", "crank angle of the guess; 0 if left out"),
         "guess": Named(_GUESS, "which assembly is meant: rough places of links"),
-        "forces": Keys({}, "what acts on it"),
         "formula": Keys(
             {"python": Word("FILE.py:FUNCTION, the user's own model of the motion")}, "an analytic model"
         ),

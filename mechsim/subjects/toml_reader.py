@@ -31,6 +31,9 @@ def read_toml(path: str, changed: Mapping[str, str] | None = None) -> LoopForm:
         InputError: for what the file may not hold; names file, line, key, value and remedy.
     """
     source = read_source(path)
+    if "forces" in source.document:
+        why = "is not read yet; give what acts to `mechsim dynamics`: --gravity, --spring, --friction, --load"
+        raise source.refusal(("forces",), why)
     document = {name: one for name, one in source.document.items() if name not in ("parameters", "units")}
     values = _units(source).with_parameters(source.document.get("parameters", {}), changed or {})
     read = values.checked(ROOT, document, ())

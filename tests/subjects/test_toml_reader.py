@@ -93,6 +93,7 @@ def test_a_crank_that_only_swings_has_the_range_of_the_closed_form(file):
 CHANGES = {
     "an unknown key": ("kind =", "kimd =", ("line 14", "joints.crank.kimd", "did you mean 'kind'")),
     "an unknown table": ("[points]", "[pionts]", ("line 29", "pionts", "did you mean 'points'")),
+    "forces": ("[points]", "[forces]\ngravity = [0, 0, 0]\n[points]", ("line 29", "--gravity")),
     "no name": ('name = "bar"', "", ("has no 'name'",)),
     "another kind": ('"revolute"', '"screw"', ("joints.crank.kind", "'screw'", "revolute, prismatic")),
     "an unknown parameter": ('"ground + crank/2"', '"grond"', ("line 8", "'grond'", "did you mean 'ground'")),

@@ -15,7 +15,6 @@ from mechsim.analytic.vector_method.trig_arcs import Arcs
 from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
-from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism, Pose
 from mechsim.model.motion import Motion
 
@@ -29,13 +28,11 @@ class LoopForm:
 
     Attributes:
         mechanism: its guess says which assembly is meant.
-        forces: what its description says acts on it.
         parameters: name -> value of what it was made from, as written.
         formula: FILE.py:FUNCTION of the user's own model; empty where there is none.
     """
 
     mechanism: Mechanism
-    forces: Forces = field(default_factory=Forces)
     parameters: Mapping[str, float] = field(default_factory=dict[str, float])
     formula: str = ""
 
