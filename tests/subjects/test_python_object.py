@@ -1,0 +1,56 @@
+"""A mechanism that a Python file makes."""
+
+import re
+
+import pytest
+
+from mechsim.analytic import catalog
+from mechsim.errors import InputError
+from mechsim.subjects.subject import load
+
+FILE = """
+import mechsim as ms
+plain = ms.catalog.make("four_bar").mechanism
+drive = ms.catalog.make("rssr", crank=0.014)
+def made():
+    return plain
+def broken():
+    raise ZeroDivisionError("no wonder\\nat all")
+number = 3
+"""
+
+
+@pytest.fixture
+def path(tmp_path):
+    (tmp_path / "own.py").write_text(FILE)
+    return str(tmp_path / "own.py")
+
+
+def test_a_mechanism_a_catalogue_object_and_a_function_that_makes_one_are_taken(path):
+    exact = catalog.make("four_bar").positions([1.0])["B"]
+    for name in ("plain", "made"):
+        assert load(f"{path}:{name}").positions([1.0])["B"] == pytest.approx(exact, abs=1e-15)
+    assert load(f"{path}:drive") == catalog.make("rssr", crank=0.014)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("broken", "ends in ZeroDivisionError: no wonder; mend the file"),
+        ("number", "is of type int"),
+        ("plane", "did you mean 'plain'"),
+        ("", "names no object"),
+    ],
+)
+def test_what_is_no_mechanism_is_refused_in_one_line(path, name, words):
+    with pytest.raises(InputError, match=re.escape(words)) as error:
+        load(f"{path}:{name}")
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_that_does_not_run_is_refused(tmp_path):
+    (tmp_path / "own.py").write_text("def x(:\n")
+    with pytest.raises(InputError, match="SyntaxError"):
+        load(f"{tmp_path / 'own.py'}:x")
+    with pytest.raises(InputError, match="leave out --set"):
+        load(f"{tmp_path / 'own.py'}:x", {"crank": "3"})
