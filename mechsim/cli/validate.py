@@ -7,7 +7,7 @@ import typer
 from mechsim.analytic import catalog
 from mechsim.cli.options import Json, Sets, Speed, folder_for, form_of, speed_of
 from mechsim.cli.output import print_json, print_table, progress
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.report.validation import write_validation_report
 from mechsim.studies.validate import Case, validate_all
 from mechsim.verdict.checks import HEAD
@@ -35,9 +35,10 @@ def validate(
     try:
         with progress("validate", len(drives)) as tick:
             cases = validate_all(drives, speed=asked, done=lambda case: tick(case.drive.name))
-    except AssemblyError:
+    except (AssemblyError, MobilityError) as error:
         if as_json:
-            lost = {"passed": False, "outcome": "cannot assemble", "checks": [], "steps": 0, "seconds": 0.0}
+            outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"
+            lost = {"passed": False, "outcome": outcome, "checks": [], "steps": 0, "seconds": 0.0}
             print_json({"passed": False, "mechanisms": dict.fromkeys([drive.name for drive in drives], lost)})
         raise
     passed = all(case.passed for case in cases.values())

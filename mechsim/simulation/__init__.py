@@ -1,6 +1,6 @@
 """Running models in MuJoCo: time stepping under a driven crank, and pose solving without time."""
 
-import mechsim.simulation.mujoco_loading  # before all else that imports it  # noqa: F401
+import mechsim.simulation.mujoco_loading  # before all else that imports it  # noqa: F401 # pyright: ignore[reportUnusedImport]
 from mechsim.maths.angles import TURN
 from mechsim.model.crank_profile import CrankProfile, constant, swing, table
 from mechsim.simulation.run import Run, simulate

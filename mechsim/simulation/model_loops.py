@@ -252,7 +252,7 @@ class ModelLoops:
         """
         held = jacobian[:, :, self.free] * np.where(self._angular, 1.0, self.size)
         held[:, : 3 * len(self.pairs)] /= self.size
-        values = np.linalg.svd(held, compute_uv=False)
+        values = np.linalg.svd(held, compute_uv=False).astype(np.float64, copy=False)
         if not values.size:
             return np.ones(len(held))
         rank = int((values > RANK_TOLERANCE * values[:, :1]).sum(1).max())

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,7 @@ from mechsim.analytic.vector_method.jets import Jet, Values, values
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME, LinkFrame
 from mechsim.analytic.vector_method.trig_arcs import Arcs, reachable_arcs
 from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, sampled, signed_root, unsigned
+from mechsim.analytic.vector_method.vectors import Sign
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
@@ -344,6 +345,9 @@ class TwoBranchForm(ClosedForm):
     """
 
     margin_degree: ClassVar[int] = 2
+    if TYPE_CHECKING:
+        # every subclass declares it where its own parameters say
+        branch: Sign
 
     through: Through = choice("smooth", ("smooth", "fold"), "how it goes on where both assemblies meet")
 

@@ -84,7 +84,7 @@ class TrigPolynomial:
         """Return angles of the zeros close to the unit circle of z^n times the polynomial, z = exp(i f)."""
         coefficients = (1j * self.order) ** derivative * self.harmonics
         zeros = np.roots(coefficients[::-1])
-        return np.angle(zeros[np.abs(np.abs(zeros) - 1.0) < near])
+        return np.asarray(np.angle(zeros[np.abs(np.abs(zeros) - 1.0) < near]), dtype=np.float64)
 
     def _polished(self, guess: float, derivative: int) -> float:
         angle = float(guess)

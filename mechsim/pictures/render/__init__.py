@@ -1,6 +1,6 @@
 """Pictures and videos of a motion, without a screen."""
 
-import mechsim.simulation  # loads MuJoCo without a back end that fails  # noqa: F401
+import mechsim.simulation  # loads MuJoCo without a back end that fails  # noqa: F401 # pyright: ignore[reportUnusedImport]
 from mechsim.pictures.render.drawing import frames, still
 from mechsim.pictures.render.gl_backend import Backend, choose, describe_backend
 from mechsim.pictures.render.look import Look

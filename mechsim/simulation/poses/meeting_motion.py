@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.maths.arrays import Array
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
@@ -10,8 +11,10 @@ from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.meetings import Meeting, fitted
 from mechsim.simulation.recorded_motion import States, Track, evaluate
 
+Rows = NDArray[np.intp]
 
-def held_off(states: Array, meeting: Meeting, rows: Array) -> Array:
+
+def held_off(states: Array, meeting: Meeting, rows: Rows) -> Array:
     """Return states of which those at some rows are moved away from a meeting, so that they have rates."""
     away = states.copy()
     away[rows] = meeting.states[-1]
@@ -19,7 +22,7 @@ def held_off(states: Array, meeting: Meeting, rows: Array) -> Array:
 
 
 def mended(
-    motion: Motion, loops: ModelLoops, track: Track, qpos: Array, meeting: Meeting, rows: Array, turned: Array
+    motion: Motion, loops: ModelLoops, track: Track, qpos: Array, meeting: Meeting, rows: Rows, turned: Array
 ) -> Motion:
     """Return a motion whose rows close to a meeting are interpolated from the motion around it.
 

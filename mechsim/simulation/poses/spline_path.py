@@ -63,7 +63,7 @@ class AssemblyPath:
             return states, sure
         return self._closed(guess, turned)
 
-    def blind(self, angles: Array) -> Iterator[tuple[Meeting, Array]]:
+    def blind(self, angles: Array) -> Iterator[tuple[Meeting, NDArray[np.intp]]]:
         """Yield meetings and which of some crank angles are so near that the loops say nothing, (n,)."""
         turned = angles - self.laps(angles) * TURN
         for meeting in self.meetings:
