@@ -7,7 +7,10 @@ from mechsim.subjects.schema import schema as schema_of
 
 
 def schema(output: Output = None) -> None:
-    """Print the JSON Schema of mechanisms in TOML, by which editors complete and check them."""
+    """Print the JSON Schema of mechanisms in TOML.
+
+    Editors complete and check such files by it.
+    """
     if output is None:
         print_json(schema_of())
         return
