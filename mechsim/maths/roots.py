@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
-from scipy import optimize
-
 
 def root(function: Callable[[float], float], low: float, high: float) -> float:
     """Return where a function vanishes, to rounding; by Brent's method."""
+    from scipy import optimize
+
     brent: Any = optimize.brentq
     return float(brent(function, low, high, xtol=1e-300, rtol=1e-15))

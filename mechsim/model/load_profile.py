@@ -6,7 +6,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import make_interp_spline
 
 from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
@@ -109,6 +108,8 @@ def table(
     Raises:
         InputError: for a table that does not rise, does not cover the turn, or does not close.
     """
+    from scipy.interpolate import make_interp_spline
+
     x, y = np.asarray(at, dtype=np.float64), np.asarray(values, dtype=np.float64)
     repeats = over == "angle" if periodic is None else periodic
     _check_table(x, y, over)

@@ -346,19 +346,31 @@ def test_the_package_runs_as_a_program() -> None:
     assert done.stdout.strip() == __version__
 
 
+HEAVY = {"scipy", "matplotlib", "mediapy", "pint", "networkx", "jinja2"}
+
+
+def loaded_by(*typed: str) -> set[str]:
+    """Return the packages that are loaded once all of this was typed."""
+    code = (
+        "import sys\n"
+        "from mechsim.cli import main\n"
+        f"for words in {typed!r}:\n"
+        "    sys.argv = ['mechsim', *words.split()]\n"
+        "    try: main()\n"
+        "    except SystemExit as ended: assert not ended.code, words\n"
+        "print('loaded', *{name.partition('.')[0] for name in sys.modules})"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return set(done.stdout.splitlines()[-1].split())
+
+
 def test_help_loads_nothing_heavy() -> None:
     # how long it takes is a benchmark; what makes it short is asserted here
-    code = (
-        "import sys; sys.argv = ['mechsim', '--help']\n"
-        "from mechsim.cli import main\n"
-        "try: main()\n"
-        "except SystemExit: pass\n"
-        "heavy = {'numpy', 'scipy', 'mujoco', 'matplotlib', 'mediapy', 'pint', 'networkx'}\n"
-        "heavy &= set(sys.modules)\n"
-        "sys.exit(f'loaded {heavy}' if heavy else 0)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    assert not loaded_by("--help") & (HEAVY | {"numpy", "mujoco"})
+
+
+def test_help_of_a_command_loads_what_declares_it_and_no_solver() -> None:
+    assert not loaded_by(*(f"{name} -h" for name in cli.COMMANDS)) & HEAVY
 
 
 def test_a_killed_run_leaves_no_half_written_file(tmp_path: Path) -> None:

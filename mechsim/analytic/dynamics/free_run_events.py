@@ -5,7 +5,6 @@ from contextlib import suppress
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from mechsim.analytic.dynamics.crank_table import CrankTable
 from mechsim.analytic.dynamics.friction import dry_sizes
@@ -134,6 +133,7 @@ class Runner:
 
     def _solved(self, sign: float, end: float, floor: Array, events: list[Any], inertia: float) -> Any:
         """Return the solution up to the next event: by DOP853, or by Radau's method where that is stiff."""
+        from scipy.integrate import solve_ivp
 
         def by(method: str) -> Any:
             return solve_ivp(

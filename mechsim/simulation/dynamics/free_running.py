@@ -4,7 +4,6 @@ import time as clock
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
@@ -237,6 +236,8 @@ def _work(loaded: LoadedModel, states: States) -> tuple[Array, Array]:
 
 def _integral(time: Array, power: Array) -> Array:
     """Return the integral of a power from the first instant on, by a quintic spline, (n,) in [J]."""
+    from scipy.interpolate import make_interp_spline
+
     degree = min(5, len(time) - 1)
     if not power.any() or degree < 1:
         return np.zeros_like(power)

@@ -3,7 +3,6 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 
-import networkx as nx
 import numpy as np
 
 from mechsim.errors import InputError
@@ -39,6 +38,8 @@ def cut_loops(
         InputError: for cuts that leave a loop or part the chain, or a loop that no spherical or
             revolute joint closes.
     """
+    import networkx as nx
+
     graph: nx.MultiGraph[str] = nx.MultiGraph()
     graph.add_nodes_from([GROUND, *(link.name for link in mechanism.links)])
     asked = set(cut or ())
@@ -95,6 +96,8 @@ def _cost(kind: Kind) -> int:
 
 def _distance_from_crank(mechanism: Mechanism) -> dict[str, int]:
     """Count joints from the driven link to each link, never through the frame."""
+    import networkx as nx
+
     driver = mechanism.joint(mechanism.driver)
     driven = driver.b.link if driver.a.link == GROUND else driver.a.link
     graph = nx.Graph([(joint.a.link, joint.b.link) for joint in mechanism.joints])

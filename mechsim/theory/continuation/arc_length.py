@@ -2,16 +2,18 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import DOP853
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.roots import root
 from mechsim.model.display import short_repr
+
+if TYPE_CHECKING:
+    from scipy.integrate import DOP853
 
 # singular values below this part of the largest count as zero: then more than one direction is free
 SINGULAR = 1e-9
@@ -116,6 +118,8 @@ def walk(
         InputError: if the start is not on the curve, or more than one direction is free there.
         AssemblyError: where branches cross, or if the curve has not closed after `most_steps`.
     """
+    from scipy.integrate import DOP853
+
     y, first, newton = _begin(road, start, direction)
     size = road.size
     points, arc, frames = [y], [0.0], [first]
@@ -205,7 +209,7 @@ def _begin(road: Road, start: Array, direction: ArrayLike | None) -> tuple[Array
 
 
 def _homecoming(
-    road: Road, solver: DOP853, start: Array, plane: Array, first: Frame
+    road: Road, solver: "DOP853", start: Array, plane: Array, first: Frame
 ) -> tuple[Array, float, int] | None:
     """Return the start met again, the length of the curve and the iterations, if the last step passed it."""
     dense = solver.dense_output()
