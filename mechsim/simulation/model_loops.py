@@ -208,9 +208,10 @@ class ModelLoops:
         every row counts, and which repeat others changes from pose to pose.
         """
         if self._basis is None:
-            left, values, right = np.linalg.svd(held[0])
+            # a model may have thousands of freedoms that no loop holds, and needs no basis of those
+            left, values, right = np.linalg.svd(held[0], full_matrices=held.shape[1] > held.shape[2])
             rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
-            self._basis = left[:, :rank], left[:, rank:], right[rank:]
+            self._basis = left[:, :rank], left[:, rank:], right[:rank]
         rows, idle, _ = self._basis
         if idle.shape[1] and np.abs(idle.T @ held).max(initial=0.0) > RANK_TOLERANCE * np.abs(held).max():
             return None
@@ -240,9 +241,9 @@ class ModelLoops:
         rows = self._independent(held)
         if rows is None or self._basis is None:
             return None
-        # freedoms that no row holds (a passive spin) stand in for the rows that are missing
-        spare = np.broadcast_to(self._basis[2], (len(held), *self._basis[2].shape))
-        return np.concatenate([rows.T @ held, spare], 1)
+        # freedoms that no row holds (a passive spin) are left out: as rows of their own they would stand for
+        # themselves, and change no determinant
+        return (rows.T @ held) @ self._basis[2].T
 
     def conditioning(self, jacobian: Array) -> Array:
         """Return how far states are from singular ones with the crank held, (n,), 0 to about 1.

@@ -9,6 +9,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.poses import follow
 
 EVERYTHING = [
     *(catalog.make(name).mechanism for name in ("rssr", "four_bar", "slider_crank")),
@@ -151,3 +152,27 @@ def test_states_that_cannot_be_closed_are_named_by_their_crank_angle() -> None:
     states[1, loops.crank_place] = np.pi
     with pytest.raises(AssemblyError, match=r"do not close at crank angle 3\.14159 rad: a gap of"):
         loops.close(states)
+
+
+def test_what_no_loop_holds_changes_no_determinant_and_has_no_part_in_it(monkeypatch) -> None:
+    drive = catalog.make("four_bar")
+    plain, spec = loops_of(drive.mechanism), assembled(drive.mechanism, Scene())
+    for i in range(5):
+        bob = spec.worldbody.add_body(name=f"bob {i}", pos=(1.0 + i, 0.0, 0.0), mass=1.0)
+        bob.inertia, bob.explicitinertial = (1.0, 1.0, 1.0), True
+        bob.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE)
+    beside = ModelLoops(spec.compile())
+    angles = np.linspace(0.0, 2.0, 9)
+    states = plain.close(
+        follow.follow(plain, plain.model.qpos0, plain.model.qpos0[plain.crank_place] + angles)
+    )
+    swung = np.concatenate([states, np.random.default_rng(3).normal(size=(9, 5))], 1)
+    sizes: list[tuple[int, ...]] = []
+    slogdet = np.linalg.slogdet
+    monkeypatch.setattr(np.linalg, "slogdet", lambda square: sizes.append(square.shape) or slogdet(square))
+    wanted, found = (
+        one.determinant(one.linearise(qpos)[1]) for one, qpos in ((plain, states), (beside, swung))
+    )
+    assert np.ptp(wanted) > 0.1
+    assert np.abs(found / found[0] - wanted / wanted[0]).max() < 1e-12
+    assert sizes[0] == sizes[1]

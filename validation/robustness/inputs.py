@@ -85,6 +85,12 @@ def prepared(place: Path, words: str) -> set[str]:
     return {path.name for path in place.iterdir()}
 
 
+def _heard() -> None:
+    """Let all signals through: a shell lets what runs in the background ignore Ctrl-C, nohup a hang-up."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
 def ended(case: Tried) -> tuple[int, float, str, list[str]]:
     """Run a case; return its exit code, seconds, last line said, and what was wrong."""
     with tempfile.TemporaryDirectory() as folder:
@@ -100,8 +106,7 @@ def ended(case: Tried) -> tuple[int, float, str, list[str]]:
             stderr=subprocess.PIPE,
             text=True,
             start_new_session=True,
-            # a shell lets what it runs in the background ignore Ctrl-C
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+            preexec_fn=_heard,
         )
         faults: list[str] = []
         if case.sent is not None:
