@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from mechsim import files, units
-from mechsim.analytic.forms import Form, closed_form
+from mechsim.analytic.forms import Form
 from mechsim.errors import InputError, OutputError
 from mechsim.model.scene import Scene
 from mechsim.subjects.subject import load
@@ -42,10 +42,10 @@ ThroughChange = Annotated[
 
 
 def passed(form: Form, through: str) -> Form:
-    """Return what goes through its change points so: only a closed form can fold."""
+    """Return what goes through its change points so."""
     if through not in ("smooth", "fold"):
         raise InputError(f"--through is {through!r}; it can be smooth or fold")
-    return form if through == "smooth" else closed_form(form, "--through fold").passing("fold")
+    return form.passing("smooth" if through == "smooth" else "fold")
 
 
 def form_of(model: str, sets: list[str] | None) -> Form:

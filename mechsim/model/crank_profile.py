@@ -17,6 +17,8 @@ from mechsim.model.mechanism import Mechanism
 PART_OF_RANGE = 0.9
 # fewer turns are a slip: between crank angles nearer to each other no motion is to be seen
 LEAST_TURNS = 1e-9
+# instants at which a crank that does not turn steadily is looked at, however little it turns
+LEAST_INSTANTS = 48
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +41,11 @@ class CrankProfile:
     def turns(self) -> float:
         """Turns the crank would make in this time at its fastest."""
         return self.duration * self.fastest / TURN
+
+    @property
+    def least(self) -> int:
+        """Instants, and steps, of which fewer do not show the motion: a short swing ends where it began."""
+        return 1 if self.steady else LEAST_INSTANTS
 
 
 class CrankRange(Protocol):

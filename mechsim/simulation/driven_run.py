@@ -14,6 +14,7 @@ from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import PLACE, Outcome
 from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.model_loops import CLOSED
 from mechsim.simulation.open_freedoms import require_within_limits
 from mechsim.simulation.pose_errors import in_another_assembly, pose_errors
 from mechsim.simulation.poses import follow
@@ -132,9 +133,9 @@ class DrivenRun:
                 f"{self.profile.turns:g} turns of {settings.steps_per_turn:,} steps are {wanted:.3g} steps, "
                 f"hours of work; take {MOST_STEPS:,} at the most"
             )
-        total = max(1, int(np.ceil(wanted - 1e-9)))
+        total = max(self.profile.least, int(np.ceil(wanted - 1e-9)))
         if self.samples is None:
-            return total, max(1, int(total / (SAMPLES * self.profile.turns)))
+            return total, max(1, int(total / max(self.profile.least, SAMPLES * self.profile.turns)))
         stride = -(-total // self.samples)
         return stride * self.samples, stride
 
@@ -166,7 +167,8 @@ def first_state(closed: ClosedModel, profile: CrankProfile) -> tuple[Array, Arra
 
 def allowed(closed: ClosedModel, motion: Motion) -> float:
     """Return the bound on the places of a motion's points where none is asked for, in [m]."""
-    return PLACE * half_extent(motion.points[name].position for name in closed.driven_points)
+    extent = half_extent(motion.points[name].position for name in closed.driven_points)
+    return max(PLACE * extent, CLOSED * closed.loops.size)
 
 
 def solved(
@@ -181,7 +183,7 @@ def solved(
     Raises:
         AssemblyError: where the crank cannot make all of it.
     """
-    samples = samples or max(1, int(np.ceil(SAMPLES * profile.turns - 1e-9)))
+    samples = samples or max(profile.least, int(np.ceil(SAMPLES * profile.turns - 1e-9)))
     time = np.linspace(0.0, profile.duration, samples + 1)
     angle, speed, acceleration = profile.state(time)
     if not profile.steady:

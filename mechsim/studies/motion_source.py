@@ -49,7 +49,7 @@ def motion_of(drive: Form, road: str, profile: CrankProfile, samples: float) -> 
         return drive.solve(*profile.state(np.linspace(0.0, profile.duration, count + 1)))
     if getattr(drive, "through", "smooth") == "fold" and drive.change_points():
         raise InputError(
-            f"{drive.name}: only the closed form folds at its change points; draw it --from closed, or smooth"
+            f"{drive.name}: MuJoCo's motion does not fold at change points; draw it --from closed, or smooth"
         )
     method = "step" if road == "simulated" else "pose"
     return simulate(drive.mechanism, profile=profile, samples=count, method=method).motion

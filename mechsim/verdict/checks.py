@@ -201,6 +201,13 @@ def concluded(checks: Iterable[Check], elsewhere: Callable[[], float | None] | N
         return Verdict("changed assembly", found, f"first seen at crank angle {where:.4f} rad")
     if not all(check.worst == check.worst for check in found):
         return Verdict("diverged", found, "an error is not a number")
-    names = ", ".join(f"{check.quantity} by {check.worst / check.bound:.3g} times" for check in failed[:3])
+    names = ", ".join(f"{check.quantity} {_beyond(check)}" for check in failed[:3])
     more = f" and {len(failed) - 3} more" if len(failed) > 3 else ""
     return Verdict("missed", found, f"beyond the bound: {names}{more}")
+
+
+def _beyond(check: Check) -> str:
+    """Return by how much a check failed, in words."""
+    if check.bound > 0.0:
+        return f"by {check.worst / check.bound:.3g} times"
+    return f"by {check.worst:.3g} {check.unit} where none is allowed"

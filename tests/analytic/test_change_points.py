@@ -9,6 +9,7 @@ from flat_linkages import flat_linkages, named, smooth_b, worst
 
 from mechsim import catalog
 from mechsim.analytic import closure
+from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.vector_method.trig_polynomial import FLAT, sampled, signed_root
 from mechsim.report.facts import facts
 
@@ -120,6 +121,37 @@ def test_folding_keeps_to_the_side_of_the_branch(which):
     told = FLAT_ONES[which].positions(angles, through="fold")
     for name, places in drive.positions(angles).items():
         assert (told[name] == places).all()
+
+
+@pytest.mark.parametrize("which", FLAT_ONES)
+def test_loop_equations_fold_as_the_closed_form_does(which):
+    drive = FLAT_ONES[which]
+    beside = [at + off for at in drive.change_points() for off in (-1e-3, -1e-7, 0.0, 1e-7, 1e-3)]
+    angles = np.unique([*np.linspace(-TURN, TURN, 33), *beside])
+    exact = drive.solve(angles, -2.0, through="fold")
+    found = closure.solve(drive.mechanism, angles, -2.0, through="fold")
+    smooth = closure.solve(drive.mechanism, angles, -2.0)
+    # measured 3e-14 of the size, 2e-12 and 1e-8
+    for name, point in exact.points.items():
+        there = found.points[name]
+        assert np.abs(there.position - point.position).max() <= 1e-12 * drive.mechanism.size
+        assert np.abs(there.velocity - point.velocity).max() <= 1e-10
+        assert np.abs(there.acceleration - point.acceleration).max() <= 1e-6
+    leaps = max(
+        np.abs(smooth.points[name].position - there.position).max() for name, there in found.points.items()
+    )
+    assert leaps > 0.1 * drive.mechanism.size
+
+
+def test_a_mechanism_of_ones_own_folds_too():
+    drive = FLAT_ONES["parallelogram"]
+    form = LoopForm(drive.mechanism).passing("fold")
+    angles = np.linspace(-TURN, TURN, 17)
+    exact = drive.positions(angles, through="fold")
+    for name, places in form.positions(angles).items():
+        np.testing.assert_allclose(places, exact[name], atol=1e-12)
+    assert form.period == TURN
+    assert np.sort(np.abs(form.change_points())) == pytest.approx([0.0, np.pi], abs=1e-9)
 
 
 def test_a_linkage_without_change_points_has_none():

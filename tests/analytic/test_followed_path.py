@@ -9,6 +9,7 @@ from mechsim import catalog
 from mechsim.analytic import closure
 from mechsim.analytic.closure.whole_motion import followed
 from mechsim.errors import AssemblyError
+from mechsim.model.mechanism import Pose
 
 ANGLES = np.unique(
     np.concatenate([np.linspace(-4 * np.pi, 4 * np.pi, 49), [1e-6, -3e-5, np.pi + 1e-4, 1e-3]])
@@ -41,6 +42,59 @@ def test_a_parallelogram_stays_one_turn_after_turn():
     assert {0, 1, 2} <= set(np.round(found / np.pi).astype(int))
     motion = closure.solve(mechanism, ANGLES)
     np.testing.assert_allclose(motion.links["coupler"].angular_velocity, 0.0, atol=1e-9)
+
+
+# crank and frame nearly alike, so that the coupler whips round; and ones whose path once ended a cell
+# just clear of the flat pose
+SHARP = {
+    "a kite": (0.034801572306382825, 0.03809267197104313, 0.034801572306382825, 0.03809267197104313),
+    "a hundredth": (0.1, 0.099, 0.1, 0.099),
+    "a hundredth longer": (0.1, 0.101, 0.1, 0.101),
+    "one flat pose": (0.1, 0.098, 0.15, 0.152),
+}
+
+
+@pytest.mark.parametrize("which", SHARP)
+def test_a_path_that_bends_sharply_at_its_flat_pose_is_resolved(which):
+    lengths = SHARP[which]
+    mechanism = catalog.make("four_bar", **named(lengths)).mechanism
+    angles = np.unique([*np.linspace(-4.0, 4.0, 33), *np.linspace(-0.02, 0.02, 21), 1e-6, -1e-9])
+    found = closure.solve(mechanism, angles).points["B"].position
+    with mpmath.workdps(40):
+        truths = {sign: [smooth_b(lengths, mpmath.mpf(at), sign) for at in angles] for sign in (1, -1)}
+    # measured 4e-12
+    assert min(worst(truth, found) for truth in truths.values()) <= 1e-10 * mechanism.size
+
+
+@pytest.mark.parametrize("start", np.linspace(-2.0, -0.4, 17))
+def test_change_points_are_found_wherever_the_path_begins(start):
+    drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
+    poses = closure.follow(drive.mechanism, [start])
+    guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
+    path = followed(drive.mechanism.with_guess(guess, float(start)))
+    path.extend(7.0)
+    path.extend(-7.0)
+    found = np.sort(path.meetings) / np.pi
+    np.testing.assert_allclose(found, np.round(found), atol=1e-12)
+    assert np.unique(np.round(found)).size == found.size >= 5
+
+
+@pytest.mark.parametrize("off", [3e-3, -2e-5])
+def test_a_path_may_begin_close_to_a_change_point(off):
+    drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
+    poses = closure.follow(drive.mechanism, [off])
+    guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
+    found = closure.solve(drive.mechanism.with_guess(guess, off), ANGLES).points["B"].position
+    assert np.abs(found - drive.positions(ANGLES)["B"]).max() <= 1e-12 * drive.mechanism.size
+
+
+@pytest.mark.parametrize(("off", "said"), [(0.0, "start at another crank angle"), (1e-7, "start elsewhere")])
+def test_a_path_that_begins_at_a_change_point_is_refused_with_the_angle_and_the_reason(off, said):
+    drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
+    links = drive.solve([off]).links
+    guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
+    with pytest.raises(AssemblyError, match=f"rad.*{said}"):
+        closure.follow(drive.mechanism.with_guess(guess, off), [-1.0, 1.0])
 
 
 @pytest.mark.parametrize("excess", [1e-3, 1e-6, 1e-9, 1e-12])

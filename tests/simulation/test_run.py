@@ -8,6 +8,7 @@ import pytest
 
 from mechsim import catalog, closure, simulation
 from mechsim.errors import AssemblyError, InputError
+from mechsim.model.crank_profile import swing
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, simulate
@@ -26,6 +27,20 @@ def worst(motion, exact, kind: str = "position") -> float:
         float(np.abs(getattr(motion.points[name], kind) - getattr(point, kind)).max())
         for name, point in exact.points.items()
     )
+
+
+# how often a motion is looked at
+
+
+@pytest.mark.parametrize("reach", [0.01, 1e-5])
+@pytest.mark.parametrize("method", ["pose", "step"])
+def test_a_short_swing_is_looked_at_on_its_way_and_not_only_where_it_began(reach: float, method: str) -> None:
+    drive = catalog.make("slider_crank")
+    run = simulate(drive, profile=swing(0.7, reach, 60.0), method=method)
+    angle = run.motion.angle
+    assert np.ptp(angle) == pytest.approx(2.0 * reach, rel=1e-2)
+    assert run.outcome == "met"
+    assert crosscheck(run, drive).passed
 
 
 # poses

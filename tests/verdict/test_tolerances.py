@@ -98,6 +98,9 @@ def test_where_nothing_is_allowed_any_error_is_beyond_the_bound_and_none_is_with
     off = np.array([0.0, 0.0, 1e-300, 0.0, 0.0])
     check = check_of("loop", "", off, ANGLE, none)
     assert (check.passed, check.at_angle, check.used) == (False, ANGLE[2], None)
+    verdict = concluded([check])
+    assert verdict.outcome == "missed"
+    assert verdict.reason == "beyond the bound: loop residual by 1e-300 m where none is allowed"
 
 
 def test_a_verdict_is_met_or_says_by_how_much_at_most_three_quantities_are_beyond():

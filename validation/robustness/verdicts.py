@@ -8,6 +8,7 @@ every run's own outcome is held against its verdict. And each is shown to the ju
 
 import argparse
 import sys
+import time as clock
 from collections import Counter
 from dataclasses import dataclass, field, fields, replace
 
@@ -25,6 +26,8 @@ from mechsim.verdict.quantities import stroke_of
 
 # a link this many times as long is wrong
 LONG = 1.001
+# mechanisms between two lines that say how far the study has come
+EVERY = 25
 
 
 @dataclass
@@ -35,6 +38,7 @@ class Found:
     faults: dict[str, list[str]] = field(default_factory=dict)
 
     def fault(self, kind: str, text: str) -> None:
+        print(f"FAULT {kind}: {text}", flush=True)
         self.faults.setdefault(kind, []).append(text)
 
 
@@ -42,7 +46,10 @@ def study(count: int, seed: int = 1) -> Found:
     """Return what came of so many random mechanisms."""
     random = np.random.default_rng(seed)
     found = Found()
-    for drive in rough_drives(random, count):
+    begin = clock.perf_counter()
+    for done, drive in enumerate(rough_drives(random, count)):
+        if done and done % EVERY == 0:
+            print(f"{done} of {count} after {clock.perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
         _validated(drive, found)
         for profile in (
             within_range(drive.mechanism, drive.crank_range(), SPEED),
@@ -112,9 +119,6 @@ def main(arguments: list[str]) -> int:
     print(f"{'tried':<18} {'times':>6} {'faults':>6}")
     for kind, times in found.tried.items():
         print(f"{kind:<18} {times:6} {len(found.faults.get(kind, [])):6}")
-    for kind, texts in found.faults.items():
-        for text in texts:
-            print(f"FAULT {kind}: {text}")
     return 1 if found.faults else 0
 
 

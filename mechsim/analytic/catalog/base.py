@@ -15,7 +15,7 @@ from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.jets import Jet, Values, values
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME, LinkFrame
 from mechsim.analytic.vector_method.trig_arcs import Arcs, reachable_arcs
-from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, sampled, signed_root, unsigned
+from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, sampled, signed_root
 from mechsim.analytic.vector_method.vectors import Sign
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.angles import TURN
@@ -158,7 +158,7 @@ class ClosedForm(ABC):
             acceleration: crank acceleration, scalar or (n,) in [rad/s2].
             links: False leaves out links and joints, for speed where only points are wanted.
             through: "smooth" or "fold" where two assemblies meet; None takes the mechanism's own. Rates
-                there are limits, of a fold those that follow.
+                there are limits, of a fold those beyond it.
 
         Returns:
             Poses, velocities and accelerations of tracked points, links and joints, ground frame, SI.
@@ -383,10 +383,9 @@ class TwoBranchForm(ClosedForm):
         if not self._arcs.full and self._arcs.arcs:
             # a crank that only swings does the same on every lap
             angle = angle - TURN * np.floor((values(angle) - self._arcs.arcs[0][0]) / TURN)
-        root = self._root.over(angle)
         if self.through == "fold":
-            return self.branch * unsigned(root)
-        return self.branch * self._root.sign(self._begin) * root
+            return self.branch * self._root.folded(angle)
+        return self.branch * self._root.sign(self._begin) * self._root.over(angle)
 
     @cached_property
     def _arcs(self) -> Arcs:

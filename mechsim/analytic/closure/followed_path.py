@@ -6,111 +6,63 @@ itself smooth, and stays on its side of every singular pose. Where the side chan
 two assemblies meet: the path is then followed up to that change point, which is measured, and through it.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.closure.loop_solver import Linearised, LoopSolver, loop_solver
-from mechsim.analytic.closure.tree_loops import TreeLoops, orthogonal
+from mechsim.analytic.closure.loop_solver import LoopSolver, loop_solver
+from mechsim.analytic.closure.meeting_cells import folded, meeting_between, through
+from mechsim.analytic.closure.path_cells import Cell, Drive, PathRows, nodes_between
+from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
-
-# path parameter (n,) -> prescribed coordinates in their units, (driven, n)
-Drive = Callable[[Array], Array]
+from mechsim.model.motion import Through
 
 # nodes of a cell, its first length and its longest, in radians of the drivers' motion
 NODES, FIRST, LONGEST = 9, 0.1, 1.2
 # a cell shorter than this ends at a singular pose
 SHORTEST = 1e-13
-# farther from what was foretold than this, in radians or parts of the size, may be another assembly; and
 # so much of a cell that its even nodes do not tell of the odd ones is not smooth
-ASTRAY, ROUGH = 5e-2, 1e-4
-# a residual up to which nodes are closed
-CLOSED = 1e-12
-# half the length of a cell about a change point, its nodes, and how near to it poses are read off the
-# polynomial, for there the loops tell nothing
-ABOUT, MANY, BLIND = 0.1, 18, 5e-3
-# no node of a cell lies so near to a change point, where the loops hardly hold it
-CLEAR = 2e-3
+ROUGH = 1e-4
+# part of the cell about a change point within which poses are read off its polynomial, for there the loops
+# tell nothing; and so near to one no path can begin
+BLIND, CLEAR = 0.05, 1e-5
+# a path that ends so near to its start may end because that is singular
+AT_START = 1e-3
+# two parameters nearer than this are one
+NEAR = 1e-9
+# part of that cell's length beyond it for which it foretells the next: its many nodes foretell no farther
+AFTER = 0.3
+# to this a change point is known: rates where a path folds are those beyond it
+JOINT = 1e-12
 # how far beyond what was asked a path is followed: no round number, where change points like to lie
 BEYOND = 0.2137
-# distances from a change point at which its side is measured: far, and nearest
-FAR, NEAR = 1e-3, 3e-7
 
 
-@dataclass(frozen=True)
-class Cell:
-    """A stretch of the path: closed coordinates at nodes, and the polynomial through them.
-
-    Attributes:
-        nodes: parameters, (k,).
-        states: flattened coordinates, (k, w).
-        weights: barycentric, (k,).
-        solver: what its poses are solved with.
-    """
-
-    nodes: Array
-    states: Array
-    weights: Array
-    solver: LoopSolver
-
-    def at(self, s: Array) -> Array:
-        """Return the polynomial at parameters (n,), (n, w)."""
-        gap = s[:, None] - self.nodes
-        hit = gap == 0.0
-        part = np.where(hit.any(1)[:, None], hit, self.weights / np.where(hit, 1.0, gap))
-        return (part / part.sum(1, keepdims=True)) @ self.states
-
-    def derivative(self) -> "Cell":
-        """Return the polynomial's derivative, through the same nodes."""
-        gap = self.nodes[:, None] - self.nodes
-        np.fill_diagonal(gap, 1.0)
-        matrix = self.weights / self.weights[:, None] / gap
-        np.fill_diagonal(matrix, 0.0)
-        np.fill_diagonal(matrix, -matrix.sum(1))
-        return replace(self, states=matrix @ self.states)
-
-
-def nodes_between(low: float, high: float, count: int) -> tuple[Array, Array]:
-    """Return Chebyshev points of the second kind from one end to the other, and barycentric weights."""
-    nodes = 0.5 * (low + high) + 0.5 * (low - high) * np.cos(np.pi * np.arange(count) / (count - 1))
-    weights = np.where(np.arange(count) % 2, -1.0, 1.0)
-    weights[[0, -1]] *= 0.5
-    nodes[[0, -1]] = low, high
-    return nodes, weights
-
-
-class FollowedPath:
+class FollowedPath(PathRows):
     """An assembly followed along a path of its drivers, as far as was asked.
 
     Attributes:
-        loops: of the mechanism.
         meetings: parameters at which two assemblies meet, as they were passed.
+        passing: how it goes on there.
     """
 
-    def __init__(self, loops: TreeLoops, drive: Drive, start: Coordinates, at: float):
-        self.loops, self.drive, self.start, self.begin = loops, drive, start, at
+    def __init__(
+        self, loops: TreeLoops, drive: Drive, start: Coordinates, at: float, passing: Through = "smooth"
+    ):
+        super().__init__(loops, drive)
+        self.start, self.begin = start, at
+        self.passing: Through = passing
         self.cells: dict[int, list[Cell]] = {1: [], -1: []}
         self.meetings: list[float] = []
-
-    def flat(self, at: Coordinates) -> Array:
-        """Return coordinates as rows of numbers, (n, w)."""
-        values = (at.values / self.loops.units[:, None]).T
-        return np.concatenate([values, at.turns.reshape(-1, len(at)).T], 1)
-
-    def unflat(self, rows: Array, s: Array) -> Coordinates:
-        """Return coordinates from rows of numbers nearly right, at parameters (n,)."""
-        k = self.loops.tree.count
-        turns = np.ascontiguousarray(rows[:, k:].T).reshape(-1, 3, 3, len(rows))
-        if len(turns):
-            turns = np.stack([orthogonal(orthogonal(turn)) for turn in turns])
-        values = rows[:, :k].T * self.loops.units[:, None]
-        values[list(self.loops.driven)] = self.drive(s)
-        return Coordinates(values, turns)
+        self._blind: list[float] = []
+        # of the singular poses that the last cell lies on; 0 where it is not known
+        self._side = 0.0
+        # the change point that comes next, once it is known, and the cell through it
+        self._ahead: tuple[Cell, float] | None = None
 
     def extend(self, to: float) -> None:
         """Follow the assembly as far as a parameter, and a little beyond where it goes on.
@@ -127,9 +79,9 @@ class FollowedPath:
         self._reach(to, sense)
 
     def _reach(self, to: float, sense: int) -> None:
-        done = self.cells[sense]
+        done, self._side, self._ahead = self.cells[sense], 0.0, None
         here = float(done[-1].nodes[-1]) if done else self.begin
-        length = abs(done[-1].nodes[-1] - done[-1].nodes[0]) if done else FIRST
+        length = AFTER * abs(float(done[-1].nodes[-1] - done[-1].nodes[0])) if done else FIRST
         while sense * (to - here) > 0.0:
             left = sense * (to - here)
             step = left if left <= length else min(length, 0.6 * left)
@@ -137,17 +89,35 @@ class FollowedPath:
             if cell is not None:
                 done.append(cell)
             elif length < SHORTEST:
-                raise AssemblyError(
-                    f"{self.loops.tree.mechanism.name}: the crank cannot pass {here:.7g} rad in this "
-                    "assembly; stay on this side of the dead centre or change the dimensions"
-                )
+                raise AssemblyError(self._stuck(here))
             here = float(done[-1].nodes[-1]) if done else self.begin
+
+    def _stuck(self, here: float) -> str:
+        """Return in one sentence why the path ends."""
+        said = f"{self._name}: the crank cannot pass {here:.7g} rad in this assembly"
+        if abs(here - self.begin) < AT_START and self._singular_start():
+            return (
+                f"{said}, for at its start, {self.begin:.7g} rad, it is at a dead centre or meets another "
+                "that cannot be told from it; start at another crank angle"
+            )
+        return f"{said}; stay on this side of the dead centre or change the dimensions"
+
+    def _singular_start(self) -> bool:
+        """Say whether the loops hold less at the start than beside it."""
+        solver, step = loop_solver(self.loops, self.start), np.zeros((self.loops.tree.count, 1))
+        step[self.loops.unknown, 0] = AT_START * solver.gauge.sum(0)
+        return loop_solver(self.loops, self.loops.moved(self.start, step)).open < solver.open
 
     def _next(self, here: float, sense: int, step: float) -> tuple[Cell | None, float]:
         """Return the next cell, None where a shorter one must be tried, and the length to try next."""
+        if self._ahead is not None:
+            left = sense * (float(self._ahead[0].nodes[0]) - here)
+            if left < NEAR:
+                return self._passed(self._ahead, here, sense)
+            step = min(step, left)
         solver = self._solver(here, sense)
         nodes, weights = nodes_between(here, here + sense * step, NODES)
-        found = self._closed(solver, nodes, self._foretold(here, sense, solver, nodes))
+        found = self.closed(solver, nodes, self._foretold(here, sense, solver, nodes))
         if found is None:
             return None, 0.5 * step
         states, loops, moved = found
@@ -158,7 +128,13 @@ class FollowedPath:
             return None, 0.5 * step
         flips = np.flatnonzero(np.sign(side[1:]) != np.sign(side[:-1]))
         if len(flips):
-            return self._through(cell, side, int(flips[0]), sense, step)
+            return None, step if self._met(cell, int(flips[0]), sense) else 0.5 * step
+        middle, done = float(np.sign(side[NODES // 2])), self.cells[sense]
+        if self._side * middle < 0.0 and solver is done[-1].solver:
+            # the change point lies where the last cell ends
+            length = abs(float(done[-1].nodes[-1] - done[-1].nodes[0]))
+            return None, 0.6 * length if self._back(sense) else 0.5 * step
+        self._side = middle
         growth = 2.0 if rough < 1e-7 and moved < 1e-3 else 1.4 if rough < 1e-5 and moved < 1e-2 else 1.0
         return cell, min(LONGEST, growth * step)
 
@@ -168,88 +144,65 @@ class FollowedPath:
         )
         return float(np.abs(half.at(cell.nodes[1::2]) - cell.states[1::2]).max())
 
-    def _through(
-        self, cell: Cell, side: Array, flip: int, sense: int, step: float
-    ) -> tuple[Cell | None, float]:
-        """Return the cell through a change point, or the length of the cell that ends before it.
+    def _met(self, cell: Cell, flip: int, sense: int) -> bool:
+        """Say whether a change point lies behind a node of a cell; the path then stops where its cell begins.
 
         Where it is none, but a sharp bend of the path or its end, shorter cells will show.
         """
         a, b = cell.nodes[flip : flip + 2]
-        meeting = self._meeting(cell, float(a), float(b))
-        if meeting is None:
-            return None, 0.5 * step
-        here = float(cell.nodes[0])
-        if sense * (meeting - here) > 1.5 * ABOUT:
-            return None, sense * (meeting - here) - ABOUT
-        if sense * (meeting - here) < CLEAR:
-            return None, self._back(meeting, sense)
-        beyond, count = meeting + sense * ABOUT, MANY
-        nodes, weights = nodes_between(here, beyond, count)
-        while np.abs(nodes - meeting).min() < CLEAR:
-            count += 1
-            nodes, weights = nodes_between(here, beyond, count)
-        found = self._closed(cell.solver, nodes, cell.at(nodes))
-        if found is None:
-            return None, 0.5 * step
-        self.meetings.append(meeting)
-        return Cell(nodes, found[0], weights, cell.solver), ABOUT
+        meeting = meeting_between(self, cell, float(a), float(b))
+        if meeting is not None:
+            self._ahead = through(self, cell, meeting, sense)
+        if meeting is None or self._ahead is None:
+            return False
+        first = float(self._ahead[0].nodes[0])
+        done = self.cells[sense]
+        while done and sense * (first - float(done[-1].nodes[-1])) < -NEAR and self._back(sense):
+            pass
+        return True
 
-    def _back(self, meeting: float, sense: int) -> float:
-        """Take back the cell that ends in a change point, and return the length of a shorter one.
+    def _passed(self, ahead: tuple[Cell, float], here: float, sense: int) -> tuple[Cell, float]:
+        """Return the cell that leads on from a change point, and the length to try next.
 
         Raises:
-            AssemblyError: where there is none, and the path begins there.
+            AssemblyError: where the path begins at the change point, or cannot fold there.
         """
-        if not self.cells[sense]:
+        self._ahead, self._side = None, 0.0
+        whole, meeting = ahead
+        away, beyond = sense * (meeting - here), sense * (float(whole.nodes[-1]) - meeting)
+        if away < CLEAR:
             raise AssemblyError(
-                f"{self.loops.tree.mechanism.name}: the start lies {abs(meeting - self.begin):.3g} rad from "
-                f"crank angle {meeting:.7g} rad, where two assemblies meet and none can be told from the "
-                "other; start at another crank angle"
+                f"{self._name}: assemblies meet at crank angle {meeting:.7g} rad, {abs(away):.3g} rad from "
+                "the start or from where others meet, and cannot be told from each other; start elsewhere or "
+                "change the dimensions"
             )
-        taken = self.cells[sense].pop()
-        return 0.6 * abs(float(taken.nodes[-1] - taken.nodes[0]))
+        after = (
+            folded(self, whole, meeting)
+            if self.passing == "fold"
+            else whole.part(here, meeting + sense * beyond)
+        )
+        if after is None:
+            raise AssemblyError(
+                f"{self._name}: the crank cannot pass {meeting:.7g} rad by folding, for it does not turn in "
+                "the assembly that is met there; go on smoothly"
+            )
+        if self.passing == "fold":
+            self.cells[sense].append(whole.part(here, meeting))
+        beyond = sense * (float(after.nodes[-1]) - meeting)
+        self.meetings.append(meeting)
+        self._blind.append(BLIND * beyond)
+        return after, AFTER * beyond
 
-    def _meeting(self, cell: Cell, a: float, b: float) -> float | None:
-        """Return where two assemblies meet between two nodes; None where they only come near each other."""
-
-        def sides(s: Array) -> Array | None:
-            found = self._closed(cell.solver, s, cell.at(s))
-            return None if found is None else found[1].side()
-
-        ends = sides(np.array([a, b])) if abs(b - a) > NEAR else None
-        if ends is None:
-            return None
-        at = a - ends[0] * (b - a) / (ends[1] - ends[0])
-        for apart in (min(0.1 * abs(b - a), FAR), 0.03 * FAR):
-            # a parabola through three points on either side of where the root is thought to be
-            around = at + apart * np.array([-2.0, -1.0, 1.0, 2.0])
-            found = sides(around)
-            if found is None or not np.all(np.sign(found[[0, 1]]) == -np.sign(found[[2, 3]])):
-                return None
-            parabola = np.polynomial.Polynomial.fit((around - at) / apart, found, 2)
-            roots = parabola.roots()
-            real = roots[np.abs(roots.imag) < 1e-12].real
-            if not len(real):
-                return None
-            rate = float(parabola.deriv()(0.0)) / apart
-            at += apart * float(real[np.argmin(np.abs(real))])
-        near = at + NEAR * np.array([-2.0, -1.0, 1.0, 2.0])
-        found = sides(near)
-        if found is None:
-            return None
-        meant = rate * (near - at)
-        return at if np.abs(found - meant).max() < 0.2 * abs(rate) * NEAR else None
-
-    def _closed(self, solver: LoopSolver, s: Array, rows: Array) -> tuple[Array, Linearised, float] | None:
-        """Return states closed from rough ones, the loops there, and how far they moved; or None."""
-        try:
-            at, found, moved = solver.close(self.unflat(rows, s))
-        except np.linalg.LinAlgError:
-            return None
-        if not (np.abs(found.residual).max(initial=0.0) < CLOSED and moved.max() < ASTRAY):
-            return None
-        return self.flat(at), found, float(moved.max())
+    def _back(self, sense: int) -> bool:
+        """Take back the last cell; False where there is none, or it leads through a change point."""
+        if not self.cells[sense]:
+            return False
+        first, last = self.cells[sense][-1].nodes[[0, -1]]
+        if any(sense * (at - first) >= 0.0 and sense * (last - at) >= 0.0 for at in self.meetings):
+            return False
+        self.cells[sense].pop()
+        self._side = 0.0
+        return True
 
     def _solver(self, here: float, sense: int) -> LoopSolver:
         done = self.cells[sense] or self.cells[-sense]
@@ -286,8 +239,7 @@ class FollowedPath:
         for end in (float(s.max()), float(s.min())):
             self.extend(end)
         cells = [*self.cells[-1][::-1], *self.cells[1]] or [self._dot()]
-        ends = np.array([min(cell.nodes[0], cell.nodes[-1]) for cell in cells])
-        of = np.clip(np.searchsorted(ends, s, side="right") - 1, 0, len(cells) - 1)
+        of = _places(cells, s)
         rows = np.empty((len(s), cells[0].states.shape[1]))
         for i in np.unique(of):
             rows[of == i] = cells[i].at(s[of == i])
@@ -301,8 +253,8 @@ class FollowedPath:
     def blind(self, s: Array) -> NDArray[np.bool_]:
         """Return which parameters lie so near to a change point that the loops tell nothing, (n,)."""
         near = np.zeros(len(s), dtype=np.bool_)
-        for meeting in self.meetings:
-            near |= np.abs(s - meeting) < BLIND
+        for meeting, blind in zip(self.meetings, self._blind, strict=True):
+            near |= np.abs(s - meeting) < blind
         return near
 
     def rough(self, s: Array) -> Coordinates:
@@ -314,14 +266,24 @@ class FollowedPath:
 
     def derivatives(self, s: Array) -> tuple[Array, Array]:
         """Return first and second derivatives of flattened states by the parameter, off the polynomials."""
-        cells = [*self.cells[-1], *self.cells[1]]
-        first, second = (np.empty((len(s), cells[0].states.shape[1])) for _ in range(2))
-        for i, at in enumerate(s):
-            cell = next(cell for cell in cells if min(cell.nodes[[0, -1]]) <= at <= max(cell.nodes[[0, -1]]))
-            once = cell.derivative()
-            first[i], second[i] = once.at(s[i : i + 1])[0], once.derivative().at(s[i : i + 1])[0]
+        cells = [*self.cells[-1][::-1], *self.cells[1]]
+        first, second = np.empty((2, len(s), cells[0].states.shape[1]))
+        of = _places(cells, s)
+        for i in np.unique(of):
+            once, here = cells[i].derivative(), of == i
+            first[here], second[here] = once.at(s[here]), once.derivative().at(s[here])
         return first, second
+
+    @property
+    def _name(self) -> str:
+        return self.loops.tree.mechanism.name
 
     def _dot(self) -> Cell:
         """Return the cell of a path that has not begun: its start alone."""
         return Cell(np.array([self.begin]), self.flat(self.start), np.ones(1), self._solver(self.begin, 1))
+
+
+def _places(cells: list[Cell], s: Array) -> NDArray[np.intp]:
+    """Return in which of some cells in a row parameters lie, (n,); where two join, in the later one."""
+    lows = np.array([cell.low for cell in cells])
+    return np.clip(np.searchsorted(lows, s + JOINT, side="right") - 1, 0, len(cells) - 1)

@@ -16,7 +16,7 @@ from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism, Pose
-from mechsim.model.motion import Motion
+from mechsim.model.motion import Motion, Through
 
 # two crank angles nearer than this are one
 SAME = 1e-9
@@ -30,11 +30,13 @@ class LoopForm:
         mechanism: its guess says which assembly is meant.
         parameters: name -> value of what it was made from, as written.
         formula: FILE.py:FUNCTION of the user's own model; empty where there is none.
+        through: how it goes on where two assemblies meet.
     """
 
     mechanism: Mechanism
     parameters: Mapping[str, float] = field(default_factory=dict[str, float])
     formula: str = ""
+    through: Through = "smooth"
 
     @property
     def name(self) -> str:
@@ -44,7 +46,12 @@ class LoopForm:
     @property
     def period(self) -> float:
         """Crank angle in [rad] after which it stands as before: two turns past an odd number of meetings."""
-        return 2.0 * TURN if self._range.full and len(self.change_points()) % 2 else TURN
+        odd = self.through == "smooth" and self._range.full and len(self.change_points()) % 2
+        return 2.0 * TURN if odd else TURN
+
+    def passing(self, through: Through) -> "LoopForm":
+        """Return the mechanism that goes on so where assemblies meet."""
+        return self if through == self.through else replace(self, through=through)
 
     def solve(self, angles: ArrayLike, speed: ArrayLike = 1.0, acceleration: ArrayLike = 0.0) -> Motion:
         """Return the motion at crank angles; as `closure.solve`.
@@ -52,7 +59,8 @@ class LoopForm:
         Raises:
             AssemblyError: where the loops do not close.
         """
-        return replace(solve(self.mechanism, angles, speed, acceleration), origin=self)
+        motion = solve(self.mechanism, angles, speed, acceleration, through=self.through)
+        return replace(motion, origin=self)
 
     def positions(self, angles: ArrayLike) -> dict[str, Array]:
         """Return the tracked points at crank angles: name -> (n, 3) in [m].
@@ -73,7 +81,7 @@ class LoopForm:
     def change_points(self) -> tuple[float, ...]:
         """Return the crank angles at which assemblies meet though the crank turns on, in [-pi, pi) rad.
 
-        The motion passes them smoothly.
+        The motion passes them as `through` says.
         """
         start, full = self.mechanism.start, self._range.full
         once = [at for at in self._path.meetings if start <= at < start + TURN or not full]
@@ -100,7 +108,7 @@ class LoopForm:
 
     @cached_property
     def _path(self) -> FollowedPath:
-        return followed(self.mechanism)
+        return followed(self.mechanism, self.through)
 
     @cached_property
     def _range(self) -> Arcs:

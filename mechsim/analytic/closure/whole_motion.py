@@ -18,14 +18,18 @@ from mechsim.maths.angles import TURN, other_laps
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Mechanism, Pose, described
-from mechsim.model.motion import JointMotion, Motion
+from mechsim.model.motion import JointMotion, Motion, Through
 
 # a gear ratio times turns of the crank is a whole number to this
 WHOLE = 1e-12
 
 
-def followed(mechanism: Mechanism) -> FollowedPath:
+def followed(mechanism: Mechanism, through: Through = "smooth") -> FollowedPath:
     """Return the path of a mechanism's assembly over its crank angle, as yet no longer than its start.
+
+    Args:
+        mechanism: its guess says which assembly is meant.
+        through: "smooth" or "fold" where two assemblies meet.
 
     Raises:
         AssemblyError: where the loops do not close at the start.
@@ -35,7 +39,7 @@ def followed(mechanism: Mechanism) -> FollowedPath:
     poses = assemble(mechanism, [mechanism.start])
     loops, start = tree_loops(mechanism, poses, mechanism.start)
     require_determined(loops, start)
-    return FollowedPath(loops, lambda angle: angle[None], start, mechanism.start)
+    return FollowedPath(loops, lambda angle: angle[None], start, mechanism.start, through)
 
 
 def follow(mechanism: Mechanism, angles: ArrayLike) -> dict[str, Pose]:
@@ -60,18 +64,25 @@ def follow(mechanism: Mechanism, angles: ArrayLike) -> dict[str, Pose]:
 
 
 def solve(
-    mechanism: Mechanism, angles: ArrayLike, speed: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
+    mechanism: Mechanism,
+    angles: ArrayLike,
+    speed: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    through: Through = "smooth",
 ) -> Motion:
     """Return the motion of any mechanism from its loop equations alone.
 
     Where two assemblies meet on its path, as in a parallelogram laid flat, the motion goes on smoothly,
-    and rates there are limits.
+    and rates there are limits; or it folds into the other one, which keeps the sign of the loops'
+    determinant, and rates there are those on one side.
 
     Args:
         mechanism: the mechanism; its guess says which assembly is meant.
         angles: crank angles, not wrapped, in any order, (n,) in [rad].
         speed: crank speed, scalar or (n,) in [rad/s].
         acceleration: crank acceleration, scalar or (n,) in [rad/s2].
+        through: "smooth" or "fold" where two assemblies meet.
 
     Raises:
         AssemblyError: where the loops do not close.
@@ -82,18 +93,16 @@ def solve(
     """
     mechanism = described(mechanism)
     asked = crank_angles(mechanism, angles)
-    rates = [
-        crank_rate(mechanism, what, value, len(asked))
-        for what, value in (("speed", speed), ("acceleration", acceleration))
-    ]
-    return recorded(*_moved(mechanism, asked, *rates), asked, *rates)
+    rate = crank_rate(mechanism, "speed", speed, len(asked))
+    second = crank_rate(mechanism, "acceleration", acceleration, len(asked))
+    return recorded(*_moved(mechanism, asked, rate, second, through), asked, rate, second)
 
 
 def _moved(
-    mechanism: Mechanism, angle: Array, speed: Array, acceleration: Array
+    mechanism: Mechanism, angle: Array, speed: Array, acceleration: Array, through: Through = "smooth"
 ) -> tuple[FollowedPath, LoopMotion]:
     """Return the motion and its path, of a crank that only swings on whatever lap it is asked for."""
-    path = followed(mechanism)
+    path = followed(mechanism, through)
     try:
         return path, loop_motion(path, angle, speed, acceleration)
     except AssemblyError:
@@ -117,7 +126,8 @@ def _counted(path: FollowedPath, laps: int) -> FollowedPath | None:
     start = path.start.values.copy()
     start[list(path.loops.driven)] += laps * TURN
     loops = replace(path.loops, winds=tuple(winds))
-    return FollowedPath(loops, path.drive, replace(path.start, values=start), path.begin + laps * TURN)
+    begin = path.begin + laps * TURN
+    return FollowedPath(loops, path.drive, replace(path.start, values=start), begin, path.passing)
 
 
 def recorded(

@@ -19,6 +19,8 @@ FLAT = 256.0 * np.finfo(np.float64).eps
 NEAR, TRIED = 1e-5, 1e-3
 # slopes this small beside the largest harmonic are those of an extremum
 LEVEL = 1e-9
+# an angle, as a part of itself, that may be a root but for rounding
+BESIDE = 4.0 * np.finfo(np.float64).eps
 
 
 @dataclass(frozen=True)
@@ -118,14 +120,16 @@ class SignedRoot:
             found = found * np.sin(0.5 * (angle - at))
         return found
 
+    def folded(self, angle: Values) -> Any:
+        """Return the root's absolute value at angles as `over` does; where it is zero, its rates beyond."""
+        at = values(angle)
+        beyond = at + BESIDE * (1.0 + np.abs(at))
+        signs = np.sign(np.sin(0.5 * np.subtract.outer(beyond, np.array(self.touching))))
+        return self.over(angle) * signs.prod(-1)
+
     def sign(self, angle: float) -> float:
         """Return the root's sign at an angle."""
         return float(np.prod(np.sign(np.sin(0.5 * (angle - np.array(self.touching))))))
-
-
-def unsigned(root: Values) -> Any:
-    """Return the absolute value of a root; where it is zero its rates are those that follow."""
-    return root * np.where(values(root) < 0.0, -1.0, 1.0)
 
 
 def sampled(polynomial: Callable[[Array], Array], degree: int) -> TrigPolynomial:

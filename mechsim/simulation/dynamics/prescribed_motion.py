@@ -88,7 +88,7 @@ def driven(
         return _stepped(loaded, profile, chosen, *_paced(profile, chosen, samples))
 
     short = _one_turn(profile)
-    count = max(1, int(np.ceil(TRIAL_SAMPLES * short.turns - 1e-9)))
+    count = max(short.least, int(np.ceil(TRIAL_SAMPLES * short.turns - 1e-9)))
 
     def trial(steps: int) -> Driven:
         chosen = replace(settings, steps_per_turn=steps)
@@ -99,10 +99,10 @@ def driven(
 
 def _paced(profile: CrankProfile, settings: Settings, samples: int | None) -> tuple[int, int]:
     """Return how many instants are recorded after the first and how many steps lie between two of them."""
-    total = max(1, int(np.ceil(profile.turns * settings.steps_per_turn - 1e-9)))
+    total = max(profile.least, int(np.ceil(profile.turns * settings.steps_per_turn - 1e-9)))
     if samples is not None:
         return samples, -(-total // samples)
-    stride = max(1, int(total / (SAMPLES * profile.turns)))
+    stride = max(1, int(total / max(profile.least, SAMPLES * profile.turns)))
     return -(-total // stride), stride
 
 
@@ -123,7 +123,7 @@ def _kept(run: Driven, tolerance: float | None) -> Driven:
 
 
 def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None) -> Driven:
-    count = samples or max(1, int(np.ceil(SAMPLES * profile.turns - 1e-9)))
+    count = samples or max(profile.least, int(np.ceil(SAMPLES * profile.turns - 1e-9)))
     time = np.linspace(0.0, profile.duration, count + 1)
     angle, speed, acceleration = profile.state(time)
     begin = clock.perf_counter()

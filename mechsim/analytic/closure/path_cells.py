@@ -1,0 +1,113 @@
+"""Stretches of a path: closed coordinates at nodes, and the polynomial through them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mechsim.analytic.closure.loop_solver import Linearised, LoopSolver
+from mechsim.analytic.closure.tree_loops import TreeLoops, orthogonal
+from mechsim.analytic.closure.tree_motion import Coordinates
+from mechsim.maths.arrays import Array
+
+# path parameter (n,) -> prescribed coordinates in their units, (driven, n)
+Drive = Callable[[Array], Array]
+
+# a residual up to which poses are closed, and how far they may move to it, in radians or parts of the
+# size: farther may be another assembly
+CLOSED, ASTRAY = 1e-12, 5e-2
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A stretch of the path: closed coordinates at nodes, and the polynomial through them.
+
+    Attributes:
+        nodes: parameters, (k,).
+        states: flattened coordinates, (k, w).
+        weights: barycentric, (k,).
+        solver: what its poses are solved with.
+    """
+
+    nodes: Array
+    states: Array
+    weights: Array
+    solver: LoopSolver
+
+    @property
+    def low(self) -> float:
+        """Its lowest parameter."""
+        return float(min(self.nodes[0], self.nodes[-1]))
+
+    def at(self, s: Array) -> Array:
+        """Return the polynomial at parameters (n,), (n, w)."""
+        gap = s[:, None] - self.nodes
+        hit = gap == 0.0
+        part = np.where(hit.any(1)[:, None], hit, self.weights / np.where(hit, 1.0, gap))
+        return (part / part.sum(1, keepdims=True)) @ self.states
+
+    def derivative(self) -> "Cell":
+        """Return the polynomial's derivative, through the same nodes."""
+        gap = self.nodes[:, None] - self.nodes
+        np.fill_diagonal(gap, 1.0)
+        matrix = self.weights / self.weights[:, None] / gap
+        np.fill_diagonal(matrix, 0.0)
+        np.fill_diagonal(matrix, -matrix.sum(1))
+        return replace(self, states=matrix @ self.states)
+
+    def part(self, low: float, high: float) -> "Cell":
+        """Return the same polynomial through nodes from one parameter to another."""
+        nodes, weights = nodes_between(low, high, len(self.nodes))
+        return replace(self, nodes=nodes, states=self.at(nodes), weights=weights)
+
+    def left_out(self) -> float:
+        """Return what the polynomial leaves out: by how much its last terms still change it."""
+        middle, reach = 0.5 * (self.nodes[0] + self.nodes[-1]), 0.5 * (self.nodes[-1] - self.nodes[0])
+        basis = np.polynomial.chebyshev.chebvander((self.nodes - middle) / reach, len(self.nodes) - 1)
+        return float(np.abs(np.linalg.solve(basis, self.states)[-3:]).max())
+
+
+def nodes_between(low: float, high: float, count: int) -> tuple[Array, Array]:
+    """Return Chebyshev points of the second kind from one end to the other, and barycentric weights."""
+    nodes = 0.5 * (low + high) + 0.5 * (low - high) * np.cos(np.pi * np.arange(count) / (count - 1))
+    weights = np.where(np.arange(count) % 2, -1.0, 1.0)
+    weights[[0, -1]] *= 0.5
+    nodes[[0, -1]] = low, high
+    return nodes, weights
+
+
+class PathRows:
+    """Poses along a path of the drivers, each as a row of numbers.
+
+    Attributes:
+        loops: of the mechanism.
+        drive: what the drivers do along the path.
+    """
+
+    def __init__(self, loops: TreeLoops, drive: Drive):
+        self.loops, self.drive = loops, drive
+
+    def flat(self, at: Coordinates) -> Array:
+        """Return coordinates as rows of numbers, (n, w)."""
+        values = (at.values / self.loops.units[:, None]).T
+        return np.concatenate([values, at.turns.reshape(-1, len(at)).T], 1)
+
+    def unflat(self, rows: Array, s: Array) -> Coordinates:
+        """Return coordinates from rows of numbers nearly right, at parameters (n,)."""
+        k = self.loops.tree.count
+        turns = np.ascontiguousarray(rows[:, k:].T).reshape(-1, 3, 3, len(rows))
+        if len(turns):
+            turns = np.stack([orthogonal(orthogonal(turn)) for turn in turns])
+        values = rows[:, :k].T * self.loops.units[:, None]
+        values[list(self.loops.driven)] = self.drive(s)
+        return Coordinates(values, turns)
+
+    def closed(self, solver: LoopSolver, s: Array, rows: Array) -> tuple[Array, Linearised, float] | None:
+        """Return states closed from rough ones, the loops there, and how far they moved; or None."""
+        try:
+            at, found, moved = solver.close(self.unflat(rows, s))
+        except np.linalg.LinAlgError:
+            return None
+        if not (np.abs(found.residual).max(initial=0.0) < CLOSED and moved.max() < ASTRAY):
+            return None
+        return self.flat(at), found, float(moved.max())
