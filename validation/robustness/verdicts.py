@@ -49,7 +49,7 @@ def study(count: int, seed: int = 1) -> Found:
     begin = clock.perf_counter()
     for done, drive in enumerate(rough_drives(random, count)):
         if done and done % EVERY == 0:
-            print(f"{done} of {count} after {clock.perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
+            print(f"{done} of {count} after {clock.perf_counter() - begin:.0f} s", file=sys.stderr)
         _validated(drive, found)
         for profile in (
             within_range(drive.mechanism, drive.crank_range(), SPEED),
