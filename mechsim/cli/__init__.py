@@ -17,7 +17,7 @@ from mechsim.cli.endings import ended, tell
 
 # command -> its file and function, and what it does
 COMMANDS = {
-    "list": ("catalog.list_mechanisms", "List the mechanisms of the catalogue."),
+    "list": ("catalog.list_mechanisms", "List the mechanisms of the catalogue and of the gallery."),
     "show": (
         "show.show",
         "Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups.",
@@ -28,7 +28,7 @@ COMMANDS = {
     "simulate": ("simulate.simulate", "Run a mechanism in MuJoCo under a driven crank."),
     "validate": (
         "validate.validate",
-        "Check closed form, loop equations and MuJoCo against each other; the main job.",
+        "Check closed form, loop equations, formulas and MuJoCo against each other; the main job.",
     ),
     "tradeoff": (
         "tradeoff.tradeoff",

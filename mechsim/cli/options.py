@@ -18,9 +18,7 @@ SLOWEST, FASTEST = 1e-4, 1e9
 
 Model = Annotated[
     str,
-    typer.Argument(
-        metavar="MODEL", help="A mechanism of the catalogue (`mechsim list`), FILE.toml or FILE.py:OBJECT."
-    ),
+    typer.Argument(metavar="MODEL", help="A name that `mechsim list` gives, FILE.toml or FILE.py:OBJECT."),
 ]
 Sets = Annotated[
     list[str] | None,

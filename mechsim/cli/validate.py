@@ -1,23 +1,36 @@
 """The command that checks everything against everything: validate."""
 
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from mechsim.analytic import catalog
+from mechsim.analytic.forms import Form
+from mechsim.cli.endings import tell
 from mechsim.cli.options import Json, Sets, Speed, folder_for, form_of, speed_of
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.report.validation import write_validation_report
 from mechsim.studies.validate import Case, validate_all
+from mechsim.subjects import gallery
+from mechsim.subjects.formula import Formula, formula_file, formula_of
 from mechsim.verdict.checks import HEAD
 
 
 def validate(
-    names: Annotated[
+    models: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[MODEL]...", help="Names, FILE.toml, FILE.py:OBJECT; none: the catalogue."),
+        typer.Argument(
+            metavar="[MODEL]...",
+            help="Names, FILE.toml, FILE.py:OBJECT; none: the catalogue, and the gallery, not stepped.",
+        ),
     ] = None,
+    whole_gallery: Annotated[
+        bool, typer.Option("--gallery", help="The gallery in full, beside what is named or the catalogue.")
+    ] = False,
     report: Annotated[
         str | None, typer.Option(metavar="DIR", help="Write plots, pictures, videos and a page here.")
     ] = None,
@@ -25,21 +38,29 @@ def validate(
     sets: Sets = None,
     as_json: Json = False,
 ) -> None:
-    """Check closed form, loop equations and MuJoCo against each other; the main job."""
-    names = names or list(catalog.DRIVES)
-    if sets and len(names) != 1:
+    """Check closed form, loop equations, formulas and MuJoCo against each other; the main job.
+
+    The formula that a file names is code, and is run.
+    """
+    shown = list(gallery.files())
+    wanted = list(models or catalog.DRIVES)
+    if whole_gallery or not models:
+        wanted += shown
+    if sets and len(wanted) != 1:
         raise InputError("--set changes one mechanism; name it")
-    drives = [form_of(name, sets) for name in names]
+    drives = _told_apart({model: form_of(model, sets) for model in wanted})
     asked = speed_of(speed)
     folder = None if report is None else folder_for(report)
+    formulas = _formulas(drives)
     try:
         with progress("validate", len(drives)) as tick:
-            cases = validate_all(drives, speed=asked, done=lambda case: tick(case.drive.name))
+            quick = () if models or whole_gallery else shown
+            cases = validate_all(drives, speed=asked, formulas=formulas, quick=quick, done=tick)
     except (AssemblyError, MobilityError) as error:
         if as_json:
             outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"
             lost = {"passed": False, "outcome": outcome, "checks": [], "steps": 0, "seconds": 0.0}
-            print_json({"passed": False, "mechanisms": dict.fromkeys([drive.name for drive in drives], lost)})
+            print_json({"passed": False, "mechanisms": dict.fromkeys(drives, lost)})
         raise
     passed = all(case.passed for case in cases.values())
     results = {"passed": passed, "mechanisms": {name: case.as_dict() for name, case in cases.items()}}
@@ -58,6 +79,22 @@ def validate(
         if folder is not None:
             typer.echo(f"report: {folder / 'index.html'}")
     raise typer.Exit(0 if passed else 1)
+
+
+def _told_apart(forms: Mapping[str, Form]) -> dict[str, Form]:
+    """Return mechanisms by name; those of one name by what they were called on the command line."""
+    count = Counter(form.name for form in forms.values())
+    return {form.name if count[form.name] == 1 else model: form for model, form in forms.items()}
+
+
+def _formulas(drives: Mapping[str, Form]) -> dict[str, Formula]:
+    """Return the formulas by name of the mechanism; says what code of the user's own is run for them."""
+    own = dict.fromkeys(file for form in drives.values() if (file := formula_file(form)))
+    foreign = [file for file in own if Path(file).resolve().parent != gallery.folder()]
+    if foreign:
+        tell(f"mechsim: runs {', '.join(foreign)}: a formula is code")
+    found = {name: formula_of(form) for name, form in drives.items()}
+    return {name: formula for name, formula in found.items() if formula is not None}
 
 
 def _print_case(name: str, case: Case) -> None:

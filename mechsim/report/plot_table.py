@@ -91,11 +91,13 @@ class PlotKind:
         about: what the plot shows, in a few words; its caption.
         draw: from a source.
         on_page: whether the page of a validation shows it.
+        closed: whether only a closed form gives it.
     """
 
     about: str
     draw: Callable[[PlotSource], "Figure"]
     on_page: bool = False
+    closed: bool = False
 
 
 def _errors(source: PlotSource, road: str) -> "Figure":
@@ -160,7 +162,7 @@ PLOTS = {
         "paths of the tracked points in perspective",
         lambda source: plots.space_curve(source.drive.mechanism, source.asked_motion, source.asked.points),
     ),
-    "transmission": PlotKind("transmission angle", _transmission, on_page=True),
+    "transmission": PlotKind("transmission angle", _transmission, on_page=True, closed=True),
     "plan": PlotKind("velocity plan with one crank stopped", _velocity_plan),
     "torque": PlotKind("drive torque and its parts; simulated: MuJoCo's as rings", _torque),
     "reactions": PlotKind(

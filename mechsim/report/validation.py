@@ -1,12 +1,14 @@
 """The page of a validation: each case with its facts, pictures, plots, verdict and cost."""
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import MissingToolError, OutputError
 from mechsim.files import written_beside
 from mechsim.pictures import plots
@@ -19,6 +21,8 @@ from mechsim.studies.validate import Case
 SIZE = (640, 480)
 FRAMES_PER_TURN = 36
 FRAMES_PER_SECOND = 18.0
+# of a case without a stepped run: a still and this plot
+QUICK = ("curve",)
 
 
 def write_validation_report(
@@ -45,7 +49,7 @@ def write_validation_report(
         still, video = _drawn(folder, name, case, notes)
         drawings = _plots(case)
         for kind, drawing in drawings.items():
-            with written_beside(folder / f"{name}_{kind}.svg") as beside:
+            with written_beside(folder / f"{_stem(name)}_{kind}.svg") as beside:
                 beside.write_bytes(drawing)
         sections.append(
             Section(
@@ -64,19 +68,26 @@ def write_validation_report(
     return notes
 
 
+def _stem(name: str) -> str:
+    """Return how files of a case begin: one called by the path of its file lies in this folder too."""
+    return re.sub(r"[/\\:]+", "_", name)
+
+
 def _drawn(folder: Path, name: str, case: Case, notes: list[str]) -> tuple[bytes | None, Path | None]:
-    """Write a still and a video of the stepped run; return the still's bytes and the video's path.
+    """Write a still and, of a stepped run, a video; return the still's bytes and the video's path.
 
     What cannot be drawn is None, and the notes say why; the page does without it.
     """
     from mechsim.pictures.render import turn_angles, write_picture, write_video
 
     mechanism, motion = case.drive.mechanism, case.run.motion
-    picture, video = folder / f"{name}.png", folder / f"{name}.mp4"
+    picture, video = folder / f"{_stem(name)}.png", folder / f"{_stem(name)}.mp4"
     still: bytes | None = None
     try:
         write_picture(picture, mechanism, motion, size=SIZE, angle=float(motion.angle[0]))
         still = picture.read_bytes()
+        if case.quick:
+            return still, None
         angles = turn_angles(motion, FRAMES_PER_TURN)
         write_video(video, mechanism, motion, angles=angles, fps=FRAMES_PER_SECOND, size=SIZE, paths="tail")
     except (MissingToolError, OutputError) as error:
@@ -93,13 +104,20 @@ def _plots(case: Case) -> dict[str, bytes]:
         drive=case.drive,
         speed=float(np.abs(case.exact.speed).max()),
         motions={"closed": case.exact, "simulated": case.run.motion, "posed": case.poses.motion},
-        bounds={"simulated": _bound(case, "step"), "posed": _bound(case, "pose")},
+        bounds={road: _bound(case, by) for road, by in (("simulated", "step"), ("posed", "pose"))},
     )
-    return {name: plots.drawn(kind.draw(source)) for name, kind in PLOTS.items() if kind.on_page}
+    wanted = {
+        name: kind for name, kind in PLOTS.items() if kind.on_page and (name in QUICK or not case.quick)
+    }
+    closed = isinstance(case.drive, ClosedForm)
+    return {
+        name: plots.drawn(kind.draw(source)) for name, kind in wanted.items() if closed or not kind.closed
+    }
 
 
 def _bound(case: Case, road: str) -> float:
-    return next(check.bound for check in case.checks if (check.road, check.kind) == (road, "position"))
+    bounds = (check.bound for check in case.checks if (check.road, check.kind) == (road, "position"))
+    return next(bounds, math.nan)
 
 
 def _facts(case: Case) -> dict[str, Any]:
@@ -129,6 +147,9 @@ def _facts(case: Case) -> dict[str, Any]:
 
 def _settings(case: Case) -> dict[str, Any]:
     run = case.run
+    posed = {"poses": f"{case.poses.steps} solved in {case.poses.seconds:.4g} s"}
+    if case.quick:
+        return posed
     assert run.settings is not None
     return {
         **run.settings.rows(),
@@ -136,5 +157,5 @@ def _settings(case: Case) -> dict[str, Any]:
         "crank speed": f"{float(np.abs(run.motion.speed).max()) * 30 / math.pi:.6g} rpm",
         "steps": run.steps,
         "stepping time": f"{run.seconds:.4g} s",
-        "poses": f"{case.poses.steps} solved in {case.poses.seconds:.4g} s",
+        **posed,
     }

@@ -22,18 +22,9 @@ def read_python(model: str) -> Form:
     Raises:
         InputError: for a file that cannot be run, or an object that is no mechanism.
     """
-    path, colon, name = model.rpartition(":")
-    if not colon or not name.isidentifier():
-        raise InputError(f"{model!r} names no object; write FILE.py:OBJECT, as in fourbar.py:mechanism")
-    if not os.path.isfile(path):
-        raise InputError(f"there is no file {path}; name one that can be read")
-    names: dict[str, Any] = _tried(path, lambda: runpy.run_path(path, run_name="mechsim_model"))
-    if name not in names:
-        own = [one for one in names if not one.startswith("__")]
-        raise InputError(f"{path} makes no {name!r}{nearest(name, own)}")
-    found = names[name]
+    found, (path, _, name) = object_of(model), model.rpartition(":")
     if callable(found) and not isinstance(found, Mechanism | ClosedForm | LoopForm):
-        found = _tried(f"{path}: {name}()", found)
+        found = tried(f"{path}: {name}()", found)
     if isinstance(found, ClosedForm | LoopForm):
         return found
     if isinstance(found, Mechanism):
@@ -44,7 +35,25 @@ def read_python(model: str) -> Form:
     )
 
 
-def _tried(what: str, call: Any) -> Any:
+def object_of(model: str) -> Any:
+    """Run a Python file and return one of its objects.
+
+    Raises:
+        InputError: for a file that cannot be run, or that makes no such object.
+    """
+    path, colon, name = model.rpartition(":")
+    if not colon or not name.isidentifier():
+        raise InputError(f"{model!r} names no object; write FILE.py:OBJECT, as in fourbar.py:mechanism")
+    if not os.path.isfile(path):
+        raise InputError(f"there is no file {path}; name one that can be read")
+    names: dict[str, Any] = tried(path, lambda: runpy.run_path(path, run_name="mechsim_model"))
+    if name not in names:
+        own = [one for one in names if not one.startswith("__")]
+        raise InputError(f"{path} makes no {name!r}{nearest(name, own)}")
+    return names[name]
+
+
+def tried(what: str, call: Any) -> Any:
     """Return what a user's code returns; its errors in one line."""
     try:
         return call()

@@ -50,3 +50,20 @@ def test_a_report_folder_that_cannot_be_made_is_refused_before_any_work(monkeypa
     assert code == 2
     assert len(said.err.strip().splitlines()) == 1
     assert "no/such" in said.err
+
+
+def test_a_case_without_steps_is_told_by_a_still_and_its_paths(tmp_path):
+    from mechsim.report.validation import write_validation_report
+    from mechsim.studies.validate import validate
+    from mechsim.subjects.subject import load
+
+    case = validate(load("scotch_yoke"), quick=True)
+    results = {"passed": True, "mechanisms": {"yoke": case.as_dict()}}
+    assert write_validation_report(tmp_path, {"yoke": case}, results) == []
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "index.html",
+        "validate.json",
+        "yoke.png",
+        "yoke_curve.svg",
+    }
+    assert results["mechanisms"]["yoke"]["steps"] == 0

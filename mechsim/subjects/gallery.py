@@ -1,0 +1,27 @@
+"""The gallery: known mechanisms in TOML that come with the package, each with its source and its law."""
+
+import re
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def folder() -> Path:
+    """Return where the gallery lies: in an installed package, or beside one that is run from its sources."""
+    inside = PACKAGE / "gallery"
+    return inside if inside.is_dir() else PACKAGE.parent / "models" / "gallery"
+
+
+def files() -> dict[str, Path]:
+    """Return the mechanisms of the gallery: name -> its file."""
+    return {path.stem: path for path in sorted(folder().glob("*.toml"))}
+
+
+def about(path: Path) -> str:
+    """Return what a file of the gallery says of itself: how the comment at its head begins."""
+    lines: list[str] = []
+    for line in path.read_text(encoding="utf-8").splitlines():
+        if not line.startswith("# ") or line.startswith("# Source:"):
+            break
+        lines.append(line.removeprefix("# "))
+    return re.split(r"[.;] ", " ".join(lines))[0].rstrip(".") + "."

@@ -1,0 +1,86 @@
+"""Laws of planar linkages of the gallery that are built of dyads: each new pin is where two circles meet.
+
+A function takes crank angles in [rad], (n,), and the parameters of its file, in mm and degrees, and returns
+the tracked points, (n, 3) in [m]. Places in the plane are complex numbers.
+"""
+
+import numpy as np
+
+
+def meeting(a, b, radius_a, radius_b, side):
+    """Return where circles about two places meet, to the left of the way from a to b where side is 1."""
+    gap = abs(b - a)
+    along = (radius_a**2 - radius_b**2 + gap**2) / (2.0 * gap**2)
+    across = np.sqrt(radius_a**2 / gap**2 - along**2)
+    return a + (b - a) * (along + 1j * side * across)
+
+
+def placed(**points):
+    """Return points in mm as (n, 3) in [m]."""
+    return {
+        name: np.column_stack([place.real, place.imag, 0.0 * place.real]) / 1000.0
+        for name, place in points.items()
+    }
+
+
+def opposite(angle, p, side):
+    """Return tracer and coupler's end of a linkage with three equal arms.
+
+    A circle about B goes through A, the rocker's pivot and, opposite A, the tracer: so the angle at the
+    pivot is right.
+    """
+    a = p["crank"] * np.exp(1j * angle)
+    way = a - p["ground"]
+    reach = np.sqrt((2.0 * p["arm"]) ** 2 - abs(way) ** 2)
+    tracer = p["ground"] + 1j * side * way / abs(way) * reach
+    return placed(P=tracer, B=(a + tracer) / 2.0)
+
+
+def hoeken(angle, p):
+    """Return tracer P and pin B."""
+    return opposite(angle, p, -1)
+
+
+def chebyshev_lambda(angle, p):
+    """Return tracer P and pin B."""
+    return opposite(angle, p, 1)
+
+
+def four_bar(angle, p):
+    """Return both ends of the coupler."""
+    a = p["crank"] * np.exp(1j * angle)
+    return a, meeting(a, p["ground"], p["coupler"], p["rocker"], 1)
+
+
+def watt_six_bar(angle, p):
+    """Return the pins of the second four-bar."""
+    _, b = four_bar(angle, p)
+    turned = (b - p["ground"]) / p["rocker"]
+    c = p["ground"] + turned * p["arm"] * np.exp(1j * np.deg2rad(40.0))
+    return placed(C=c, D=meeting(c, p["ground"] + p["second"], p["rod"], p["output"], 1))
+
+
+def stephenson_six_bar(angle, p):
+    """Return the coupler point and the dyad's pin."""
+    a, b = four_bar(angle, p)
+    c = a + (b - a) / p["coupler"] * (p["coupler"] / 2.0 + 1j * p["arm"])
+    return placed(C=c, D=meeting(c, p["ground"] + p["second"], p["rod"], p["output"], 1))
+
+
+def klann(angle, p):
+    """Return elbow, knee, hip and foot."""
+    c = p["AC"] * np.exp(1j * angle)
+    h = meeting(c, p["Bx"] + 1j * p["By"], p["CH"], p["BH"], -1)
+    f = meeting(h, c, p["FH"], p["CF"], 1)
+    e = meeting(p["Dx"] + 1j * p["Dy"], f, p["DE"], p["EF"], -1)
+    return placed(H=h, F=f, E=e, G=meeting(e, f, p["EG"], p["FG"], 1))
+
+
+def jansen(angle, p):
+    """Return the joints of the leg that are tracked."""
+    pin, hip = p["m"] * np.exp(1j * angle), -p["a"] - 1j * p["l"]
+    top = meeting(pin, hip, p["j"], p["b"], -1)
+    back = meeting(hip, top, p["d"], p["e"], 1)
+    knee = meeting(pin, hip, p["k"], p["c"], 1)
+    heel = meeting(back, knee, p["f"], p["g"], -1)
+    return placed(top=top, knee=knee, heel=heel, foot=meeting(heel, knee, p["h"], p["i"], -1))

@@ -1,0 +1,59 @@
+"""Laws of couplings and gears of the gallery: how one shaft turns with another.
+
+A function takes crank angles in [rad], (n,), and the parameters of its file, in mm and degrees, and returns
+the tracked points, (n, 3) in [m].
+"""
+
+import numpy as np
+
+
+def rim(angle, radius, first, second, centre=(0.0, 0.0, 0.0)):
+    """Return a point on a wheel in [m]: towards `first` at angle 0, towards `second` at a right angle."""
+    on = np.cos(angle)[:, None] * np.array(first) + np.sin(angle)[:, None] * np.array(second)
+    return (np.array(centre) + radius * on) / 1000.0
+
+
+def turned(angle, radius):
+    """Return a point in mm in the plane of the shafts that lies at an angle."""
+    return rim(angle, radius, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+
+
+def crossed(angle, p):
+    """Return the tips of the yokes before and beyond a cross, where tan(out) = tan(in) cos(bend)."""
+    bend = np.deg2rad(p["bend"])
+    out = np.arctan2(np.sin(angle) * np.cos(bend), np.cos(angle))
+    across = (-np.sin(bend), np.cos(bend), 0.0)
+    return (
+        rim(angle, p["arm"], (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)),
+        rim(out, p["arm"], across, (0.0, 0.0, 1.0)),
+    )
+
+
+def cardan_joint(angle, p):
+    """Return the tips of both yokes."""
+    driving, driven = crossed(angle, p)
+    return {"driving": driving, "driven": driven}
+
+
+def double_cardan(angle, p):
+    """Return the tips of all yokes: the last turns as the first."""
+    driving, middle = crossed(angle, p)
+    bend = np.deg2rad(p["bend"])
+    centre = (p["length"] * np.cos(bend), p["length"] * np.sin(bend), 0.0)
+    back = (np.sin(2.0 * bend), -np.cos(2.0 * bend), 0.0)
+    driven = rim(angle, p["arm"], (0.0, 0.0, 1.0), back, centre)
+    return {"driving": driving, "middle": middle, "driven": driven}
+
+
+def oldham_coupling(angle, p):
+    """Return the disc's centre: on the circle over the offset, where two lines at right angles meet."""
+    across = p["offset"] * np.cos(angle) / 1000.0
+    return {"disc": across[:, None] * turned(angle, 1000.0)}
+
+
+def planetary_gear(angle, p):
+    """Return the planet's axle and a point of planet and sun: Willis."""
+    axle = turned(angle, p["arm"])
+    planet = angle * (1.0 - p["teeth_ring"] / p["teeth_planet"])
+    sun = angle * (1.0 + p["teeth_ring"] / p["teeth_sun"])
+    return {"axle": axle, "planet": axle + turned(planet, p["planet"]), "sun": turned(sun, p["sun"])}

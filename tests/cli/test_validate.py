@@ -1,0 +1,85 @@
+"""`mechsim validate` and the gallery: what is judged, what code is run, how results are told apart."""
+
+import json
+import sys
+
+import pytest
+
+from mechsim.cli import main
+from mechsim.subjects import gallery
+
+YOKE = gallery.files()["scotch_yoke"]
+
+
+@pytest.fixture
+def mechsim(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["mechsim", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return int(ended.value.code or 0), said.out, said.err
+
+    return call
+
+
+def judged(text):
+    return {
+        name: {check["quantity"].split(":")[0] for check in case["checks"]}
+        for name, case in json.loads(text)["mechanisms"].items()
+    }
+
+
+def test_the_gallery_is_listed_and_its_names_are_models(mechsim):
+    code, out, _ = mechsim("list", "--json")
+    assert not code
+    assert set(json.loads(out)["gallery"]) == set(gallery.files())
+    code, out, _ = mechsim("show", "scotch_yoke", "--json")
+    assert not code
+    assert json.loads(out)["name"] == "scotch_yoke"
+
+
+def test_without_names_the_gallery_is_judged_without_steps_and_with_its_option_in_full(mechsim, monkeypatch):
+    monkeypatch.setattr(gallery, "files", lambda: {"scotch_yoke": YOKE})
+    code, out, err = mechsim("validate", "--json")
+    assert not code, err
+    roads = judged(out)
+    assert roads["scotch_yoke"] == {"formula", "pose"}
+    assert {"closed form", "pose", "step"} <= roads["rssr"]
+    code, out, _ = mechsim("validate", "slider_crank", "--gallery", "--json")
+    assert not code
+    assert judged(out)["scotch_yoke"] == {"formula", "pose", "step"}
+    assert len(judged(out)) == 2
+
+
+def test_a_formula_of_one_s_own_is_run_and_said_to_be_and_its_error_is_found(mechsim, tmp_path):
+    (tmp_path / "guides.py").write_text(
+        YOKE.with_name("guides.py").read_text().replace("np.cos", "1.001 * np.cos")
+    )
+    (tmp_path / "own.toml").write_text(YOKE.read_text())
+    code, out, err = mechsim("validate", "own.toml")
+    assert code == 1
+    assert "runs guides.py: a formula is code" in err
+    assert "scotch_yoke: missed - formula: beyond the bound: position of" in out
+
+
+def test_the_gallery_s_own_laws_need_no_word(mechsim):
+    code, _, err = mechsim("validate", "scotch_yoke")
+    assert not code
+    assert not err
+
+
+def test_two_files_of_one_name_are_both_judged_and_both_drawn(mechsim, tmp_path):
+    for name, crank in (("a", "30"), ("b", "31")):
+        (tmp_path / name).mkdir()
+        own = YOKE.read_text().replace("crank = 30", f"crank = {crank}").partition("[formula]")[0]
+        (tmp_path / name / "yoke.toml").write_text(own)
+    code, out, err = mechsim("validate", "a/yoke.toml", "b/yoke.toml", "--report", "out", "--json")
+    assert not code, err
+    assert list(json.loads(out)["mechanisms"]) == ["a/yoke.toml", "b/yoke.toml"]
+    assert (tmp_path / "out" / "a_yoke.toml_curve.svg").exists()
+    assert (tmp_path / "out" / "b_yoke.toml_curve.svg").exists()
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert 'id="a/yoke.toml"' in page
