@@ -16,10 +16,12 @@ if TYPE_CHECKING:
     from mechsim.model import load_profile as course
     from mechsim.model import motors
     from mechsim.model import rod_inertia as rods
+    from mechsim.model.couplings import Coupling, Gear
     from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
     from mechsim.model.inertia import Inertia
-    from mechsim.model.mechanism import End, Gear, Joint, Link, Mechanism, Pose
+    from mechsim.model.mechanism import End, Joint, Link, Mechanism, Pose
     from mechsim.model.motion import Motion
+    from mechsim.model.programs import Programs
     from mechsim.model.scene import Scene
     from mechsim.pictures import plots, render
     from mechsim.report.notebook import show
@@ -48,7 +50,8 @@ _HOMES = _MODULES | {
     "End": "model.mechanism",
     "Forces": "model.forces",
     "Friction": "model.forces",
-    "Gear": "model.mechanism",
+    "Coupling": "model.couplings",
+    "Gear": "model.couplings",
     "Inertia": "model.inertia",
     "InputError": "errors",
     "Joint": "model.mechanism",
@@ -59,6 +62,7 @@ _HOMES = _MODULES | {
     "MechsimError": "errors",
     "Motion": "model.motion",
     "Pose": "model.mechanism",
+    "Programs": "model.programs",
     "Run": "simulation",
     "Scene": "model.scene",
     "Settings": "simulation",
@@ -74,6 +78,7 @@ _HOMES = _MODULES | {
 __all__ = [
     "AssemblyError",
     "Check",
+    "Coupling",
     "End",
     "Forces",
     "Friction",
@@ -88,6 +93,7 @@ __all__ = [
     "MechsimError",
     "Motion",
     "Pose",
+    "Programs",
     "Run",
     "Scene",
     "Settings",

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim import closure
-from mechsim.model.mechanism import GROUND, End, Gear, Joint, Link, Mechanism, Pose, Vector
+from mechsim.model.couplings import Gear
+from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose, Vector
 
 START = 0.7
 

@@ -191,6 +191,10 @@ class Forces:
         """Raise InputError unless every joint and place named is the mechanism's, and of a kind that fits."""
         for friction in self.friction:
             name = mechanism.joint(friction.joint).kind
+            if KINDS[name].freedoms in (0, 6):
+                raise InputError(
+                    f"friction is given in {name} joint {friction.joint!r}, where nothing rubs; leave it out"
+                )
             if not KINDS[name].mixed and (friction.viscous_turn or friction.coulomb_turn):
                 raise InputError(
                     f"friction of turning beside that of sliding is given in {name} joint "

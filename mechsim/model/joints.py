@@ -5,7 +5,7 @@ it has, what it transmits and where its friction acts. Axes are named in it by w
 
 - "a": the axis as side a has it, along which that of side b lies;
 - "b": the axis as side b has it, where it crosses that of side a (`cross_angle`);
-- "x", "y", "z": the mark of side a, axis x mark, and the axis.
+- "x", "y", "z": the mark of side a, axis x mark, and the axis as side a has it.
 
 A joint turns about nothing, about "a", about "a" and "b", or about all of "x", "y" and "z" as a ball.
 """
@@ -19,7 +19,9 @@ import numpy as np
 from mechsim.maths.arrays import Array
 
 Axis = Literal["a", "b", "x", "y", "z"]
-KindName = Literal["revolute", "prismatic", "cylindrical", "universal", "spherical"]
+KindName = Literal[
+    "revolute", "prismatic", "cylindrical", "screw", "universal", "spherical", "planar", "fixed", "floating"
+]
 
 # axis -> column of the joint frame of the side it is fixed on: b for "b", else a
 COLUMN: dict[Axis, int] = {"x": 0, "y": 1, "z": 2, "a": 2, "b": 2}
@@ -31,10 +33,12 @@ class Kind:
 
     slides: tuple[Axis, ...]
     turns: tuple[Axis, ...]
+    # whether its displacement goes with its turn, by `Joint.lead`
+    led: bool = False
 
     @property
     def freedoms(self) -> int:
-        """How many relative motions are free."""
+        """How many relative motions are free; of a screw, which a coupling holds, both."""
         return len(self.slides) + len(self.turns)
 
     @property
@@ -73,9 +77,25 @@ class Kind:
         return self.freedoms == 1
 
     @property
+    def drivable(self) -> bool:
+        """Whether its coordinates can be prescribed: a hinge, a slide, or both along one axis."""
+        return self.slides in ((), ("a",)) and self.turns in ((), ("a",)) and self.freedoms > 0
+
+    @property
     def mixed(self) -> bool:
-        """Whether it both slides and turns."""
-        return bool(self.slides and self.turns)
+        """Whether it both slides and turns, by coordinates of its own."""
+        return bool(self.slides and self.turns) and not self.ball
+
+    @property
+    def endings(self) -> tuple[str, ...]:
+        """What follows a joint's name in the name of each of its coordinates; a ball's turns have none."""
+        if self.single:
+            return ("",)
+        slides = (".way",) if len(self.slides) == 1 else tuple(f".{axis}" for axis in self.slides)
+        if self.ball:
+            return slides
+        turns = (".turn",) if len(self.turns) == 1 else tuple(f".{i + 1}" for i in range(len(self.turns)))
+        return slides + turns
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -87,8 +107,12 @@ KINDS: dict[KindName, Kind] = {
     "revolute": Kind(slides=(), turns=("a",)),
     "prismatic": Kind(slides=("a",), turns=()),
     "cylindrical": Kind(slides=("a",), turns=("a",)),
+    "screw": Kind(slides=("a",), turns=("a",), led=True),
     "universal": Kind(slides=(), turns=("a", "b")),
     "spherical": Kind(slides=(), turns=("x", "y", "z")),
+    "planar": Kind(slides=("x", "y"), turns=("a",)),
+    "fixed": Kind(slides=(), turns=()),
+    "floating": Kind(slides=("x", "y", "z"), turns=("x", "y", "z")),
 }
 
 

@@ -11,8 +11,10 @@ from functools import cache
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import number, numbers, require
+from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.display import short_repr
 from mechsim.model.inertia import Inertia
 from mechsim.model.joints import KINDS, KindName, coordinates
@@ -125,9 +127,14 @@ class Joint:
     - revolute: points and axes coincide. Coordinate: angle from a's mark to b's about the axis.
     - prismatic: axes coincide, marks stay parallel. Coordinate: displacement of b's point along the axis.
     - cylindrical: axes coincide. Coordinates: displacement, then angle.
+    - screw: as cylindrical, and the displacement is `lead` times the turns.
     - universal: points coincide, axes cross at `cross_angle`. Coordinates: angle about a's axis,
       angle about b's; both zero where b's axis lies from a's axis towards a's mark.
     - spherical: points coincide. No coordinate.
+    - planar: axes stay parallel and b's point in the plane across a's axis. Coordinates: displacements
+      along a's mark and across it, then angle.
+    - fixed: points coincide, axes and marks too. No coordinate.
+    - floating: nothing is held. Coordinates: the place of b's point in a's frame.
 
     Attributes:
         name: unique in the mechanism.
@@ -135,6 +142,7 @@ class Joint:
         a: the side nearer the frame.
         b: the other side.
         cross_angle: of a universal joint, in [rad].
+        lead: of a screw, displacement a turn in [m].
     """
 
     name: str
@@ -142,6 +150,7 @@ class Joint:
     a: End
     b: End
     cross_angle: float = np.pi / 2
+    lead: float = 0.0
 
     def __post_init__(self) -> None:
         if str(self.kind) not in KINDS:
@@ -154,49 +163,49 @@ class Joint:
             raise InputError(
                 f"cross angle of joint {self.name!r} is {self.cross_angle} rad; give one between 0 and pi"
             )
+        if not abs(number(self.lead)) < np.inf or KINDS[self.kind].led != (self.lead != 0.0):
+            raise InputError(
+                f"lead of {self.kind} joint {self.name!r} is {self.lead} m; "
+                "give a screw its displacement a turn, and no other joint any"
+            )
 
-
-@dataclass(frozen=True, slots=True)
-class Gear:
-    """Coordinate of joint `driven` = ratio * coordinate of joint `driver` + phase.
-
-    Attributes:
-        driver: name of a revolute joint.
-        driven: name of another revolute joint.
-        ratio: turns of `driven` per turn of `driver`; negative for outside meshing.
-        phase: angle of `driven` where `driver` is at zero, in [rad].
-    """
-
-    driver: str
-    driven: str
-    ratio: float
-    phase: float = 0.0
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of its coordinates: the joint's own where it has one, else NAME.way, NAME.turn, NAME.1 ..."""
+        return tuple(self.name + ending for ending in KINDS[self.kind].endings)
 
 
 @dataclass(frozen=True, slots=True)
 class Mechanism:
-    """Links, joints, gears, the driven joint, and the points whose motion is wanted.
+    """Links, joints, couplings, what is driven, and the points whose motion is wanted.
 
     Attributes:
         name: of the mechanism.
         links: the moving links; the frame is the link called "ground", which is not listed.
         joints: all joints.
-        driver: name of the revolute joint that is the crank.
+        driver: name of the driven coordinate, or of several; a lone revolute joint is the crank.
         points: name -> (link, point in that link's frame in [m]).
         gears: couplings between revolute joints.
         guess: link -> rough pose at crank angle `start`, from which assembly begins; says which
             assembly is meant. A link left out starts where its joints to placed links put it.
         start: crank angle of the guess in [rad].
+        couplings: between any coordinates.
+        holds: coordinate -> value at which it is held, in [m] or [rad].
+        counted: coordinate -> its value at the guess, where a pose does not tell it: turns of a joint,
+            or where a driver stands exactly.
     """
 
     name: str
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
-    driver: str
+    driver: str | tuple[str, ...]
     points: Mapping[str, tuple[str, Vector]]
     gears: tuple[Gear, ...] = ()
     guess: Mapping[str, Pose] = field(default_factory=dict)
     start: float = 0.0
+    couplings: tuple[Coupling, ...] = ()
+    holds: Mapping[str, float] = field(default_factory=dict[str, float])
+    counted: Mapping[str, float] = field(default_factory=dict[str, float])
 
     __repr__ = short_repr
 
@@ -218,7 +227,7 @@ class Mechanism:
         if not abs(number(self.start)) < np.inf:
             raise InputError(f"{self.name}: start is {self.start} rad; give a finite crank angle")
         revolutes = [joint.name for joint in self.joints if KINDS[joint.kind].hinge]
-        _known("driver", "revolute joint", self.driver, revolutes)
+        self._require_coordinates()
         for gear in self.gears:
             called = f"gear {gear.driver!r}-{gear.driven!r}"
             for joint in (gear.driver, gear.driven):
@@ -228,8 +237,26 @@ class Mechanism:
             if not abs(number(gear.phase)) < np.inf:
                 raise InputError(f"phase of {called} is {gear.phase}; give a finite number in [rad]")
 
+    def _require_coordinates(self) -> None:
+        """Refuse drivers, holds and couplings of what is no coordinate, and one prescribed twice."""
+        known = [name for joint in self.joints for name in joint.coordinates]
+        drivable = [name for joint in self.joints if KINDS[joint.kind].drivable for name in joint.coordinates]
+        if not self.drivers:
+            raise InputError(f"{self.name}: nothing is driven; name a driver, as in driver='crank'")
+        for name in self.drivers:
+            _known("driver", "coordinate", name, drivable)
+        for what, given in (("holds", self.holds), ("counted", self.counted)):
+            for name, value in require(f"{what} of {self.name!r}", given, Mapping).items():
+                _known(what, "coordinate", name, known)
+                if not abs(number(value)) < np.inf:
+                    raise InputError(f"{what}: coordinate {name!r} is {value}; give a finite number")
+        _unique(self.name, "driver or hold of the coordinate", [*self.drivers, *self.holds])
+        for coupling in self.couplings:
+            for name in coupling.coordinates:
+                _known(f"coupling {coupling.name!r}", "coordinate", name, known)
+
     def _require_kinds(self) -> None:
-        for name, kind in (("links", Link), ("joints", Joint), ("gears", Gear)):
+        for name, kind in (("links", Link), ("joints", Joint), ("gears", Gear), ("couplings", Coupling)):
             given: object = getattr(self, name)
             if not isinstance(given, tuple | list):
                 raise InputError(f"{name} of {self.name!r} are of type {type(given).__name__}; give a tuple")
@@ -240,6 +267,59 @@ class Mechanism:
         for point, place in self.points.items():
             if isinstance(place, str) or len(place) != 2:
                 raise InputError(f"point {point!r} is {place}; give a link and three numbers in its frame")
+
+    @property
+    def drivers(self) -> tuple[str, ...]:
+        """Names of the driven coordinates."""
+        return (self.driver,) if isinstance(self.driver, str) else tuple(self.driver)
+
+    @property
+    def has_crank(self) -> bool:
+        """Whether one revolute joint is all that is driven."""
+        return len(self.drivers) == 1 and KINDS[self.driven_joints[0].kind].hinge
+
+    @property
+    def crank(self) -> Joint:
+        """The revolute joint that alone is driven.
+
+        Raises:
+            InputError: where another joint is driven, or several are.
+        """
+        if not self.has_crank:
+            raise InputError(
+                f"{self.name} has no crank: {', '.join(self.drivers)} "
+                f"{'is' if len(self.drivers) == 1 else 'are'} driven, and this needs one revolute driver"
+            )
+        return self.driven_joints[0]
+
+    @property
+    def driven_joints(self) -> tuple[Joint, ...]:
+        """The joints whose coordinates are driven, in the order of the drivers."""
+        of = {name: joint for joint in self.joints for name in joint.coordinates}
+        return tuple(of[name] for name in self.drivers)
+
+    def unit(self, coordinate: str) -> str:
+        """Return the unit of a coordinate, "m" or "rad"."""
+        of = {
+            name: unit
+            for joint in self.joints
+            for name, unit in zip(joint.coordinates, KINDS[joint.kind].units, strict=True)
+        }
+        return of[coordinate]
+
+    @property
+    def laws(self) -> tuple[Coupling, ...]:
+        """All couplings: those of gears, of screws, and those of its own, in this order."""
+        gears = tuple(
+            Coupling(gear.name, gear.driven, gear.driver, (gear.phase, gear.ratio), turns=True)
+            for gear in self.gears
+        )
+        screws = tuple(
+            Coupling(joint.name, joint.coordinates[0], joint.coordinates[1], (0.0, joint.lead / TURN))
+            for joint in self.joints
+            if KINDS[joint.kind].led
+        )
+        return gears + screws + tuple(self.couplings)
 
     def joint(self, name: str) -> Joint:
         """Return the joint of that name."""

@@ -58,12 +58,16 @@ class LinkMotion:
 
 @dataclass(frozen=True, slots=True)
 class JointMotion:
-    """A joint's coordinate and its first two rates, (n,) each, in `unit` and per second."""
+    """A joint's coordinate and its first two rates, (n,) each, in `unit` and per second.
+
+    `part` says which of a joint's coordinates it is; None where the joint has one.
+    """
 
     value: Array
     rate: Array
     acceleration: Array
     unit: Literal["rad", "m"] = "rad"
+    part: int | None = None
 
     __repr__ = short_repr
 
@@ -101,6 +105,8 @@ class Motion:
             means nothing.
         origin: what can solve it again at other crank angles; None where nothing can.
         broken: why the motion ended before its time; empty where it did not.
+        drivers: names of the joint coordinates that programs move; the angle is then that of their clock.
+            Empty where a crank is driven.
     """
 
     source: Source
@@ -116,6 +122,7 @@ class Motion:
     spinning: frozenset[str] = frozenset()
     origin: Solver | None = None
     broken: str = ""
+    drivers: tuple[str, ...] = ()
 
     __repr__ = short_repr
 
@@ -128,7 +135,11 @@ class Motion:
         return {name: np.sqrt((gap**2).sum(1)) for name, gap in gaps.items()}
 
     def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield this motion as columns of a table: time, angle, P.x ..., P.vx ..., P.ax ..., in SI."""
+        """Yield this motion as columns of a table, in SI.
+
+        Time and crank angle, or t and the drivers; P.x ..., P.vx ..., P.ax ... of points; and J.q, J.v, J.a
+        of joints, J.q0 ... of those with several coordinates.
+        """
         for name, column, _ in self._columns():
             yield name, column
 
@@ -151,19 +162,32 @@ class Motion:
             MissingToolError: where xarray is not installed.
         """
         columns = {name: ("instant", column, {"units": unit}) for name, column, unit in self._columns()}
-        coordinates = {name: columns.pop(name) for name in ("time", "angle") if name in columns}
+        coordinates = {name: columns.pop(name) for name in ("time", "t", "angle") if name in columns}
         return _library("xarray").Dataset(columns, coordinates, {"source": self.source})
 
     def _columns(self) -> Iterator[tuple[str, Array, str]]:
         """Yield name, values and unit of each column."""
-        if self.time is not None:
-            yield "time", self.time, "s"
-        yield "angle", self.angle, "rad"
+        if self.drivers:
+            assert self.time is not None
+            yield "t", self.time, "s"
+            for name in self.drivers:
+                yield name, self.joints[name].value, self.joints[name].unit
+        else:
+            if self.time is not None:
+                yield "time", self.time, "s"
+            yield "angle", self.angle, "rad"
         for name, point in self.points.items():
             parts = ("", "m", point.position), ("v", "m/s", point.velocity), ("a", "m/s2", point.acceleration)
             for prefix, unit, values in parts:
                 for axis, column in zip("xyz", values.T, strict=True):
                     yield f"{name}.{prefix}{axis}", column, unit
+        for name, joint in self.joints.items():
+            called, part = name, ""
+            if joint.part is not None:
+                called, part = name.rpartition(".")[0], str(joint.part)
+            rates = zip("qva", (joint.value, joint.rate, joint.acceleration), ("", "/s", "/s2"), strict=True)
+            for letter, column, per in rates:
+                yield f"{called}.{letter}{part}", column, joint.unit + per
 
 
 def _library(name: str) -> Any:

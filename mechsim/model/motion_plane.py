@@ -23,7 +23,7 @@ def plane_normals(mechanism: Mechanism) -> dict[str, Array] | None:
         Link, "ground" included -> unit vector, (3,): along the crank's axis, and as the joints from there
         carry it on.
     """
-    crank = mechanism.joint(mechanism.driver).a
+    crank = mechanism.driven_joints[0].a
     normals = {crank.link: np.asarray(crank.axis)}
     for _ in mechanism.links:
         for joint in mechanism.joints:

@@ -61,7 +61,7 @@ def directions(mechanism: Mechanism, preset: str) -> tuple[Array, Array]:
     """
     if preset not in PRESETS:
         raise InputError(f"there is no camera {preset!r}; known are {', '.join(PRESETS)}")
-    shaft = np.asarray(mechanism.joint(mechanism.driver).a.axis)
+    shaft = np.asarray(mechanism.driven_joints[0].a.axis)
     up = np.array([0.0, 1.0, 0.0])
     if abs(float(shaft @ up)) > 0.9:
         up = np.array([0.0, 0.0, 1.0])

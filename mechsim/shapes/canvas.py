@@ -84,7 +84,7 @@ class Canvas:
         here = 0.0
         if joint.a.link in guess and joint.b.link in guess:
             here = float(joint_coordinate(joint, guess[joint.a.link], guess[joint.b.link])[..., 0])
-        driver = self.mechanism.joint(self.mechanism.driver).b
+        driver = self.mechanism.driven_joints[0].b
         arms = [vector(end.point) for end in self.mechanism.ends(driver.link)]
         reach = 2.0 * max(float(np.linalg.norm(np.subtract(arm, driver.point))) for arm in arms)
         return here - reach, here + reach

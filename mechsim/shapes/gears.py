@@ -3,7 +3,8 @@
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, End, Gear
+from mechsim.model.couplings import Gear
+from mechsim.model.mechanism import GROUND, End
 from mechsim.shapes.canvas import Canvas, upright_end
 from mechsim.shapes.shape import Shape, pale, vector
 

@@ -110,6 +110,20 @@ def sleeve(canvas: Canvas, joint: Joint) -> None:
     canvas.disc(joint.b.link, joint.b, -3.0 * r, 3.0 * r, 1.9 * r, colour)
 
 
+def plate(canvas: Canvas, joint: Joint) -> None:
+    """Draw a table across the axis on one link, and a foot that glides on it."""
+    r = canvas.r
+    colour = STEEL if joint.a.link == GROUND else canvas.colours[joint.a.link]
+    canvas.disc(joint.a.link, joint.a, -0.6 * r, 0.0, 6.0 * r, colour)
+    colour = HOUSING if joint.b.link == GROUND else canvas.colours[joint.b.link]
+    canvas.disc(joint.b.link, joint.b, 0.0, 1.2 * r, 2.0 * r, colour)
+
+
+def weld(canvas: Canvas, joint: Joint) -> None:
+    """Draw a collar where two links are one."""
+    canvas.disc(joint.b.link, joint.b, -0.8 * canvas.r, 0.8 * canvas.r, 1.6 * canvas.r, HOUSING)
+
+
 def _feet(canvas: Canvas, rail: Shape, thick: Array) -> None:
     """Draw two feet that carry a rail on the mounting plate."""
     for end, inward in ((rail.frm, rail.to), (rail.to, rail.frm)):
@@ -131,6 +145,10 @@ DRAW: dict[KindName, Callable[[Canvas, Joint], None]] = {
     "revolute": revolute,
     "prismatic": slide,
     "cylindrical": sleeve,
+    "screw": sleeve,
+    "planar": plate,
+    "fixed": weld,
+    "floating": lambda canvas, joint: None,
     "universal": cross,
     "spherical": ball,
 }

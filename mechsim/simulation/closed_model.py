@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism, Pose
+from mechsim.model.rough_poses import rough_poses
 from mechsim.model.scene import Scene
 from mechsim.simulation.mjcf import compiled, generate, quiet
 from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
@@ -171,7 +172,7 @@ def guessed(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array]:
 
     The loops are not closed in that state.
     """
-    loops = ModelLoops(compiled(generate(mechanism, scene, mechanism.guess)))
+    loops = ModelLoops(compiled(generate(mechanism, scene, rough_poses(mechanism))))
     rough = loops.model.qpos0.copy()
     rough[loops.crank_place] = mechanism.start
     return loops, rough

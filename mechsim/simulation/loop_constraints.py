@@ -23,7 +23,7 @@ class PointPair:
 
 
 @dataclass(frozen=True, slots=True)
-class Coupling:
+class Coupled:
     """A `joint` constraint: one coordinate is a polynomial of another, both counted from qpos0."""
 
     dofs: tuple[int, int]
@@ -32,10 +32,10 @@ class Coupling:
     polynomial: Array
 
 
-def constraints(model: mujoco.MjModel) -> tuple[Sequence[PointPair], Sequence[Coupling]]:
+def constraints(model: mujoco.MjModel) -> tuple[Sequence[PointPair], Sequence[Coupled]]:
     """Return the points that should coincide, and the coordinates that depend on others."""
     pairs: list[PointPair] = []
-    couplings: list[Coupling] = []
+    couplings: list[Coupled] = []
     for i in range(model.neq):
         if not model.eq_active0[i]:
             continue
@@ -60,11 +60,11 @@ def _point_pair(model: mujoco.MjModel, i: int, first: int, second: int) -> Point
     return PointPair((first, max(second, 0)), (data[0:3].copy(), data[3:6].copy()))
 
 
-def _coupling(model: mujoco.MjModel, i: int, first: int, second: int) -> Coupling:
+def _coupling(model: mujoco.MjModel, i: int, first: int, second: int) -> Coupled:
     place, dof = int(model.jnt_qposadr[first]), int(model.jnt_dofadr[first])
     polynomial = model.eq_data[i, :5].copy()
     if second < 0:
-        return Coupling((dof, -1), (place, -1), (float(model.qpos0[place]), 0.0), polynomial)
+        return Coupled((dof, -1), (place, -1), (float(model.qpos0[place]), 0.0), polynomial)
     other = int(model.jnt_qposadr[second])
     zeros = float(model.qpos0[place]), float(model.qpos0[other])
-    return Coupling((dof, int(model.jnt_dofadr[second])), (place, other), zeros, polynomial)
+    return Coupled((dof, int(model.jnt_dofadr[second])), (place, other), zeros, polynomial)

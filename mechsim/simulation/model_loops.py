@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
-from mechsim.simulation.loop_constraints import Coupling, constraints
+from mechsim.simulation.loop_constraints import Coupled, constraints
 
 # body and points of it, (n, 3) -> the points' Jacobian, (n, 3, nv)
 Slope = Callable[[int, Array], Array]
@@ -171,7 +171,7 @@ class ModelLoops:
         points = [position[:, body] + rotation[:, body] @ local for body, local in ends]
         return np.concatenate([np.stack(points, 1) if points else position[:, :0], self.sites(qpos)], 1)
 
-    def _coupled(self, coupling: Coupling, qpos: Array) -> tuple[Array, Array]:
+    def _coupled(self, coupling: Coupled, qpos: Array) -> tuple[Array, Array]:
         (y, x), (y0, x0) = coupling.places, coupling.zeros
         slope = np.zeros((len(qpos), self.model.nv))
         slope[:, coupling.dofs[0]] = 1.0

@@ -9,9 +9,10 @@ import numpy as np
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.errors import InputError
+from mechsim.model.couplings import Gear
 from mechsim.model.inertia import Inertia
 from mechsim.model.joints import KINDS, kinds_that
-from mechsim.model.mechanism import GROUND, End, Gear, Joint, Link, Mechanism, Pose
+from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
 from mechsim.subjects.checked_values import Values
 from mechsim.subjects.toml_keys import ROOT, Keys
 from mechsim.subjects.toml_source import TomlSource, nearest, read_source

@@ -6,14 +6,15 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from mechsim.model.mechanism import End, Gear, Joint, Link, Mechanism, Pose
+from mechsim.model.couplings import Gear
+from mechsim.model.mechanism import End, Joint, Link, Mechanism, Pose
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def toml_of(mechanism: Mechanism) -> str:
     """Return a mechanism as text in TOML, in metres and radians, numbers with 17 digits."""
-    lines = [f"name = {_text(mechanism.name)}", f"drivers = [{_text(mechanism.driver)}]"]
+    lines = [f"name = {_text(mechanism.name)}", f"drivers = [{', '.join(map(_text, mechanism.drivers))}]"]
     lines.append(f"start = {_number(mechanism.start)}")
     for link in mechanism.links:
         lines += ["", f"[links.{_key(link.name)}]", *_link(link)]

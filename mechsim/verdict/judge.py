@@ -211,6 +211,9 @@ def _at(simulated: Motion, analytic: Motion | Solver | PointFunction) -> Motion:
     """Return the analytic motion at the simulated crank angles, speeds and accelerations."""
     solver = _solver(analytic)
     if solver is not None:
+        as_driven = getattr(solver, "solve_as", None)
+        if simulated.drivers and as_driven is not None:
+            return as_driven(simulated)
         return solver.solve(simulated.angle, simulated.speed, simulated.acceleration)
     if isinstance(analytic, Motion):
         same = analytic.angle.shape == simulated.angle.shape and np.allclose(

@@ -8,7 +8,8 @@ from strategies import EPS, four_bars, rssrs
 from mechsim import catalog, closure
 from mechsim.analytic.vector_method.vectors import rotation
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.mechanism import GROUND, End, Gear, Joint, Link, Mechanism, Pose
+from mechsim.model.couplings import Gear
+from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
 
 # one of every kind of joint, slanted, and a gear: not to be assembled, only to be differentiated
 EVERYTHING = Mechanism(

@@ -88,7 +88,9 @@ def test_a_path_may_begin_close_to_a_change_point(off):
     assert np.abs(found - drive.positions(ANGLES)["B"]).max() <= 1e-12 * drive.mechanism.size
 
 
-@pytest.mark.parametrize(("off", "said"), [(0.0, "start at another crank angle"), (1e-7, "start elsewhere")])
+@pytest.mark.parametrize(
+    ("off", "said"), [(0.0, "at its start, .* start elsewhere"), (1e-7, "start elsewhere")]
+)
 def test_a_path_that_begins_at_a_change_point_is_refused_with_the_angle_and_the_reason(off, said):
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
     links = drive.solve([off]).links

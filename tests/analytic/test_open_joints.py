@@ -6,7 +6,8 @@ import pytest
 from mechsim import catalog
 from mechsim.analytic import closure
 from mechsim.errors import MobilityError
-from mechsim.model.mechanism import GROUND, End, Gear, Joint, Link, Mechanism, Pose
+from mechsim.model.couplings import Gear
+from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
 
 LINKS = {"a": (0.0, 0.0), "b": (0.03, 0.0), "c": (0.1, 0.05), "d": (0.1, 0.0)}
 

@@ -60,7 +60,7 @@ def arm_with(kind, turned_round):
         links=(Link("arm"), Link("tip")),
         joints=(
             Joint("crank", "revolute", End(GROUND), End("arm")),
-            Joint("J", kind, a, b, cross_angle=CROSS_ANGLE),
+            Joint("J", kind, a, b, cross_angle=CROSS_ANGLE, lead=0.01 if KINDS[kind].led else 0.0),
         ),
         driver="crank",
         points={},
@@ -97,7 +97,7 @@ def test_the_loop_equations_hold_what_a_kind_does_not_leave_free(kind, turned_ro
 
 
 @pytest.mark.parametrize("turned_round", [False, True])
-@pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.units])
+@pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.units and not kind.ball])
 def test_a_model_s_coordinates_are_those_of_the_kind(kind, turned_round):
     mechanism = arm_with(kind, turned_round)
     here, there = values_of(kind, 0.13, -0.7, 0.4), values_of(kind, -0.21, 0.5, 1.1)
@@ -112,7 +112,7 @@ def test_a_model_s_coordinates_are_those_of_the_kind(kind, turned_round):
         assert np.abs(data.body("tip").xmat.reshape(3, 3) - expected.rotation).max() <= 2e-15
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.freedoms < 6])
 def test_every_kind_is_drawn_with_more_than_the_bodies_of_its_links(kind, monkeypatch):
     mechanism = arm_with(kind, False)
     drawn = link_shapes(mechanism)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from strategies import EPS, offsets, turns
 
-from mechsim.model.joints import KINDS, Kind, coordinates, displaced, kinds_that
+from mechsim.model.joints import KINDS, coordinates, displaced, kinds_that
 
 CROSS_ANGLE = 1.1
 
@@ -16,6 +16,9 @@ CROSS_ANGLE = 1.1
         ("cylindrical", 2, 2, 2, ("m", "rad")),
         ("universal", 2, 3, 1, ("rad", "rad")),
         ("spherical", 3, 3, 0, ()),
+        ("planar", 3, 1, 2, ("m", "m", "rad")),
+        ("fixed", 0, 3, 3, ()),
+        ("floating", 6, 0, 0, ("m", "m", "m")),
     ],
 )
 def test_a_row_of_the_table_says_what_is_free_and_what_is_held(name, freedoms, forces, moments, units):
@@ -23,14 +26,10 @@ def test_a_row_of_the_table_says_what_is_free_and_what_is_held(name, freedoms, f
     assert (kind.freedoms, kind.forces, kind.moments, kind.units) == (freedoms, forces, moments, units)
 
 
-# kinds there are, and two that are to come
-EVERY = {**KINDS, "planar": Kind(slides=("x", "y"), turns=("a",)), "fixed": Kind(slides=(), turns=())}
-
-
-@pytest.mark.parametrize("kind", EVERY.values(), ids=EVERY)
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 @given(offsets, offsets, turns, turns)
 def test_coordinates_say_where_they_displace_a_joint(kind, first, second, angle, other):
-    lengths, angles = iter((first, second)), iter((angle, other))
+    lengths, angles = iter((first, second, first)), iter((angle, other))
     values = [next(lengths if unit == "m" else angles) for unit in kind.units]
     shift, turn = displaced(kind, values, CROSS_ANGLE)
     found = coordinates(kind, shift, np.eye(3), turn, CROSS_ANGLE)
@@ -41,4 +40,4 @@ def test_coordinates_say_where_they_displace_a_joint(kind, first, second, angle,
 def test_kinds_are_named_by_what_they_do():
     assert kinds_that(lambda kind: kind.single).startswith("revolute or prismatic")
     assert kinds_that(lambda kind: kind.mixed).startswith("cylindrical")
-    assert kinds_that(lambda kind: kind.freedoms > 3) == ""
+    assert kinds_that(lambda kind: kind.freedoms > 6) == ""

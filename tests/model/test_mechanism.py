@@ -119,7 +119,7 @@ def test_size_is_the_longest_distance_within_a_link():
         ({"links": (Link("arm"), Link("arm"))}, "more than one link called 'arm'"),
         ({"links": (Link("ground"), Link("tip"))}, "more than one link called 'ground'"),
         ({"links": (Link("arm"),)}, r"joint 'knee' names link 'tip', but there are only ground, arm"),
-        ({"driver": "motor"}, "names revolute joint 'motor', but there are only crank, knee"),
+        ({"driver": "motor"}, "names coordinate 'motor', but there are only crank, knee"),
         ({"points": {"P": ("leg", EX)}}, "point 'P' names link 'leg'"),
         ({"guess": {"leg": IDENTITY}}, "guess names link 'leg'"),
         ({"gears": (Gear("crank", "wheel", 2.0),)}, "gear names revolute joint 'wheel'"),

@@ -95,7 +95,7 @@ CHANGES = {
     "an unknown table": ("[points]", "[pionts]", ("line 29", "pionts", "did you mean 'points'")),
     "forces": ("[points]", "[forces]\ngravity = [0, 0, 0]\n[points]", ("line 29", "--gravity")),
     "no name": ('name = "bar"', "", ("has no 'name'",)),
-    "another kind": ('"revolute"', '"screw"', ("joints.crank.kind", "'screw'", "revolute, prismatic")),
+    "another kind": ('"revolute"', '"hinge"', ("joints.crank.kind", "'hinge'", "revolute, prismatic")),
     "an unknown parameter": ('"ground + crank/2"', '"grond"', ("line 8", "'grond'", "did you mean 'ground'")),
     "a parameter of later": ("ground = 100", 'ground = "rocker"', ("line 6", "no parameter given before")),
     "division by zero": ('"ground + crank/2"', '"1/(crank - crank)"', ("line 8", "divides by zero")),

@@ -292,7 +292,7 @@ class ClosedForm(ABC):
         whole = self._described
         at = {**frames, GROUND: GROUND_FRAME}
         geared = {gear.driven: gear.ratio * angle + gear.phase for gear in whole.gears}
-        counted = {whole.driver: angle, **geared}
+        counted = {whole.crank.name: angle, **geared}
         return {
             joint.name: link_frames.joint_motion(
                 joint,

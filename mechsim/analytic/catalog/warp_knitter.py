@@ -22,7 +22,8 @@ from mechsim.analytic.vector_method.trig_arcs import Arcs
 from mechsim.analytic.vector_method.vectors import column, spun
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import EX, EZ, GROUND, ORIGIN, End, Gear, Joint, Link, Mechanism, Pose, Vector
+from mechsim.model.couplings import Gear
+from mechsim.model.mechanism import EX, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism, Pose, Vector
 
 # gears have hardly more teeth than this
 MOST_TEETH = 1000

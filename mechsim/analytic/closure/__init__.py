@@ -5,7 +5,7 @@ link has six coordinates and each joint is a few rows that must vanish (`equatio
 is solved in the coordinates of a spanning tree (`follow`, `solve`), all poses together.
 """
 
-from mechsim.analytic.closure.assembly import assemble, rough_poses
+from mechsim.analytic.closure.assembly import assemble
 from mechsim.analytic.closure.joint_rows import Rows
 from mechsim.analytic.closure.loop_equations import Poses, equations, residual_norms
 from mechsim.analytic.closure.motion import point_on, rates
@@ -20,6 +20,7 @@ from mechsim.analytic.closure.rank import (
 from mechsim.analytic.closure.whole_motion import follow, solve
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.mechanism import Pose
+from mechsim.model.rough_poses import rough_poses
 
 __all__ = [
     "RANK_TOLERANCE",

@@ -12,6 +12,7 @@ from mechsim.maths.arrays import Array
 from mechsim.maths.given import numbers
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose, described
+from mechsim.model.rough_poses import rough_poses
 
 # a gap this small is rounding; polishing on would chase it down to the denormal numbers
 FLOOR = 4.0 * np.finfo(np.float64).eps
@@ -122,29 +123,3 @@ def _moved(mechanism: Mechanism, poses: Poses, step: Array) -> dict[str, Pose]:
         pose = poses[link.name]
         moved[link.name] = Pose(pose.position + shift, turned_by(pose.rotation, vector))
     return moved
-
-
-def rough_poses(mechanism: Mechanism) -> dict[str, Pose]:
-    """Return one pose a link: the guess, else where its joints to placed links put it at zero coordinates."""
-    placed: dict[str, Pose] = {GROUND: IDENTITY, **mechanism.guess}
-    waiting = list(mechanism.joints)
-    while waiting:
-        joint = next((j for j in waiting if j.a.link in placed or j.b.link in placed), None)
-        if joint is None:
-            lost = [link.name for link in mechanism.links if link.name not in placed]
-            raise AssemblyError(
-                f"{mechanism.name}: no chain of joints leads from the frame to {', '.join(lost)}; add one"
-            )
-        waiting.remove(joint)
-        near, far = (joint.a, joint.b) if joint.a.link in placed else (joint.b, joint.a)
-        if far.link not in placed:
-            pose = placed[near.link]
-            rotation = pose.rotation @ near.frame @ far.frame.T
-            placed[far.link] = Pose(pose.point(near.point) - rotation @ np.asarray(far.point), rotation)
-    lost = [link.name for link in mechanism.links if link.name not in placed]
-    if lost:
-        raise AssemblyError(
-            f"{mechanism.name}: no joint holds link {', '.join(lost)}; add one or leave it out"
-        )
-    del placed[GROUND]
-    return placed

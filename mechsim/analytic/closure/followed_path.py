@@ -6,8 +6,9 @@ itself smooth, and stays on its side of every singular pose. Where the side chan
 two assemblies meet: the path is then followed up to that change point, which is measured, and through it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,20 +43,40 @@ JOINT = 1e-12
 BEYOND = 0.2137
 
 
+@dataclass(frozen=True, slots=True)
+class Words:
+    """What messages call a path: who moves, how far it is at a parameter, and when that is."""
+
+    who: str
+    place: Callable[[float], str]
+    instant: Callable[[float], str]
+
+
+CRANK = Words("the crank", lambda at: f"{at:.7g} rad", lambda at: f"crank angle {at:.7g} rad")
+
+
 class FollowedPath(PathRows):
     """An assembly followed along a path of its drivers, as far as was asked.
 
     Attributes:
         meetings: parameters at which two assemblies meet, as they were passed.
         passing: how it goes on there.
+        words: what moves, and what its parameter is called.
     """
 
     def __init__(
-        self, loops: TreeLoops, drive: Drive, start: Coordinates, at: float, passing: Through = "smooth"
+        self,
+        loops: TreeLoops,
+        drive: Drive,
+        start: Coordinates,
+        at: float,
+        passing: Through = "smooth",
+        words: Words = CRANK,
     ):
         super().__init__(loops, drive)
         self.start, self.begin = start, at
         self.passing: Through = passing
+        self.words = words
         self.cells: dict[int, list[Cell]] = {1: [], -1: []}
         self.meetings: list[float] = []
         self._blind: list[float] = []
@@ -74,11 +95,16 @@ class FollowedPath(PathRows):
         """
         sense = 1 if to > self.begin else -1
         with suppress(AssemblyError):
-            self._reach(to + sense * BEYOND, sense)
+            self.reach(to + sense * BEYOND, sense)
             return
-        self._reach(to, sense)
+        self.reach(to, sense)
 
-    def _reach(self, to: float, sense: int) -> None:
+    def reach(self, to: float, sense: int = 1) -> None:
+        """Follow the assembly as far as a parameter and no farther.
+
+        Raises:
+            AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
+        """
         done, self._side, self._ahead = self.cells[sense], 0.0, None
         here = float(done[-1].nodes[-1]) if done else self.begin
         length = AFTER * abs(float(done[-1].nodes[-1] - done[-1].nodes[0])) if done else FIRST
@@ -94,11 +120,11 @@ class FollowedPath(PathRows):
 
     def _stuck(self, here: float) -> str:
         """Return in one sentence why the path ends."""
-        said = f"{self._name}: the crank cannot pass {here:.7g} rad in this assembly"
+        said = f"{self._name}: {self.words.who} cannot pass {self.words.place(here)} in this assembly"
         if abs(here - self.begin) < AT_START and self._singular_start():
             return (
-                f"{said}, for at its start, {self.begin:.7g} rad, it is at a dead centre or meets another "
-                "that cannot be told from it; start at another crank angle"
+                f"{said}, for at its start, {self.words.place(self.begin)}, it is at a dead centre or meets "
+                "another that cannot be told from it; start elsewhere"
             )
         return f"{said}; stay on this side of the dead centre or change the dimensions"
 
@@ -172,7 +198,7 @@ class FollowedPath(PathRows):
         away, beyond = sense * (meeting - here), sense * (float(whole.nodes[-1]) - meeting)
         if away < CLEAR:
             raise AssemblyError(
-                f"{self._name}: assemblies meet at crank angle {meeting:.7g} rad, {abs(away):.3g} rad from "
+                f"{self._name}: assemblies meet at {self.words.instant(meeting)}, {abs(away):.3g} rad from "
                 "the start or from where others meet, and cannot be told from each other; start elsewhere or "
                 "change the dimensions"
             )
@@ -183,8 +209,8 @@ class FollowedPath(PathRows):
         )
         if after is None:
             raise AssemblyError(
-                f"{self._name}: the crank cannot pass {meeting:.7g} rad by folding, for it does not turn in "
-                "the assembly that is met there; go on smoothly"
+                f"{self._name}: {self.words.who} cannot pass {self.words.place(meeting)} by folding, "
+                "for it does not turn in the assembly that is met there; go on smoothly"
             )
         if self.passing == "fold":
             self.cells[sense].append(whole.part(here, meeting))

@@ -55,7 +55,7 @@ def equations(
     def coordinate(joint: Joint) -> Array:
         return joint_coordinate(joint, pose(joint.a.link), pose(joint.b.link))[..., 0]
 
-    driver = mechanism.joint(mechanism.driver)
+    driver = mechanism.crank
     for gear in mechanism.gears:
         first, second = mechanism.joint(gear.driver), mechanism.joint(gear.driven)
         # the crank's own angle counts its turns, so that a ratio that is no whole number works

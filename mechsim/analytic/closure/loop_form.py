@@ -9,14 +9,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.closure.followed_path import FollowedPath
+from mechsim.analytic.closure.programmed_motion import followed_under, solve_prescribed, solve_programmed
 from mechsim.analytic.closure.rank import conditioning
+from mechsim.analytic.closure.tree_rates import Instants
 from mechsim.analytic.closure.whole_motion import followed, solve
 from mechsim.analytic.vector_method.trig_arcs import Arcs
 from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
+from mechsim.maths.given import numbers
 from mechsim.model.mechanism import Mechanism, Pose
 from mechsim.model.motion import Motion, Through
+from mechsim.model.programs import Programs
 
 # two crank angles nearer than this are one
 SAME = 1e-9
@@ -31,12 +35,14 @@ class LoopForm:
         parameters: name -> value of what it was made from, as written.
         formula: FILE.py:FUNCTION of the user's own model; empty where there is none.
         through: how it goes on where two assemblies meet.
+        programs: of its drivers, where they are not one crank; angles are then those of their clock.
     """
 
     mechanism: Mechanism
     parameters: Mapping[str, float] = field(default_factory=dict[str, float])
     formula: str = ""
     through: Through = "smooth"
+    programs: Programs | None = None
 
     @property
     def name(self) -> str:
@@ -45,7 +51,12 @@ class LoopForm:
 
     @property
     def period(self) -> float:
-        """Crank angle in [rad] after which it stands as before: two turns past an odd number of meetings."""
+        """Crank angle in [rad] after which it stands as before: two turns past an odd number of meetings.
+
+        Under programs the clock's angle at their end.
+        """
+        if self.programs is not None:
+            return self.programs.pace * self.programs.duration
         odd = self.through == "smooth" and self._range.full and len(self.change_points()) % 2
         return 2.0 * TURN if odd else TURN
 
@@ -59,8 +70,31 @@ class LoopForm:
         Raises:
             AssemblyError: where the loops do not close.
         """
-        motion = solve(self.mechanism, angles, speed, acceleration, through=self.through)
-        return replace(motion, origin=self)
+        if self.programs is None:
+            motion = solve(self.mechanism, angles, speed, acceleration, through=self.through)
+            return replace(motion, origin=self)
+        clock = np.atleast_1d(numbers(angles))
+        rates = [np.broadcast_to(numbers(rate), clock.shape) for rate in (speed, acceleration)]
+        return replace(solve_programmed(self._path, self.programs, clock, *rates), origin=self)
+
+    def solve_as(self, found: Motion) -> Motion:
+        """Return the motion where the drivers of another motion under the same programs really were.
+
+        Raises:
+            AssemblyError: where the loops do not close.
+        """
+        if self.programs is None:
+            return self.solve(found.angle, found.speed, found.acceleration)
+        drivers = [found.joints[name] for name in self.programs.drivers]
+        instants = Instants(
+            found.angle,
+            found.speed,
+            found.acceleration,
+            np.array([driver.value for driver in drivers]),
+            np.array([driver.rate for driver in drivers]),
+            np.array([driver.acceleration for driver in drivers]),
+        )
+        return replace(solve_prescribed(self._path, self.programs, instants), origin=self)
 
     def positions(self, angles: ArrayLike) -> dict[str, Array]:
         """Return the tracked points at crank angles: name -> (n, 3) in [m].
@@ -71,7 +105,10 @@ class LoopForm:
         return {name: point.position for name, point in self.solve(angles).points.items()}
 
     def crank_range(self) -> Arcs:
-        """Return the arc of crank angle over which this assembly can be followed from its start."""
+        """Return the arc of crank angle over which this assembly can be followed from its start.
+
+        Under programs, of their clock.
+        """
         return self._range
 
     def dead_centres(self) -> tuple[float, ...]:
@@ -83,12 +120,16 @@ class LoopForm:
 
         The motion passes them as `through` says.
         """
+        if self.programs is not None:
+            return tuple(sorted(at for at in self._path.meetings if 0.0 <= at <= self.period))
         start, full = self.mechanism.start, self._range.full
         once = [at for at in self._path.meetings if start <= at < start + TURN or not full]
         return tuple(sorted({float((at + np.pi) % TURN - np.pi) for at in once}))
 
     def conditioning(self, motion: Motion) -> Array:
         """Return how far each pose of a motion is from a singular one, (n,), by the loop equations."""
+        if motion.conditioning is not None:
+            return motion.conditioning
         poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
         return conditioning(self.mechanism, poses)
 
@@ -108,11 +149,16 @@ class LoopForm:
 
     @cached_property
     def _path(self) -> FollowedPath:
+        if self.programs is not None:
+            return followed_under(self.mechanism, self.programs, self.through)
         return followed(self.mechanism, self.through)
 
     @cached_property
     def _range(self) -> Arcs:
         path, start = self._path, self.mechanism.start
+        if self.programs is not None:
+            path.extend(self.period)
+            return Arcs(False, ((0.0, self.period),))
         ends: list[float] = []
         for sense in (1, -1):
             with suppress(AssemblyError):

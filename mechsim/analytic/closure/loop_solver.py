@@ -92,7 +92,7 @@ class LoopSolver:
         gap[:] = (self.gauge @ away).T
         rows[:] = self.gauge
         for ball, turn, pinned in zip(loops.tree.balls, at.turns, self.pinned.turns, strict=True):
-            columns = np.searchsorted(loops.unknown, ball.first) + np.arange(3)
+            columns = np.searchsorted(loops.unknown, ball.turning) + np.arange(3)
             turned = product(turn, np.broadcast_to(pinned, turn.shape).transpose(1, 0, 2))
             vector = 0.5 * (turned - turned.transpose(1, 0, 2))[[2, 0, 1], [1, 2, 0]]
             gap += (self.gauge[:, columns] @ vector).T

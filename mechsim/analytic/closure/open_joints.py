@@ -48,11 +48,7 @@ def _seen(loops: TreeLoops, before: Coordinates, after: Coordinates) -> list[str
     """Return the joints and tracked points that differ between two poses."""
     tree = loops.tree
     gone = np.abs(after.values - before.values)[:, 0] / loops.units
-    names = [
-        f"joint {branch.joint.name!r}"
-        for branch in tree.branches
-        if branch.kind.single and gone[branch.first] > SEEN * NUDGE
-    ]
+    names = [f"joint {name!r}" for name, place in tree.places.items() if gone[place] > SEEN * NUDGE]
     here, there = (_points(loops, placed(tree, at)) for at in (before, after))
     far = SEEN * NUDGE * tree.mechanism.size
     return names + [f"point {name}" for name, at in here.items() if np.abs(there[name] - at).max() > far]

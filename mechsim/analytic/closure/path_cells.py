@@ -92,14 +92,14 @@ class PathRows:
         values = (at.values / self.loops.units[:, None]).T
         return np.concatenate([values, at.turns.reshape(-1, len(at)).T], 1)
 
-    def unflat(self, rows: Array, s: Array) -> Coordinates:
+    def unflat(self, rows: Array, s: Array, driven: Array | None = None) -> Coordinates:
         """Return coordinates from rows of numbers nearly right, at parameters (n,)."""
         k = self.loops.tree.count
         turns = np.ascontiguousarray(rows[:, k:].T).reshape(-1, 3, 3, len(rows))
         if len(turns):
             turns = np.stack([orthogonal(orthogonal(turn)) for turn in turns])
         values = rows[:, :k].T * self.loops.units[:, None]
-        values[list(self.loops.driven)] = self.drive(s)
+        values[list(self.loops.driven)] = self.drive(s) if driven is None else driven
         return Coordinates(values, turns)
 
     def closed(self, solver: LoopSolver, s: Array, rows: Array) -> tuple[Array, Linearised, float] | None:

@@ -1,6 +1,6 @@
 """A mechanism as a tree of links with coordinates, and the joints that close its loops."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS, Kind
-from mechsim.model.mechanism import GROUND, Gear, Joint, Mechanism
+from mechsim.model.mechanism import GROUND, Joint, Mechanism
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +35,11 @@ class TreeJoint:
     def kind(self) -> Kind:
         """Its row in the table of kinds."""
         return KINDS[self.joint.kind]
+
+    @property
+    def turning(self) -> int:
+        """Index of its first turn: displacements come first."""
+        return self.first + len(self.kind.slides)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +96,7 @@ class SpanningTree:
     @cached_property
     def ball_places(self) -> list[int]:
         """Indices of the turns of balls, which are no angles."""
-        return [ball.first + i for ball in self.balls for i in range(3)]
+        return [ball.turning + i for ball in self.balls for i in range(3)]
 
     @cached_property
     def carried(self) -> Array:
@@ -115,20 +120,30 @@ class SpanningTree:
         """Return the index of the first coordinate of a joint; None where it closes a loop."""
         return next((branch.first for branch in self.branches if branch.joint.name == joint), None)
 
-    def geared(self, gear: Gear) -> tuple[int, int]:
-        """Return the indices of the coordinates of a gear's driver and driven joint.
+    @cached_property
+    def places(self) -> dict[str, int]:
+        """Coordinate of a branch -> its index."""
+        return {
+            name: branch.first + i
+            for branch in self.branches
+            for i, name in enumerate(branch.joint.coordinates)
+        }
+
+    def coupled(self, terms: Mapping[str, float], coupling: str) -> Array:
+        """Return the weights of all coordinates in one side of a coupling, (count,).
 
         Raises:
-            InputError: where gears close a loop of joints by themselves, so that one of the two is a cut.
+            InputError: where couplings and drivers alone close a loop of joints, so that one is a cut.
         """
-        first, second = self.place(gear.driver), self.place(gear.driven)
-        if first is None or second is None:
-            lost = gear.driver if first is None else gear.driven
-            raise InputError(
-                f"{self.mechanism.name}: joint {lost!r} of gear {gear.driver!r}-{gear.driven!r} closes a "
-                "loop of driven and geared joints alone; couple joints that do not"
-            )
-        return first, second
+        weights = np.zeros(self.count)
+        for name, weight in terms.items():
+            if name not in self.places:
+                raise InputError(
+                    f"{self.mechanism.name}: coordinate {name!r} of coupling {coupling!r} closes a loop of "
+                    "driven and coupled joints alone; couple joints that do not"
+                )
+            weights[self.places[name]] += weight
+        return weights
 
 
 def spanning_tree(mechanism: Mechanism) -> SpanningTree:
@@ -138,8 +153,14 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
         AssemblyError: for links that no chain of joints leads to.
     """
     index = {link.name: i for i, link in enumerate(mechanism.links)} | {GROUND: -1}
-    first = {mechanism.driver} | {name for gear in mechanism.gears for name in (gear.driver, gear.driven)}
-    wanted = sorted(mechanism.joints, key=lambda joint: (joint.name not in first, KINDS[joint.kind].freedoms))
+    first = {
+        *mechanism.drivers,
+        *mechanism.holds,
+        *(name for law in mechanism.laws for name in law.coordinates),
+    }
+    wanted = sorted(
+        mechanism.joints, key=lambda joint: (not first & {*joint.coordinates}, KINDS[joint.kind].freedoms)
+    )
     chosen = _forest(wanted)
     cuts = tuple(joint for joint in mechanism.joints if joint.name not in chosen)
     branches: list[TreeJoint] = []

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.analytic.closure.coupled_rows import CoupledRow, coupled_rows
 from mechsim.analytic.closure.cut_rows import Cut, cuts_of
 from mechsim.analytic.closure.spanning_tree import SpanningTree, spanning_tree
 from mechsim.analytic.closure.tree_motion import Coordinates, Placed, cross, placed, product
@@ -30,7 +31,7 @@ class TreeLoops:
     Attributes:
         tree: the tree.
         cuts: the joints that close its loops.
-        winds: of each gear, the whole turns between its sides as put together, in [rad].
+        winds: of each coupling, the whole turns between its sides as put together, in [rad].
         driven: indices of the coordinates that are prescribed.
     """
 
@@ -49,6 +50,11 @@ class TreeLoops:
         """What one unit of each coordinate is in the equations: the size for displacements, else 1 rad."""
         return np.where(self.tree.slides, self.tree.mechanism.size, 1.0)
 
+    @cached_property
+    def couplings(self) -> tuple[CoupledRow, ...]:
+        """The rows of the couplings."""
+        return coupled_rows(self.tree)
+
     @property
     def rows(self) -> int:
         """How many equations there are."""
@@ -64,18 +70,18 @@ class TreeLoops:
             part = slice(k, k + cut.rows)
             residual[part], slope[part, cut.columns] = cut.residual_and_slope(here)
             k += cut.rows
-        for gear, wind in zip(self.tree.mechanism.gears, self.winds, strict=True):
-            first, second = self.tree.geared(gear)
-            residual[k] = at.values[second] - gear.ratio * at.values[first] - gear.phase - wind
-            slope[k, second], slope[k, first] = 1.0, -gear.ratio
+        for coupling, wind in zip(self.couplings, self.winds, strict=True):
+            opened, slope[k], _ = coupling.look(at.values)
+            residual[k] = opened - wind / coupling.unit
             k += 1
         slope *= self.units[:, None]
         return residual, slope, here
 
-    def bias(self, here: Placed, twist: Array, drift: Array) -> Array:
-        """Return the second rate of the residuals at coordinate rates that do not change, (rows, n)."""
+    def bias(self, at: Coordinates, here: Placed, rates: Array, twist: Array, drift: Array) -> Array:
+        """Return the residuals' second rate at coordinate rates (count, n) that do not change, (rows, n)."""
         parts = [cut.bias(here, twist, drift) for cut in self.cuts]
-        return np.concatenate([*parts, np.zeros((len(self.winds), twist.shape[2]))])
+        bent = [coupling.bias(at.values, rates)[None] for coupling in self.couplings]
+        return np.concatenate([np.empty((0, len(at))), *parts, *bent])
 
     def moved(self, at: Coordinates, step: Array) -> Coordinates:
         """Return coordinates moved by a step (count, n) in their units."""
@@ -84,7 +90,7 @@ class TreeLoops:
             values[self.tree.ball_places] = 0.0
             turns = np.stack(
                 [
-                    _turned(turn, step[ball.first : ball.first + 3])
+                    _turned(turn, step[ball.turning : ball.turning + 3])
                     for turn, ball in zip(turns, self.tree.balls, strict=True)
                 ]
             )
@@ -105,28 +111,40 @@ class TreeLoops:
             if branch.kind.ball:
                 turns[ball, ..., 0] = turn_a.T @ turn_b
                 ball += 1
-                continue
-            part = slice(branch.first, branch.first + branch.kind.freedoms)
-            values[part, 0] = coordinates(branch.kind, place_b - place_a, turn_a, turn_b, joint.cross_angle)
-            if joint.name in angles:
-                values[branch.first, 0] = angles[joint.name]
+            found = coordinates(branch.kind, place_b - place_a, turn_a, turn_b, joint.cross_angle)
+            values[branch.first : branch.first + len(found), 0] = found
+            for i, name in enumerate(joint.coordinates):
+                if name in angles:
+                    values[branch.first + i, 0] = angles[name]
         return Coordinates(values, turns)
 
 
 def tree_loops(
-    mechanism: Mechanism, poses: Mapping[str, Pose], angle: float
+    mechanism: Mechanism, poses: Mapping[str, Pose], counted: Mapping[str, float]
 ) -> tuple[TreeLoops, Coordinates]:
-    """Return the loops of a mechanism and the coordinates of closed poses, the crank at an angle in [rad]."""
+    """Return the loops of a mechanism and the coordinates of its poses.
+
+    Args:
+        mechanism: the mechanism.
+        poses: of every moving link, closed or nearly so.
+        counted: coordinate -> value, of those that the poses do not tell exactly: of angles the turns, of
+            drivers and holds where they stand.
+    """
     tree = spanning_tree(mechanism)
-    driven = tree.place(mechanism.driver)
-    assert driven is not None
-    loops = TreeLoops(tree, cuts_of(tree), (), (driven,))
-    at = loops.read(poses, {mechanism.driver: angle})
-    winds: list[float] = []
-    for gear in mechanism.gears:
-        first, second = tree.geared(gear)
-        gap = float(at.values[second, 0] - gear.ratio * at.values[first, 0] - gear.phase)
-        winds.append(TURN * float(np.round(gap / TURN)))
+    prescribed = {*mechanism.drivers, *mechanism.holds}
+    driven = tuple(tree.places[name] for name in (*mechanism.drivers, *mechanism.holds))
+    loops = TreeLoops(tree, cuts_of(tree), (), driven)
+    at = loops.read(poses, {})
+    for name, value in counted.items():
+        place = tree.places.get(name)
+        if place is None:
+            continue
+        lap = 0.0 if tree.slides[place] else TURN * float(np.round((value - at.values[place, 0]) / TURN))
+        at.values[place, 0] = value if name in prescribed else at.values[place, 0] + lap
+    winds = [
+        TURN * float(np.round(row.look(at.values)[0][0] * row.unit / TURN)) if row.turns else 0.0
+        for row in loops.couplings
+    ]
     return replace(loops, winds=tuple(winds)), at
 
 

@@ -71,11 +71,12 @@ def placed(tree: SpanningTree, at: Coordinates) -> Placed:
             there = there + along * (sense * at.values[k])
             screws[k, :3] = sense * along
             k += 1
-        # where a joint slides as well as turns, it does so along the axis it turns about
+        # axes pass through side b's point
+        centre = there if branch.forward else point
         for axis in branch.kind.turns:
             about = (frame_b if axis == "b" else frame_a)[:, COLUMN[axis]]
             screws[k, 3:] = about if branch.forward else -about
-            screws[k, :3] = cross(point, screws[k, 3:])
+            screws[k, :3] = cross(centre, screws[k, 3:])
             k += 1
         rotation[branch.far] = fixed.far_frame @ other
         position[branch.far] = there - fixed.far_point @ rotation[branch.far]
@@ -121,21 +122,35 @@ def drifts(tree: SpanningTree, here: Placed, twist: Array, rates: Array) -> Arra
         a, b = (near, far) if branch.forward else (far, near)
         kind, k = branch.kind, branch.first
         for axis in (*kind.slides, *kind.turns):
-            # fixed in a: slides, the axes of a ball, the first of two that cross; else the axis passes
-            # through b's point
-            in_a = k - branch.first < len(kind.slides) or kind.ball or (kind.crossed and axis == "a")
+            # fixed in a: slides, the axes of a ball, the first of two that cross; else in b
+            in_a = k < branch.turning or kind.ball or (kind.crossed and axis == "a")
             w, s = a if in_a else b, here.screws[k]
-            change[k, :3] = cross(w[3:], s[:3]) + cross(w[:3], s[3:])
             change[k, 3:] = cross(w[3:], s[3:])
+            if k >= branch.turning and kind.slides and kind.ball:
+                # the axis passes through b's point, but is carried along by a
+                centre = _centre(tree, branch, here)
+                change[k, :3] = cross(b[:3] + cross(b[3:], centre), s[3:]) + cross(centre, change[k, 3:])
+            else:
+                change[k, :3] = cross(w[3:], s[:3]) + cross(w[:3], s[3:])
             k += 1
     change *= rates[:, None]
     return _summed(tree, change)
+
+
+def _centre(tree: SpanningTree, branch: TreeJoint, here: Placed) -> Array:
+    """Return where side b's point of a branch is, (3, n) or (3, 1)."""
+    fixed = tree.constants[branch.far]
+    link, point = (branch.far, fixed.far_point) if branch.forward else (branch.near, fixed.near_point)
+    return point[:, None] if link < 0 else here.position[link] + point @ here.rotation[link]
 
 
 def _summed(tree: SpanningTree, of: Array) -> Array:
     """Return for each link the sum over the coordinates that move it, (links, 6, n)."""
     total = np.empty((len(tree.branches), *of.shape[1:]))
     for branch in tree.branches:
+        if not branch.kind.freedoms:
+            total[branch.far] = 0.0 if branch.near < 0 else total[branch.near]
+            continue
         own = of[branch.first]
         for k in range(branch.first + 1, branch.first + branch.kind.freedoms):
             own = own + of[k]

@@ -31,6 +31,8 @@ class LoopMotion:
         rotation: (n, links, 3, 3).
         velocity: of origins, then angular, (n, links, 6).
         acceleration: likewise.
+        conditioning: distance of each pose from a singular one, (n,): the smallest singular value of the
+            loop Jacobian, the drivers held, in units of the mechanism's size.
     """
 
     values: Array
@@ -40,6 +42,7 @@ class LoopMotion:
     rotation: Array
     velocity: Array
     acceleration: Array
+    conditioning: Array
 
     def link(self, index: int) -> LinkMotion:
         """Return the motion of one link."""
@@ -54,19 +57,45 @@ class LoopMotion:
         )
 
 
-def loop_motion(path: FollowedPath, angle: Array, speed: Array, acceleration: Array) -> LoopMotion:
-    """Return the motion at crank angles along a path and crank rates, (n,) each in SI.
+@dataclass(frozen=True, slots=True)
+class Instants:
+    """At which parameters of a path, and how what is prescribed moves there.
+
+    Attributes:
+        at: parameter of the path, (n,).
+        speed: its rate, (n,) per second.
+        acceleration: its second rate, (n,).
+        value: of the prescribed coordinates, (driven, n) in [m] or [rad].
+        rate: per second, (driven, n).
+        second: second rates, (driven, n).
+    """
+
+    at: Array
+    speed: Array
+    acceleration: Array
+    value: Array
+    rate: Array
+    second: Array
+
+    def some(self, index: NDArray[np.intp]) -> "Instants":
+        """Return some of them."""
+        return Instants(*(getattr(self, field.name)[..., index] for field in fields(self)))
+
+
+def loop_motion(path: FollowedPath, instants: Instants) -> LoopMotion:
+    """Return the motion at instants along a path.
 
     Raises:
-        AssemblyError: at the crank angle beyond which the loops cannot close in this assembly.
+        AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
     """
     found: list[LoopMotion] = []
     order: list[NDArray[np.intp]] = []
-    for solver, index, rows in path.parts(angle):
+    for solver, index, rows in path.parts(instants.at):
         for i in range(0, len(index), CHUNK):
             some = index[i : i + CHUNK]
-            at, loops = _closed(path, solver, angle[some], rows[i : i + CHUNK])
-            found.append(_rated(path, solver, at, loops, angle[some], speed[some], acceleration[some]))
+            here = instants.some(some)
+            at, loops = _closed(path, solver, here, rows[i : i + CHUNK])
+            found.append(_rated(path, solver, at, loops, here))
             order.append(some)
     back = np.argsort(np.concatenate(order))
     parts = {field.name: [getattr(one, field.name) for one in found] for field in fields(LoopMotion)}
@@ -74,20 +103,20 @@ def loop_motion(path: FollowedPath, angle: Array, speed: Array, acceleration: Ar
 
 
 def _closed(
-    path: FollowedPath, solver: LoopSolver, angle: Array, rows: Array
+    path: FollowedPath, solver: LoopSolver, instants: Instants, rows: Array
 ) -> tuple[Coordinates, Linearised]:
     """Return poses closed from those of the polynomials, and the loops there."""
-    at = path.unflat(rows, angle)
+    at = path.unflat(rows, instants.at, instants.value)
     found = solver.linearise(at)
-    blind = path.blind(angle)
+    blind = path.blind(instants.at)
     for _ in range(STEPS):
         right = np.where(blind[:, None], 0.0, found.right)
         step = solver.step(_regular(found.matrix, blind), right)
         longest = float(np.abs(step).max(initial=0.0))
         if not longest < LONG:
-            worst = float(angle[np.argmax(np.abs(step).max(0))])
+            worst = float(instants.at[np.argmax(np.abs(step).max(0))])
             raise AssemblyError(
-                f"{path.loops.tree.mechanism.name}: the pose at crank angle {worst:.7g} rad is too near a "
+                f"{path.loops.tree.mechanism.name}: the pose at {path.words.instant(worst)} is too near a "
                 "singular one to be told from another assembly; keep away from it"
             )
         at = path.loops.moved(at, step)
@@ -103,37 +132,31 @@ def _regular(matrix: Array, blind: NDArray[np.bool_]) -> Array:
 
 
 def _rated(
-    path: FollowedPath,
-    solver: LoopSolver,
-    at: Coordinates,
-    found: Linearised,
-    angle: Array,
-    speed: Array,
-    acceleration: Array,
+    path: FollowedPath, solver: LoopSolver, at: Coordinates, found: Linearised, instants: Instants
 ) -> LoopMotion:
-    loops, blind = path.loops, path.blind(angle)
+    loops, blind = path.loops, path.blind(instants.at)
     tree, units, driven = loops.tree, loops.units[:, None], list(loops.driven)
     matrix = _regular(found.matrix, blind)
-    rates, second = np.zeros((2, tree.count, len(angle)))
-    first, bend = _along(path, angle[blind]) if blind.any() else (None, None)
+    first, bend = _along(path, instants.at[blind]) if blind.any() else (None, None)
 
     def solved(asked: Array, bias: Array) -> Array:
         """Return the coordinates' rates of one order, in their units."""
-        ahead = np.zeros((tree.count, len(angle)))
+        ahead = np.zeros((tree.count, len(at)))
         ahead[driven] = asked / units[driven]
         right = np.zeros_like(found.right)
         opened = np.einsum("rkn,kn->rn", found.slope[:, driven], ahead[driven]) + bias
         right[:, : len(solver.rows)] = opened[solver.rows].T
         return ahead + solver.step(matrix, right)
 
-    rates = solved(speed, np.zeros(1))
+    rates = solved(instants.rate, np.zeros(1))
     if first is not None:
-        rates[:, blind] = first * speed[blind]
+        rates[:, blind] = first * instants.speed[blind]
     twist = twists(tree, found.here, rates * units)
     drift = drifts(tree, found.here, twist, rates * units)
-    second = solved(acceleration, loops.bias(found.here, twist, drift))
+    second = solved(instants.second, loops.bias(at, found.here, rates * units, twist, drift))
     if first is not None and bend is not None:
-        second[:, blind] = first * acceleration[blind] + bend * speed[blind] ** 2
+        speed, acceleration = instants.speed[blind], instants.acceleration[blind]
+        second[:, blind] = first * acceleration + bend * speed**2
     spatial = drift + twists(tree, found.here, second * units)
     position = found.here.position
     velocity, changed = np.empty_like(twist), np.empty_like(twist)
@@ -150,11 +173,20 @@ def _rated(
         found.here.rotation.transpose(3, 0, 1, 2),
         velocity.transpose(2, 0, 1),
         changed.transpose(2, 0, 1),
+        _conditioning(found, loops.unknown, len(solver.rows)),
     )
 
 
+def _conditioning(found: Linearised, unknown: NDArray[np.intp], rank: int) -> Array:
+    """Return the smallest singular value that counts of each pose's loops, (n,); 1 where there are none."""
+    if not rank:
+        return np.ones(found.slope.shape[2])
+    values = np.linalg.svd(found.slope[:, unknown].transpose(2, 0, 1), compute_uv=False)
+    return np.asarray(values[:, rank - 1], dtype=np.float64)
+
+
 def _along(path: FollowedPath, angle: Array) -> tuple[Array, Array]:
-    """Return first and second rates of the coordinates per radian of the crank, off the polynomials."""
+    """Return first and second derivatives of the coordinates by the parameter, off the polynomials."""
     tree = path.loops.tree
     first, second = path.derivatives(angle)
     once, twice = first[:, : tree.count].T.copy(), second[:, : tree.count].T.copy()
@@ -166,7 +198,7 @@ def _along(path: FollowedPath, angle: Array) -> tuple[Array, Array]:
         turning = product(spin, turn.transpose(1, 0, 2))
         changing = product(bend, turn.transpose(1, 0, 2)) + product(spin, spin.transpose(1, 0, 2))
         for rows, matrix in ((once, turning), (twice, changing)):
-            rows[ball.first : ball.first + 3] = (
+            rows[ball.turning : ball.turning + 3] = (
                 0.5 * (matrix - matrix.transpose(1, 0, 2))[[2, 0, 1], [1, 2, 0]]
             )
     return once, twice

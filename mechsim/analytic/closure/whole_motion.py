@@ -6,13 +6,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.closure.assembly import assemble, crank_angles
+from mechsim.analytic.closure.assembly import crank_angles
 from mechsim.analytic.closure.followed_path import FollowedPath
 from mechsim.analytic.closure.motion import crank_rate, joint_motion, point_on
 from mechsim.analytic.closure.open_joints import require_determined
-from mechsim.analytic.closure.rank import conditioning
-from mechsim.analytic.closure.tree_loops import tree_loops
-from mechsim.analytic.closure.tree_rates import LoopMotion, loop_motion
+from mechsim.analytic.closure.tree_assembly import assembled, held_values, with_holds
+from mechsim.analytic.closure.tree_rates import Instants, LoopMotion, loop_motion
 from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN, other_laps
 from mechsim.maths.arrays import Array
@@ -34,12 +33,15 @@ def followed(mechanism: Mechanism, through: Through = "smooth") -> FollowedPath:
     Raises:
         AssemblyError: where the loops do not close at the start.
         MobilityError: where the crank leaves joints or tracked points open.
+        InputError: for a mechanism without a crank.
     """
     mechanism = described(mechanism)
-    poses = assemble(mechanism, [mechanism.start])
-    loops, start = tree_loops(mechanism, poses, mechanism.start)
+    crank = mechanism.crank.name
+    loops, start = assembled(mechanism)
     require_determined(loops, start)
-    return FollowedPath(loops, lambda angle: angle[None], start, mechanism.start, through)
+    begin = float(start.values[loops.tree.places[crank], 0])
+    held = held_values(mechanism)
+    return FollowedPath(loops, lambda angle: with_holds(angle[None], held), start, begin, through)
 
 
 def follow(mechanism: Mechanism, angles: ArrayLike) -> dict[str, Pose]:
@@ -102,29 +104,38 @@ def _moved(
     mechanism: Mechanism, angle: Array, speed: Array, acceleration: Array, through: Through = "smooth"
 ) -> tuple[FollowedPath, LoopMotion]:
     """Return the motion and its path, of a crank that only swings on whatever lap it is asked for."""
-    path = followed(mechanism, through)
+    path, held = followed(mechanism, through), held_values(mechanism)
+    instants = Instants(
+        angle,
+        speed,
+        acceleration,
+        path.drive(angle),
+        with_holds(speed[None], 0.0 * held),
+        with_holds(acceleration[None], 0.0 * held),
+    )
     try:
-        return path, loop_motion(path, angle, speed, acceleration)
+        return path, loop_motion(path, instants)
     except AssemblyError:
         for laps in other_laps(mechanism.start, angle):
             other = _counted(path, laps)
             if other is not None:
                 with suppress(AssemblyError):
-                    return other, loop_motion(other, angle, speed, acceleration)
+                    return other, loop_motion(other, instants)
         raise
 
 
 def _counted(path: FollowedPath, laps: int) -> FollowedPath | None:
     """Return a path from the same pose so many turns of the crank on; None where gears make it another."""
     winds = list(path.loops.winds)
-    for i, gear in enumerate(path.loops.tree.mechanism.gears):
-        if gear.driver == path.loops.tree.mechanism.driver:
-            gain = gear.ratio * laps
-            if abs(gain - round(gain)) > WHOLE:
-                return None
-            winds[i] -= round(gain) * TURN
+    tree = path.loops.tree
+    crank = tree.places[tree.mechanism.crank.name]
+    for i, row in enumerate(path.loops.couplings):
+        gain = (row.left[crank] - row.right[crank] * row.coupling.slope) * laps
+        if abs(gain - round(gain)) > WHOLE or (gain and not row.turns):
+            return None
+        winds[i] += round(gain) * TURN
     start = path.start.values.copy()
-    start[list(path.loops.driven)] += laps * TURN
+    start[crank] += laps * TURN
     loops = replace(path.loops, winds=tuple(winds))
     begin = path.begin + laps * TURN
     return FollowedPath(loops, path.drive, replace(path.start, values=start), begin, path.passing)
@@ -133,26 +144,22 @@ def _counted(path: FollowedPath, laps: int) -> FollowedPath | None:
 def recorded(
     path: FollowedPath, found: LoopMotion, angle: Array, speed: Array, acceleration: Array
 ) -> Motion:
-    """Return the motion of points, links and joints as a record."""
+    """Return the motion of points, links and joints as a record; the angle is the path's parameter."""
     tree = path.loops.tree
     mechanism = tree.mechanism
-    poses = {name: Pose(found.position[:, i], found.rotation[:, i]) for name, i in tree.links.items()}
     links = {name: found.link(i) for name, i in tree.links.items()}
     joints: dict[str, JointMotion] = {}
     for joint in mechanism.joints:
         kind = KINDS[joint.kind]
-        if not kind.single:
+        if tree.place(joint.name) is None:
+            if kind.single:
+                joints[joint.name] = joint_motion(joint, links)
             continue
-        place = tree.place(joint.name)
-        if place is None:
-            joints[joint.name] = joint_motion(joint, links)
-        else:
-            joints[joint.name] = JointMotion(
-                found.values[:, place],
-                found.rates[:, place],
-                found.second[:, place],
-                "rad" if kind.hinge else "m",
-            )
+        for i, (name, unit) in enumerate(zip(joint.coordinates, kind.units, strict=True)):
+            of = tree.places[name]
+            part = None if kind.single else i
+            value, rate, second = found.values[:, of], found.rates[:, of], found.second[:, of]
+            joints[name] = JointMotion(value, rate, second, "m" if unit == "m" else "rad", part)
     return Motion(
         source="loop equations",
         angle=angle,
@@ -165,5 +172,5 @@ def recorded(
         },
         links=links,
         joints=joints,
-        conditioning=conditioning(mechanism, poses),
+        conditioning=found.conditioning,
     )

@@ -78,7 +78,7 @@ def machine(
 
 
 def _check_flywheel(mechanism: Mechanism, forces: Forces) -> None:
-    driver = mechanism.joint(mechanism.driver)
+    driver = mechanism.crank
     if forces.flywheel and driver.a.link != GROUND:
         raise InputError(
             f"{mechanism.name}: the driven joint's first link is {driver.a.link!r}, not the frame, so that a "

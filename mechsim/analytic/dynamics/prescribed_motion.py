@@ -122,7 +122,7 @@ def prescribed(
     inertial = unit.inertial(w, e)
     # the flywheel and the crank's own load act in the driven joint
     shared = np.zeros_like(inertial)
-    driver = unit.mechanism.joint(unit.mechanism.driver)
+    driver = unit.mechanism.crank
     add_couple(unit, shared, driver, (outside.crank - flywheel * e)[:, None] * unit.axis(driver))
     held = balance(unit, inertial - acting.total(w) - outside.wrenches - shared)
     torque = part.torque(w, e) - outside.torque
@@ -163,7 +163,7 @@ def _shaking(
     left = outside - inertial
     force = left[..., :3].sum(1)
     moment = (left[..., 3:] + cross(unit.position, left[..., :3])).sum(1)
-    driver = unit.mechanism.joint(unit.mechanism.driver)
+    driver = unit.mechanism.crank
     turned = machine.forces.flywheel * acceleration[:, None] * unit.axis(driver)
     return force, moment - turned
 

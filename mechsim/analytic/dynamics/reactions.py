@@ -10,9 +10,10 @@ from mechsim.analytic.closure import RANK_TOLERANCE
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.maths.arrays import Array
+from mechsim.model.couplings import Gear
 from mechsim.model.efforts import Reaction
 from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import Gear, Joint, Mechanism
+from mechsim.model.mechanism import Joint, Mechanism
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,7 +60,7 @@ class Trace:
     def _sense(self) -> list[Chain]:
         """An arrow around the crank shaft, in the direction it turns, on the camera's side."""
         drawn = self.drawn
-        end, radius = drawn.mechanism.joint(drawn.mechanism.driver).a, drawn.radius
+        end, radius = drawn.mechanism.driven_joints[0].a, drawn.radius
         axis, forward = np.asarray(end.axis), drawn.forward
         lift = 3.0 * radius * axis * np.sign(axis @ drawn.camera.back + 1e-12)
         turn = np.linspace(0.0, 1.5 * np.pi, 49) * (1.0 if forward else -1.0)

@@ -5,11 +5,13 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
+from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
 from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
+from mechsim.model.mechanism import GROUND, IDENTITY, Joint, Mechanism, Pose
 from mechsim.model.motion_plane import plane_normals
 from mechsim.model.rod_inertia import with_inertia
+from mechsim.model.rough_poses import starts
 from mechsim.model.scene import Scene
 from mechsim.simulation.mjcf.body_inertia import PLACEHOLDER, quaternion, set_inertia, set_placeholder
 from mechsim.simulation.mjcf.force_elements import add_forces
@@ -55,12 +57,12 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
     _options(spec, scene)
     bodies = _add_links(spec, mechanism, tree, poses or {}, real=acting is not None)
     # at level dynamics the crank is free, or driven by its motor
-    if scene.holds("motion") and scene.level != "dynamics":
+    if scene.holds("motion") and scene.level != "dynamics" and mechanism.has_crank:
         spec.joint(CRANK).armature = FLYWHEEL * PLACEHOLDER * mechanism.size
     for name, (link, point) in mechanism.points.items():
         bodies[link].add_site(name=name, pos=point)
     _close(spec, mechanism, tree, bodies)
-    _mesh_gears(spec, mechanism)
+    _couple(spec, mechanism)
     if acting is not None:
         add_forces(spec, mechanism, tree, bodies, acting)
     return spec
@@ -75,9 +77,8 @@ def _add_links(
     for branch in tree.branches:
         link, parent = branch.child.link, placed[branch.parent.link]
         local, values = seated_pose(branch, parent, poses[link]) if link in poses else zero_pose(branch)
-        if branch.joint.name == mechanism.driver and link in poses:
-            # a pose does not tell on which lap the crank stands
-            values = (values[0] + TURN * float(np.round((mechanism.start - values[0]) / TURN)),)
+        if link in poses:
+            values = counted(mechanism, branch.joint, values)
         hung = bodies[branch.parent.link].add_body(
             name=link, pos=local.position, quat=quaternion(local.rotation)
         )
@@ -90,6 +91,17 @@ def _add_links(
         bodies[link] = hung
         placed[link] = Pose(parent.point(tuple(local.position)), parent.rotation @ local.rotation)
     return bodies
+
+
+def counted(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tuple[float, ...]:
+    """Return coordinates of a joint read off a pose, with the turns that no pose tells."""
+    told = starts(mechanism)
+    kind = KINDS[joint.kind]
+    slides = len(kind.slides)
+    return tuple(
+        value + TURN * float(np.round((told[name] - value) / TURN)) if i >= slides and name in told else value
+        for i, (name, value) in enumerate(zip(joint.coordinates, values, strict=True))
+    )
 
 
 def _options(spec: mujoco.MjSpec, scene: Scene) -> None:
@@ -125,17 +137,37 @@ def _close(
             )
 
 
-def _mesh_gears(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
-    """Couple geared joints; MuJoCo counts both angles from the reference configuration."""
-    for gear in mechanism.gears:
-        (driven,), (driver,) = (
-            part_names(mechanism, mechanism.joint(name)) for name in (gear.driven, gear.driver)
-        )
-        offset = gear.ratio * float(spec.joint(driver).ref) + gear.phase - float(spec.joint(driven).ref)
-        offset -= 2.0 * np.pi * np.round(offset / (2.0 * np.pi))
-        kind, of = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
-        made = _add_equality(spec, f"{gear.driver}-{gear.driven}", kind, of, [driven, driver])
-        made.data[:5] = offset, gear.ratio, 0.0, 0.0, 0.0
+def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
+    """Couple coordinates; MuJoCo counts both sides from the reference configuration.
+
+    Raises:
+        InputError: for a sum of coordinates, which no joint equality holds.
+    """
+    of = {}
+    for joint in mechanism.joints:
+        of |= dict(zip(joint.coordinates, part_names(mechanism, joint), strict=False))
+    for law in mechanism.laws:
+        names, zeros = [], []
+        for terms, zero in zip((law.left_terms, law.right_terms), law.zeros, strict=True):
+            if len(terms) > 1 or any(weight != 1.0 for weight in terms.values()):
+                raise InputError(
+                    f"{mechanism.name}: coupling {law.name!r} is of a weighted sum of coordinates, which no "
+                    "joint equality of MJCF holds; couple one coordinate to another"
+                )
+            names += [of[name] for name in terms]
+            zeros += [zero - float(spec.joint(of[name]).ref) for name in terms]
+        # p(right - zero) about the reference configuration
+        curve = np.polynomial.Polynomial(law.coefficients)
+        if len(zeros) == 2:
+            curve = curve(np.polynomial.Polynomial([-zeros[1], 1.0]))
+        shifted = np.zeros(5)
+        shifted[: len(curve.coef)] = curve.coef
+        shifted[0] += zeros[0]
+        if law.turns:
+            shifted[0] -= TURN * np.round(shifted[0] / TURN)
+        kind, object_kind = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
+        made = _add_equality(spec, law.label, kind, object_kind, [*names, ""][:2])
+        made.data[:5] = shifted
 
 
 def _add_equality(

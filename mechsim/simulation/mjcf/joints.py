@@ -33,16 +33,9 @@ class Branch:
 
 def part_names(mechanism: Mechanism, joint: Joint) -> list[str]:
     """Return the names of the model's joints that make up a joint, in the order of its coordinates."""
-    name = CRANK if joint.name == mechanism.driver else joint.name
-    return [name + ending for ending in _endings(KINDS[joint.kind])]
-
-
-def _endings(kind: Kind) -> list[str]:
-    if kind.ball or kind.single:
-        return [""]
-    slides = [".way"] if len(kind.slides) == 1 else [f".{axis}" for axis in kind.slides]
-    turns = [".turn"] if len(kind.turns) == 1 else [f".{i + 1}" for i in range(len(kind.turns))]
-    return slides + turns
+    if mechanism.has_crank and joint.name == mechanism.crank.name:
+        return [CRANK]
+    return [joint.name] if KINDS[joint.kind].ball else list(joint.coordinates)
 
 
 def meeting_points(kind: Kind) -> list[float] | None:
@@ -71,6 +64,8 @@ def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[
     values = tuple(float(value) for value in joint_coordinate(branch.joint, a, b))
     if KINDS[branch.joint.kind].ball:
         rotation = parent.rotation.T @ child.rotation
+        if values:
+            return Pose(parent.rotation.T @ (child.position - parent.position), rotation), ()
         return Pose(np.asarray(branch.parent.point) - rotation @ np.asarray(branch.child.point), rotation), ()
     return _posed(branch, values), values
 
@@ -100,6 +95,9 @@ def add_joint(
     """
     joint, at = branch.joint, branch.child.point
     kind, names = KINDS[joint.kind], part_names(mechanism, joint)
+    if kind.ball and kind.slides:
+        body.add_freejoint(name=names[0])
+        return
     if kind.ball:
         body.add_joint(name=names[0], type=mujoco.mjtJoint.mjJNT_BALL, pos=at)
         return
@@ -109,6 +107,10 @@ def add_joint(
     if branch.sense < 0 and len(set(axes)) > 1:
         # an axis fixed in the parent comes first, one fixed in the child last
         parts.reverse()
+    across = len(kind.slides) > 1 and branch.sense < 0
+    if across:
+        # a turn that comes before slides across it is about the parent's point
+        at = local.rotation.T @ (np.asarray(branch.parent.point) - local.position)
     for name, made, axis, value in parts:
         body.add_joint(name=name, type=made, pos=at, axis=_axis_of(branch, local, axis), ref=value)
 

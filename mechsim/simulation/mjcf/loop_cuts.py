@@ -47,9 +47,11 @@ def cut_loops(
         known = ", ".join(joint.name for joint in mechanism.joints)
         raise InputError(f"{mechanism.name}: there is no joint {unknown!r} to cut; known are {known}")
     # what is driven or geared must be a joint of the model
-    needed = {mechanism.driver, *(name for gear in mechanism.gears for name in (gear.driver, gear.driven))}
+    driven = {joint.name for joint in mechanism.driven_joints}
+    needed = driven | joints_of(mechanism, [name for law in mechanism.laws for name in law.coordinates])
+    needed |= joints_of(mechanism, mechanism.holds)
     for name in sorted(asked & needed):
-        what = "driven" if name == mechanism.driver else "geared"
+        what = "driven" if name in driven else "held" if name in mechanism.holds else "geared"
         raise InputError(f"{mechanism.name}: joint {name!r} is {what} and cannot be cut; cut another")
     distance = _distance_from_crank(mechanism)
     for order, joint in enumerate(mechanism.joints):
@@ -85,6 +87,11 @@ def cut_loops(
     return Tree(_ordered(mechanism, kept), cuts)
 
 
+def joints_of(mechanism: Mechanism, coordinates: Collection[str]) -> set[str]:
+    """Return the names of the joints that have some of these coordinates."""
+    return {joint.name for joint in mechanism.joints if set(joint.coordinates) & set(coordinates)}
+
+
 def _cuttable(kind: Kind) -> bool:
     return meeting_points(kind) is not None
 
@@ -98,7 +105,7 @@ def _distance_from_crank(mechanism: Mechanism) -> dict[str, int]:
     """Count joints from the driven link to each link, never through the frame."""
     import networkx as nx
 
-    driver = mechanism.joint(mechanism.driver)
+    driver = mechanism.driven_joints[0]
     driven = driver.b.link if driver.a.link == GROUND else driver.a.link
     graph = nx.Graph([(joint.a.link, joint.b.link) for joint in mechanism.joints])
     far = len(mechanism.links) + 1

@@ -43,7 +43,7 @@ def mass_ratio(drive: ClosedForm, value: float) -> Trial:
     """The coupler's mass beside that of the other links; 0 is a massless rod, which MuJoCo refuses."""
     mechanism = drive.mechanism
     spec = assembled(mechanism, Scene())
-    crank = mechanism.joint(mechanism.driver).b.link
+    crank = mechanism.crank.b.link
     middle = next(
         link.name for link in mechanism.links if link.name != crank and not _on_ground(drive, link.name)
     )

@@ -48,7 +48,7 @@ class _LoopEquations:
         self.mechanism, self.name, self.size = mechanism, mechanism.name, 1.0
         self.scale = mechanism.size
         self.links = [link.name for link in mechanism.links]
-        self.driver = mechanism.joint(mechanism.driver)
+        self.driver = mechanism.crank
         values = np.linalg.svd(self._rows(poses)[1], compute_uv=False)
         self.rank = int((values > SINGULAR * values[0]).sum())
 

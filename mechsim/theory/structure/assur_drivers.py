@@ -47,7 +47,7 @@ def driven_links(mechanism: Mechanism) -> tuple[str, ...]:
     Raises:
         InputError: if a driven joint hangs on links that the drive does not place.
     """
-    names = [mechanism.driver]
+    names = [joint.name for joint in mechanism.driven_joints]
     while more := [
         name
         for gear in mechanism.gears

@@ -1,0 +1,104 @@
+"""The motion of a mechanism under programs of its drivers, from its loop equations alone."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mechsim.analytic.closure.followed_path import FollowedPath, Words
+from mechsim.analytic.closure.open_joints import require_determined
+from mechsim.analytic.closure.tree_assembly import assembled, held_values, with_holds
+from mechsim.analytic.closure.tree_loops import TreeLoops
+from mechsim.analytic.closure.tree_motion import Coordinates
+from mechsim.analytic.closure.tree_rates import Instants, loop_motion
+from mechsim.analytic.closure.whole_motion import recorded
+from mechsim.maths.arrays import Array
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import Motion, Through
+from mechsim.model.programs import Programs
+
+
+def followed_under(mechanism: Mechanism, programs: Programs, through: Through = "smooth") -> FollowedPath:
+    """Return the path of a mechanism's assembly over the angle of its programs' clock, begun at time zero.
+
+    Args:
+        mechanism: its guess says which assembly is meant, and where the drivers stand in it; from there they
+            go straight to where the programs begin.
+        programs: of its drivers.
+        through: "smooth" or "fold" where two assemblies meet.
+
+    Raises:
+        AssemblyError: where the loops do not close at the guess or on the way to where the programs begin.
+        MobilityError: where the drivers leave joints or tracked points open.
+    """
+    loops, start = assembled(mechanism)
+    require_determined(loops, start)
+    held = held_values(mechanism)
+
+    def drive(clock: Array) -> Array:
+        return with_holds(programs.by_clock(clock)[0], held)
+
+    def when(clock: float) -> str:
+        return f"{clock / programs.pace:.7g} s"
+
+    start = _begun(loops, start, drive(np.zeros(1)), through)
+    words = Words("the drivers", when, lambda clock: f"{when(clock)} of the programs")
+    return FollowedPath(loops, drive, start, 0.0, through, words)
+
+
+def _begun(loops: TreeLoops, start: Coordinates, there: Array, through: Through) -> Coordinates:
+    """Return the coordinates where all that is prescribed, (driven, 1), has gone straight to its place."""
+    driven = list(loops.driven)
+    here = start.values[driven]
+    far = float(np.abs((there - here) / loops.units[driven, None]).max())
+    if far == 0.0:
+        return start
+
+    def straight(s: Array) -> Array:
+        return here + (there - here) * (s / far)
+
+    def place(s: float) -> str:
+        names = (*loops.tree.mechanism.drivers, *loops.tree.mechanism.holds)
+        values = straight(np.array([s]))[:, 0]
+        return ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, values, strict=True))
+
+    words = Words("the drivers on their way to where the programs begin", place, place)
+    way = FollowedPath(loops, straight, start, 0.0, through, words)
+    way.reach(far)
+    return way.unflat(way.cells[1][-1].states[-1:], np.array([far]), there)
+
+
+def solve_programmed(
+    path: FollowedPath, programs: Programs, clock: Array, speed: Array, acceleration: Array
+) -> Motion:
+    """Return the motion at angles of the clock of programs, and its rates.
+
+    Args:
+        path: from `followed_under`.
+        programs: of the drivers.
+        clock: angles of the clock, (n,) in [rad].
+        speed: of the clock, (n,) in [rad/s]; `programs.pace` is real time.
+        acceleration: of the clock, (n,) in [rad/s2].
+
+    Raises:
+        AssemblyError: at the time beyond which the loops cannot close in this assembly.
+    """
+    value, first, second = programs.by_clock(clock)
+    rate, bend = first * speed, first * acceleration + second * speed**2
+    return solve_prescribed(path, programs, Instants(clock, speed, acceleration, value, rate, bend))
+
+
+def solve_prescribed(path: FollowedPath, programs: Programs, instants: Instants) -> Motion:
+    """Return the motion where the drivers stand near their programs, at instants that say where.
+
+    Raises:
+        AssemblyError: as `solve_programmed`.
+    """
+    held = held_values(path.loops.tree.mechanism)
+    whole = replace(
+        instants,
+        value=with_holds(instants.value, held),
+        rate=with_holds(instants.rate, 0.0 * held),
+        second=with_holds(instants.second, 0.0 * held),
+    )
+    found = recorded(path, loop_motion(path, whole), whole.at, whole.speed, whole.acceleration)
+    return replace(found, time=instants.at / programs.pace, drivers=programs.drivers)

@@ -1,0 +1,72 @@
+"""Assembly in coordinates of the tree: the loops closed where what is prescribed stands at the start."""
+
+import numpy as np
+
+from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops, tree_loops
+from mechsim.analytic.closure.tree_motion import Coordinates, placed
+from mechsim.errors import AssemblyError
+from mechsim.maths.arrays import Array
+from mechsim.model.joints import KINDS
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.rough_poses import rough_poses, starts
+
+# Newton steps before giving up, the longest turn of one in [rad], and a gap that is closed
+MOST_STEPS, LONGEST, CLOSED = 60, 0.5, 1e-12
+
+
+def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
+    """Return the loops of a mechanism and the coordinates in which they close nearest to its guess.
+
+    Raises:
+        AssemblyError: where they do not close; names the gap that is left.
+    """
+    loops, rough = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
+    at = _closed(loops, rough)
+    _require_axes_alike(loops, at)
+    return loops, at
+
+
+def held_values(mechanism: Mechanism) -> Array:
+    """Return the values of held coordinates, (holds,) in [m] or [rad]."""
+    return np.array([*mechanism.holds.values()], dtype=np.float64)
+
+
+def with_holds(driven: Array, held: Array) -> Array:
+    """Return all that is prescribed, (drivers + holds, n), from the drivers (drivers, n) and (holds,)."""
+    return np.vstack([driven, np.broadcast_to(held[:, None], (len(held), driven.shape[1]))])
+
+
+def _closed(loops: TreeLoops, at: Coordinates) -> Coordinates:
+    before = gap = np.inf
+    for _ in range(MOST_STEPS):
+        residual, slope, _ = loops.linearise(at)
+        gap = float(np.abs(residual).max(initial=0.0))
+        if gap == 0.0 or (gap < CLOSED and gap > 0.25 * before):
+            return at
+        before = gap
+        step = np.zeros((loops.tree.count, 1))
+        if len(loops.unknown):
+            matrix = slope[:, loops.unknown, 0]
+            step[loops.unknown, 0] = -np.linalg.lstsq(matrix, residual[:, 0], rcond=RANK_TOLERANCE)[0]
+        step *= LONGEST / max(LONGEST, float(np.abs(step).max(initial=0.0)))
+        at = loops.moved(at, step)
+    if gap < CLOSED:
+        return at
+    mechanism, places = loops.tree.mechanism, loops.tree.places
+    stands = ", ".join(f"{name} = {at.values[places[name], 0]:.6g}" for name in mechanism.drivers)
+    raise AssemblyError(
+        f"{mechanism.name}: the loops do not close at {stands}: a gap of {gap:.3g} of the longest link is "
+        f"left after {MOST_STEPS} Newton steps; change the dimensions, where the drivers start, or the guess"
+    )
+
+
+def _require_axes_alike(loops: TreeLoops, at: Coordinates) -> None:
+    """Refuse cuts put together with their axes opposed: the rows say parallel, not in which sense."""
+    here = placed(loops.tree, at)
+    for cut in loops.cuts:
+        _, frame_a, _, frame_b = cut.frames(here)
+        if KINDS[cut.joint.kind].aligned and float((frame_a[:, 2] * frame_b[:, 2]).sum()) < 0.0:
+            raise AssemblyError(
+                f"{loops.tree.mechanism.name}: joint {cut.joint.name!r} came together with its axes opposed; "
+                "give a guess nearer the assembly meant"
+            )

@@ -1,0 +1,150 @@
+"""How driven coordinates go over time: one program each, and what they are together."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
+from mechsim.maths.given import number, numbers
+from mechsim.model.crank_profile import CrankProfile
+from mechsim.model.mechanism import Mechanism
+
+# times (n,) in [s] -> value [m] or [rad], rate and acceleration, (n,) each
+State = Callable[[Array], tuple[Array, Array, Array]]
+
+# times at which programs are probed for what is not finite and for their fastest rate
+PROBES = 2048
+
+
+@dataclass(frozen=True)
+class Programs:
+    """The programs of all drivers of a mechanism, by a clock that runs as fast as the fastest of them.
+
+    The clock's angle stands where a crank's would: `clock` is the profile of a crank that turns steadily,
+    by about a radian where the fastest driver moves by a radian or by the mechanism's size.
+
+    Attributes:
+        duration: in [s].
+        drivers: names of the driven coordinates.
+        states: of each driver, as `State`.
+        pace: angle of the clock per second, in [rad/s].
+    """
+
+    duration: float
+    drivers: tuple[str, ...]
+    states: tuple[State, ...]
+    pace: float
+
+    @property
+    def clock(self) -> CrankProfile:
+        """The profile of the clock."""
+
+        def state(time: Array) -> tuple[Array, Array, Array]:
+            return self.pace * time, np.full_like(time, self.pace), np.zeros_like(time)
+
+        return CrankProfile(self.duration, self.pace, state, steady=True)
+
+    def state(self, time: Array) -> tuple[Array, Array, Array]:
+        """Return values, rates and accelerations of the drivers at times (n,) in [s], (drivers, n) each."""
+        found = [state(time) for state in self.states]
+        value, rate, acceleration = (
+            np.array([np.broadcast_to(one[i], time.shape) for one in found]) for i in range(3)
+        )
+        return value, rate, acceleration
+
+    def by_clock(self, angle: Array) -> tuple[Array, Array, Array]:
+        """Return the drivers and their first two derivatives at angles of the clock, (drivers, n) each."""
+        value, rate, acceleration = self.state(angle / self.pace)
+        return value, rate / self.pace, acceleration / self.pace**2
+
+    @cached_property
+    def first(self) -> Mapping[str, float]:
+        """Where the drivers stand at time zero."""
+        values = self.state(np.zeros(1))[0][:, 0]
+        return dict(zip(self.drivers, values.tolist(), strict=True))
+
+    def lasting(self, duration: float) -> "Programs":
+        """Return the same programs over another duration in [s]."""
+        return replace(self, duration=duration)
+
+
+def programs(mechanism: Mechanism, states: Mapping[str, State], duration: float) -> Programs:
+    """Return the programs of a mechanism's drivers.
+
+    Args:
+        mechanism: whose drivers they are.
+        states: driver -> its state over time.
+        duration: in [s].
+
+    Raises:
+        InputError: for a driver without a program, a program without its driver, one that is not finite, or
+            drivers that all stand still.
+    """
+    if not 0.0 < number(duration) < np.inf:
+        raise InputError(f"the duration is {duration} s; give a finite time above 0")
+    missing = [name for name in mechanism.drivers if name not in states]
+    if missing:
+        raise InputError(
+            f"{mechanism.name}: no program says how {', '.join(missing)} "
+            f"move{'s' if len(missing) == 1 else ''}; give each a --drive JOINT=PROGRAM"
+        )
+    unknown = [name for name in states if name not in mechanism.drivers]
+    if unknown:
+        raise InputError(
+            f"{mechanism.name}: there is a program for {unknown[0]!r}, which is not driven; "
+            f"drivers are {', '.join(mechanism.drivers)}"
+        )
+    chosen = tuple(states[name] for name in mechanism.drivers)
+    made = Programs(float(duration), mechanism.drivers, chosen, 1.0)
+    with np.errstate(all="ignore"):
+        found = made.state(np.linspace(0.0, duration, PROBES))
+    for name, *parts in zip(made.drivers, *found, strict=True):
+        if not all(np.isfinite(part).all() for part in parts):
+            raise InputError(
+                f"{mechanism.name}: the program of {name} is not finite from 0 to {duration:g} s; "
+                "give one with two finite rates"
+            )
+    units = [mechanism.size if mechanism.unit(name) == "m" else 1.0 for name in mechanism.drivers]
+    pace = float(np.abs(found[1] / np.array(units)[:, None]).max())
+    if not pace > 0.0:
+        raise InputError(f"{mechanism.name}: all drivers stand still; give one a program that moves")
+    return replace(made, pace=pace)
+
+
+def steady(start: float, rate: float) -> State:
+    """Return the program of a coordinate that moves steadily from a start, in [m] or [rad] and per second."""
+
+    def state(time: Array) -> tuple[Array, Array, Array]:
+        return start + rate * time, np.full_like(time, rate), np.zeros_like(time)
+
+    return state
+
+
+def tabled(name: str, time: ArrayLike, value: ArrayLike) -> State:
+    """Return the program of a coordinate along a table, joined by a quintic spline.
+
+    Args:
+        name: of the coordinate, for messages.
+        time: rising, (n,) in [s], at least 6 values.
+        value: (n,) in [m] or [rad].
+    """
+    from scipy.interpolate import make_interp_spline
+
+    time, value = numbers(time), numbers(value)
+    if time.shape != value.shape or time.ndim != 1 or len(time) < 6:
+        raise InputError(
+            f"the program of {name} has {time.shape} times and {value.shape} values; give two columns of "
+            "equal length, at least 6 rows"
+        )
+    if not (np.isfinite(time).all() and np.isfinite(value).all() and (np.diff(time) > 0.0).all()):
+        raise InputError(
+            f"the program of {name} holds numbers that are not finite, or times that do not rise; "
+            "mend the table"
+        )
+    spline = make_interp_spline(time, value, k=5)
+    rate, acceleration = spline.derivative(1), spline.derivative(2)
+    return lambda t: (spline(t), rate(t), acceleration(t))
