@@ -68,7 +68,7 @@ def simulate(
         samples = whole
     with progress("simulate", None) as tick:
         run = simulation.simulate(
-            drive.mechanism,
+            drive,
             profile=motion,
             tolerance=wanted,
             settings=settings,

@@ -97,7 +97,16 @@ def of_source(source: Source, scene: Scene | None = None) -> ClosedModel:
 
 
 def described(source: Source) -> Model:
-    """Return the description of what has one, and anything else that is a model as it is."""
+    """Return the description of what has one, and anything else that is a model as it is.
+
+    Raises:
+        InputError: for what is no model, or is to fold where its assemblies meet.
+    """
+    if getattr(source, "through", "smooth") == "fold" and getattr(source, "change_points", tuple)():
+        raise InputError(
+            f"{getattr(source, 'name', 'the mechanism')} is to fold at change points, and MuJoCo's motion "
+            "passes them smoothly; leave out through=fold, or solve it without MuJoCo"
+        )
     model = getattr(source, "mechanism", source)
     if not isinstance(model, Mechanism | mujoco.MjSpec | str | os.PathLike):
         raise InputError(

@@ -47,12 +47,8 @@ def motion_of(drive: Form, road: str, profile: CrankProfile, samples: float) -> 
         raise InputError(f"{samples:g} frames or samples asked for; give 1 to {MOST_SAMPLES}")
     if road == "closed":
         return drive.solve(*profile.state(np.linspace(0.0, profile.duration, count + 1)))
-    if getattr(drive, "through", "smooth") == "fold" and drive.change_points():
-        raise InputError(
-            f"{drive.name}: MuJoCo's motion does not fold at change points; draw it --from closed, or smooth"
-        )
     method = "step" if road == "simulated" else "pose"
-    return simulate(drive.mechanism, profile=profile, samples=count, method=method).motion
+    return simulate(drive, profile=profile, samples=count, method=method).motion
 
 
 def joint_loads(drive: Form, road: str, profile: CrankProfile, motion: Motion) -> dict[str, Any]:

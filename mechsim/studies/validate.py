@@ -87,6 +87,7 @@ def validate(
 
     Raises:
         AssemblyError: if the loops close nowhere.
+        InputError: for one that is to fold at change points, which MuJoCo's motion passes smoothly.
     """
     case = _validated(drive, speed, formula, quick)
     for name, variant in drive.variants().items():
@@ -121,7 +122,7 @@ def _validated(drive: Form, speed: float, formula: PointFunction | None, quick: 
         verdicts.append(("formula", against_formula(exact, formula, drive)))
     # only a crank at constant speed has a drive whose error means something
     wanted = speed if profile.steady else None
-    poses = run = simulate(drive.mechanism, profile=profile, method="pose")
+    poses = run = simulate(drive, profile=profile, method="pose")
     verdicts.append(("pose", crosscheck(poses.motion, drive, speed=wanted)))
     if not quick:
         run, verdict = _stepped(drive, profile, speed, STEP_PLACE * stroke_of(exact))

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
+from mechsim.errors import InputError
+from mechsim.simulation import simulate
 from mechsim.studies.validate import validate
+from mechsim.verdict.judge import crosscheck
 
 FLAT = {
     "parallelogram": ("four_bar", {"ground": 0.1, "crank": 0.045, "coupler": 0.1, "rocker": 0.045}),
@@ -30,4 +33,13 @@ def test_a_mechanism_with_change_points_meets_every_bound(which):
 def test_another_assembly_of_a_flat_linkage_is_not_met():
     name, lengths = FLAT["parallelogram"]
     fold = catalog.make(name, **lengths, through="fold")
-    assert validate(fold).outcome != "met"
+    run = simulate(catalog.make(name, **lengths), speed=20.0, method="pose")
+    assert crosscheck(run, fold).outcome == "changed assembly"
+
+
+@pytest.mark.parametrize("asked", [validate, lambda drive: simulate(drive, speed=20.0)])
+def test_what_is_to_fold_is_refused_where_mujoco_would_go_on_smoothly(asked):
+    name, lengths = FLAT["parallelogram"]
+    with pytest.raises(InputError, match="passes them smoothly; leave out through=fold"):
+        asked(catalog.make(name, **lengths, through="fold"))
+    assert asked(catalog.make(name, through="fold")).outcome == "met"
