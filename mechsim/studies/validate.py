@@ -144,10 +144,10 @@ def _validated(drive: Form, speed: float, formula: PointFunction | None, quick: 
 
 def _stepped(drive: Form, profile: CrankProfile, speed: float, place: float) -> tuple[Run, Verdict]:
     """Return a run in time and its verdict, with places bound in [m]."""
-    mechanism, decided = drive.mechanism, _decided(drive, profile, speed)
-    run = simulate(mechanism, profile=decided, settings=Settings(steps_per_turn=STEPS))
+    decided = _decided(drive, profile, speed)
+    run = simulate(drive, profile=decided, settings=Settings(steps_per_turn=STEPS))
     if run.outcome != "diverged" and run.estimate > place:
-        run = simulate(mechanism, profile=decided, tolerance=place)
+        run = simulate(drive, profile=decided, tolerance=place)
     verdict = crosscheck(run.motion, drive, tolerance=place, speed=speed if decided.steady else None)
     if run.outcome == "diverged":
         verdict = Verdict("diverged", (), "MuJoCo warned of a bad state")

@@ -7,9 +7,10 @@ from flat_linkages import flat_linkages, named, smooth_b, worst
 
 from mechsim import catalog
 from mechsim.analytic import closure
+from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.closure.whole_motion import followed
 from mechsim.errors import AssemblyError
-from mechsim.model.mechanism import Pose
+from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
 
 ANGLES = np.unique(
     np.concatenate([np.linspace(-4 * np.pi, 4 * np.pi, 49), [1e-6, -3e-5, np.pi + 1e-4, 1e-3]])
@@ -119,3 +120,38 @@ def test_a_gap_before_the_flat_pose_is_not_leapt_over(lack):
         path.extend(high + 2.0 * (2 * np.pi - (high - low)))
     said = float(str(refused.value).split("cannot pass ")[1].split()[0])
     assert said == pytest.approx(high, abs=1e-6)
+
+
+def sarrus(start, length=0.05):
+    """Two folding chains in upright planes that carry a platform: overconstrained, stretched at pi / 2."""
+    folds = (((1.0, 0.0, 0.0), (0.0, -1.0, 0.0)), ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)))
+    high = 2.0 * length * np.sin(start)
+    links, joints = [Link("platform")], []
+    guess = {"platform": Pose(np.array([0.0, 0.0, high]), np.eye(3))}
+    for k, (out, axis) in enumerate(folds):
+        base, tip = 0.1 * np.array(out), tuple(length * np.array(out))
+        lower, upper = f"lower{k}", f"upper{k}"
+        links += [Link(lower), Link(upper)]
+        joints += [
+            Joint(("crank", "base")[k], "revolute", End(GROUND, tuple(base), axis), End(lower, axis=axis)),
+            Joint(f"knee{k}", "revolute", End(lower, tip, axis), End(upper, tip, axis)),
+            Joint(f"top{k}", "revolute", End(upper, axis=axis), End("platform", tuple(base), axis)),
+        ]
+        guess[lower] = Pose(base, about(axis, start))
+        guess[upper] = Pose(base + np.array([0.0, 0.0, high]), about(axis, -start))
+    point = {"P": ("platform", (0.0, 0.0, 0.0))}
+    return Mechanism("sarrus", tuple(links), tuple(joints), "crank", point, guess=guess, start=start)
+
+
+def about(axis, angle):
+    cross = np.cross(np.eye(3), -np.array(axis))
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+
+
+@pytest.mark.parametrize("start", [0.5, 1e-3, -2.0])
+def test_change_points_of_an_overconstrained_linkage_are_told_whichever_rows_are_solved(start):
+    mechanism = sarrus(start)
+    angles = np.linspace(-3.0, 3.0, 24)
+    height = closure.solve(mechanism, angles).points["P"].position[:, 2]
+    np.testing.assert_allclose(height, 0.1 * np.sin(angles), atol=1e-12)
+    assert LoopForm(mechanism).change_points() == pytest.approx((-np.pi / 2, np.pi / 2), abs=1e-9)

@@ -8,7 +8,7 @@ two assemblies meet: the path is then followed up to that change point, which is
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ ROUGH = 1e-4
 # part of the cell about a change point within which poses are read off its polynomial, for there the loops
 # tell nothing; and so near to one no path can begin
 BLIND, CLEAR = 0.05, 1e-5
+# part of the determinant that the best rows have near a singular pose, below which others are picked
+TELLING = 0.5
 # a path that ends so near to its start may end because that is singular
 AT_START = 1e-3
 # two parameters nearer than this are one
@@ -148,21 +150,40 @@ class FollowedPath(PathRows):
             return None, 0.5 * step
         states, loops, moved = found
         cell = Cell(nodes, states, weights, solver)
-        side = loops.side()
         rough = self._roughness(cell)
         if rough > ROUGH:
             return None, 0.5 * step
+        cell, side = self._told(cell, loops.side())
         flips = np.flatnonzero(np.sign(side[1:]) != np.sign(side[:-1]))
         if len(flips):
             return None, step if self._met(cell, int(flips[0]), sense) else 0.5 * step
         middle, done = float(np.sign(side[NODES // 2])), self.cells[sense]
-        if self._side * middle < 0.0 and solver is done[-1].solver:
+        if self._side * middle < 0.0 and cell.solver is done[-1].solver:
             # the change point lies where the last cell ends
             length = abs(float(done[-1].nodes[-1] - done[-1].nodes[0]))
             return None, 0.6 * length if self._back(sense) else 0.5 * step
         self._side = middle
         growth = 2.0 if rough < 1e-7 and moved < 1e-3 else 1.4 if rough < 1e-5 and moved < 1e-2 else 1.0
         return cell, min(LONGEST, growth * step)
+
+    def _told(self, cell: Cell, side: Array) -> tuple[Cell, Array]:
+        """Return a cell solved by rows that tell enough where it is near a singular pose, and its sides.
+
+        Rows that repeat others elsewhere may be the ones that count there.
+        """
+        if not cell.solver.open and len(cell.solver.rows) == self.loops.rows:
+            return cell, side
+        # the nearest node may be the singular pose itself
+        beside = np.argsort(np.abs(side))[1:2]
+        nearest = self.unflat(cell.states[beside], cell.nodes[beside])
+        solver = loop_solver(self.loops, nearest, cell.solver.gauge)
+        own, best = (abs(np.linalg.det(one.linearise(nearest).matrix[0])) for one in (cell.solver, solver))
+        if solver.open != cell.solver.open or own > TELLING * best:
+            return cell, side
+        found = self.closed(solver, cell.nodes, cell.states)
+        if found is None:
+            return cell, side
+        return replace(cell, states=found[0], solver=solver), found[1].side()
 
     def _roughness(self, cell: Cell) -> float:
         half = Cell(

@@ -83,11 +83,12 @@ def through(path: PathRows, cell: Cell, meeting: float, sense: int) -> tuple[Cel
 
 
 def _zero(heights: Cell, near: float) -> float:
-    """Return where a polynomial (k, 1) is nought, by Newton's method."""
+    """Return where a polynomial (k, 1) is nought, by Newton's method; as it was where that leads astray."""
     at, slope = np.array([near]), heights.derivative()
     for _ in range(3):
         at = at - heights.at(at)[0] / slope.at(at)[0]
-    return float(at[0])
+    # where more than one direction is left free, the determinant has no slope
+    return float(at[0]) if abs(at[0] - near) < NEAR else near
 
 
 def folded(path: PathRows, smooth: Cell, meeting: float) -> Cell | None:
