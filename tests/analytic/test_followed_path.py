@@ -144,7 +144,7 @@ def sarrus(start, length=0.05):
 
 
 def about(axis, angle):
-    cross = np.cross(np.eye(3), -np.array(axis))
+    cross = np.cross(np.eye(3), axis)
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
 
