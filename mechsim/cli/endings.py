@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
@@ -26,6 +27,8 @@ INTERNAL = 70
 DEBUG = "MECHSIM_DEBUG"
 # what a stream says that cannot take what is printed
 UNWRITABLE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF}
+# when the command was typed, by `time.perf_counter`, as far as a program can know
+typed_at = time.perf_counter()
 SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
@@ -39,6 +42,8 @@ def ended(command: Callable[[], Any]) -> int:
     0 and 1 are the command's own, 2 is refused or interrupted, 70 a fault of the program, and 128 and
     the number of the signal where one ended it.
     """
+    global typed_at
+    typed_at = time.perf_counter()
     opened_streams()
     with _listening() as came:
         code = _outcome(command, came)

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from mechsim import units
+from mechsim.cli import endings
 from mechsim.cli.options import Json, Output, Sets, Speed, form_of, speed_of, writable
 from mechsim.cli.output import Tick, print_json, print_table, progress
 from mechsim.errors import InputError
@@ -14,6 +15,7 @@ from mechsim.studies.tradeoff import (
     BOUNDS,
     COMPARED,
     DEFAULTS,
+    Budget,
     Point,
     Subject,
     Tradeoff,
@@ -22,7 +24,13 @@ from mechsim.studies.tradeoff import (
     subject_of_model,
     write_csv,
 )
+from mechsim.studies.tradeoff.pace import BEYOND
 from mechsim.studies.tradeoff.plot import work_precision
+
+# in [s], kept of the budget for the table, and for a plot
+TOLD, DRAWN = 0.1, 0.7
+# of the families that were not tried
+NAMED = 3
 
 
 def tradeoff(
@@ -33,7 +41,9 @@ def tradeoff(
         ),
     ],
     speed: Speed = "600rpm",
-    budget: Annotated[str, typer.Option(help="Time to spend; a bare number is seconds.")] = "60s",
+    budget: Annotated[
+        str, typer.Option(help="Time to spend on all of it, by the clock; a bare number is seconds.")
+    ] = "60s",
     seed: Annotated[int, typer.Option(help="Of the order of trials.", min=0)] = 0,
     by: Annotated[
         str, typer.Option(help="Error that counts: position, velocity, acceleration, angle, loop or drive.")
@@ -53,29 +63,39 @@ def tradeoff(
     seconds = units.parse_time(budget, "the budget")
     if not 0.0 < seconds < float("inf"):
         raise InputError(f"the budget is {budget}; give a time above 0, as in 60s")
-    subject = _subject(model, sets, speed_of(speed))
+    kept = min(TOLD + (DRAWN if drawing else 0.0), 0.5 * seconds)
+    clock = Budget(seconds, endings.typed_at, kept)
     with progress("tradeoff", 100) as tick:
-        found = measure(subject, budget=seconds, seed=seed, tell=_Percent(tick))
+        subject = _subject(model, sets, speed_of(speed), clock)
+        found = measure(subject, budget=clock, seed=seed, tell=_Percent(tick))
     if place is not None:
         write_csv(place, found, by)
     if drawing is not None:
         plots.write(drawing, work_precision(found, by))
     if as_json:
-        print_json(found.as_dict(by) | {"seed": seed, "budget": seconds, "output": output, "plot": plot})
+        told = {"seed": seed, "budget": seconds, "output": output, "plot": plot}
+        print_json(found.as_dict(by) | told)
+    else:
+        _print(found, by)
+    if clock.spent > (1.0 + BEYOND) * seconds:
+        endings.tell(
+            f"mechsim: took {clock.spent:.2g} s, more than the budget of {seconds:g} s: two short trials, "
+            "with what must be loaded and built for them, take that long here"
+        )
+    if as_json:
         return
-    _print(found, by)
     for what, path in (("every point", output), ("plot", plot)):
         if path is not None:
             typer.echo(f"wrote {what} to {path}")
 
 
-def _subject(model: str, sets: list[str] | None, speed: float) -> Subject:
+def _subject(model: str, sets: list[str] | None, speed: float, clock: Budget) -> Subject:
     path = Path(model)
     if path.suffix.lower() != ".xml":
         return subject_of(form_of(model, sets), speed)
     if sets:
         raise InputError(f"--set changes a mechanism of the catalogue; {model!r} is an MJCF file")
-    return subject_of_model(path, path.stem, speed)
+    return subject_of_model(path, path.stem, speed, clock)
 
 
 class _Percent:
@@ -107,12 +127,21 @@ def _print(found: Tradeoff, by: str) -> None:
         order = found.order(curve, by)
         if order is not None:
             typer.echo(f"{name}: order {order.order:.2f} ({order.low:.2f} to {order.high:.2f})")
-    left = (
-        f", {found.left_out} left out for want of time or because they do not assemble"
-        if found.left_out
-        else ""
-    )
-    typer.echo(f"{len(found.points)} settings measured{left}")
+    typer.echo(_count(found))
+
+
+def _count(found: Tradeoff) -> str:
+    """Return how much of the ladder was measured, and what was not and why."""
+    said = [f"{len(found.points)} settings measured in {found.seconds:.3g} s"]
+    if found.unbuilt:
+        said.append(f"{found.unbuilt} do not assemble")
+    if found.left_out:
+        said.append(f"{found.left_out} left out for want of time")
+    if found.untried:
+        named = ", ".join(found.untried[:NAMED])
+        more = f" and {len(found.untried) - NAMED} more" if len(found.untried) > NAMED else ""
+        said.append(f"nothing was tried of {named}{more}")
+    return "; ".join(said)
 
 
 def _worth(point: Any, defaults: str) -> bool:

@@ -3,6 +3,7 @@
 import csv
 import json
 from dataclasses import replace
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -10,21 +11,27 @@ import pytest
 
 from mechsim import catalog
 from mechsim.cli import main
+from mechsim.errors import InputError
 from mechsim.model.scene import LEVELS, Scene
 from mechsim.simulation.mjcf.alternatives import rod_of
-from mechsim.simulation.settings import INTEGRATORS
+from mechsim.simulation.settings import INTEGRATORS, Settings
 from mechsim.studies.tradeoff import (
     BOUNDS,
     COMPARED,
     DEFAULTS,
     STEPS,
+    Budget,
     Build,
+    BuiltModel,
+    Subject,
     Tradeoff,
     build_model,
     families,
     measure,
+    pace,
     subject_of,
     subject_of_model,
+    trials,
 )
 from mechsim.studies.tradeoff.ladder import HARD, cuts_of
 
@@ -199,7 +206,7 @@ def test_drives_are_added_to_a_model_that_has_a_motor_of_its_own():
 def test_the_seed_settles_which_trials_a_short_budget_leaves_out():
     subject = subject_of(catalog.make("slider_crank"), SPEED)
     quick = measure(subject, budget=1e-6, steps=SHORT, seed=1)
-    assert len(quick.points) == 1
+    assert {point.family.name for point in quick.points} == {HARD, DEFAULTS}
     again = measure(subject, budget=1e-6, steps=SHORT, seed=1)
     assert [p.as_dict()["family"] for p in again.points] == [p.as_dict()["family"] for p in quick.points]
 
@@ -234,3 +241,88 @@ def test_bad_input_is_one_line(words, capsys):
     captured = capsys.readouterr()
     assert captured.out == ""
     assert len(captured.err.strip().splitlines()) == 1
+
+
+SLIDER = subject_of(catalog.make("slider_crank"), SPEED)
+
+
+class Machine:
+    """A clock and a processor that only move when work is done, so many times as far and by so much each."""
+
+    def __init__(self, monkeypatch, share: float, step: float, building: float) -> None:
+        self.processor, self.share, self.step, self.building = 0.0, share, step, building
+        for module in (pace, trials):
+            monkeypatch.setattr(module, "process_time", lambda: self.processor)
+        monkeypatch.setattr(pace, "perf_counter", lambda: self.share * self.processor)
+        monkeypatch.setattr(BuiltModel, "motion", self.motion)
+        monkeypatch.setattr(BuiltModel, "stepped", lambda _, settings: (None, Spent(self.stepped(settings))))
+        monkeypatch.setattr(trials, "build_model", self.built)
+        monkeypatch.setattr(Subject, "errors", lambda _, n: dict.fromkeys(COMPARED, n**-4.0))
+
+    def stepped(self, settings: Settings) -> float:
+        # an implicit integrator may be dearer than the first that is tried, others are cheaper
+        dear = {"RK4": 1.0, "implicit": 1.5}.get(settings.integrator, 0.3)
+        seconds = dear * self.step * settings.steps_per_turn
+        self.processor += seconds
+        return seconds
+
+    def motion(self, settings: Settings) -> tuple[int, float]:
+        self.processor += 1e-2
+        return settings.steps_per_turn, self.stepped(settings)
+
+    def built(self, source, profile, speed, build, variants):
+        self.processor += self.building
+        return replace(
+            subject_of(catalog.make("slider_crank"), SPEED).built, build=build, seconds=self.building
+        )
+
+
+class Spent(NamedTuple):
+    processor: float
+
+
+@pytest.mark.parametrize("budget", [2.0, 5.0, 20.0])
+@pytest.mark.parametrize("share", [1.0, 4.0])
+@pytest.mark.parametrize(("step", "building"), [(2e-5, 0.05), (1e-3, 0.3)])
+def test_the_clock_stops_within_a_fifth_of_the_budget_whatever_a_step_a_model_and_others_take(
+    monkeypatch, budget, share, step, building
+):
+    machine = Machine(monkeypatch, share, step, building)
+    # loading and building come first
+    machine.processor = 0.2
+    found = measure(SLIDER, budget=Budget(budget, began=0.0))
+    assert 0.8 * budget < found.seconds < 1.2 * budget
+    assert len(found.points) + found.left_out + found.unbuilt == len(STEPS) * len(
+        families(SLIDER.mechanism, SLIDER.variants)
+    )
+    assert found.untried
+
+
+def test_a_budget_that_is_long_enough_leaves_nothing_out(monkeypatch):
+    Machine(monkeypatch, 1.0, 2e-5, 0.05)
+    found = measure(SLIDER, budget=Budget(600.0, began=0.0))
+    assert (found.left_out, found.untried) == (0, ())
+    assert found.seconds < 300.0
+
+
+def test_a_reference_is_as_fine_as_its_part_of_the_budget_allows_and_judges_nothing_finer(monkeypatch):
+    from mechsim.simulation.closed_model import assembled
+
+    spec = assembled(catalog.make("four_bar").mechanism, Scene())
+    monkeypatch.setattr(pace.Pace, "trial", lambda _, build, settings, turns: 1e-3 * settings.steps_per_turn)
+    monkeypatch.setattr(pace, "perf_counter", lambda: 0.0)
+    # 25.2 s for the finest, and 12 s to be had
+    own = subject_of_model(spec, "own", SPEED, Budget(30.0, began=0.0))
+    assert own.reference.what == "a run of 2880 steps a turn"
+    monkeypatch.undo()
+    found = measure(own, budget=90.0, steps=(72, 1440, 2880))
+    assert {point.settings.steps_per_turn for point in found.points} == {72, 1440}
+    assert found.left_out > 0
+
+
+def test_a_budget_too_short_for_any_reference_is_refused_with_one_that_would_do():
+    from mechsim.simulation.closed_model import assembled
+
+    spec = assembled(catalog.make("four_bar").mechanism, Scene())
+    with pytest.raises(InputError, match=r"own took .* the budget is 0\.001 s; give --budget \d+s or more"):
+        subject_of_model(spec, "own", SPEED, Budget(1e-3))

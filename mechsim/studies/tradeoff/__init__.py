@@ -3,14 +3,17 @@
 from mechsim.studies.tradeoff.built_model import BuiltModel, build_model
 from mechsim.studies.tradeoff.ladder import DEFAULTS, STEPS, Family, families
 from mechsim.studies.tradeoff.model_builds import Build
+from mechsim.studies.tradeoff.pace import Budget
 from mechsim.studies.tradeoff.subject import COMPARED, Subject, subject_of, subject_of_model
-from mechsim.studies.tradeoff.work_precision import BOUNDS, Point, Tradeoff, measure, write_csv
+from mechsim.studies.tradeoff.trials import measure
+from mechsim.studies.tradeoff.work_precision import BOUNDS, Point, Tradeoff, write_csv
 
 __all__ = [
     "BOUNDS",
     "COMPARED",
     "DEFAULTS",
     "STEPS",
+    "Budget",
     "Build",
     "BuiltModel",
     "Family",

@@ -1,5 +1,6 @@
 """A model made in one of the ways that are compared, stepped once through its crank motion for each trial."""
 
+import time as clock
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -46,6 +47,7 @@ class BuiltModel:
         profile: of the crank.
         start: state and rates at time zero, (nq,) and (nv,).
         servo: what turns the crank; None for a flywheel.
+        seconds: processor time of building it.
     """
 
     build: Build
@@ -53,6 +55,7 @@ class BuiltModel:
     profile: CrankProfile
     start: tuple[Array, Array]
     servo: Servo | None
+    seconds: float
 
     def stepped(self, settings: Settings) -> tuple[ModelLoops, Steps]:
         """Step through the crank motion once."""
@@ -117,6 +120,7 @@ def build_model(
     Raises:
         AssemblyError: where the crank cannot make all of its motion.
     """
+    began = clock.process_time()
     build = build or Build()
     spec = build.made(source, variants)
     closed = closed_model.of_spec(spec, closed_model.tracked_points(source, spec))
@@ -126,7 +130,7 @@ def build_model(
     else:
         start = _started_as(build_model(source, profile, speed), closed)
     servo = _servo(closed, start, build.gain) if build.drive == "servo" else None
-    return BuiltModel(build, closed, profile, start, servo)
+    return BuiltModel(build, closed, profile, start, servo, clock.process_time() - began)
 
 
 def _started_as(whole: BuiltModel, closed: ClosedModel) -> tuple[Array, Array]:

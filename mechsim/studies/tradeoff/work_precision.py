@@ -1,38 +1,23 @@
-"""Speed against accuracy: what every setting costs and how far it errs, measured for one scene.
-
-Within a time budget every family of settings climbs a ladder of steps a turn; then the points that
-matter are timed again, one after the other in rounds, so that a slow minute of the machine falls on all.
-"""
+"""Speed against accuracy: what every setting costs and how far it errs, measured for one scene."""
 
 import csv
-import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mechsim.errors import MechsimError
 from mechsim.files import written_beside
 from mechsim.maths.arrays import Array
 from mechsim.maths.convergence import Order, cheapest, observed_order, pareto
 from mechsim.simulation import Settings
-from mechsim.simulation.mjcf import quiet
-from mechsim.studies.tradeoff.built_model import BuiltModel, build_model
-from mechsim.studies.tradeoff.ladder import DEFAULTS, STEPS, Family, families
-from mechsim.studies.tradeoff.model_builds import Build
+from mechsim.studies.tradeoff.ladder import DEFAULTS, Family
 from mechsim.studies.tradeoff.subject import COMPARED, Subject
 
 BOUNDS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
-# part of the budget spent on first trials, and rounds of timing after them
-FIRST_PART, ROUNDS = 0.6, 5
-# points this much dearer than the front's at the same error are not timed again
-NEAR = 2.0
 # between rounding and the size of the mechanism an error says something of the order
 FLOOR, CEILING = 1e-12, 0.1
-# in [s], what a step may cost before one was measured
-STEP_COST = 2e-5
 
 
 @dataclass(slots=True)
@@ -78,11 +63,17 @@ class Tradeoff:
         subject: what they were measured on.
         points: all of them, in the order of the ladder.
         left_out: trials that the budget had no time for.
+        unbuilt: trials of models that cannot be made or do not close.
+        untried: families of which the budget had no time for a single trial.
+        seconds: on the clock.
     """
 
     subject: Subject
     points: Sequence[Point]
     left_out: int
+    unbuilt: int
+    untried: Sequence[str]
+    seconds: float
 
     def errors(self, quantity: str = "position") -> Array:
         """Return the error of each point in one quantity."""
@@ -146,6 +137,9 @@ class Tradeoff:
             "stroke": self.subject.stroke,
             "trials": len(self.points),
             "left_out": self.left_out,
+            "unbuilt": self.unbuilt,
+            "untried": list(self.untried),
+            "seconds": self.seconds,
             "recommended": [
                 {"bound": bound, "point": None if point is None else self._described(point)}
                 for bound, point in chosen.items()
@@ -160,91 +154,6 @@ class Tradeoff:
 
     def _described(self, point: Point) -> dict[str, Any]:
         return point.as_dict() | {"settings": point.settings.as_dict()}
-
-
-@quiet()
-def measure(
-    subject: Subject,
-    *,
-    budget: float = 60.0,
-    seed: int = 0,
-    steps: Sequence[int] = STEPS,
-    tell: Callable[[float, str], None] = lambda _part, _done: None,
-) -> Tradeoff:
-    """Measure the ladder on one subject.
-
-    Args:
-        subject: what to measure on.
-        budget: in [s]; trials that would not end in time are left out and counted.
-        seed: of the order of trials and of timing rounds.
-        steps: numbers of steps a turn.
-        tell: called after each piece of work with the part of the budget spent, and what was done.
-    """
-    begin, random = clock.perf_counter(), np.random.default_rng(seed)
-
-    def spent() -> float:
-        return clock.perf_counter() - begin
-
-    ladder = [(family, n) for family in families(subject.mechanism, subject.variants) for n in steps]
-    order = sorted(range(len(ladder)), key=dict(enumerate(random.permutation(len(ladder)))).__getitem__)
-    order.sort(key=lambda i: ladder[i][0].rank)
-    models: dict[Build, BuiltModel | None] = {subject.built.build: subject.built}
-    points: dict[int, Point] = {}
-    overhead = 0.05
-    for i in order:
-        family, n = ladder[i]
-        if spent() + overhead + n * STEP_COST > FIRST_PART * budget and points:
-            continue
-        model = _model(models, subject, family)
-        if model is None:
-            continue
-        before = spent()
-        settings = family.at(n, subject.speed)
-        motion, seconds = model.motion(settings)
-        errors = subject.errors(motion)
-        points[i] = Point(family, settings, errors, [seconds / model.profile.turns])
-        overhead = 0.5 * (overhead + max(0.0, spent() - before - seconds))
-        tell(min(1.0, spent() / budget), f"{family.name}, {n} steps")
-    found = Tradeoff(subject, [points[i] for i in sorted(points)], len(ladder) - len(points))
-    _time_again(found, models, random, lambda: budget - spent(), lambda what: tell(spent() / budget, what))
-    return found
-
-
-def _model(models: dict[Build, BuiltModel | None], subject: Subject, family: Family) -> BuiltModel | None:
-    """Return the model of a family's build, made once; None where it cannot be made or does not close."""
-    if family.build not in models:
-        try:
-            models[family.build] = build_model(
-                subject.source, subject.built.profile, subject.speed, family.build, subject.variants
-            )
-        except MechsimError:
-            models[family.build] = None
-    return models[family.build]
-
-
-def _time_again(
-    found: Tradeoff,
-    models: dict[Build, BuiltModel | None],
-    random: np.random.Generator,
-    left: Callable[[], float],
-    tell: Callable[[str], None],
-) -> None:
-    """Time the points that matter again, each round in a new order, as long as there is time left."""
-    costs, errors = found.costs, found.errors()
-    near = [
-        point
-        for point, cost, error in zip(found.points, costs, errors, strict=True)
-        if np.isfinite(error)
-        and (point.family.rank == 0 or cost <= NEAR * costs[errors <= error].min(initial=np.inf))
-    ]
-    for number in range(1, ROUNDS):
-        for i in random.permutation(len(near)):
-            point = near[i]
-            model = models[point.family.build]
-            if model is None or 2.0 * point.cost * model.profile.turns > left():
-                continue
-            point.times.append(model.stepped(point.settings)[1].processor / model.profile.turns)
-            tell(f"timing, round {number + 1}")
 
 
 def write_csv(path: str | Path, found: Tradeoff, quantity: str = "position") -> None:
