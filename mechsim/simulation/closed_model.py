@@ -1,7 +1,8 @@
 """A model with its loops closed: what every run in MuJoCo begins with, made once a run."""
 
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -14,7 +15,10 @@ from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism, Pose
 from mechsim.model.rough_poses import rough_poses
 from mechsim.model.scene import Scene
+from mechsim.simulation.drive import drive_of, with_clock
 from mechsim.simulation.mjcf import compiled, generate, quiet
+from mechsim.simulation.mjcf.changes import hold_joints, rename_joint
+from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
 from mechsim.simulation.recorded_motion import Track, add_sensors
 
@@ -42,7 +46,8 @@ class ClosedModel:
     Attributes:
         loops: of the model.
         track: what is recorded of it.
-        closed: state with closed loops, the crank as in the model's reference configuration, (nq,).
+        closed: state with closed loops, the drivers as in the model's reference configuration, (nq,); under
+            programs where these begin.
     """
 
     loops: ModelLoops
@@ -56,7 +61,7 @@ class ClosedModel:
 
     @property
     def angle(self) -> float:
-        """Crank angle of the closed state, in [rad]."""
+        """Angle of the crank, or of the drivers' clock, in the closed state, in [rad]."""
         return float(self.closed[self.loops.crank_place])
 
     def places(self, states: Array) -> Array:
@@ -71,7 +76,7 @@ class ClosedModel:
 
     @cached_property
     def loose(self) -> NDArray[np.bool_]:
-        """Which tracked points can move with the crank held, (k,): poses alone do not settle them."""
+        """Which tracked points can move with the drivers held, (k,): poses alone do not settle them."""
         loops = self.loops
         held = loops.linearise(self.closed[None])[1][0][:, loops.free]
         _, values, freedoms = np.linalg.svd(held)
@@ -84,16 +89,40 @@ class ClosedModel:
         return np.abs(places[1:] - places[0]).max((0, 2), initial=0.0) > NUDGE**1.5 * loops.size
 
 
-def of_source(source: Source, scene: Scene | None = None) -> ClosedModel:
+def of_source(
+    source: Source,
+    scene: Scene | None = None,
+    *,
+    drivers: Sequence[str] | str | None = None,
+    holds: Mapping[str, float] | None = None,
+    key: str | None = None,
+) -> ClosedModel:
     """Return a mechanism, or a model of one's own, ready to be run.
+
+    Args:
+        source: the mechanism or model.
+        scene: what the model of a mechanism holds.
+        drivers: of a model of one's own: the hinge that is the crank, or a sequence of those joints that
+            programs move; None for the hinge "crank". Of a mechanism a sequence says that programs move its
+            crank, too; several drivers are under programs always.
+        holds: joints of a model of one's own -> value at which they are held, in [m] or [rad].
+        key: keyframe of a model of one's own in which it starts; None for its reference configuration.
 
     Raises:
         InputError: where the model cannot be read, or has no point to track.
-        AssemblyError: if its loops do not close where the crank stands at first.
+        AssemblyError: if its loops do not close where the drivers stand at first.
     """
     model = described(source)
     spec = load(model, scene)
-    return of_spec(spec, tracked_points(model, spec))
+    points = tracked_points(model, spec)
+    if isinstance(model, Mechanism):
+        if not isinstance(drivers, str) and drivers is not None and model.has_crank:
+            rename_joint(spec, CRANK, model.crank.name)
+        elif model.has_crank:
+            return of_spec(spec, points, parts=_parts(model))
+        return of_spec(spec, points, model.drivers, parts=_parts(model))
+    hold_joints(spec, holds or {})
+    return of_spec(spec, points, CRANK if drivers is None else drivers, key=key)
 
 
 def described(source: Source) -> Model:
@@ -116,11 +145,50 @@ def described(source: Source) -> Model:
     return model
 
 
-def of_spec(spec: mujoco.MjSpec, points: tuple[str, ...]) -> ClosedModel:
-    """Return the model of a specification, to which the sensors of the tracked points are added."""
-    track = add_sensors(spec, points)
-    loops = ModelLoops(compiled(spec))
-    return ClosedModel(loops, track, loops.close(loops.model.qpos0[None])[0])
+def of_spec(
+    spec: mujoco.MjSpec,
+    points: tuple[str, ...],
+    drivers: Sequence[str] | str = CRANK,
+    *,
+    parts: Mapping[str, int] | None = None,
+    key: str | None = None,
+) -> ClosedModel:
+    """Return the model of a specification, to which the sensors of the tracked points are added.
+
+    Args:
+        spec: of the model.
+        points: sites to track.
+        drivers: the hinge that is the crank, or the joints that programs move.
+        parts: joint of the model -> which of a joint's several coordinates it is.
+        key: keyframe in which it starts.
+    """
+    track = replace(add_sensors(spec, points), parts=parts or {})
+    loops = closed_loops(spec, drivers)
+    return ClosedModel(loops, track, loops.close(_rough(loops, key)[None])[0])
+
+
+def closed_loops(spec: mujoco.MjSpec, drivers: Sequence[str] | str) -> ModelLoops:
+    """Return the loops of a specification: of a crank, or of drivers that stand where the model has them."""
+    if isinstance(drivers, str):
+        return ModelLoops(compiled(spec), drivers)
+    model = compiled(with_clock(spec))
+    return ModelLoops(model, drive=drive_of(model, tuple(drivers)))
+
+
+def _rough(loops: ModelLoops, key: str | None) -> Array:
+    """Return the state of a keyframe, or the reference configuration, (nq,)."""
+    model = loops.model
+    if key is None:
+        return model.qpos0
+    names = [model.key(i).name for i in range(model.nkey)]
+    if key not in names:
+        raise InputError(f"{loops.name}: there is no keyframe {key!r} (it has {', '.join(names) or 'none'})")
+    return model.key_qpos[names.index(key)]
+
+
+def _parts(mechanism: Mechanism) -> dict[str, int]:
+    several = (joint.coordinates for joint in mechanism.joints if len(joint.coordinates) > 1)
+    return {name: i for coordinates in several for i, name in enumerate(coordinates)}
 
 
 def tracked_points(source: Model, spec: mujoco.MjSpec) -> tuple[str, ...]:
@@ -181,7 +249,15 @@ def guessed(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array]:
 
     The loops are not closed in that state.
     """
-    loops = ModelLoops(compiled(generate(mechanism, scene, rough_poses(mechanism))))
+    spec = generate(mechanism, scene, rough_poses(mechanism))
+    if mechanism.has_crank:
+        loops = closed_loops(spec, CRANK)
+        rough = loops.model.qpos0.copy()
+        rough[loops.crank_place] = mechanism.start
+        return loops, rough
+    loops = closed_loops(spec, mechanism.drivers)
+    assert loops.drive is not None
     rough = loops.model.qpos0.copy()
-    rough[loops.crank_place] = mechanism.start
-    return loops, rough
+    for name, place in zip(loops.drive.names, loops.drive.places, strict=True):
+        rough[place] = mechanism.counted.get(name, rough[place])
+    return loops.standing(rough[loops.drive.places]), rough

@@ -95,8 +95,11 @@ class DrivenRun:
         return np.array([errors[of == turn].max() for turn in range(turns)])
 
     def first(self, turns: float) -> "DrivenRun":
-        """Return the run over the first turns; over all of them where it has no more, or is not steady."""
-        if not self.profile.steady or self.profile.turns <= turns:
+        """Return the run over the first turns; over all of them where it has no more, or is not steady.
+
+        Over all of it, too, where programs drive it: no part stands for another.
+        """
+        if not self.profile.steady or self.profile.turns <= turns or self.closed.loops.drive is not None:
             return self
         (start,), (speed,), _ = self.profile.state(np.zeros(1))
         return replace(self, profile=constant(float(speed), turns, float(start)), samples=None)
@@ -113,9 +116,11 @@ class DrivenRun:
         passed = sorted(at for at in met if low <= at <= high)
         if not passed:
             return ""
-        where = ", ".join(f"{at:.4g}" for at in passed[:3])
+        where = f"crank angle {', '.join(f'{at:.4g}' for at in passed[:3])} rad"
+        if closed.loops.drive is not None:
+            where = ", ".join(closed.loops.said(at) for at in passed[:3])
         return (
-            f"at crank angle {where} rad two assemblies meet, and dynamics alone cannot decide which one "
+            f"at {where} two assemblies meet, and dynamics alone cannot decide which one "
             "goes on: hold it by a second parallel crank or a flywheel, take more steps, or run it by pose"
         )
 
@@ -144,13 +149,21 @@ class DrivenRun:
         if steps.diverged:
             return f"MuJoCo's state went bad after {steps.states.time[-1]:.6g} s"
         meant = self.profile.state(steps.states.time)[0]
-        lost = np.abs(motion.angle - meant) > LOST
-        if lost.any():
-            at = int(np.argmax(lost))
-            return (
-                f"after {steps.states.time[at]:.6g} s the crank stands at {motion.angle[at]:.6g} rad "
-                f"instead of {meant[at]:.6g}: the linkage turns its flywheel"
-            )
+        what: list[tuple[str, Array, Array, float, str]] = [("the crank", motion.angle, meant, LOST, "rad")]
+        loops = self.closed.loops
+        if loops.drive is not None:
+            bounds = np.where(loops.drive.slides, LOST * loops.size, LOST)
+            driven = steps.states.qpos[:, loops.drive.places].T
+            units = np.where(loops.drive.slides, "m", "rad")
+            what = [*zip(loops.drive.names, driven, loops.drive.law(meant)[0], bounds, units, strict=True)]
+        for name, value, wanted, bound, unit in what:
+            lost = np.abs(value - wanted) > bound
+            if lost.any():
+                at = int(np.argmax(lost))
+                return (
+                    f"after {steps.states.time[at]:.6g} s {name} stands at {value[at]:.6g} {unit} "
+                    f"instead of {wanted[at]:.6g}: the linkage turns its flywheel"
+                )
         return ""
 
 

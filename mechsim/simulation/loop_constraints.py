@@ -1,17 +1,23 @@
 """The equality constraints that close a model's loops, read from the compiled model."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 
+SITE = int(mujoco.mjtObj.mjOBJ_SITE)
+# four times the squared cosine of half the angle at which two frames are taken to be half a turn apart
+HALF_TURN = 1e-6
+
 
 @dataclass(frozen=True, slots=True)
 class PointPair:
-    """A `connect` constraint: two points, each fixed in a body, that should coincide."""
+    """Two points, each fixed in a body, that should coincide: of a `connect`, or of a `weld`."""
 
     bodies: tuple[int, int]
     local: tuple[Array, Array]
@@ -23,48 +29,187 @@ class PointPair:
 
 
 @dataclass(frozen=True, slots=True)
+class FramePair:
+    """Two frames, each fixed in a body, that a `weld` keeps parallel.
+
+    Attributes:
+        bodies: the two.
+        local: rotation matrices of the frames in their bodies, (3, 3).
+    """
+
+    bodies: tuple[int, int]
+    local: tuple[Array, Array]
+
+    def apart(self, first: Array, second: Array) -> tuple[Array, Array]:
+        """Return by what the first frame is turned against the second, at rotations of both bodies.
+
+        Args:
+            first: of the first body, (n, 3, 3).
+            second: of the second.
+
+        Returns:
+            Twice the vector part of the quaternion, in the second frame, (n, 3) in [rad] where small; and
+            its derivative by the turning of the first body against the second, (n, 3, 3).
+        """
+        frame = second @ self.local[1]
+        turned = np.swapaxes(frame, 1, 2) @ first @ self.local[0]
+        half = np.sqrt(np.maximum(1.0 + np.trace(turned, axis1=1, axis2=2), HALF_TURN)) / 2.0
+        twice = turned[:, [2, 0, 1], [1, 2, 0]] - turned[:, [1, 2, 0], [2, 0, 1]]
+        vector = twice / (2.0 * half[:, None])
+        rate = half[:, None, None] * np.eye(3) - _crossing(vector) / 2.0
+        return vector, rate @ np.swapaxes(frame, 1, 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Sum:
+    """A weighted sum of coordinates, each counted from the model's reference configuration, (k,) each."""
+
+    places: NDArray[np.intp]
+    dofs: NDArray[np.intp]
+    zeros: Array
+    weights: Array
+
+    def of(self, qpos: Array) -> Array:
+        """Return the sum at states (n, nq), (n,)."""
+        return (qpos[:, self.places] - self.zeros) @ self.weights
+
+
+@dataclass(frozen=True, slots=True)
 class Coupled:
-    """A `joint` constraint: one coordinate is a polynomial of another, both counted from qpos0."""
+    """One sum of coordinates is a polynomial of another: of a `joint` constraint, or of fixed tendons.
 
-    dofs: tuple[int, int]
-    places: tuple[int, int]
-    zeros: tuple[float, float]
-    polynomial: Array
+    Attributes:
+        left: the sum that depends.
+        right: on which it does; None where it is held.
+        coefficients: of the polynomial, from the constant up.
+    """
+
+    left: Sum
+    right: Sum | None
+    coefficients: Array
+    _curve: tuple[np.polynomial.Polynomial, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        curve = np.polynomial.Polynomial(self.coefficients)
+        object.__setattr__(self, "_curve", (curve, curve.deriv(1), curve.deriv(2)))
+
+    def wanted(self, qpos: Array) -> Array:
+        """Return what the left side should be at states (n, nq), (n,)."""
+        if self.right is None:
+            return np.full(len(qpos), self.coefficients[0])
+        return self._curve[0](self.right.of(qpos))
+
+    def gap(self, qpos: Array) -> Array:
+        """Return how far it stands open at states (n, nq), (n,) in [m] or [rad]."""
+        return self.left.of(qpos) - self.wanted(qpos)
+
+    def slope(self, qpos: Array, nv: int) -> Array:
+        """Return the derivative of the gap by all freedoms, (n, nv)."""
+        slope = np.zeros((len(qpos), nv))
+        slope[:, self.left.dofs] = self.left.weights
+        if self.right is not None:
+            slope[:, self.right.dofs] -= self._curve[1](self.right.of(qpos))[:, None] * self.right.weights
+        return slope
+
+    def bend(self, qpos: Array, qvel: Array) -> Array:
+        """Return what the polynomial's bend adds to the left side's acceleration at rates (n, nv), (n,)."""
+        if self.right is None:
+            return np.zeros(len(qpos))
+        rate = qvel[:, self.right.dofs] @ self.right.weights
+        return self._curve[2](self.right.of(qpos)) * rate**2
 
 
-def constraints(model: mujoco.MjModel) -> tuple[Sequence[PointPair], Sequence[Coupled]]:
-    """Return the points that should coincide, and the coordinates that depend on others."""
+@dataclass(frozen=True, slots=True)
+class Constraints:
+    """What closes the loops of a model, each kind in the order of the model."""
+
+    pairs: Sequence[PointPair]
+    frames: Sequence[FramePair]
+    couplings: Sequence[Coupled]
+
+
+def constraints(model: mujoco.MjModel) -> Constraints:
+    """Return the points that should coincide, frames that stay parallel, and coordinates that depend.
+
+    Raises:
+        InputError: for an equality of another kind, as of a flex or of a tendon round bodies.
+    """
     pairs: list[PointPair] = []
+    frames: list[FramePair] = []
     couplings: list[Coupled] = []
     for i in range(model.neq):
         if not model.eq_active0[i]:
             continue
         first, second = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
-        if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_CONNECT):
-            pairs.append(_point_pair(model, i, first, second))
-        elif model.eq_type[i] == int(mujoco.mjtEq.mjEQ_JOINT):
-            couplings.append(_coupling(model, i, first, second))
+        kind = mujoco.mjtEq(model.eq_type[i])
+        if kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
+            welded = kind == mujoco.mjtEq.mjEQ_WELD
+            pairs.append(_point_pair(model, i, first, second, welded=welded))
+            if welded:
+                frames.append(_frame_pair(model, i, first, second))
+        elif kind in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON):
+            of = _joint if kind == mujoco.mjtEq.mjEQ_JOINT else _tendon
+            right = of(model, second) if second >= 0 else None
+            couplings.append(Coupled(of(model, first), right, model.eq_data[i, :5].copy()))
         else:
             raise InputError(
                 f"equality {model.equality(i).name or i!r} is of a kind that closes no loop here; "
-                "close loops by connect constraints, gears by joint constraints"
+                "close loops by connect or weld constraints, couple by joint or tendon constraints"
             )
-    return pairs, couplings
+    return Constraints(pairs, frames, couplings)
 
 
-def _point_pair(model: mujoco.MjModel, i: int, first: int, second: int) -> PointPair:
-    if model.eq_objtype[i] == int(mujoco.mjtObj.mjOBJ_SITE):
-        bodies = int(model.site_bodyid[first]), int(model.site_bodyid[second])
+def _bodies(model: mujoco.MjModel, i: int, first: int, second: int) -> tuple[int, int]:
+    if model.eq_objtype[i] == SITE:
+        return int(model.site_bodyid[first]), int(model.site_bodyid[second])
+    return first, max(second, 0)
+
+
+def _point_pair(model: mujoco.MjModel, i: int, first: int, second: int, *, welded: bool) -> PointPair:
+    bodies, data = _bodies(model, i, first, second), model.eq_data[i]
+    if model.eq_objtype[i] == SITE:
         return PointPair(bodies, (model.site_pos[first].copy(), model.site_pos[second].copy()))
-    data = model.eq_data[i]
-    return PointPair((first, max(second, 0)), (data[0:3].copy(), data[3:6].copy()))
+    # of a weld the second body's point stands first
+    points = data[0:3].copy(), data[3:6].copy()
+    return PointPair(bodies, points[::-1] if welded else points)
 
 
-def _coupling(model: mujoco.MjModel, i: int, first: int, second: int) -> Coupled:
-    place, dof = int(model.jnt_qposadr[first]), int(model.jnt_dofadr[first])
-    polynomial = model.eq_data[i, :5].copy()
-    if second < 0:
-        return Coupled((dof, -1), (place, -1), (float(model.qpos0[place]), 0.0), polynomial)
-    other = int(model.jnt_qposadr[second])
-    zeros = float(model.qpos0[place]), float(model.qpos0[other])
-    return Coupled((dof, int(model.jnt_dofadr[second])), (place, other), zeros, polynomial)
+def _frame_pair(model: mujoco.MjModel, i: int, first: int, second: int) -> FramePair:
+    bodies = _bodies(model, i, first, second)
+    if model.eq_objtype[i] == SITE:
+        return FramePair(bodies, (_matrix(model.site_quat[first]), _matrix(model.site_quat[second])))
+    return FramePair(bodies, (_matrix(model.eq_data[i, 6:10]), np.eye(3)))
+
+
+def _joint(model: mujoco.MjModel, joint: int) -> Sum:
+    place, dof = model.jnt_qposadr[[joint]], model.jnt_dofadr[[joint]]
+    return Sum(place.astype(np.intp), dof.astype(np.intp), model.qpos0[place], np.ones(1))
+
+
+def _tendon(model: mujoco.MjModel, tendon: int) -> Sum:
+    rows = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+    if (model.wrap_type[rows] != int(mujoco.mjtWrap.mjWRAP_JOINT)).any():
+        raise InputError(
+            f"tendon {model.tendon(tendon).name or tendon!r} runs through sites, and its length closes no "
+            "loop here; make it a fixed tendon, a sum of joints"
+        )
+    joints = model.wrap_objid[rows]
+    place, dof = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+    return Sum(
+        place.astype(np.intp), dof.astype(np.intp), model.qpos0[place], model.wrap_prm[rows].astype(float)
+    )
+
+
+def _matrix(quaternion: Array) -> Array:
+    out = np.empty(9)
+    mujoco.mju_quat2Mat(out, quaternion / np.linalg.norm(quaternion))
+    return out.reshape(3, 3)
+
+
+def _crossing(vector: Array) -> Array:
+    """Return the matrices that make cross products with vectors (n, 3), (n, 3, 3)."""
+    out = np.zeros((len(vector), 3, 3))
+    x, y, z = vector.T
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -z, y, -x
+    out[:, 1, 0], out[:, 2, 0], out[:, 2, 1] = z, -y, x
+    return out

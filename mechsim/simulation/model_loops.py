@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
-from mechsim.simulation.loop_constraints import Coupled, constraints
+from mechsim.simulation.drive import CLOCK, Drive, Law
+from mechsim.simulation.loop_constraints import constraints
 
-# body and points of it, (n, 3) -> the points' Jacobian, (n, 3, nv)
-Slope = Callable[[int, Array], Array]
+# body and points of it, (n, 3) -> the Jacobians of the points and of the body's turning, (n, 3, nv) each
+Slope = Callable[[int, Array], tuple[Array, Array]]
 
 FREE, BALL, SLIDE, HINGE = (
     int(kind)
@@ -40,11 +41,16 @@ ONE_THREAD = 4096
 class ModelLoops:
     """The equality constraints of a model with a crank, evaluated and solved in batches.
 
+    Where programs move several drivers, or one that is no hinge, the crank is their clock, and what they
+    should be by it stands among the equations.
+
     Attributes:
         model: the compiled model.
         crank: index of the crank among the degrees of freedom.
         crank_place: its index in qpos.
-        free: indices of all other degrees of freedom.
+        drive: the drivers that follow a clock; None where a crank alone is driven.
+        free: indices of all other degrees of freedom than the crank.
+        passive: indices of those that are neither crank nor driver.
         size: yardstick of lengths in the model, in [m].
         hinges: for each number of qpos whether it is the angle of a hinge.
         quaternions: where quaternions begin in qpos.
@@ -52,24 +58,31 @@ class ModelLoops:
         looking: a copy of the model as it was given, reduced to its kinematics; not to be changed.
     """
 
-    def __init__(self, model: mujoco.MjModel):
+    def __init__(self, model: mujoco.MjModel, crank: str = "crank", drive: Drive | None = None):
         self.model = model
-        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "crank")
+        crank = crank if drive is None else CLOCK
+        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, crank)
         if joint < 0 or model.jnt_type[joint] != HINGE:
             names = [model.joint(i).name for i in range(model.njnt)]
             raise InputError(
-                f"the model has no hinge joint called 'crank' (it has {', '.join(names) or 'none'}); "
-                "name the driven hinge 'crank'"
+                f"the model has no hinge joint called {crank!r} (it has {', '.join(names) or 'none'}); "
+                f"name the driven hinge {crank!r}"
             )
         self.crank = int(model.jnt_dofadr[joint])
         self.crank_place = int(model.jnt_qposadr[joint])
-        self.pairs, self.couplings = constraints(model)
+        self.drive = drive
+        found = constraints(model)
+        self.pairs, self.frames, self.couplings = found.pairs, found.frames, found.couplings
         self.name = model.names.split(b"\0", 1)[0].decode() or "model"
         self.free = np.array([i for i in range(model.nv) if i != self.crank], dtype=np.int64)
-        self._angular = _is_angle(model)[self.free]
+        driven = [] if drive is None else drive.dofs.tolist()
+        self.passive = np.array([i for i in self.free if i not in driven], dtype=np.int64)
+        self._angles = _is_angle(model)
+        self._angular = self._angles[self.free]
         reach = [np.linalg.norm(local) for pair in self.pairs for local in pair.local]
         steps = np.linalg.norm(model.body_pos[1:], axis=1)
         self.size = float(max([*reach, *steps, 1e-300]))
+        self.scale = self._scale()
         self.quaternions = [
             int(place) + (3 if kind == FREE else 0)
             for kind, place in zip(model.jnt_type, model.jnt_qposadr, strict=True)
@@ -85,6 +98,47 @@ class ModelLoops:
         self._batches: dict[int, batch.Batch] = {}
         self._basis: tuple[Array, Array, Array] | None = None
         self._level: float | None = None
+
+    def _scale(self) -> Array:
+        """Return the factors that make residuals free of units, (m,)."""
+        coupled = [1.0 if self._angles[one.left.dofs].all() else 1.0 / self.size for one in self.couplings]
+        driven = [] if self.drive is None else np.where(self.drive.slides, 1.0 / self.size, 1.0)
+        lengths = np.full(3 * len(self.pairs), 1.0 / self.size)
+        return np.concatenate([lengths, np.ones(3 * len(self.frames)), coupled, driven])
+
+    @property
+    def turned_rows(self) -> slice:
+        """Which residuals are of frames that should be parallel."""
+        return slice(3 * len(self.pairs), 3 * (len(self.pairs) + len(self.frames)))
+
+    @property
+    def coupled_rows(self) -> slice:
+        """Which residuals are of coupled coordinates."""
+        first = self.turned_rows.stop
+        return slice(first, first + len(self.couplings))
+
+    @property
+    def moved_dofs(self) -> NDArray[np.int64]:
+        """The freedoms that a drive moves: the crank, or all drivers."""
+        return np.array([self.crank] if self.drive is None else self.drive.dofs, dtype=np.int64)
+
+    def under(self, law: Law, said: Callable[[float], str]) -> "ModelLoops":
+        """Return the same loops, their drivers under another law of the clock."""
+        assert self.drive is not None
+        other = copy.copy(self)
+        other.drive = self.drive.under(law, said)
+        return other
+
+    def standing(self, values: Array) -> "ModelLoops":
+        """Return the same loops, their drivers held at values, (k,) or (k, n) for n states."""
+        assert self.drive is not None
+        other = copy.copy(self)
+        other.drive = self.drive.standing(values)
+        return other
+
+    def said(self, angle: float) -> str:
+        """Return where the crank or the drivers are, in words."""
+        return f"crank angle {angle:.6g} rad" if self.drive is None else self.drive.said(angle)
 
     def over_copy(self) -> "ModelLoops":
         """Return the same loops over a copy of the model that may be set up for stepping."""
@@ -109,18 +163,31 @@ class ModelLoops:
             [(body, position[:, body] + rotation[:, body] @ local) for body, local in pair.ends]
             for pair in self.pairs
         ]
-        coupled = [self._coupled(coupling, qpos) for coupling in self.couplings]
-        residual = np.concatenate(
-            [np.zeros((n, 0)), *(a[1] - b[1] for a, b in ends), *(value[:, None] for value, _ in coupled)], 1
-        )
+        turned = [pair.apart(*(rotation[:, body] for body in pair.bodies)) for pair in self.frames]
+        coupled = [coupling.gap(qpos)[:, None] for coupling in self.couplings]
+        drive, law = self.drive, None
+        if drive is not None:
+            law = drive.law(qpos[:, self.crank_place])
+            coupled.append(qpos[:, drive.places] - law[0].T)
+        parts = [np.zeros((n, 0)), *(a[1] - b[1] for a, b in ends), *(apart for apart, _ in turned), *coupled]
 
         def jacobian() -> Array:
             parts = [np.zeros((n, 0, nv))]
+            none = np.zeros((n, 3, nv))
             for (a, at_a), (b, at_b) in ends:
-                parts.append((slope(a, at_a) if a else 0.0) - (slope(b, at_b) if b else np.zeros((n, 3, nv))))
-            return np.concatenate([*parts, *(turn[:, None] for _, turn in coupled)], 1)
+                parts.append((slope(a, at_a)[0] if a else 0.0) - (slope(b, at_b)[0] if b else none))
+            for pair, (_, rate) in zip(self.frames, turned, strict=True):
+                a, b = (slope(body, position[:, body])[1] if body else none for body in pair.bodies)
+                parts.append(rate @ (a - b))
+            parts += [coupling.slope(qpos, nv)[:, None] for coupling in self.couplings]
+            if drive is not None and law is not None:
+                rows = np.zeros((n, len(drive.dofs), nv))
+                rows[:, np.arange(len(drive.dofs)), drive.dofs] = 1.0
+                rows[:, :, self.crank] = -law[1].T
+                parts.append(rows)
+            return np.concatenate(parts, 1)
 
-        return residual, jacobian
+        return np.concatenate(parts, 1), jacobian
 
     def _one(self, qpos: Array) -> tuple[Array, Array, Slope]:
         """Return places and rotations of all bodies at one state; a batch of one costs three times this."""
@@ -129,10 +196,10 @@ class ModelLoops:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
 
-        def slope(body: int, point: Array) -> Array:
-            jacobian = np.empty((3, model.nv))
-            mujoco.mj_jac(model, data, jacobian, None, point[0], body)
-            return jacobian[None]
+        def slope(body: int, point: Array) -> tuple[Array, Array]:
+            linear, angular = np.empty((2, 3, model.nv))
+            mujoco.mj_jac(model, data, linear, angular, point[0], body)
+            return linear[None], angular[None]
 
         return data.xpos[None], data.xmat.reshape(1, -1, 3, 3), slope
 
@@ -142,7 +209,7 @@ class ModelLoops:
         position, matrix = sims.bind("xpos"), sims.bind("xmat")
         sims.bind("qpos")[:] = qpos
         sims.forward(stage=int(mujoco.mjtStage.mjSTAGE_POS))
-        return position, matrix.reshape(*matrix.shape[:2], 3, 3), lambda body, at: sims.jac(body, at)[0]
+        return position, matrix.reshape(*matrix.shape[:2], 3, 3), sims.jac
 
     def _batch(self, n: int) -> batch.Batch:
         """Return a batch of n simulations of the model, made once for each n."""
@@ -171,22 +238,9 @@ class ModelLoops:
         points = [position[:, body] + rotation[:, body] @ local for body, local in ends]
         return np.concatenate([np.stack(points, 1) if points else position[:, :0], self.sites(qpos)], 1)
 
-    def _coupled(self, coupling: Coupled, qpos: Array) -> tuple[Array, Array]:
-        (y, x), (y0, x0) = coupling.places, coupling.zeros
-        slope = np.zeros((len(qpos), self.model.nv))
-        slope[:, coupling.dofs[0]] = 1.0
-        if x < 0:
-            return qpos[:, y] - y0 - coupling.polynomial[0], slope
-        turned = qpos[:, x] - x0
-        polynomial = np.polynomial.Polynomial(coupling.polynomial)
-        slope[:, coupling.dofs[1]] = -polynomial.deriv()(turned)
-        return qpos[:, y] - y0 - polynomial(turned), slope
-
     def gap(self, residual: Array) -> Array:
         """Return the worst opening of each state in units of the model's size and in [rad], (n,)."""
-        scale = np.ones(residual.shape[1])
-        scale[: 3 * len(self.pairs)] /= self.size
-        return np.abs(residual * scale).max(1, initial=0.0)
+        return np.abs(residual * self.scale).max(1, initial=0.0)
 
     def solve(self, jacobian: Array, right: Array) -> Array:
         """Return the least-norm x (n, nv - 1, k) of J x = right (n, m, k) in all freedoms but the crank."""
@@ -251,8 +305,9 @@ class ModelLoops:
         The smallest singular value in units of the model's size; those that are nought at every state, of
         rows that repeat others and freedoms that nothing holds, do not count.
         """
-        held = jacobian[:, :, self.free] * np.where(self._angular, 1.0, self.size)
-        held[:, : 3 * len(self.pairs)] /= self.size
+        rows = jacobian.shape[1] - (0 if self.drive is None else len(self.drive.dofs))
+        held = jacobian[:, :rows, self.passive] * np.where(self._angles[self.passive], 1.0, self.size)
+        held *= self.scale[:rows, None]
         values = np.linalg.svd(held, compute_uv=False).astype(np.float64, copy=False)
         if not values.size:
             return np.ones(len(held))
@@ -318,9 +373,9 @@ class ModelLoops:
                 break
         worst = int(np.argmax(gap))
         raise AssemblyError(
-            f"{self.name}: the loops do not close at crank angle "
-            f"{qpos[worst, self.crank_place]:.6g} rad: a gap of {gap[worst]:.3g} of the longest link "
-            "is left; change the dimensions, the crank angle or the start"
+            f"{self.name}: the loops do not close at {self.said(float(qpos[worst, self.crank_place]))}: "
+            f"a gap of {gap[worst]:.3g} of the longest link is left; change the dimensions, "
+            f"{'the crank angle' if self.drive is None else 'where the drivers are'} or the start"
         )
 
     def moved(self, qpos: Array, step: Array) -> Array:

@@ -19,16 +19,16 @@ LOCKED = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """How a model stands with its crank held.
+    """How a model stands with its drivers held.
 
     Attributes:
         open: joints and points that can still move; idle freedoms, such as a rod's spin, are none.
-        locked: whether the crank itself cannot move though nothing is open.
+        locked: the drivers that cannot move by themselves though nothing is open.
         meeting: whether two assemblies meet in this very pose.
     """
 
     open: tuple[str, ...]
-    locked: bool
+    locked: tuple[str, ...]
     meeting: bool
 
 
@@ -39,9 +39,7 @@ def standing(closed: ClosedModel) -> Standing:
     held = jacobian[0][:, loops.free]
     _, values, freedoms = np.linalg.svd(held)
     rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
-    turned = np.linalg.pinv(held, rcond=RANK_TOLERANCE) @ -jacobian[0][:, loops.crank]
-    missed = np.abs(held @ turned + jacobian[0][:, loops.crank]).max(initial=0.0)
-    follows = bool(missed <= LOCKED * np.abs(jacobian[0]).max(initial=1e-300))
+    stuck = _stuck(loops, jacobian[0])
     names: list[str] = []
     singular = False
     for freedom in freedoms[rank:]:
@@ -53,9 +51,20 @@ def standing(closed: ClosedModel) -> Standing:
         names += seen if moved is not None else ()
     return Standing(
         tuple(dict.fromkeys(names)),
-        locked=not follows and not singular and not names,
-        meeting=follows and singular,
+        locked=() if singular or names else stuck,
+        meeting=singular and not stuck,
     )
+
+
+def _stuck(loops: ModelLoops, jacobian: Array) -> tuple[str, ...]:
+    """Return the crank, or the drivers, that the loops do not let move, each while the others are held."""
+    names, moves = ("crank",), -jacobian[:, [loops.crank]]
+    if loops.drive is not None:
+        names, moves = loops.drive.names, np.eye(len(jacobian))[:, -len(loops.drive.names) :]
+    held = jacobian[:, loops.free]
+    missed = np.abs(held @ (np.linalg.pinv(held, rcond=RANK_TOLERANCE) @ moves) - moves).max(0, initial=0.0)
+    bound = LOCKED * np.abs(jacobian).max(initial=1e-300)
+    return tuple(name for name, miss in zip(names, missed, strict=True) if not miss <= bound)
 
 
 def require_determined(closed: ClosedModel, found: Standing) -> None:
@@ -66,7 +75,8 @@ def require_determined(closed: ClosedModel, found: Standing) -> None:
     """
     if found.open:
         raise MobilityError(
-            f"{closed.loops.name}: undetermined: with the crank held {', '.join(found.open)} can still move; "
+            f"{closed.loops.name}: undetermined: with the {_drivers(closed)} held "
+            f"{', '.join(found.open)} can still move; "
             "drive, hold or couple them, or run it with --method step",
             "undetermined",
         )
@@ -79,6 +89,14 @@ def require_movable(closed: ClosedModel, found: Standing) -> None:
         MobilityError: for a crank that cannot move.
         AssemblyError: where two assemblies meet in the pose it starts from.
     """
+    if found.locked and closed.loops.drive is not None:
+        drivers = closed.loops.drive.names
+        raise MobilityError(
+            f"{closed.loops.name}: overdriven: the loops do not let {', '.join(found.locked)} move while "
+            f"{'the other drivers are' if len(drivers) > 1 else 'all else is'} held; take away a driver, a "
+            "coupling, a hold or a joint",
+            "overdriven",
+        )
     if found.locked:
         raise MobilityError(
             f"{closed.loops.name}: overdriven: the loops leave the crank no motion at crank angle "
@@ -87,8 +105,9 @@ def require_movable(closed: ClosedModel, found: Standing) -> None:
         )
     if found.meeting:
         raise AssemblyError(
-            f"{closed.loops.name}: it starts at crank angle {closed.angle:.6g} rad, where two assemblies "
-            "meet and none can be told from the other; give a start at another crank angle"
+            f"{closed.loops.name}: it starts at {closed.loops.said(closed.angle)}, where two assemblies "
+            "meet and none can be told from the other; give a start at "
+            f"{'another crank angle' if closed.loops.drive is None else 'other values of the drivers'}"
         )
 
 
@@ -96,7 +115,7 @@ def require_within_limits(closed: ClosedModel, states: Array) -> None:
     """Refuse poses beyond the range of a joint, states being (n, nq).
 
     Raises:
-        AssemblyError: with the joint, its value, its bound and the crank angle.
+        AssemblyError: with the joint, its value, its bound and the crank angle or the time.
     """
     model = closed.model
     for i in np.flatnonzero(model.jnt_limited):
@@ -109,9 +128,18 @@ def require_within_limits(closed: ClosedModel, states: Array) -> None:
             unit = "rad" if model.jnt_type[i] == HINGE else "m"
             raise AssemblyError(
                 f"{closed.loops.name}: joint {model.joint(i).name!r} would stand at {values[worst]:.6g} "
-                f"{unit}, beyond its range of {low:.6g} to {high:.6g}, at crank angle "
-                f"{states[worst, closed.loops.crank_place]:.6g} rad; widen the range or turn the crank less"
+                f"{unit}, beyond its range of {low:.6g} to {high:.6g}, at "
+                f"{closed.loops.said(float(states[worst, closed.loops.crank_place]))}; "
+                f"widen the range or {_less(closed)}"
             )
+
+
+def _drivers(closed: ClosedModel) -> str:
+    return "crank" if closed.loops.drive is None else "drivers"
+
+
+def _less(closed: ClosedModel) -> str:
+    return "turn the crank less" if closed.loops.drive is None else "move the drivers less"
 
 
 def _nudged(loops: ModelLoops, state: Array, freedom: Array) -> Array:

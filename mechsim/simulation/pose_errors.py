@@ -71,9 +71,11 @@ def in_another_assembly(
 def _solved(closed: ClosedModel, states: Array) -> Array:
     """Return the poses solved at the crank angles of states, from the first to the last that has one.
 
-    A crank that the linkage drove beyond a dead centre has none there.
+    A crank that the linkage drove beyond a dead centre has none there. Under programs the drivers stand where
+    they really were.
     """
-    angles = states[:, closed.loops.crank_place]
+    loops = closed.loops
+    angles = states[:, loops.crank_place]
     count, known, beyond = len(angles), 1, len(angles) + 1
     true = states[:1]
     while beyond - known > 1:
@@ -83,6 +85,10 @@ def _solved(closed: ClosedModel, states: Array) -> Array:
         except AssemblyError:
             beyond = count
         count = (known + beyond) // 2
+    if loops.drive is not None:
+        driven = states[: len(true), loops.drive.places]
+        true[:, loops.drive.places] = driven
+        true = loops.standing(driven.T).close(true)
     return true
 
 

@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
@@ -10,6 +10,7 @@ from mujoco import batch
 
 from mechsim.maths.arrays import Array
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join
+from mechsim.simulation.drive import CLOCK
 from mechsim.simulation.model_loops import HINGE, ONE_THREAD, SLIDE, ModelLoops
 
 # states evaluated in one go, so that a long run needs little memory
@@ -24,10 +25,17 @@ RATES = {
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """What to record of a model: sites as points, bodies as links."""
+    """What to record of a model: sites as points, bodies as links.
+
+    Attributes:
+        points: names of the sites.
+        links: names of the bodies.
+        parts: joint of the model -> which of the coordinates of a joint with several it is.
+    """
 
     points: tuple[str, ...]
     links: tuple[str, ...]
+    parts: Mapping[str, int] = field(default_factory=dict[str, int])
 
 
 def add_sensors(spec: mujoco.MjSpec, points: tuple[str, ...]) -> Track:
@@ -87,7 +95,7 @@ def evaluate(
         crank_acceleration: (n,) in [rad/s2]: accelerations are then those that keep the loops closed
             exactly. None reports what MuJoCo's own dynamics gives at the state; with dry friction, the
             crank's acceleration by it, and of all else those that keep the loops closed.
-        force: generalised force on the crank at each state, (n,) in [N m].
+        force: generalised force on the crank at each state, (n,) in [N m], or on drivers, (n, drivers).
         watch: told how far it has come, in words and as a part of the whole.
     """
     n = len(states.time)
@@ -119,7 +127,7 @@ def _evaluated(
     sims.bind("qpos")[:] = states.qpos
     sims.bind("qvel")[:] = states.qvel
     if force is not None:
-        sims.bind("qfrc_applied")[:, loops.crank] = force
+        sims.bind("qfrc_applied")[:, loops.moved_dofs] = force.reshape(n, -1)
     names = ("xpos", "xmat", "site_xpos", "sensordata", "qacc")
     fields = {name: sims.bind(name) for name in names}
     sims.forward()
@@ -153,10 +161,11 @@ def _evaluated(
         qacc[:, loops.crank],
         points,
         links,
-        _joints(model, states, qacc),
+        _joints(loops, track, states, qacc),
         time=states.time,
         closure=np.abs(residual[:, : 3 * len(loops.pairs)]).max(1, initial=0.0),
         conditioning=loops.conditioning(jacobian),
+        drivers=() if loops.drive is None else loops.drive.names,
     )
 
 
@@ -233,14 +242,20 @@ def opening(loops: ModelLoops, states: States, qacc: Array, links: Mapping[str, 
             swing = np.cross(link.angular_acceleration, arm) + np.cross(spin, np.cross(spin, arm))
             ends.append(link.acceleration + swing)
         rates.append(ends[0] - ends[1])
+    still, upright = np.zeros((len(qacc), 3)), np.tile(np.eye(3), (len(qacc), 1, 1))
+    world = LinkMotion(still, upright, still, still, still, still)
+    for pair in loops.frames:
+        a, b = (links[model.body(body).name] if body else world for body in pair.bodies)
+        apart = a.angular_acceleration - b.angular_acceleration
+        apart = apart - np.cross(b.angular_velocity, a.angular_velocity)
+        rates.append((pair.apart(a.rotation, b.rotation)[1] @ apart[..., None])[..., 0])
     for coupling in loops.couplings:
-        (y, x), place = coupling.dofs, coupling.places[1]
-        gap = qacc[:, y].copy()
-        if x >= 0:
-            curve = np.polynomial.Polynomial(coupling.polynomial)
-            turned = states.qpos[:, place] - coupling.zeros[1]
-            gap -= curve.deriv()(turned) * qacc[:, x] + curve.deriv(2)(turned) * states.qvel[:, x] ** 2
-        rates.append(gap[:, None])
+        slope = coupling.slope(states.qpos, model.nv)
+        rates.append(((slope * qacc).sum(1) - coupling.bend(states.qpos, states.qvel))[:, None])
+    if loops.drive is not None:
+        _, first, second = loops.drive.law(states.qpos[:, loops.crank_place])
+        wanted = first * qacc[:, loops.crank] + second * states.qvel[:, loops.crank] ** 2
+        rates.append(qacc[:, loops.drive.dofs] - wanted.T)
     return np.concatenate(rates, 1)
 
 
@@ -266,15 +281,17 @@ def _moved_point(
     return PointMotion(point.position, point.velocity, acceleration)
 
 
-def _joints(model: mujoco.MjModel, states: States, qacc: Array) -> dict[str, JointMotion]:
-    joints = {}
+def _joints(loops: ModelLoops, track: Track, states: States, qacc: Array) -> dict[str, JointMotion]:
+    model, joints = loops.model, {}
     for i in range(model.njnt):
-        if model.jnt_type[i] in (HINGE, SLIDE) and model.joint(i).name:
+        name = model.joint(i).name
+        if model.jnt_type[i] in (HINGE, SLIDE) and name and name != CLOCK:
             place, dof = model.jnt_qposadr[i], model.jnt_dofadr[i]
-            joints[model.joint(i).name] = JointMotion(
+            joints[name] = JointMotion(
                 states.qpos[:, place],
                 states.qvel[:, dof],
                 qacc[:, dof],
                 "rad" if model.jnt_type[i] == HINGE else "m",
+                track.parts.get(name),
             )
     return joints

@@ -1,12 +1,17 @@
 """One call from a mechanism or a model to its motion in MuJoCo, with an outcome."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.maths.given import number, require, units_remedy
 from mechsim.model.crank_profile import CrankProfile, constant
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.programs import Programs
 from mechsim.model.scene import Scene
 from mechsim.simulation import closed_model
+from mechsim.simulation.begun import begun, clock_of
 from mechsim.simulation.closed_model import Source
 from mechsim.simulation.driven_run import DrivenRun, check_records, first_state, solved
 from mechsim.simulation.mjcf import quiet
@@ -29,13 +34,17 @@ def simulate(
     method: Method | None = None,
     samples: int | None = None,
     scene: Scene | None = None,
+    programs: Programs | None = None,
+    drive: str | None = None,
+    holds: Mapping[str, float] | None = None,
+    key: str | None = None,
     watch: Watch | None = None,
 ) -> Run:
-    """Run a mechanism, or a model of one's own, in MuJoCo under a driven crank.
+    """Run a mechanism, or a model of one's own, in MuJoCo under a driven crank or programs of its drivers.
 
     Args:
         source: a Mechanism, or what has one, as those of the catalogue have; or a specification, an
-            MJCF file or text whose driven hinge is called "crank" and whose sites are the tracked points.
+            MJCF file or text whose sites are the tracked points.
         speed: constant crank speed in [rad/s], negative backwards; or give `profile`.
         turns: of the crank, at constant speed.
         profile: the crank's angle over time.
@@ -49,6 +58,12 @@ def simulate(
         samples: instants to record after the first, evenly spread; None takes about 72 a turn. With
             samples given, the number of steps is raised to a multiple of them.
         scene: what the model holds; None takes `Scene(level="motion")`.
+        programs: how the drivers move, in place of speed or profile; they go straight from where the model
+            has them to where their programs begin. In a model of one's own the joints of these names are
+            driven.
+        drive: the hinge that is the crank, in a model of one's own; None for that called "crank".
+        holds: joints of a model of one's own -> value at which they are held, in [m] or [rad].
+        key: keyframe of a model of one's own in which it starts.
         watch: told now and then how far the run has come, in words and as a part of the whole, 0 to 1.
 
     Raises:
@@ -66,11 +81,16 @@ def simulate(
         ("scene", scene, Scene),
         ("settings", settings, Settings),
         ("profile", profile, CrankProfile),
+        ("programs", programs, Programs),
     ):
         if given is not None:
             require(name, given, kind)
-    closed = closed_model.of_source(source, scene)
-    if profile is None:
+    require_programs(source, programs, speed if profile is None else profile)
+    drivers = drive if programs is None else programs.drivers
+    closed = closed_model.of_source(source, scene, drivers=drivers, holds=holds, key=key)
+    if programs is not None:
+        profile = clock_of(programs)
+    elif profile is None:
         if speed is None:
             raise InputError("neither a crank speed nor a profile was given; give one of them")
         profile = constant(speed, turns, closed.angle)
@@ -85,7 +105,33 @@ def simulate(
     require_movable(closed, found)
     if method == "pose":
         require_determined(closed, found)
+    if programs is not None:
+        closed = begun(closed, programs)
+    if method == "pose":
         return solved(closed, profile, samples, tolerance, watch or unwatched)
     run = DrivenRun(closed, profile, first_state(closed, profile), samples, watch or unwatched)
     settings = settings or Settings()
     return run.stepped(settings) if tolerance is None else within(run, settings, tolerance)
+
+
+def require_programs(source: Source, programs: Programs | None, else_given: object) -> None:
+    """Refuse programs of other drivers than a mechanism's, drivers without, and a crank's motion beside them.
+
+    Raises:
+        InputError: naming the drivers.
+    """
+    if programs is not None and else_given is not None:
+        raise InputError("both programs and a crank's motion were given; give one of them")
+    model = closed_model.described(source)
+    if not isinstance(model, Mechanism):
+        return
+    if programs is None and not model.has_crank:
+        raise InputError(
+            f"{model.name}: {', '.join(model.drivers)} {'is' if len(model.drivers) == 1 else 'are'} driven, "
+            "and no lone crank; give each a program"
+        )
+    if programs is not None and set(programs.drivers) != set(model.drivers):
+        raise InputError(
+            f"{model.name}: the programs are of {', '.join(programs.drivers)}; drivers are "
+            f"{', '.join(model.drivers)}"
+        )

@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from mechsim.maths.angles import TURN
 from mechsim.simulation import setting_fields
@@ -87,8 +88,8 @@ class Settings:
     )
     flywheel: float | None = setting_fields.number(
         None,
-        "Inertia on the crank that holds its speed, in [kg m2]; None for 1e12 times that of the links, "
-        "which no reaction of theirs and no redundant constraint turns.",
+        "Inertia on the crank, or on each driver, that holds its speed, in [kg m2]; None for 1e12 times that "
+        "of the links, which no reaction of theirs and no redundant constraint turns.",
     )
 
     def __post_init__(self) -> None:
@@ -128,7 +129,13 @@ class Settings:
         model.eq_solimp[:] = self.solimp
         model.body_invweight0[:] *= self.hardness
         model.dof_invweight0[:] *= self.hardness
-        model.dof_armature[loops.crank] = self.flywheel or FLYWHEEL * _inertia(loops)
+        flywheel = self.flywheel or FLYWHEEL * _inertia(loops)
+        model.dof_armature[loops.crank] = flywheel
+        if loops.drive is not None:
+            # on a slide the mass that has this inertia as far off as the longest link reaches
+            model.dof_armature[loops.drive.dofs] = np.where(
+                loops.drive.slides, flywheel / loops.size**2, flywheel
+            )
         used = self
         if self.jacobian == "auto":
             used = replace(self, jacobian=quicker(model) if equalities else "dense")

@@ -36,7 +36,8 @@ class Steps:
 
     Attributes:
         states: at time zero and after every `stride` steps, up to where the run ended.
-        force: on the crank at each state, (n,) in [N m]; None at constant speed.
+        force: on the crank at each state, (n,) in [N m], None at constant speed; or on the drivers,
+            (n, drivers) in [N m] or [N].
         count: steps taken.
         seconds: time spent stepping.
         timestep: in [s].
@@ -74,7 +75,8 @@ def step(
 
     The crank carries a flywheel so heavy that no reaction of the linkage changes its speed; a changing
     speed is made by a torque on it, constant over each step, that gives the wanted speed at its end.
-    How this drive was chosen: validation/choices/drive.py.
+    How this drive was chosen: validation/choices/drive.py. Where programs move several drivers each of them
+    has its flywheel and its force, and the clock turns freely.
 
     Args:
         loops: of the model; its settings are replaced.
@@ -87,16 +89,16 @@ def step(
         watch: told after every block how far the run has come.
     """
     timestep = profile.duration / total
-    if not profile.steady:
-        require_room(f"the drive's torque at {total:,} steps", total, TORQUE, "take {most} steps at the most")
+    driven = not profile.steady or loops.drive is not None
+    if driven:
+        held = TORQUE * len(loops.moved_dofs)
+        require_room(f"the drive's torque at {total:,} steps", total, held, "take {most} steps at the most")
     used = settings.apply(loops, timestep)
     model = loops.model
     sims = batch.Batch(model, 1, 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = start
     records = [(np.zeros(1, dtype=np.int64), start[0][None], start[1][None])]
-    torque = (
-        None if profile.steady else _torque(profile, float(model.dof_armature[loops.crank]), timestep, total)
-    )
+    torque = _torque(loops, profile, timestep, total) if driven else None
     done, spent, processor, diverged = 0, 0.0, 0.0, False
     while done < total and not diverged:
         count = min(BLOCK, total - done)
@@ -106,7 +108,7 @@ def step(
             if controls is not None:
                 control[0, :, : model.nu] = controls[done : done + count]
             if torque is not None:
-                control[0, :, model.nu + loops.crank] = torque[done : done + count]
+                control[0][:, model.nu + loops.moved_dofs] = torque[done : done + count]
         begin, busy = clock.perf_counter(), clock.process_time()
         out = sims.rollout(
             count,
@@ -127,12 +129,16 @@ def step(
         watch(f"{done:,} of {total:,} steps", done / total)
     at, qpos, qvel = (np.concatenate(parts) for parts in zip(*records, strict=True))
     force = None if torque is None else torque[np.minimum(at, total - 1)]
+    if force is not None and loops.drive is None:
+        force = force[:, 0]
     return Steps(States(timestep * at, qpos, qvel), force, done, spent, timestep, diverged, used, processor)
 
 
-def _torque(profile: CrankProfile, flywheel: float, timestep: float, steps: int) -> Array:
-    speed = profile.state(timestep * np.arange(steps + 1.0))[1]
-    return flywheel * np.diff(speed) / timestep
+def _torque(loops: ModelLoops, profile: CrankProfile, timestep: float, steps: int) -> Array:
+    """Return the force on each driver over each step, (steps, drivers) in [N m] or [N]."""
+    angle, speed, _ = profile.state(timestep * np.arange(steps + 1.0))
+    rates = speed[None] if loops.drive is None else loops.drive.law(angle)[1] * speed
+    return np.diff(rates.T, axis=0) / timestep * loops.model.dof_armature[loops.moved_dofs]
 
 
 def check_step(timestep: float, profile: CrankProfile) -> int:

@@ -136,11 +136,6 @@ def test_an_equality_that_is_switched_off_is_no_constraint() -> None:
     assert ModelLoops(user('<connect body1="b" body2="c" anchor=".2 0 0" active="false"/>')).pairs == []
 
 
-def test_a_weld_is_refused_in_one_sentence() -> None:
-    with pytest.raises(InputError, match="close loops by connect constraints, gears by joint constraints"):
-        ModelLoops(user('<weld name="w" body1="b" body2="c"/>'))
-
-
 def test_a_model_without_a_crank_is_told_which_joints_it_has() -> None:
     with pytest.raises(InputError, match=r"no hinge joint called 'crank' \(it has motor, j, k\)"):
         ModelLoops(user("", crank="motor"))

@@ -82,7 +82,7 @@ def test_a_free_body_beside_a_sound_mechanism_and_an_idle_spin_are_no_freedom():
     assert simulate(model, speed=1.0, turns=0.02, method="pose").outcome == "met"
     for name in catalog.DRIVES:
         found = standing(closed_model.of_source(catalog.make(name)))
-        assert (found.open, found.locked, found.meeting) == ((), False, False), name
+        assert (found.open, found.locked, found.meeting) == ((), (), False), name
 
 
 def test_a_joint_does_not_leave_its_range_and_the_sentence_says_which():

@@ -86,19 +86,22 @@ def sliding(loaded: LoadedModel, fields: Fields, qvel: Array) -> Array:
     return np.sign(np.concatenate(rates, 1))
 
 
-def loop_forces(loaded: LoadedModel, fields: Fields, multipliers: Array) -> AppliedForces:
-    """Return the forces that close the loops: a multiplier acts on the first point of its pair."""
+def loop_forces(loaded: LoadedModel, fields: Fields, jacobian: Array, multipliers: Array) -> AppliedForces:
+    """Return the forces that close the loops, (n, m): a multiplier acts on the first point of its pair."""
     loops, forces = loaded.loops, loaded.nothing(len(multipliers))
     for number, pair in enumerate(loops.pairs):
         force = multipliers[:, 3 * number : 3 * number + 3]
         for (body, local), sign in zip(pair.ends, (1.0, -1.0), strict=True):
             place = fields["xpos"][:, body] + fields["xmat"][:, body].reshape(-1, 3, 3) @ local
             add_force(forces.wrenches, fields, body, place, sign * force)
-    couplings = multipliers[:, 3 * len(loops.pairs) :]
-    for coupling, effort in zip(loops.couplings, couplings.T, strict=True):
-        forces.generalised[:, coupling.dofs[0]] += effort
-        if coupling.dofs[1] >= 0:  # a gear is a straight line
-            forces.generalised[:, coupling.dofs[1]] -= coupling.polynomial[1] * effort
+    turned = multipliers[:, loops.turned_rows].reshape(len(multipliers), -1, 3)
+    for pair, moment in zip(loops.frames, np.moveaxis(turned, 1, 0), strict=True):
+        rotations = (fields["xmat"][:, body].reshape(-1, 3, 3) for body in pair.bodies)
+        couple = (np.swapaxes(pair.apart(*rotations)[1], 1, 2) @ moment[..., None])[..., 0]
+        for body, sign in zip(pair.bodies, (1.0, -1.0), strict=True):
+            forces.wrenches[:, body, 3:] += sign * couple
+    rows = loops.coupled_rows
+    forces.generalised[:] += np.einsum("nm,nmv->nv", multipliers[:, rows], jacobian[:, rows])
     return forces
 
 

@@ -42,7 +42,7 @@ def settled(loaded: LoadedModel) -> Known:
     size = np.array([1.0] * 3 + [loaded.mechanism.size] * 3)
 
     def carried(multipliers: Array) -> dict[str, Array]:
-        stressed = loop_forces(loaded, at.plain, multipliers)
+        stressed = loop_forces(loaded, at.plain, at.jacobian, multipliers)
         fields = loaded.look(loaded.looking(native=False), at.states, stressed)
         found = {
             joint.name: transmitted(loaded, joint, fields, multipliers) for joint in loaded.mechanism.joints

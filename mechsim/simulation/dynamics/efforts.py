@@ -90,7 +90,7 @@ def efforts(loaded: LoadedModel, at: Situation, qacc: Array, multipliers: Array,
     drive = loaded.nothing(n)
     drive.generalised[:, crank] = torque
     placed = native(loaded.model, at.plain)
-    loops = loop_forces(loaded, at.plain, multipliers)
+    loops = loop_forces(loaded, at.plain, at.jacobian, multipliers)
     fields = loaded.look(loaded.looking(native=False), at.states, together(at.outer, placed, loops, drive))
     largest = max(float(np.abs(qacc).max()), np.finfo(np.float64).tiny)
     lost, outer, motor = powers(loaded, at)
@@ -126,7 +126,7 @@ def _held(loaded: LoadedModel, jacobian: Array) -> Array:
 def row_scale(loaded: LoadedModel, rows: int) -> Array:
     """Return factors that make rows of lengths free of units."""
     scale = np.ones(rows)
-    scale[: 3 * len(loaded.loops.pairs)] /= loaded.loops.size
+    scale[: len(loaded.loops.scale)] = loaded.loops.scale
     return scale
 
 
@@ -147,7 +147,7 @@ def _least(rows: Array, scale: Array, inertia: Array, right: Array) -> tuple[Arr
 
 
 def _gears(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
-    first = 3 * len(loaded.loops.pairs)
+    first = loaded.loops.coupled_rows.start
     return {
         f"{gear.driver}-{gear.driven}": multipliers[:, first + i]
         for i, gear in enumerate(loaded.mechanism.gears)

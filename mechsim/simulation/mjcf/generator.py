@@ -19,7 +19,7 @@ from mechsim.simulation.mjcf.joints import (
     CRANK,
     add_joint,
     meeting_points,
-    part_names,
+    model_names,
     seated_pose,
     zero_pose,
 )
@@ -143,9 +143,7 @@ def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
     Raises:
         InputError: for a sum of coordinates, which no joint equality holds.
     """
-    of = {}
-    for joint in mechanism.joints:
-        of |= dict(zip(joint.coordinates, part_names(mechanism, joint), strict=False))
+    of = model_names(mechanism)
     for law in mechanism.laws:
         names, zeros = [], []
         for terms, zero in zip((law.left_terms, law.right_terms), law.zeros, strict=True):
@@ -168,6 +166,15 @@ def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
         kind, object_kind = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
         made = _add_equality(spec, law.label, kind, object_kind, [*names, ""][:2])
         made.data[:5] = shifted
+    for name, value in mechanism.holds.items():
+        hold(spec, of[name], value - float(spec.joint(of[name]).ref))
+
+
+def hold(spec: mujoco.MjSpec, joint: str, value: float) -> None:
+    """Hold a hinge or slide at a value in [m] or [rad], counted from the reference configuration."""
+    kind, object_kind = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
+    made = _add_equality(spec, f"hold {joint}", kind, object_kind, (joint, ""))
+    made.data[:5] = [value, 0.0, 0.0, 0.0, 0.0]
 
 
 def _add_equality(

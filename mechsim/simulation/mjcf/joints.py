@@ -38,6 +38,15 @@ def part_names(mechanism: Mechanism, joint: Joint) -> list[str]:
     return [joint.name] if KINDS[joint.kind].ball else list(joint.coordinates)
 
 
+def model_names(mechanism: Mechanism) -> dict[str, str]:
+    """Return coordinate of a mechanism -> the name of its hinge or slide in the model."""
+    return {
+        coordinate: name
+        for joint in mechanism.joints
+        for coordinate, name in zip(joint.coordinates, part_names(mechanism, joint), strict=False)
+    }
+
+
 def meeting_points(kind: Kind) -> list[float] | None:
     """Return heights along the axis at which points of both links meet in a joint, and by that hold it.
 

@@ -85,6 +85,8 @@ def _along(path: AssemblyPath, angles: Array) -> tuple[Array, NDArray[np.bool_]]
 
 def _sprinted(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath | None:
     """Return the path over the range of crank angles by stepping; None where that is not certain."""
+    if loops.drive is not None:
+        return None
     if float(angles.max() - angles.min()) < STRIDE:
         reach = np.abs(angles - start[loops.crank_place]).max()
         if reach < STRIDE:
@@ -118,7 +120,7 @@ def _knots(
     """Return states over the range, rising, what a turn adds where one is enough, and meetings."""
     here = float(start[loops.crank_place])
     low, high = min(here, float(angles.min())), max(here, float(angles.max()))
-    if high - low > 1.5 * TURN:
+    if high - low > 1.5 * TURN and loops.drive is None:
         lap = _both_directions(loops, start, here, here + TURN, steps)
         gain = None if lap is None else _gain(loops, lap[0])
         if lap is not None and gain is not None:

@@ -15,7 +15,7 @@ WHOLE = 1e-9
 def on_other_laps(loops: ModelLoops, state: Array, angles: Array) -> Iterator[Array]:
     """Yield a closed state (nq,) as it is on other laps, from which crank angles (n,) lie within a turn.
 
-    Where a gear makes the linkage another one after a turn of the crank, there is none.
+    Where a gear makes the linkage another one after a turn of the crank, or programs move it, there is none.
     """
     for laps in other_laps(float(state[loops.crank_place]), angles):
         counted = _counted(loops, state, laps)
@@ -25,14 +25,15 @@ def on_other_laps(loops: ModelLoops, state: Array, angles: Array) -> Iterator[Ar
 
 def _counted(loops: ModelLoops, state: Array, laps: int) -> Array | None:
     """Return the state with turns added to the crank's count; None where that is another pose."""
+    if loops.drive is not None:
+        return None
     counted = state.copy()
     counted[loops.crank_place] += laps * TURN
     for coupling in loops.couplings:
-        driven, driver = coupling.places
-        if driver < 0:
+        driven = coupling.left.places
+        if len(driven) > 1 or not loops.hinges[driven].all():
             continue
-        curve = np.polynomial.Polynomial(coupling.polynomial)
-        gain = float(curve(counted[driver] - coupling.zeros[1]) - curve(state[driver] - coupling.zeros[1]))
-        counted[driven] += TURN * np.round(gain / TURN) if loops.hinges[driven] else 0.0
+        gain = coupling.wanted(counted[None]) - coupling.wanted(state[None])
+        counted[driven] += TURN * np.round(gain / coupling.left.weights / TURN)
     opened = loops.gap(loops.residual(counted[None]) - loops.residual(state[None]))
     return counted if opened.max() < WHOLE else None

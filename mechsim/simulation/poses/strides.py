@@ -84,7 +84,7 @@ def walk(loops: ModelLoops, start: Array, end: float) -> Strides:
             stride = step / 2.0
             if stride < SHORTEST:
                 raise AssemblyError(
-                    f"{loops.name}: the crank cannot pass {angle:.7g} rad in this assembly; "
+                    f"{loops.name}: the {_passing(loops, angle)} in this assembly; "
                     "stay on this side of the dead centre or change the dimensions"
                 )
             continue
@@ -98,6 +98,12 @@ def walk(loops: ModelLoops, start: Array, end: float) -> Strides:
         found.append(here[0])
         stride = min(2.0 * step, STRIDE)
     return Strides(found, passed)
+
+
+def _passing(loops: ModelLoops, angle: float) -> str:
+    if loops.drive is None:
+        return f"crank cannot pass {angle:.7g} rad"
+    return f"drivers cannot pass {loops.said(angle)}"
 
 
 def _tried(loops: ModelLoops, here: Array, beyond: Array, angle: float) -> Meeting | None:

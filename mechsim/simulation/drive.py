@@ -1,0 +1,107 @@
+"""What moves a model's drivers: functions of a clock that turns where a lone crank would."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
+
+# the clock's hinge and body in a model
+CLOCK = "mechsim:clock"
+# angles of the clock (n,) in [rad] -> drivers' values and first two derivatives by it, (drivers, n) each
+Law = Callable[[Array], tuple[Array, Array, Array]]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The driven coordinates of a model under a clock.
+
+    Attributes:
+        names: of the model's joints.
+        places: of their coordinates in qpos, (k,).
+        dofs: of their freedoms, (k,).
+        slides: whether each is a displacement, (k,).
+        law: how they go by the clock.
+        said: angle of the clock -> where they are, in words.
+    """
+
+    names: tuple[str, ...]
+    places: NDArray[np.intp]
+    dofs: NDArray[np.intp]
+    slides: NDArray[np.bool_]
+    law: Law
+    said: Callable[[float], str]
+
+    def under(self, law: Law, said: Callable[[float], str]) -> "Drive":
+        """Return the same drivers under another law."""
+        return replace(self, law=law, said=said)
+
+    def standing(self, values: Array) -> "Drive":
+        """Return drivers that stand where they are, at values (k,), or (k, n) for n states."""
+        return self.under(*_standing(self.names, values))
+
+
+def with_clock(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    """Return a copy of a specification with a clock: a hinge beside everything, under no force."""
+    spec = spec.copy()
+    body = spec.worldbody.add_body(name=CLOCK, gravcomp=0.0)
+    body.explicitinertial = True
+    # a body that is nothing to the others, but no MuJoCo zero
+    body.mass, body.inertia = 1e-9, np.full(3, 1e-12)
+    body.add_joint(
+        name=CLOCK,
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=(0.0, 0.0, 1.0),
+        pos=(0.0, 0.0, 0.0),
+        ref=0.0,
+        springref=0.0,
+        armature=0.0,
+        frictionloss=0.0,
+        damping=np.zeros(3),
+        stiffness=np.zeros(3),
+        limited=int(mujoco.mjtLimited.mjLIMITED_FALSE),
+        actfrclimited=int(mujoco.mjtLimited.mjLIMITED_FALSE),
+        actgravcomp=0,
+    )
+    return spec
+
+
+def drive_of(model: mujoco.MjModel, names: tuple[str, ...]) -> Drive:
+    """Return the drivers of those names, standing where the model has them.
+
+    Raises:
+        InputError: for a name that is no hinge or slide of the model.
+    """
+    single = {
+        model.joint(i).name: i
+        for i in range(model.njnt)
+        if model.jnt_type[i] in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    }
+    for name in names:
+        if name not in single:
+            known = ", ".join(one for one in single if one and one != CLOCK)
+            raise InputError(
+                f"the model has no hinge or slide called {name!r} to drive (it has {known or 'none'})"
+            )
+    joints = np.array([single[name] for name in names], dtype=np.intp)
+    places = model.jnt_qposadr[joints].astype(np.intp)
+    slides = model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_SLIDE)
+    law, said = _standing(names, model.qpos0[places])
+    return Drive(names, places, model.jnt_dofadr[joints].astype(np.intp), slides, law, said)
+
+
+def _standing(names: tuple[str, ...], values: Array) -> tuple[Law, Callable[[float], str]]:
+    values = np.asarray(values, dtype=np.float64).reshape(len(names), -1)
+
+    def law(angle: Array) -> tuple[Array, Array, Array]:
+        still = np.zeros((len(values), len(angle)))
+        return values + still, still, still
+
+    def said(_: float) -> str:
+        return ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, values[:, 0], strict=True))
+
+    return law, said

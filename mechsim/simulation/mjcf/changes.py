@@ -1,0 +1,42 @@
+"""Changes to a specification before it is run: joints held, a joint called otherwise."""
+
+from collections.abc import Mapping
+
+import mujoco
+
+from mechsim.errors import InputError
+from mechsim.simulation.mjcf.compiling import compiled
+from mechsim.simulation.mjcf.generator import hold
+
+SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+
+
+def hold_joints(spec: mujoco.MjSpec, holds: Mapping[str, float]) -> None:
+    """Hold hinges and slides at values in [m] or [rad].
+
+    Raises:
+        InputError: for a joint that the model has not, or one of another kind.
+    """
+    if not holds:
+        return
+    single = [joint.name for joint in spec.joints if joint.name and joint.type in SINGLE]
+    for name in holds:
+        if name not in single:
+            known = ", ".join(single) or "none"
+            raise InputError(f"the model has no hinge or slide called {name!r} to hold (it has {known})")
+    model = compiled(spec)
+    for name, value in holds.items():
+        hold(spec, name, value - float(model.qpos0[model.joint(name).qposadr[0]]))
+
+
+def rename_joint(spec: mujoco.MjSpec, name: str, called: str) -> None:
+    """Call a joint otherwise, in all equalities and actuators too."""
+    if name == called:
+        return
+    spec.joint(name).name = called
+    for one in spec.equalities:
+        if one.type == mujoco.mjtEq.mjEQ_JOINT:
+            one.name1, one.name2 = (called if of == name else of for of in (one.name1, one.name2))
+    for actuator in spec.actuators:
+        if actuator.target == name:
+            actuator.target = called

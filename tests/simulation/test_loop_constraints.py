@@ -1,0 +1,105 @@
+"""Every kind of equality is read as MuJoCo has it: by residuals and Jacobians of its own constraints."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from mechsim.errors import InputError
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.recorded_motion import States, add_sensors, link_motions, opening
+
+MODEL = """<mujoco model="every kind">
+  <option gravity="0 0 0"/>
+  <worldbody>
+    <site name="w" pos=".1 .2 -.1" euler="10 20 30"/>
+    <body name="a" pos=".1 0 0" euler="5 -10 15"><joint name="crank" axis=".1 .2 1" ref="10"/>
+      <geom size=".01" pos=".02 0 .01"/>
+      <site name="s" pos=".02 .01 .03" euler="40 -20 10"/>
+      <body name="b" pos=".1 .02 0"><joint name="j" axis="0 1 .3" ref="-20"/><geom size=".01" pos=".01 0 0"/>
+        <body name="b2" pos=".05 0 0"><joint name="s1" type="slide" axis="1 .2 0" ref=".02"/>
+          <geom size=".01" pos="0 .01 .02"/></body></body></body>
+    <body name="c" pos=".3 0 .1"><joint name="ball" type="ball" pos=".01 0 0"/>
+      <geom size=".01" pos="0 .01 0"/></body>
+    <body name="f" pos=".2 .3 .1" euler="30 0 0"><freejoint name="free"/><geom size=".01" pos="0 0 .01"/>
+      <site name="t" pos="0 .02 .01" euler="-15 25 35"/></body>
+  </worldbody>
+  <tendon>
+    <fixed name="one"><joint joint="j" coef="2"/><joint joint="s1" coef="-3"/></fixed>
+    <fixed name="two"><joint joint="crank" coef=".5"/></fixed>
+    <spatial name="rope"><site site="s"/><site site="t"/></spatial>
+  </tendon>
+  <equality>EQUALITY</equality>
+</mujoco>"""
+KINDS = {
+    "connect of bodies": '<connect body1="b2" body2="f" anchor=".02 .01 -.03"/>',
+    "connect of sites": '<connect site1="s" site2="t"/>',
+    "weld of bodies": '<weld body1="b2" body2="f"/>',
+    "weld with an anchor": '<weld body1="f" body2="c" anchor=".02 .01 -.03"/>',
+    "weld with a pose": '<weld body1="b2" body2="f" anchor=".01 0 0" relpose=".1 .2 .3 .9 .1 -.2 .3"/>',
+    "weld to the world": '<weld body1="c"/>',
+    "weld of sites": '<weld site1="s" site2="t"/>',
+    "weld of a site to the world": '<weld site1="w" site2="t"/>',
+    "joint by joint": '<joint joint1="j" joint2="crank" polycoef=".1 .2 .3 .4 .5"/>',
+    "one joint": '<joint joint1="s1" polycoef=".1 0 0 0 0"/>',
+    "tendon by tendon": '<tendon tendon1="one" tendon2="two" polycoef=".1 .2 .3 .4 .5"/>',
+    "one tendon": '<tendon tendon1="one" polycoef=".1 0 0 0 0"/>',
+}
+
+
+def model_of(equality):
+    spec = mujoco.MjSpec.from_string(MODEL.replace("EQUALITY", equality))
+    track = add_sensors(spec, ("s", "t"))
+    return spec.compile(), track
+
+
+def near(model, n, reach):
+    rng = np.random.default_rng(3)
+    states = np.repeat(model.qpos0[None], n, 0)
+    for state in states:
+        mujoco.mj_integratePos(model, state, reach * rng.normal(size=model.nv), 1.0)
+    return states
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_residual_and_jacobian_are_mujocos_own(kind):
+    model, _ = model_of(KINDS[kind])
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    loops, data = ModelLoops(model), mujoco.MjData(model)
+    turned = loops.turned_rows
+    for state in near(model, 3, 0.1):
+        data.qpos[:] = state
+        mujoco.mj_forward(model, data)
+        position, slope = data.efc_pos.copy(), data.efc_J.reshape(data.nefc, model.nv).copy()
+        # MuJoCo has the vector part of a quaternion, here it is twice that: an angle
+        position[turned] *= 2.0
+        slope[turned] *= 2.0
+        for states in (state[None], np.stack([state] * 2)):
+            residual, jacobian = loops.linearise(states)
+            assert np.abs(residual - position).max() < 1e-15
+            assert np.abs(jacobian - slope).max() < 4e-15
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_second_rate_of_opening_is_that_of_the_residual(kind):
+    model, track = model_of(KINDS[kind])
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    loops = ModelLoops(model)
+    qpos = loops.close(model.qpos0[None])
+    rates = loops.tangent(loops.linearise(qpos)[1])
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = qpos[0], rates[0]
+    mujoco.mj_forward(model, data)
+    fields = {name: getattr(data, name)[None] for name in ("xpos", "xmat", "sensordata", "qacc")}
+    links = link_motions(model, track, fields)
+    found = opening(loops, States(np.zeros(1), qpos, rates), data.qacc[None], links)[0]
+    step = 2e-3
+    time = step * np.arange(-4, 5)[:, None]
+    path = loops.moved(np.repeat(qpos, 9, 0), rates * time + 0.5 * data.qacc * time**2)
+    second = np.array([-9, 128, -1008, 8064, -14350, 8064, -1008, 128, -9]) / 5040.0 / step**2
+    # eighth-order differences: rounding over the square of the step
+    assert np.abs(second @ loops.residual(path) - found).max() < 1e-9
+
+
+def test_a_tendon_through_sites_is_refused_by_its_name():
+    with pytest.raises(InputError, match=r"tendon 'rope' runs through sites.*fixed tendon"):
+        ModelLoops(model_of('<tendon tendon1="rope"/>')[0])
