@@ -82,16 +82,27 @@ class Coupled:
         left: the sum that depends.
         right: on which it does; None where it is held.
         coefficients: of the polynomial, from the constant up.
+        number: of the equality in the model.
     """
 
     left: Sum
     right: Sum | None
     coefficients: Array
+    number: int
     _curve: tuple[np.polynomial.Polynomial, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         curve = np.polynomial.Polynomial(self.coefficients)
         object.__setattr__(self, "_curve", (curve, curve.deriv(1), curve.deriv(2)))
+
+    @property
+    def bends(self) -> bool:
+        """Whether the polynomial is no straight line."""
+        return self.right is not None and bool(np.any(self.coefficients[2:]))
+
+    def curve(self, right: Array) -> tuple[Array, Array]:
+        """Return the polynomial and its slope at values of the right side."""
+        return self._curve[0](right), self._curve[1](right)
 
     def wanted(self, qpos: Array) -> Array:
         """Return what the left side should be at states (n, nq), (n,)."""
@@ -150,7 +161,7 @@ def constraints(model: mujoco.MjModel) -> Constraints:
         elif kind in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON):
             of = _joint if kind == mujoco.mjtEq.mjEQ_JOINT else _tendon
             right = of(model, second) if second >= 0 else None
-            couplings.append(Coupled(of(model, first), right, model.eq_data[i, :5].copy()))
+            couplings.append(Coupled(of(model, first), right, model.eq_data[i, :5].copy(), i))
         else:
             raise InputError(
                 f"equality {model.equality(i).name or i!r} is of a kind that closes no loop here; "

@@ -6,6 +6,7 @@ constraints. No closed form is near.
 
 import copy
 from collections.abc import Callable
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -14,8 +15,9 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
+from mechsim.simulation import followers
 from mechsim.simulation.drive import CLOCK, Drive, Law
-from mechsim.simulation.loop_constraints import constraints
+from mechsim.simulation.loop_constraints import Coupled, constraints
 
 # body and points of it, (n, 3) -> the Jacobians of the points and of the body's turning, (n, 3, nv) each
 Slope = Callable[[int, Array], tuple[Array, Array]]
@@ -75,13 +77,12 @@ class ModelLoops:
         self.pairs, self.frames, self.couplings = found.pairs, found.frames, found.couplings
         self.name = model.names.split(b"\0", 1)[0].decode() or "model"
         self.free = np.array([i for i in range(model.nv) if i != self.crank], dtype=np.int64)
-        driven = [] if drive is None else drive.dofs.tolist()
-        self.passive = np.array([i for i in self.free if i not in driven], dtype=np.int64)
+        self.passive = np.array([i for i in self.free if i not in self._driven], dtype=np.int64)
         self._angles = _is_angle(model)
         self._angular = self._angles[self.free]
         reach = [np.linalg.norm(local) for pair in self.pairs for local in pair.local]
         steps = np.linalg.norm(model.body_pos[1:], axis=1)
-        self.size = float(max([*reach, *steps, 1e-300]))
+        self.size = float(max([*reach, *steps], default=0.0)) or _spread_of(model)
         self.scale = self._scale()
         self.quaternions = [
             int(place) + (3 if kind == FREE else 0)
@@ -117,10 +118,34 @@ class ModelLoops:
         first = self.turned_rows.stop
         return slice(first, first + len(self.couplings))
 
-    @property
+    @cached_property
+    def followers(self) -> list[Coupled]:
+        """The couplings of coordinates that follow from those driven, but not in a straight line."""
+        return [one for one in self._chain if one.bends]
+
+    @cached_property
     def moved_dofs(self) -> NDArray[np.int64]:
-        """The freedoms that a drive moves: the crank, or all drivers."""
-        return np.array([self.crank] if self.drive is None else self.drive.dofs, dtype=np.int64)
+        """The freedoms that forces move in steps: the crank or all drivers, then what bends with them."""
+        bent = [int(one.left.dofs[0]) for one in self.followers]
+        return np.array([*self._driven, *bent], dtype=np.int64)
+
+    def moved_rates(self, angle: Array, speed: Array) -> Array:
+        """Return the rates of `moved_dofs` at angles of the crank or clock, (n,), and its speeds, (n, k)."""
+        values, speeds = {self.crank_place: angle}, {self.crank: speed}
+        if self.drive is not None:
+            value, slope, _ = self.drive.law(angle)
+            values |= dict(zip(self.drive.places.tolist(), value, strict=True))
+            speeds |= dict(zip(self.drive.dofs.tolist(), slope * speed, strict=True))
+        found = followers.rates(self._chain, values, speeds)
+        return np.stack([found[int(dof)] for dof in self.moved_dofs], 1)
+
+    @property
+    def _driven(self) -> list[int]:
+        return [self.crank] if self.drive is None else self.drive.dofs.tolist()
+
+    @cached_property
+    def _chain(self) -> list[Coupled]:
+        return followers.chained(self.couplings, self._driven)
 
     def under(self, law: Law, said: Callable[[float], str]) -> "ModelLoops":
         """Return the same loops, their drivers under another law of the clock."""
@@ -394,6 +419,12 @@ class ModelLoops:
             turned = _quaternion_turned(out[:, place : place + 4], step[:, dof : dof + 3])
             out[:, place : place + 4] = turned
         return out
+
+
+def _spread_of(model: mujoco.MjModel) -> float:
+    """Return how far sites, joints and centres of mass lie from their bodies' origins; 1 m if nowhere."""
+    places = np.concatenate([model.site_pos, model.jnt_pos, model.body_ipos])
+    return float(np.linalg.norm(places, axis=1).max(initial=0.0)) or 1.0
 
 
 def _quaternion_turned(quaternion: Array, vector: Array) -> Array:

@@ -95,7 +95,7 @@ def evaluate(
         crank_acceleration: (n,) in [rad/s2]: accelerations are then those that keep the loops closed
             exactly. None reports what MuJoCo's own dynamics gives at the state; with dry friction, the
             crank's acceleration by it, and of all else those that keep the loops closed.
-        force: generalised force on the crank at each state, (n,) in [N m], or on drivers, (n, drivers).
+        force: generalised force on the crank at each state, (n,) in [N m]; or on all `moved_dofs`, (n, k).
         watch: told how far it has come, in words and as a part of the whole.
     """
     n = len(states.time)

@@ -4,7 +4,6 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import mujoco
-import numpy as np
 
 from mechsim.maths.angles import TURN
 from mechsim.simulation import setting_fields
@@ -125,26 +124,23 @@ class Settings:
         _set(option, "disableflags", int(disable.mjDSBL_ISLAND | disable.mjDSBL_SENSOR), True)
         _set(option, "disableflags", int(disable.mjDSBL_REFSAFE), not self.refsafe)
         _set(option, "enableflags", int(enable.mjENBL_DIAGEXACT), self.diagexact)
-        model.eq_solref[:] = self.solref or self._solref(timestep)
+        model.eq_solref[:] = self.solref or self._solref(timestep, self.constant)
         model.eq_solimp[:] = self.solimp
         model.body_invweight0[:] *= self.hardness
         model.dof_invweight0[:] *= self.hardness
-        flywheel = self.flywheel or FLYWHEEL * _inertia(loops)
-        model.dof_armature[loops.crank] = flywheel
-        if loops.drive is not None:
-            # on a slide the mass that has this inertia as far off as the longest link reaches
-            model.dof_armature[loops.drive.dofs] = np.where(
-                loops.drive.slides, flywheel / loops.size**2, flywheel
-            )
+        # a constraint leaves out the bend of a polynomial: the sooner it draws back the better
+        bent = [one.number for one in loops.couplings if one.bends]
+        model.eq_solref[bent] = self.solref or self._solref(timestep, LEAST_CONSTANT)
+        model.dof_armature[loops.crank] = self.flywheel or FLYWHEEL * _inertia(loops)
         used = self
         if self.jacobian == "auto":
             used = replace(self, jacobian=quicker(model) if equalities else "dense")
         option.jacobian = KINDS["sparse" if used.jacobian == "sparse" else "dense"]
         return used
 
-    def _solref(self, timestep: float) -> tuple[float, float]:
-        """Return the time constant, or stiffness and damping where MuJoCo takes its square for zero."""
-        constant = self.constant * timestep
+    def _solref(self, timestep: float, steps: float) -> tuple[float, float]:
+        """Return a time constant in steps, or stiffness and damping where its square is MuJoCo's zero."""
+        constant = steps * timestep
         if constant**2 > 1e-12 or self.refsafe:
             return constant, 1.0
         return -1.0 / constant**2, -2.0 / constant

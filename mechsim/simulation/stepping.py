@@ -13,7 +13,7 @@ from mechsim.maths.arrays import Array
 from mechsim.maths.memory import require_room
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import SLIDE, ModelLoops
 from mechsim.simulation.recorded_motion import States
 from mechsim.simulation.settings import Settings
 
@@ -36,8 +36,8 @@ class Steps:
 
     Attributes:
         states: at time zero and after every `stride` steps, up to where the run ended.
-        force: on the crank at each state, (n,) in [N m], None at constant speed; or on the drivers,
-            (n, drivers) in [N m] or [N].
+        force: on the crank at each state, (n,) in [N m], None at constant speed; or on all `moved_dofs` of
+            the loops, (n, k) in [N m] or [N].
         count: steps taken.
         seconds: time spent stepping.
         timestep: in [s].
@@ -76,7 +76,8 @@ def step(
     The crank carries a flywheel so heavy that no reaction of the linkage changes its speed; a changing
     speed is made by a torque on it, constant over each step, that gives the wanted speed at its end.
     How this drive was chosen: validation/choices/drive.py. Where programs move several drivers each of them
-    has its flywheel and its force, and the clock turns freely.
+    has its flywheel and its force, and the clock turns freely; so has a coordinate that a coupling bends with
+    them, as MuJoCo's constraints ask for accelerations that leave out the bend.
 
     Args:
         loops: of the model; its settings are replaced.
@@ -89,12 +90,14 @@ def step(
         watch: told after every block how far the run has come.
     """
     timestep = profile.duration / total
-    driven = not profile.steady or loops.drive is not None
+    driven = not profile.steady or len(loops.moved_dofs) > 1 or loops.drive is not None
     if driven:
         held = TORQUE * len(loops.moved_dofs)
         require_room(f"the drive's torque at {total:,} steps", total, held, "take {most} steps at the most")
     used = settings.apply(loops, timestep)
     model = loops.model
+    if driven:
+        _lead(loops)
     sims = batch.Batch(model, 1, 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = start
     records = [(np.zeros(1, dtype=np.int64), start[0][None], start[1][None])]
@@ -129,16 +132,26 @@ def step(
         watch(f"{done:,} of {total:,} steps", done / total)
     at, qpos, qvel = (np.concatenate(parts) for parts in zip(*records, strict=True))
     force = None if torque is None else torque[np.minimum(at, total - 1)]
-    if force is not None and loops.drive is None:
+    if force is not None and driven and force.shape[1] == 1 and loops.drive is None:
         force = force[:, 0]
     return Steps(States(timestep * at, qpos, qvel), force, done, spent, timestep, diverged, used, processor)
+
+
+def _lead(loops: ModelLoops) -> None:
+    """Put the crank's flywheel on all that is driven, and take out the constraints of what bends with it."""
+    model, moved = loops.model, loops.moved_dofs
+    flywheel = model.dof_armature[loops.crank]
+    # on a slide the mass that has this inertia as far off as the longest link reaches
+    slides = model.jnt_type[model.dof_jntid[moved]] == SLIDE
+    model.dof_armature[moved] = np.where(slides, flywheel / loops.size**2, flywheel)
+    model.eq_active0[[one.number for one in loops.followers]] = 0
 
 
 def _torque(loops: ModelLoops, profile: CrankProfile, timestep: float, steps: int) -> Array:
     """Return the force on each driver over each step, (steps, drivers) in [N m] or [N]."""
     angle, speed, _ = profile.state(timestep * np.arange(steps + 1.0))
-    rates = speed[None] if loops.drive is None else loops.drive.law(angle)[1] * speed
-    return np.diff(rates.T, axis=0) / timestep * loops.model.dof_armature[loops.moved_dofs]
+    rates = loops.moved_rates(angle, speed)
+    return np.diff(rates, axis=0) / timestep * loops.model.dof_armature[loops.moved_dofs]
 
 
 def check_step(timestep: float, profile: CrankProfile) -> int:

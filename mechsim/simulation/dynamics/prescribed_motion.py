@@ -145,6 +145,11 @@ def _stepped(
 ) -> Driven:
     total = samples * stride
     first, speed, _ = (float(one[0]) for one in profile.state(np.zeros(1)))
+    if loaded.loops.followers:
+        raise InputError(
+            f"{loaded.mechanism.name}: a coupling is no straight line, and MuJoCo's constraint leaves out "
+            'its bend; ask for the efforts by method="pose"'
+        )
     loops = loaded.loops.over_copy()
     model = loops.model
     stiffen_friction(model, profile.duration / total)

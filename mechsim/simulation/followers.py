@@ -1,0 +1,54 @@
+"""Coordinates that couplings alone tie to the crank or the drivers: how they go is known before stepping.
+
+MuJoCo's constraint asks for accelerations that leave out the bend of a coupling's polynomial. A coordinate
+that bends with the crank is therefore stepped as the crank is, by flywheel and force, without its constraint.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mechsim.maths.arrays import Array
+from mechsim.simulation.loop_constraints import Coupled, Sum
+
+
+def chained(couplings: Sequence[Coupled], driven: Sequence[int]) -> list[Coupled]:
+    """Return the couplings of one coordinate each that follow from driven freedoms, in their order."""
+    known, chain, waiting = {*driven}, list[Coupled](), list(couplings)
+    while True:
+        found = next((one for one in waiting if _follows(one, known)), None)
+        if found is None:
+            return chain
+        waiting.remove(found)
+        chain.append(found)
+        known.add(int(found.left.dofs[0]))
+
+
+def _follows(coupling: Coupled, known: set[int]) -> bool:
+    if coupling.right is None or len(coupling.left.dofs) != 1 or int(coupling.left.dofs[0]) in known:
+        return False
+    return {int(dof) for dof in coupling.right.dofs} <= known
+
+
+def rates(chain: Sequence[Coupled], values: dict[int, Array], speeds: dict[int, Array]) -> dict[int, Array]:
+    """Return the rates of all coordinates of a chain, freedom -> (n,).
+
+    Args:
+        chain: from `chained`.
+        values: of what is driven: place in qpos -> (n,) in [m] or [rad].
+        speeds: of what is driven: freedom -> (n,) in [m/s] or [rad/s].
+    """
+    values, speeds = dict(values), dict(speeds)
+    for one in chain:
+        assert one.right is not None
+        weight, place, dof = float(one.left.weights[0]), int(one.left.places[0]), int(one.left.dofs[0])
+        wanted, slope = one.curve(_sum(one.right, values))
+        values[place] = one.left.zeros[0] + wanted / weight
+        right = sum(w * speeds[int(of)] for of, w in zip(one.right.dofs, one.right.weights, strict=True))
+        speeds[dof] = np.asarray(slope * right / weight)
+    return speeds
+
+
+def _sum(side: Sum, values: dict[int, Array]) -> Array:
+    parts = zip(side.places, side.zeros, side.weights, strict=True)
+    return np.sum([weight * (values[int(place)] - zero) for place, zero, weight in parts], axis=0)
