@@ -4,8 +4,11 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 from mechsim.simulation import setting_fields
 from mechsim.simulation.matrices import KINDS, quicker
 from mechsim.simulation.mjcf.generator import FLYWHEEL
@@ -131,7 +134,7 @@ class Settings:
         # a constraint leaves out the bend of a polynomial: the sooner it draws back the better
         bent = [one.number for one in loops.couplings if one.bends]
         model.eq_solref[bent] = self.solref or self._solref(timestep, LEAST_CONSTANT)
-        model.dof_armature[loops.crank] = self.flywheel or FLYWHEEL * _inertia(loops)
+        set_armature(model, np.array([loops.crank]), self.flywheel or FLYWHEEL * _inertia(loops))
         used = self
         if self.jacobian == "auto":
             used = replace(self, jacobian=quicker(model) if equalities else "dense")
@@ -153,6 +156,15 @@ class Settings:
         """Return the settings that a report tells, by name."""
         told = ((one.metadata.get("row"), getattr(self, one.name)) for one in fields(self))
         return {row[0]: row[1](value) for row, value in told if row}
+
+
+def set_armature(model: mujoco.MjModel, dofs: NDArray[np.int64], armature: float | Array) -> None:
+    """Give freedoms an armature in a compiled model.
+
+    Of a body whose mass matrix is a diagonal anywhere MuJoCo keeps that diagonal from its compiler on.
+    """
+    model.dof_M0[dofs] += armature - model.dof_armature[dofs]
+    model.dof_armature[dofs] = armature
 
 
 def _inertia(loops: ModelLoops) -> float:

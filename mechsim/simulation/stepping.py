@@ -15,7 +15,7 @@ from mechsim.model.crank_profile import CrankProfile
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import SLIDE, ModelLoops
 from mechsim.simulation.recorded_motion import States
-from mechsim.simulation.settings import Settings
+from mechsim.simulation.settings import Settings, set_armature
 
 # is told how far a run has come: in words, and what part of the whole that is, 0 to 1
 Watch = Callable[[str, float], None]
@@ -143,7 +143,7 @@ def _lead(loops: ModelLoops) -> None:
     flywheel = model.dof_armature[loops.crank]
     # on a slide the mass that has this inertia as far off as the longest link reaches
     slides = model.jnt_type[model.dof_jntid[moved]] == SLIDE
-    model.dof_armature[moved] = np.where(slides, flywheel / loops.size**2, flywheel)
+    set_armature(model, moved, np.where(slides, flywheel / loops.size**2, flywheel))
     model.eq_active0[[one.number for one in loops.followers]] = 0
 
 

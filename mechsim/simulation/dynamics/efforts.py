@@ -16,6 +16,7 @@ from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.model_loops import RANK_TOLERANCE
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recorded_motion import CHUNK, States, link_motions, opening
+from mechsim.simulation.settings import set_armature
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +234,8 @@ def efforts_of(
     model.dof_invweight0[:] *= soften
     model.opt.iterations = ITERATIONS
     if force is not None:
-        model.dof_armature[loaded.loops.crank] *= LIGHTER
+        crank = np.array([loaded.loops.crank])
+        set_armature(model, crank, LIGHTER * model.dof_armature[crank])
     parts = []
     for first in range(0, len(states.time), CHUNK):
         part = states.at(first)

@@ -26,7 +26,7 @@ from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
 from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
 from mechsim.simulation.run_result import SteppedFreeRun
-from mechsim.simulation.settings import Settings
+from mechsim.simulation.settings import Settings, set_armature
 from mechsim.simulation.stepping import Watch, unwatched
 
 # turns of the crank at its expected speed after which a run for turns is given up
@@ -183,10 +183,11 @@ def _is_redundant(loaded: LoadedModel) -> bool:
 def _prepared(loaded: LoadedModel, settings: Settings, step: float) -> ModelLoops:
     """Return the model as it is stepped: hard loops, and on the crank no inertia but the machine's."""
     loops = loaded.loops.over_copy()
+    crank = np.array([loops.crank])
     flywheel = float(loops.model.dof_armature[loops.crank])
     settings.apply(loops, step)
     stiffen_friction(loops.model, step)
-    loops.model.dof_armature[loops.crank] = flywheel
+    set_armature(loops.model, crank, flywheel)
     # a driven crank forgives what one step of Newton's method leaves; here it would move the crank
     loops.model.opt.iterations = max(loops.model.opt.iterations, ITERATIONS)
     return loops

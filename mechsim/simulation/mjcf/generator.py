@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
+from mechsim.model.couplings import Coupling
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, IDENTITY, Joint, Mechanism, Pose
 from mechsim.model.motion_plane import plane_normals
@@ -138,22 +138,17 @@ def _close(
 
 
 def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
-    """Couple coordinates; MuJoCo counts both sides from the reference configuration.
+    """Couple and hold coordinates; MuJoCo counts both sides from the reference configuration.
 
-    Raises:
-        InputError: for a sum of coordinates, which no joint equality holds.
+    A side that is no single coordinate is a fixed tendon, and so is then the other.
     """
     of = model_names(mechanism)
     for law in mechanism.laws:
-        names, zeros = [], []
-        for terms, zero in zip((law.left_terms, law.right_terms), law.zeros, strict=True):
-            if len(terms) > 1 or any(weight != 1.0 for weight in terms.values()):
-                raise InputError(
-                    f"{mechanism.name}: coupling {law.name!r} is of a weighted sum of coordinates, which no "
-                    "joint equality of MJCF holds; couple one coordinate to another"
-                )
-            names += [of[name] for name in terms]
-            zeros += [zero - float(spec.joint(of[name]).ref) for name in terms]
+        sides = [{of[name]: weight for name, weight in terms.items()} for terms in _sides(law)]
+        zeros = [
+            zero - sum(weight * float(spec.joint(name).ref) for name, weight in side.items())
+            for side, zero in zip(sides, law.zeros, strict=False)
+        ]
         # p(right - zero) about the reference configuration
         curve = np.polynomial.Polynomial(law.coefficients)
         if len(zeros) == 2:
@@ -164,10 +159,27 @@ def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
         if law.turns:
             shifted[0] -= TURN * np.round(shifted[0] / TURN)
         kind, object_kind = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
+        names = [name for side in sides for name in side]
+        if any(list(side.values()) != [1.0] for side in sides):
+            kind, object_kind = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
+            names = [_tendon(spec, f"{law.name} {i}", side) for i, side in enumerate(sides)]
         made = _add_equality(spec, law.label, kind, object_kind, [*names, ""][:2])
         made.data[:5] = shifted
     for name, value in mechanism.holds.items():
         hold(spec, of[name], value - float(spec.joint(of[name]).ref))
+
+
+def _sides(law: Coupling) -> list[Mapping[str, float]]:
+    """Return coordinate -> weight of both sides, or of the left alone where it is held."""
+    return [law.left_terms, law.right_terms] if law.right_terms else [law.left_terms]
+
+
+def _tendon(spec: mujoco.MjSpec, name: str, side: Mapping[str, float]) -> str:
+    """Add a fixed tendon, a weighted sum of joints, and return its name."""
+    tendon = spec.add_tendon(name=name)
+    for joint, weight in side.items():
+        tendon.wrap_joint(joint, weight)
+    return name
 
 
 def hold(spec: mujoco.MjSpec, joint: str, value: float) -> None:
