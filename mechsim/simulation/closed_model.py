@@ -10,16 +10,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import InputError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism, Pose
 from mechsim.model.rough_poses import rough_poses
 from mechsim.model.scene import Scene
 from mechsim.simulation.drive import drive_of, with_clock
 from mechsim.simulation.mjcf import compiled, generate, quiet
-from mechsim.simulation.mjcf.changes import hold_joints, rename_joint
-from mechsim.simulation.mjcf.joints import CRANK
+from mechsim.simulation.mjcf.changes import hold_joints
+from mechsim.simulation.mjcf.joints import CRANK, model_names
 from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
+from mechsim.simulation.overdriven import refusal, stuck
 from mechsim.simulation.recorded_motion import Track, add_sensors
 
 
@@ -116,11 +117,9 @@ def of_source(
     spec = load(model, scene)
     points = tracked_points(model, spec)
     if isinstance(model, Mechanism):
-        if not isinstance(drivers, str) and drivers is not None and model.has_crank:
-            rename_joint(spec, CRANK, model.crank.name)
-        elif model.has_crank:
-            return of_spec(spec, points, parts=_parts(model))
-        return of_spec(spec, points, model.drivers, parts=_parts(model))
+        programmed = not model.has_crank or not (drivers is None or isinstance(drivers, str))
+        asked = tuple(model_names(model)[name] for name in model.drivers) if programmed else CRANK
+        return of_spec(spec, points, asked, called=_called(model, programmed=programmed))
     hold_joints(spec, holds or {})
     return of_spec(spec, points, CRANK if drivers is None else drivers, key=key)
 
@@ -150,7 +149,7 @@ def of_spec(
     points: tuple[str, ...],
     drivers: Sequence[str] | str = CRANK,
     *,
-    parts: Mapping[str, int] | None = None,
+    called: Mapping[str, tuple[str, int | None]] | None = None,
     key: str | None = None,
 ) -> ClosedModel:
     """Return the model of a specification, to which the sensors of the tracked points are added.
@@ -159,12 +158,14 @@ def of_spec(
         spec: of the model.
         points: sites to track.
         drivers: the hinge that is the crank, or the joints that programs move.
-        parts: joint of the model -> which of a joint's several coordinates it is.
+        called: joint of the model -> as what it is recorded, as in `Track`.
         key: keyframe in which it starts.
     """
-    track = replace(add_sensors(spec, points), parts=parts or {})
+    track = replace(add_sensors(spec, points), called=called or {})
     loops = closed_loops(spec, drivers)
-    return ClosedModel(loops, track, loops.close(_rough(loops, key)[None])[0])
+    if loops.drive is not None:
+        loops.drive = replace(loops.drive, names=tuple(track.name(name)[0] for name in loops.drive.names))
+    return ClosedModel(loops, track, _closed(loops, _rough(loops, key)))
 
 
 def closed_loops(spec: mujoco.MjSpec, drivers: Sequence[str] | str) -> ModelLoops:
@@ -173,6 +174,21 @@ def closed_loops(spec: mujoco.MjSpec, drivers: Sequence[str] | str) -> ModelLoop
         return ModelLoops(compiled(spec), drivers)
     model = compiled(with_clock(spec))
     return ModelLoops(model, drive=drive_of(model, tuple(drivers)))
+
+
+def _closed(loops: ModelLoops, rough: Array) -> Array:
+    """Return the closed state nearest to a rough one, (nq,).
+
+    Raises:
+        MobilityError: where it does not close as its drivers are too many.
+    """
+    try:
+        return loops.close(rough[None])[0]
+    except AssemblyError:
+        locked = () if loops.drive is None else stuck(loops, loops.linearise(rough[None])[1][0])
+        if locked:
+            raise refusal(loops, locked, 0.0) from None
+        raise
 
 
 def _rough(loops: ModelLoops, key: str | None) -> Array:
@@ -186,9 +202,15 @@ def _rough(loops: ModelLoops, key: str | None) -> Array:
     return model.key_qpos[names.index(key)]
 
 
-def _parts(mechanism: Mechanism) -> dict[str, int]:
-    several = (joint.coordinates for joint in mechanism.joints if len(joint.coordinates) > 1)
-    return {name: i for coordinates in several for i, name in enumerate(coordinates)}
+def _called(mechanism: Mechanism, *, programmed: bool) -> dict[str, tuple[str, int | None]]:
+    """Return joint of the model -> coordinate, and which of several it is; a lone crank is called so."""
+    of = model_names(mechanism)
+    called: dict[str, tuple[str, int | None]] = {
+        of[name]: (name, i if len(joint.coordinates) > 1 else None)
+        for joint in mechanism.joints
+        for i, name in enumerate(joint.coordinates)
+    }
+    return called if programmed else called | {CRANK: (CRANK, None)}
 
 
 def tracked_points(source: Model, spec: mujoco.MjSpec) -> tuple[str, ...]:
@@ -226,7 +248,7 @@ def assembled(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
         AssemblyError: if the loops do not close there.
     """
     loops, rough = guessed(mechanism, scene)
-    poses = link_poses(mechanism, loops.model, loops.close(rough[None]))
+    poses = link_poses(mechanism, loops.model, _closed(loops, rough)[None])
     return generate(mechanism, scene, {name: pose.at(0) for name, pose in poses.items()})
 
 

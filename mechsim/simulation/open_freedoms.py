@@ -9,12 +9,11 @@ from mechsim.errors import AssemblyError, MobilityError
 from mechsim.maths.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import HINGE, RANK_TOLERANCE, SLIDE, ModelLoops
+from mechsim.simulation.overdriven import refusal, stuck
 
 # displacement, in [rad] and in units of the size, by which a freedom is tried; part of it that stays where
 # there is one, and that a point or joint moves by which it matters
 NUDGE, STAYS, MATTERS = 1e-3, 0.5, 1e-2
-# part of the crank's own row that other freedoms cannot follow where the crank is locked
-LOCKED = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +38,7 @@ def standing(closed: ClosedModel) -> Standing:
     held = jacobian[0][:, loops.free]
     _, values, freedoms = np.linalg.svd(held)
     rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
-    stuck = _stuck(loops, jacobian[0])
+    unmoved = stuck(loops, jacobian[0])
     names: list[str] = []
     singular = False
     for freedom in freedoms[rank:]:
@@ -51,20 +50,9 @@ def standing(closed: ClosedModel) -> Standing:
         names += seen if moved is not None else ()
     return Standing(
         tuple(dict.fromkeys(names)),
-        locked=() if singular or names else stuck,
-        meeting=singular and not stuck,
+        locked=() if singular or names else unmoved,
+        meeting=singular and not unmoved,
     )
-
-
-def _stuck(loops: ModelLoops, jacobian: Array) -> tuple[str, ...]:
-    """Return the crank, or the drivers, that the loops do not let move, each while the others are held."""
-    names, moves = ("crank",), -jacobian[:, [loops.crank]]
-    if loops.drive is not None:
-        names, moves = loops.drive.names, np.eye(len(jacobian))[:, -len(loops.drive.names) :]
-    held = jacobian[:, loops.free]
-    missed = np.abs(held @ (np.linalg.pinv(held, rcond=RANK_TOLERANCE) @ moves) - moves).max(0, initial=0.0)
-    bound = LOCKED * np.abs(jacobian).max(initial=1e-300)
-    return tuple(name for name, miss in zip(names, missed, strict=True) if not miss <= bound)
 
 
 def require_determined(closed: ClosedModel, found: Standing) -> None:
@@ -89,20 +77,8 @@ def require_movable(closed: ClosedModel, found: Standing) -> None:
         MobilityError: for a crank that cannot move.
         AssemblyError: where two assemblies meet in the pose it starts from.
     """
-    if found.locked and closed.loops.drive is not None:
-        drivers = closed.loops.drive.names
-        raise MobilityError(
-            f"{closed.loops.name}: overdriven: the loops do not let {', '.join(found.locked)} move while "
-            f"{'the other drivers are' if len(drivers) > 1 else 'all else is'} held; take away a driver, a "
-            "coupling, a hold or a joint",
-            "overdriven",
-        )
     if found.locked:
-        raise MobilityError(
-            f"{closed.loops.name}: overdriven: the loops leave the crank no motion at crank angle "
-            f"{closed.angle:.6g} rad; take away a driver, a gear or a joint",
-            "overdriven",
-        )
+        raise refusal(closed.loops, found.locked, closed.angle)
     if found.meeting:
         raise AssemblyError(
             f"{closed.loops.name}: it starts at {closed.loops.said(closed.angle)}, where two assemblies "

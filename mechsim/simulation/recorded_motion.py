@@ -30,12 +30,17 @@ class Track:
     Attributes:
         points: names of the sites.
         links: names of the bodies.
-        parts: joint of the model -> which of the coordinates of a joint with several it is.
+        called: joint of the model -> the coordinate it is, and which of several of one joint; those left out
+            are recorded by their own names.
     """
 
     points: tuple[str, ...]
     links: tuple[str, ...]
-    parts: Mapping[str, int] = field(default_factory=dict[str, int])
+    called: Mapping[str, tuple[str, int | None]] = field(default_factory=dict[str, tuple[str, int | None]])
+
+    def name(self, joint: str) -> tuple[str, int | None]:
+        """Return what a joint of the model is recorded as, and which of several coordinates it is."""
+        return self.called.get(joint, (joint, None))
 
 
 def add_sensors(spec: mujoco.MjSpec, points: tuple[str, ...]) -> Track:
@@ -287,11 +292,12 @@ def _joints(loops: ModelLoops, track: Track, states: States, qacc: Array) -> dic
         name = model.joint(i).name
         if model.jnt_type[i] in (HINGE, SLIDE) and name and name != CLOCK:
             place, dof = model.jnt_qposadr[i], model.jnt_dofadr[i]
-            joints[name] = JointMotion(
+            called, part = track.name(name)
+            joints[called] = JointMotion(
                 states.qpos[:, place],
                 states.qvel[:, dof],
                 qacc[:, dof],
                 "rad" if model.jnt_type[i] == HINGE else "m",
-                track.parts.get(name),
+                part,
             )
     return joints

@@ -4,67 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from driven import boom, five_bar, platform, press, rack_and_cam, table, waving, where_circles_meet
 from scipy.optimize import brentq
 
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.couplings import Coupling
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
 from mechsim.model.programs import Programs, programs, steady, tabled
-
-ALONG_X, ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
-
-
-def waving(middle, reach, rate, phase=0.0):
-    """Return a sinusoidal program."""
-
-    def state(time):
-        turned = rate * time + phase
-        return (
-            middle + reach * np.sin(turned),
-            reach * rate * np.cos(turned),
-            -reach * rate**2 * np.sin(turned),
-        )
-
-    return state
-
-
-def turned(angle):
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def five_bar() -> Mechanism:
-    """Arms of 50 mm on pivots 100 mm apart, rods of 90 mm that meet in P above them."""
-
-    def joint(name, a, at_a, b, at_b=0.0):
-        return Joint(name, "revolute", End(a, (at_a, 0.0, 0.0)), End(b, (at_b, 0.0, 0.0)))
-
-    return Mechanism(
-        "five-bar",
-        tuple(Link(name) for name in "abcd"),
-        (
-            joint("left", GROUND, 0.0, "a"),
-            joint("right", GROUND, 0.1, "d"),
-            joint("A", "a", 0.05, "b"),
-            joint("D", "d", 0.05, "c"),
-            joint("P", "b", 0.09, "c", 0.09),
-        ),
-        ("left", "right"),
-        {"P": ("b", (0.09, 0.0, 0.0))},
-        guess={"b": Pose(np.array([-0.02, 0.05, 0.0]), turned(0.6))},
-        counted={"left": 2.0, "right": 1.0},
-    )
-
-
-def where_circles_meet(left, right):
-    """Return P of the five-bar, above the line of the arms' ends, (n, 2)."""
-    a = 0.05 * np.stack([np.cos(left), np.sin(left)], 1)
-    d = 0.05 * np.stack([np.cos(right), np.sin(right)], 1) + [0.1, 0.0]
-    across = d - a
-    length = np.sqrt((across**2).sum(1, keepdims=True))
-    u = across / length
-    return (a + d) / 2 + np.sqrt(0.09**2 - length**2 / 4) * np.stack([-u[:, 1], u[:, 0]], 1)
 
 
 def at_times(form: LoopForm, count: int = 41):
@@ -182,28 +128,6 @@ def test_what_is_no_coordinate_or_prescribed_twice_is_refused(change):
         replace(five_bar(), **change)
 
 
-def boom(**change) -> Mechanism:
-    """A boom lifted by a cylinder: the cylinder's length is what is driven."""
-    whole = Mechanism(
-        "boom",
-        (Link("boom"), Link("barrel"), Link("rod")),
-        (
-            Joint("lift", "revolute", End(GROUND), End("boom")),
-            Joint("foot", "revolute", End(GROUND, (0.5, -0.2, 0.0)), End("barrel")),
-            Joint("stroke", "prismatic", End("barrel", axis=ALONG_X), End("rod", axis=ALONG_X)),
-            Joint("head", "revolute", End("rod"), End("boom", (1.0, 0.0, 0.0))),
-        ),
-        "stroke",
-        {"tip": ("boom", (2.0, 0.0, 0.0))},
-        guess={
-            "boom": Pose(np.zeros(3), turned(0.5)),
-            "barrel": Pose(np.array([0.5, -0.2, 0.0]), turned(1.0)),
-        },
-        counted={"stroke": 0.7},
-    )
-    return replace(whole, **change)
-
-
 def test_a_cylinder_lifts_a_boom_by_the_law_of_cosines():
     mechanism = boom()
     form = LoopForm(mechanism, programs=programs(mechanism, {"stroke": waving(0.8, 0.1, 2.0)}, 3.0))
@@ -214,19 +138,7 @@ def test_a_cylinder_lifts_a_boom_by_the_law_of_cosines():
 
 
 def test_a_rack_goes_as_far_as_its_pinion_rolls_and_a_polynomial_as_it_says():
-    rack = Joint("rack", "prismatic", End(GROUND, axis=ALONG_X), End("bar", axis=ALONG_X))
-    cam = Joint("cam", "prismatic", End(GROUND, axis=ALONG_Y), End("follower", axis=ALONG_Y))
-    mechanism = Mechanism(
-        "rack and cam",
-        (Link("pinion"), Link("bar"), Link("follower", outline=((0.0, 0.0, 0.0), (0.05, 0.0, 0.0)))),
-        (Joint("crank", "revolute", End(GROUND), End("pinion", (0.01, 0.0, 0.0))), rack, cam),
-        "crank",
-        {"P": ("bar", (0.0, 0.0, 0.0)), "Q": ("follower", (0.0, 0.0, 0.0))},
-        couplings=(
-            Coupling("mesh", "rack", "crank", (0.001, 0.02)),
-            Coupling("cam", "cam", "crank", (0.0, 0.0, 0.01, 0.002, -0.001), zeros=(0.003, 0.1)),
-        ),
-    )
+    mechanism = rack_and_cam()
     motion = LoopForm(mechanism).solve(np.linspace(-9.0, 9.0, 37), 2.0, 0.5)
     angle = motion.angle
     law = np.polynomial.Polynomial([0.0, 0.0, 0.01, 0.002, -0.001])
@@ -239,18 +151,7 @@ def test_a_rack_goes_as_far_as_its_pinion_rolls_and_a_polynomial_as_it_says():
 
 
 def test_a_screw_lifts_its_nut_by_its_lead_a_turn():
-    mechanism = Mechanism(
-        "press",
-        (Link("spindle"), Link("nut")),
-        (
-            Joint("crank", "revolute", End(GROUND), End("spindle")),
-            Joint("thread", "screw", End("spindle", (0.0, 0.0, 0.1)), End("nut"), lead=0.005),
-            Joint("guide", "prismatic", End(GROUND, (0.03, 0.0, 0.0)), End("nut", (0.03, 0.0, 0.0))),
-        ),
-        "crank",
-        {"P": ("nut", (0.0, 0.0, 0.0))},
-        guess={"nut": Pose(np.array([0.0, 0.0, 0.1]), np.eye(3))},
-    )
+    mechanism = press()
     motion = LoopForm(mechanism).solve(np.linspace(0.0, 20.0, 21))
     height = motion.points["P"].position[:, 2] - 0.1
     # the nut does not turn: against the spindle it turns back
@@ -259,22 +160,7 @@ def test_a_screw_lifts_its_nut_by_its_lead_a_turn():
 
 @pytest.mark.parametrize("backwards", [False, True])
 def test_a_planar_joint_leaves_two_ways_and_a_turn(backwards):
-    sides = End(GROUND, axis=(0.2, -0.1, 1.0)), End("plate", (0.02, 0.01, 0.0), axis=(0.1, 0.3, 1.0))
-    plane = Joint("plane", "planar", *(sides[::-1] if backwards else sides))
-    tool = Joint("tool", "revolute", End("plate", (0.1, 0.0, 0.0), (0.3, 1.0, 0.2)), End("bit"))
-    mechanism = Mechanism(
-        "table",
-        (Link("plate"), Link("bit")),
-        (plane, tool),
-        ("tool",),
-        {"P": ("bit", (0.01, 0.02, 0.0))},
-        holds={},
-        couplings=(
-            Coupling("x", "plane.x", "tool", (0.01, 0.03, 0.002)),
-            Coupling("y", "plane.y", {"tool": 1.0, "plane.x": 2.0}, (0.0, -0.02, 0.001)),
-            Coupling("turn", "plane.turn", "tool", (0.1, 0.5)),
-        ),
-    )
+    mechanism = table(backwards=backwards)
     form = LoopForm(mechanism, programs=programs(mechanism, {"tool": waving(0.0, 1.0, 3.0)}, 2.0))
     motion = require_rates(form)
     way = motion.joints["plane.x"].value
@@ -288,51 +174,8 @@ def test_a_planar_joint_leaves_two_ways_and_a_turn(backwards):
 
 def test_a_platform_on_six_legs_goes_where_its_legs_were_measured():
     """The legs' lengths of a chosen motion of the platform are elementary; they lead back to it."""
-    rng = np.random.default_rng(3)
-    feet = [(0.5 * np.cos(a), 0.5 * np.sin(a), 0.0) for a in np.deg2rad([-8, 8, 112, 128, 232, 248])]
-    heads = [(0.3 * np.cos(a), 0.3 * np.sin(a), 0.0) for a in np.deg2rad([-52, 52, 68, 172, 188, 292])]
-    feet = [tuple(np.array(foot) + 0.01 * rng.normal(size=3)) for foot in feet]
-
-    def platform(time):
-        place = np.array([0.05 * np.sin(time), 0.04 * np.cos(2 * time), 0.5 + 0.06 * np.sin(1.5 * time)])
-        return place, turned(0.2 * np.sin(time))
-
-    time = np.linspace(0.0, 3.0, 121)
-    lengths = np.array(
-        [
-            [np.linalg.norm(place + turn @ head - foot) for head, foot in zip(heads, feet, strict=True)]
-            for place, turn in map(platform, time)
-        ]
-    )
-    links, joints, guess = [Link("platform")], [], {}
-    place, turn = platform(0.0)
-    for i, (foot, head) in enumerate(zip(feet, heads, strict=True)):
-        axis = place + turn @ head - foot
-        along = axis / np.linalg.norm(axis)
-        across = np.cross(along, [0.0, 0.3, 1.0])
-        across /= np.linalg.norm(across)
-        frame = np.column_stack([across, np.cross(along, across), along])
-        links += [Link(f"barrel{i}"), Link(f"rod{i}")]
-        guess[f"barrel{i}"] = Pose(np.array(foot), frame)
-        guess[f"rod{i}"] = Pose(np.array(foot) + axis, frame)
-        joints += [
-            Joint(f"foot{i}", "universal", End(GROUND, foot, ALONG_X), End(f"barrel{i}", axis=ALONG_Y)),
-            Joint(f"leg{i}", "prismatic", End(f"barrel{i}"), End(f"rod{i}")),
-            Joint(f"head{i}", "spherical", End(f"rod{i}"), End("platform", head)),
-        ]
-    drivers = tuple(f"leg{i}" for i in range(6))
-    mechanism = Mechanism(
-        "platform",
-        tuple(links),
-        tuple(joints),
-        drivers,
-        {"P": ("platform", (0.0, 0.0, 0.0)), "Q": ("platform", (0.1, 0.0, 0.1))},
-        guess={**guess, "platform": Pose(place, turn)},
-        counted=dict(zip(drivers, lengths[0].tolist(), strict=True)),
-    )
-    states = {name: tabled(name, time, lengths[:, i]) for i, name in enumerate(drivers)}
-    moves = programs(mechanism, states, 3.0)
+    mechanism, moves, stood = platform()
     assert isinstance(moves, Programs)
+    time = np.linspace(0.0, 3.0, 121)
     motion = LoopForm(mechanism, programs=moves).solve(moves.pace * time, moves.pace)
-    truth = np.array([place for place, _ in map(platform, time)])
-    assert motion.points["P"].position == pytest.approx(truth, abs=1e-13)
+    assert motion.points["P"].position == pytest.approx(stood(time), abs=1e-13)

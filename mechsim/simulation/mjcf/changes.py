@@ -1,4 +1,4 @@
-"""Changes to a specification before it is run: joints held, a joint called otherwise."""
+"""Changes to a specification before it is run: joints held."""
 
 from collections.abc import Mapping
 
@@ -27,16 +27,3 @@ def hold_joints(spec: mujoco.MjSpec, holds: Mapping[str, float]) -> None:
     model = compiled(spec)
     for name, value in holds.items():
         hold(spec, name, value - float(model.qpos0[model.joint(name).qposadr[0]]))
-
-
-def rename_joint(spec: mujoco.MjSpec, name: str, called: str) -> None:
-    """Call a joint otherwise, in all equalities and actuators too."""
-    if name == called:
-        return
-    spec.joint(name).name = called
-    for one in spec.equalities:
-        if one.type == mujoco.mjtEq.mjEQ_JOINT:
-            one.name1, one.name2 = (called if of == name else of for of in (one.name1, one.name2))
-    for actuator in spec.actuators:
-        if actuator.target == name:
-            actuator.target = called

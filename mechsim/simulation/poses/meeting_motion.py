@@ -76,12 +76,15 @@ def mended(
         )
         for name, one, near in ((name, one, unit.links[name]) for name, one in motion.links.items())
     }
+    model = loops.model
+    place_of = {track.name(model.joint(i).name)[0]: int(model.jnt_qposadr[i]) for i in range(model.njnt)}
     joints = {
         name: JointMotion(
-            put(one.value, qpos[rows, int(loops.model.joint(name).qposadr[0])]),
+            put(one.value, qpos[rows, place_of[name]]),
             rate(one.rate, near.rate),
             acceleration(one.acceleration, near.rate, near.acceleration),
             one.unit,
+            one.part,
         )
         for name, one, near in ((name, one, unit.joints[name]) for name, one in motion.joints.items())
     }

@@ -1,0 +1,38 @@
+"""Drivers that the loops do not let move by themselves: one of them is too many."""
+
+import numpy as np
+
+from mechsim.errors import MobilityError
+from mechsim.maths.arrays import Array
+from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
+
+# part of a driver's own row that the other freedoms cannot follow where it is locked
+LOCKED = 1e-6
+
+
+def stuck(loops: ModelLoops, jacobian: Array) -> tuple[str, ...]:
+    """Return the crank, or the drivers, that the loops do not let move, each while the others are held.
+
+    Args:
+        loops: of the model.
+        jacobian: at one state, (m, nv).
+    """
+    names, moves = ("crank",), -jacobian[:, [loops.crank]]
+    if loops.drive is not None:
+        names, moves = loops.drive.names, np.eye(len(jacobian))[:, -len(loops.drive.names) :]
+    held = jacobian[:, loops.free]
+    missed = np.abs(held @ (np.linalg.pinv(held, rcond=RANK_TOLERANCE) @ moves) - moves).max(0, initial=0.0)
+    bound = LOCKED * np.abs(jacobian).max(initial=1e-300)
+    return tuple(name for name, miss in zip(names, missed, strict=True) if not miss <= bound)
+
+
+def refusal(loops: ModelLoops, locked: tuple[str, ...], angle: float) -> MobilityError:
+    """Return the error that names the drivers the loops do not let move, the crank at an angle in [rad]."""
+    if loops.drive is None:
+        said = f"the loops leave the crank no motion at {loops.said(angle)}"
+        remedy = "take away a driver, a gear or a joint"
+    else:
+        others = "the other drivers are" if len(loops.drive.names) > 1 else "all else is"
+        said = f"the loops do not let {', '.join(locked)} move while {others} held"
+        remedy = "take away a driver, a coupling, a hold or a joint"
+    return MobilityError(f"{loops.name}: overdriven: {said}; {remedy}", "overdriven")

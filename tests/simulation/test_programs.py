@@ -1,0 +1,198 @@
+"""Several drivers, slides and couplings in MuJoCo, under programs: by solved poses and stepped in time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from driven import boom, five_bar, platform, rack_and_cam, table, waving, where_circles_meet
+
+from mechsim import crosscheck, simulate
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.errors import AssemblyError, InputError, MobilityError
+from mechsim.model.couplings import Coupling
+from mechsim.model.mechanism import GROUND, End, Joint
+from mechsim.model.programs import programs, steady
+from mechsim.simulation.settings import Settings
+
+ARMS = {"left": waving(2.0, 0.3, 6.0, 0.2), "right": waving(1.0, 0.4, 9.0, 1.0)}
+FIRST = np.array([3, -32, 168, -672, 0, 672, -168, 32, -3]) / 840.0
+
+
+def moved(mechanism, states, duration):
+    return mechanism, programs(mechanism, states, duration)
+
+
+CASES = {
+    "five-bar": lambda: moved(five_bar(), ARMS, 1.0),
+    "boom": lambda: moved(boom(), {"stroke": waving(0.8, 0.1, 2.0)}, 3.0),
+    "table": lambda: moved(table(backwards=False), {"tool": waving(0.0, 1.0, 3.0)}, 2.0),
+    "table, backwards": lambda: moved(table(backwards=True), {"tool": waving(0.0, 1.0, 3.0)}, 2.0),
+    "rack and cam": lambda: moved(rack_and_cam(), {"crank": waving(0.3, 1.0, 3.0)}, 2.0),
+    "platform": lambda: platform()[:2],
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_poses_are_those_of_the_loop_equations(case):
+    mechanism, moves = CASES[case]()
+    run = simulate(mechanism, programs=moves)
+    assert (run.method, run.outcome) == ("pose", "met")
+    verdict = crosscheck(run, LoopForm(mechanism, programs=moves))
+    assert verdict.passed, verdict
+    assert run.motion.drivers == mechanism.drivers
+    for name, value in zip(moves.drivers, moves.state(run.motion.time)[0], strict=True):
+        assert run.motion.joints[name].value == pytest.approx(value, abs=1e-14)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_steps_are_those_of_the_loop_equations_where_the_drivers_really_were(case):
+    mechanism, moves = CASES[case]()
+    run = simulate(mechanism, programs=moves, method="step")
+    assert run.outcome == "met"
+    verdict = crosscheck(run, LoopForm(mechanism, programs=moves))
+    assert verdict.passed, verdict
+    # the drive is right at the end of each step, and off by the square of a step between
+    for name, rate in zip(moves.drivers, moves.state(run.motion.time)[1], strict=True):
+        assert run.motion.joints[name].rate == pytest.approx(rate, abs=1e-9)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_rates_are_the_derivatives_of_places(case):
+    mechanism, moves = CASES[case]()
+    step = 1e-3
+    motion = simulate(mechanism, programs=moves.lasting(8 * step), samples=8).motion
+    for one in (*motion.points.values(), *motion.links.values()):
+        assert one.velocity[4] == pytest.approx(FIRST @ one.position / step, abs=1e-9)
+        assert one.acceleration[4] == pytest.approx(FIRST @ one.velocity / step, abs=1e-8)
+    for joint in motion.joints.values():
+        assert joint.rate[4] == pytest.approx(FIRST @ joint.value / step, abs=1e-9)
+        assert joint.acceleration[4] == pytest.approx(FIRST @ joint.rate / step, abs=1e-8)
+
+
+@pytest.mark.parametrize(("method", "near"), [("pose", 1e-15), ("step", 1e-10)])
+def test_a_five_bar_goes_where_two_circles_meet(method, near):
+    mechanism, moves = CASES["five-bar"]()
+    motion = simulate(mechanism, programs=moves, method=method).motion
+    truth = where_circles_meet(motion.joints["left"].value, motion.joints["right"].value)
+    assert motion.points["P"].position[:, :2] == pytest.approx(truth, abs=near)
+    assert [name for name, _ in motion.columns()][:3] == ["t", "left", "right"]
+    assert set(motion.links) == {"a", "b", "c", "d"}
+
+
+def test_the_drive_errs_by_the_square_of_the_step():
+    mechanism, moves = CASES["five-bar"]()
+    gaps = []
+    for steps in (200, 400):
+        motion = simulate(mechanism, programs=moves, settings=Settings(steps_per_turn=steps)).motion
+        gaps.append(np.abs(motion.joints["right"].value - moves.state(motion.time)[0][1]).max())
+    assert 3.0 < gaps[0] / gaps[1] < 5.0
+
+
+def test_a_tolerance_is_kept_at_the_drivers_places():
+    mechanism, moves = CASES["five-bar"]()
+    run = simulate(mechanism, programs=moves, tolerance=1e-8)
+    joints = run.motion.joints
+    truth = where_circles_meet(joints["left"].value, joints["right"].value)
+    assert run.outcome == "met"
+    assert np.abs(run.motion.points["P"].position[:, :2] - truth).max() < 1e-8
+
+
+def test_a_cylinder_lifts_a_boom_by_the_law_of_cosines():
+    mechanism, moves = CASES["boom"]()
+    joints = simulate(mechanism, programs=moves, method="step").motion.joints
+    foot = np.hypot(0.5, 0.2)
+    cosine = (1.0 + foot**2 - joints["stroke"].value ** 2) / (2.0 * foot)
+    assert joints["lift"].value == pytest.approx(np.arccos(cosine) - np.arctan2(0.2, 0.5), abs=1e-9)
+
+
+def test_a_platform_goes_where_its_legs_were_measured():
+    mechanism, moves, stood = platform()
+    motion = simulate(mechanism, programs=moves).motion
+    # the legs' programs are splines through 121 lengths
+    assert motion.points["P"].position == pytest.approx(stood(motion.time), abs=1e-10)
+
+
+def test_a_lone_crank_under_a_steady_program_goes_as_at_that_speed():
+    mechanism = replace(five_bar(), driver="left", holds={"right": 1.2}, start=2.0, counted={})
+    moves = programs(mechanism, {"left": steady(2.0, 0.5)}, 1.0)
+    known = simulate(mechanism, speed=0.5, turns=0.5 / (2 * np.pi), samples=10, method="pose").motion
+    for method, near in (("pose", 1e-15), ("step", 1e-11)):
+        motion = simulate(mechanism, programs=moves, samples=10, method=method).motion
+        assert motion.points["P"].position == pytest.approx(known.points["P"].position, abs=near)
+        assert motion.joints["left"].value == pytest.approx(known.angle, abs=1e-12)
+        assert motion.joints["right"].value == pytest.approx(1.2, abs=1e-9)
+
+
+def test_parts_of_a_joint_are_recorded_as_such():
+    mechanism, moves = CASES["table"]()
+    names = {name for name, _ in simulate(mechanism, programs=moves).motion.columns()}
+    assert {"plane.q0", "plane.v1", "plane.a2", "tool.q"} <= names
+
+
+def test_what_the_drivers_leave_open_is_named():
+    mechanism = replace(five_bar(), driver=("left",), counted={})
+    moves = programs(mechanism, {"left": steady(2.0, 1.0)}, 0.01)
+    with pytest.raises(MobilityError, match=r"undetermined: with the drivers held .*joint 'right'"):
+        simulate(mechanism, programs=moves, method="pose")
+    assert simulate(mechanism, programs=moves).method == "step"
+
+
+def test_drivers_that_are_too_many_are_named():
+    mechanism = replace(five_bar(), driver=("left", "right", "A"))
+    moves = programs(mechanism, ARMS | {"A": steady(0.0, 0.0)}, 1.0)
+    with pytest.raises(MobilityError, match=r"overdriven: the loops do not let left.* move while the other drivers"):
+        simulate(mechanism, programs=moves)
+
+
+def test_drivers_that_go_where_the_loops_do_not_close_are_stopped_with_the_time():
+    mechanism = five_bar()
+    moves = programs(mechanism, {"left": steady(2.0, 1.0), "right": steady(1.0, -1.0)}, 3.0)
+    with pytest.raises(AssemblyError, match=r"the drivers cannot pass 0\.\d+ s in this assembly"):
+        simulate(mechanism, programs=moves)
+
+
+def test_programs_that_begin_where_the_loops_cannot_go_are_refused_with_the_place():
+    mechanism = five_bar()
+    moves = programs(mechanism, {"left": steady(3.1, 1.0), "right": steady(0.0, 1.0)}, 0.1)
+    with pytest.raises(AssemblyError, match=r"left = .*on the way to where the programs begin"):
+        simulate(mechanism, programs=moves)
+
+
+def test_what_is_asked_for_twice_or_not_at_all_is_refused():
+    mechanism, moves = CASES["five-bar"]()
+    with pytest.raises(InputError, match="both programs and a crank's motion"):
+        simulate(mechanism, programs=moves, speed=1.0)
+    with pytest.raises(InputError, match="left, right are driven, and no lone crank"):
+        simulate(mechanism, speed=1.0)
+    with pytest.raises(InputError, match="programs are of left, right; drivers are stroke"):
+        simulate(boom(), programs=moves)
+
+
+def test_a_wrong_mechanism_is_condemned():
+    mechanism, moves = CASES["five-bar"]()
+    joints = tuple(
+        replace(joint, a=End(GROUND, (0.1 + 1e-9, 0.0, 0.0))) if joint.name == "right" else joint
+        for joint in mechanism.joints
+    )
+    run = simulate(replace(mechanism, joints=joints), programs=moves)
+    assert not crosscheck(run, LoopForm(mechanism, programs=moves)).passed
+
+
+def test_a_coupling_that_bends_with_a_passive_joint_is_stepped_by_its_constraint():
+    mechanism = five_bar()
+    cam = Joint("cam", "prismatic", End("b", axis=(1.0, 0.0, 0.0)), End("d2", axis=(1.0, 0.0, 0.0)))
+    links = (*mechanism.links, replace(mechanism.links[0], name="d2", outline=((0.01, 0.0, 0.0),)))
+    bent = Coupling("cam", "cam", "A", (0.0, 0.01, 0.004))
+    mechanism = replace(
+        mechanism,
+        links=links,
+        joints=(*mechanism.joints, cam),
+        couplings=(bent,),
+        points={"Q": ("d2", (0.0, 0.0, 0.0))},
+    )
+    moves = programs(mechanism, ARMS, 1.0)
+    run = simulate(mechanism, programs=moves, settings=Settings(steps_per_turn=4000))
+    assert run.outcome == "met"
+    joints = run.motion.joints
+    law = 0.01 * joints["A"].value + 0.004 * joints["A"].value ** 2
+    assert joints["cam"].value == pytest.approx(law, abs=2e-6)
