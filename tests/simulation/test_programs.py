@@ -140,7 +140,7 @@ def test_what_the_drivers_leave_open_is_named():
 def test_drivers_that_are_too_many_are_named():
     mechanism = replace(five_bar(), driver=("left", "right", "A"))
     moves = programs(mechanism, ARMS | {"A": steady(0.0, 0.0)}, 1.0)
-    with pytest.raises(MobilityError, match=r"overdriven: the loops do not let left.* move while the other drivers"):
+    with pytest.raises(MobilityError, match=r"overdriven: the loops do not let left.* move"):
         simulate(mechanism, programs=moves)
 
 
