@@ -11,14 +11,13 @@ import zipfile
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from mechsim.errors import InputError, OutputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.memory import require_room
-from mechsim.model.motion import Motion
 
 Table = dict[str, Array]
 EXTENSIONS = (".csv", ".npz")
@@ -28,6 +27,14 @@ IN_MEMORY, UNPACKED = 10.0, 10.0
 SHORTER = "give a shorter table"
 # rows formatted in one go: long enough to be fast, short enough to stay in the cache
 ROWS = 4096
+
+
+class Tabled(Protocol):
+    """What is a table of columns, such as a motion."""
+
+    def columns(self) -> Iterable[tuple[str, Array]]:
+        """Return names and columns of equal length."""
+        ...
 
 
 def place_of(path: str | Path) -> Path:
@@ -116,7 +123,7 @@ def write_json(path: str | Path, value: Any) -> None:
         beside.write_text(text + "\n", encoding="utf-8")
 
 
-def write(path: str | Path, motion: Motion) -> None:
+def write(path: str | Path, motion: Tabled) -> None:
     """Write the columns of a motion (see `Motion.columns`) in SI.
 
     Args:
@@ -136,7 +143,7 @@ def write(path: str | Path, motion: Motion) -> None:
             np.savez_compressed(beside, allow_pickle=False, **table)  # pyright: ignore[reportArgumentType]
 
 
-def write_in_parts(path: str | Path, parts: Iterable[Motion]) -> None:
+def write_in_parts(path: str | Path, parts: Iterable[Tabled]) -> None:
     """Write a motion that comes part by part as `.csv`, with no more than one part in memory.
 
     Raises:

@@ -18,7 +18,24 @@ from mechsim.errors import InputError
 
 Array = NDArray[np.float64]
 Unit = Literal[
-    "m", "rad", "1", "rad/s", "s", "kg", "kg m^2", "m/s^2", "N", "N m", "N/m", "N m/rad", "N s/m", "N m s/rad"
+    "m",
+    "rad",
+    "1",
+    "rad/s",
+    "m/s",
+    "s",
+    "kg",
+    "kg m^2",
+    "m/s^2",
+    "N",
+    "N m",
+    "N/m",
+    "N m/rad",
+    "N s/m",
+    "N m s/rad",
+    "V",
+    "ohm",
+    "N m/A",
 ]
 
 # more angles than this in one range is a slip of the step, not a wish
@@ -33,6 +50,7 @@ _KINDS: dict[str, tuple[str, str]] = {
     "rad": ("an angle", "20 deg"),
     "1": ("a plain number", "0.5"),
     "rad/s": ("a speed of rotation", "600 rpm"),
+    "m/s": ("a speed", "20 mm/s"),
     "s": ("a time", "2 ms"),
     "kg": ("a mass", "0.4 kg"),
     "kg m^2": ("a moment of inertia", "2 kg mm^2"),
@@ -43,6 +61,9 @@ _KINDS: dict[str, tuple[str, str]] = {
     "N m/rad": ("a stiffness of turning", "2 N m/rad"),
     "N s/m": ("a damping", "4 N s/m"),
     "N m s/rad": ("a damping of turning", "1e-3 N m s/rad"),
+    "V": ("a voltage", "24 V"),
+    "ohm": ("an electric resistance", "0.5 ohm"),
+    "N m/A": ("a motor's constant", "0.05 N m/A"),
 }
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 

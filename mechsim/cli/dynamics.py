@@ -200,4 +200,4 @@ def _stepped(machine: Machine, speed: float, asked: DynamicsOptions) -> tuple[St
 
 def _write(csv: str | None, columns: InverseDynamics | FreeRun) -> None:
     if csv is not None:
-        files.write(csv, columns)  # pyright: ignore[reportArgumentType]
+        files.write(csv, columns)

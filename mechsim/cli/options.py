@@ -1,16 +1,20 @@
 """Options that several commands share, and how their text becomes values."""
 
 import os
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from mechsim import files, units
+from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError, OutputError
 from mechsim.model.scene import Scene
 from mechsim.subjects.subject import load
+from mechsim.units import option
 
 # crank speeds in [rad/s]: a turn takes most of a day, and faster than any shaft; MuJoCo's own absolute
 # bounds on time and acceleration lie beyond
@@ -46,15 +50,79 @@ def passed(form: Form, through: str) -> Form:
     return form.passing("smooth" if through == "smooth" else "fold")
 
 
-def form_of(model: str, sets: list[str] | None) -> Form:
-    """Return what a command was given, with the parameters of `--set`."""
-    changed: dict[str, str] = {}
-    for text in sets or ():
-        parameter, equals, value = text.partition("=")
-        if not equals:
-            raise InputError(f"--set {text!r} has no '='; write --set name=value, as in --set crank=13mm")
-        changed[parameter.strip()] = value.strip()
-    return load(model, changed)
+def pair_of(option: str, example: str, *, alone: bool = False) -> Callable[[str], tuple[str, str | None]]:
+    """Return what reads NAME=VALUE, the value of which may be left out where the name may stand alone."""
+
+    def read(text: str) -> tuple[str, str | None]:
+        name, equals, value = text.partition("=")
+        if not name.strip() or (not equals and not alone):
+            raise InputError(f"{option} {text!r} has no '='; write {option} NAME=VALUE, as in {example}")
+        return name.strip(), value.strip() if equals else None
+
+    return read
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveOptions:
+    """How a mechanism is driven, what is held, and which points count."""
+
+    drive: tuple[tuple[str, str], ...] = option(
+        (),
+        "How a joint goes over time: 600rpm or 20mm/s (steady), 30deg*sin(2*pi*0.6*t) (of t in s; bare "
+        "numbers are SI), FILE.csv (columns t, value). Others than the file's own drivers replace them.",
+        read=pair_of("--drive", "--drive left=30deg*sin(2*pi*t)"),
+        many=True,
+        metavar="JOINT=PROGRAM",
+    )
+    hold: tuple[tuple[str, str | None], ...] = option(
+        (),
+        "Hold a joint, where it starts if no value is given.",
+        read=pair_of("--hold", "--hold boom=30deg", alone=True),
+        many=True,
+        metavar="JOINT[=VALUE]",
+    )
+    hold_base: bool = option(False, "Hold what floats where it starts.", name="--hold-base")
+    key: str | None = option(None, "Start from this keyframe of an MJCF file.", metavar="NAME")
+    track: tuple[str, ...] = option(
+        (), "Follow this point, and no others.", read=str, many=True, metavar="NAME[,BODY@X,Y,Z]"
+    )
+    duration: float | None = option(
+        None, "Of the programs; the file's, else as long as a table lasts, else 1 s.", unit="s"
+    )
+
+
+def form_of(model: str, sets: list[str] | None, driven: DriveOptions | None = None) -> Form:
+    """Return what a command was given, with the parameters of `--set`, driven as it was asked."""
+    read = pair_of("--set", "--set crank=13mm")
+    changed = {name: value or "" for name, value in map(read, sets or ())}
+    if driven is None:
+        return load(model, changed)
+    for what, pairs in (("--drive", driven.drive), ("--hold", driven.hold)):
+        names = [name for name, _ in pairs]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise InputError(f"{what} names {twice} twice; give it once")
+    return load(
+        model,
+        changed,
+        drive=dict(driven.drive),
+        hold=dict(driven.hold),
+        hold_base=driven.hold_base,
+        key=driven.key,
+        track=driven.track,
+        duration=driven.duration,
+    )
+
+
+def moving(form: Form) -> Form:
+    """Return what moves; refuse several drivers of which nothing says how they go."""
+    if isinstance(form, LoopForm) and form.programs is None and not form.mechanism.has_crank:
+        drivers = form.mechanism.drivers
+        far = "10mm" if form.mechanism.unit(drivers[0]) == "m" else "30deg"
+        raise InputError(
+            f"{form.name}: no program says how {', '.join(drivers)} move{'s' if len(drivers) == 1 else ''}; "
+            f"give each a --drive JOINT=PROGRAM, as in --drive '{drivers[0]}={far}*sin(2*pi*t)'"
+        )
+    return form
 
 
 def speed_of(text: str) -> float:

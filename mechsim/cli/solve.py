@@ -1,44 +1,75 @@
-"""Command `mechsim solve`: a motion in closed form."""
+"""Command `mechsim solve`: a motion in closed form or by loop equations."""
 
 import sys
 from collections.abc import Iterator
-from typing import Annotated
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import typer
 
 from mechsim import files, units
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
+from mechsim.cli.declared_options import spread
 from mechsim.cli.options import (
+    DriveOptions,
     Json,
     Model,
     Output,
     Sets,
-    Speed,
     ThroughChange,
     form_of,
+    moving,
     passed,
     speed_of,
     writable,
 )
 from mechsim.cli.output import Tick, print_json, progress
+from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.memory import require_room
 from mechsim.model.motion import Motion
+from mechsim.subjects.driver_rows import Poses, poses_at
+from mechsim.units import option
 
 # crank angles solved in one go where the results leave part by part
 PART = 1 << 17
 # bytes held for each number that is written as .npz, and as JSON
 PACKED, AS_JSON = 40.0, 160.0
+ANGLES, SPEED, SAMPLES = "0:360:5deg", "600rpm", 73
+MOST_SAMPLES = 10_000_000
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SolveOptions:
+    """At which instants a motion is solved."""
+
+    angles: str | None = option(
+        None, f"Crank angles start:stop:step, both ends included; a bare number is rad. [default: {ANGLES}]"
+    )
+    speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
+    samples: int = option(SAMPLES, "Rows of a motion under programs, both ends included.")
+    at: str | None = option(
+        None, "Poses instead: driver coordinates in SI row by row, .csv or .npz.", metavar="FILE"
+    )
+
+    def check(self, drive: Form) -> None:
+        """Refuse what does not go together."""
+        programmed = isinstance(drive, LoopForm) and drive.programs is not None
+        if (self.angles or self.speed) and (programmed or self.at):
+            what = "--angles" if self.angles else "--speed"
+            raise InputError(f"{what} is of a crank without a program; leave it out with --drive and --at")
+        if not 2 <= self.samples <= MOST_SAMPLES:
+            raise InputError(f"--samples is {self.samples}; give 2 to {MOST_SAMPLES}")
+
+
+@spread
 def solve(
     model: Model,
-    angles: Annotated[
-        str, typer.Option(help="Crank angles start:stop:step, both ends included; a bare number is rad.")
-    ] = "0:360:5deg",
-    speed: Speed = "600rpm",
+    asked: SolveOptions,
+    driven: DriveOptions,
     through: ThroughChange = "smooth",
     sets: Sets = None,
     output: Output = None,
@@ -46,29 +77,52 @@ def solve(
 ) -> None:
     """Solve a mechanism in closed form; write .csv or .npz, or print a table."""
     place = None if output is None else writable(output, ".csv", ".npz")
-    drive = passed(form_of(model, sets), through)
-    asked, at = units.parse_angles(angles, "the crank angles"), speed_of(speed)
+    drive = passed(form_of(model, sets, driven), through)
+    asked.check(drive)
+    if asked.at is not None:
+        _told(drive, poses_at(drive, files.read(asked.at), asked.at), place, as_json)
+        return
+    moving(drive)
+    if isinstance(drive, LoopForm) and drive.programs is not None:
+        programs = drive.programs
+        times = np.linspace(0.0, programs.duration, asked.samples)
+        motion = drive.solve(programs.pace * times, programs.pace)
+        _told(drive, motion, place, as_json)
+        return
+    angles, speed = (
+        units.parse_angles(asked.angles or ANGLES, "the crank angles"),
+        speed_of(asked.speed or SPEED),
+    )
     if as_json or (place is not None and place.suffix.lower() == ".npz"):
-        numbers = len(asked) * (1.0 + 9.0 * len(drive.mechanism.points))
-        what = f"{len(asked):,} crank angles"
+        numbers = len(angles) * (1.0 + 9.0 * len(drive.mechanism.points))
+        what = f"{len(angles):,} crank angles"
         require_room(what, numbers, AS_JSON if as_json else PACKED, "write .csv, which needs no memory")
-        motion = _solved(drive, asked, at)
+        _told(drive, _solved(drive, angles, speed), place, as_json)
+        return
+    # loop equations are followed from the first angle to the last, a closed form is not
+    each = PART if isinstance(drive, ClosedForm) else len(angles)
+    with progress("solve", -(-len(angles) // each)) as tick:
+        parts = _parts(drive, angles, speed, each, tick)
         if place is not None:
-            files.write(place, motion)
-        if as_json:
-            columns = dict(motion.columns())
-            print_json({"mechanism": drive.name, "rows": len(motion), "output": output, "columns": columns})
+            files.write_in_parts(place, parts)
+        else:
+            _print(parts)
+    if place is not None:
+        typer.echo(f"wrote {len(angles)} rows to {place}")
+
+
+def _told(drive: Form, found: Motion | Poses, place: Path | None, as_json: bool) -> None:
+    """Write, print or tell in JSON what was found as a whole."""
+    output = None if place is None else str(place)
+    if place is not None:
+        files.write(place, found)
+    if as_json:
+        columns = dict(found.columns())
+        print_json({"mechanism": drive.name, "rows": len(found), "output": output, "columns": columns})
+    elif place is None:
+        _print(iter([found]))
     else:
-        # loop equations are followed from the first angle to the last, a closed form is not
-        each = PART if isinstance(drive, ClosedForm) else len(asked)
-        with progress("solve", -(-len(asked) // each)) as tick:
-            parts = _parts(drive, asked, at, each, tick)
-            if place is not None:
-                files.write_in_parts(place, parts)
-            else:
-                _print(parts)
-    if place is not None and not as_json:
-        typer.echo(f"wrote {len(asked)} rows to {output}")
+        typer.echo(f"wrote {len(found)} rows to {output}")
 
 
 def _parts(drive: Form, angles: Array, speed: float, each: int, tick: Tick) -> Iterator[Motion]:
@@ -84,7 +138,7 @@ def _solved(drive: Form, angles: Array, speed: float) -> Motion:
     return drive.solve(angles, speed)
 
 
-def _print(parts: Iterator[Motion]) -> None:
+def _print(parts: Iterator[Motion | Poses]) -> None:
     for number, part in enumerate(parts):
         columns = dict(part.columns())
         if number == 0:

@@ -32,12 +32,19 @@ class Programs:
         drivers: names of the driven coordinates.
         states: of each driver, as `State`.
         pace: angle of the clock per second, in [rad/s].
+        moment: what an instant is called in messages; None where it is called by its time.
     """
 
     duration: float
     drivers: tuple[str, ...]
     states: tuple[State, ...]
     pace: float
+    moment: Callable[[float], str] | None = None
+
+    def called(self, angle: float) -> str:
+        """Return what the instant of an angle of the clock is called."""
+        time = angle / self.pace
+        return f"{time:.7g} s" if self.moment is None else self.moment(time)
 
     @property
     def clock(self) -> CrankProfile:

@@ -9,7 +9,7 @@ from typing import Any
 from mechsim import units
 from mechsim.errors import InputError
 from mechsim.subjects.expressions import FUNCTIONS, Expressions
-from mechsim.subjects.toml_keys import Choice, Key, Keys, Named, Number, Several, Word
+from mechsim.subjects.key_kinds import Amount, Choice, Key, Keys, Named, Number, Several, Truth, Word
 from mechsim.subjects.toml_source import KeyPath, TomlSource, nearest, shown
 from mechsim.units import Unit
 
@@ -42,6 +42,12 @@ class Values:
         match key:
             case Number(unit=unit):
                 return self._number(value, unit, path)
+            case Amount():
+                return self._amount(value, path)
+            case Truth():
+                if not isinstance(value, bool):
+                    raise self.source.refusal(path, f"is {shown(value)}; give true or false")
+                return value
             case Word(options=options):
                 return self._word(value, options, path)
             case Several(of=of, count=count):
@@ -58,6 +64,12 @@ class Values:
                 if fitting is None:
                     raise self.source.refusal(path, f"is {shown(value)}; give {about}")
                 return self.checked(fitting, value, path)
+
+    def _amount(self, value: Any, path: KeyPath) -> Any:
+        """Return a number, a quantity or an expression as it is: a `Number` will give it its unit."""
+        if not isinstance(value, str):
+            self.bare(value, path)
+        return value
 
     def _number(self, value: Any, unit: Unit, path: KeyPath) -> float:
         if isinstance(value, str) and _QUANTITY.match(value):
@@ -148,8 +160,12 @@ class Values:
 
 def _fits(key: Key, value: Any) -> bool:
     match key:
-        case Number() | Word():
-            return isinstance(value, str | int | float) if isinstance(key, Number) else isinstance(value, str)
+        case Number() | Amount():
+            return isinstance(value, str | int | float)
+        case Word():
+            return isinstance(value, str)
+        case Truth():
+            return isinstance(value, bool)
         case Several():
             return isinstance(value, list)
         case Choice(of=of):

@@ -3,8 +3,10 @@
 import ast
 import difflib
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 from mechsim.errors import InputError
 
@@ -13,7 +15,8 @@ LONGEST, DEEPEST = 500, 50
 # beyond this an exponent is a slip
 LARGEST_EXPONENT = 64.0
 
-_SIGNS: dict[type[ast.AST], Callable[[float], float]] = {ast.UAdd: lambda x: x, ast.USub: lambda x: -x}
+Value = TypeVar("Value")
+
 _OPERATORS: dict[type[ast.AST], Callable[[float, float], float]] = {
     ast.Add: lambda x, y: x + y,
     ast.Sub: lambda x, y: x - y,
@@ -24,6 +27,8 @@ _OPERATORS: dict[type[ast.AST], Callable[[float, float], float]] = {
 # name -> function and how many numbers it takes; None is one or more
 _PLAIN: dict[str, tuple[Callable[..., float], int | None]] = {
     "sqrt": (math.sqrt, 1),
+    "exp": (math.exp, 1),
+    "log": (math.log, 1),
     "abs": (math.fabs, 1),
     "min": (lambda *x: min(x), None),
     "max": (lambda *x: max(x), None),
@@ -39,8 +44,74 @@ FUNCTIONS = (*_OF_ANGLES, *_TO_ANGLES, *_PLAIN)
 KNOWN = f"known are + - * / ** ( ), pi and {', '.join(FUNCTIONS)}"
 
 
+class Walker(ABC, Generic[Value]):
+    """What goes through an expression, bounded in size, and reckons with values of some kind."""
+
+    @abstractmethod
+    def constant(self, value: float) -> Value:
+        """Return the value of a number."""
+
+    @abstractmethod
+    def named(self, name: str) -> Value:
+        """Return the value of a name."""
+
+    @abstractmethod
+    def signed(self, op: ast.unaryop, value: Value) -> Value:
+        """Return plus or minus a value."""
+
+    @abstractmethod
+    def joined(self, op: ast.operator, left: Value, right: Value) -> Value:
+        """Return what + - * / or ** makes of two values."""
+
+    @abstractmethod
+    def called(self, name: str, values: list[Value], node: ast.Call) -> Value:
+        """Return what a function makes of so many values as it takes."""
+
+    def of(self, node: ast.AST, depth: int = 0) -> Value:
+        """Return the value of an expression.
+
+        Raises:
+            InputError: for what is no arithmetic or nests too deep; its sentence has no subject.
+        """
+        if depth > DEEPEST:
+            raise InputError(f"nests more than {DEEPEST} deep; make it simpler, or use a parameter")
+        match node:
+            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+                return self.constant(float(value))
+            case ast.Name(id=name):
+                return self.named(name)
+            case ast.UnaryOp(op=ast.UAdd() | ast.USub() as op, operand=operand):
+                return self.signed(op, self.of(operand, depth + 1))
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
+                return self.joined(op, self.of(left, depth + 1), self.of(right, depth + 1))
+            case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
+                if name not in FUNCTIONS:
+                    raise InputError(f"calls {name!r}, which is no function here; {KNOWN}")
+                values = [self.of(one, depth + 1) for one in args]
+                wanted = 1 if name in _OF_ANGLES else {**_TO_ANGLES, **_PLAIN}[name][1]
+                if len(values) != wanted and (wanted is not None or not values):
+                    raise InputError(f"gives {name} {len(values)} numbers; give {wanted or '1 or more'}")
+                return self.called(name, values, node)
+            case _:
+                raise InputError(f"holds {ast.unparse(node)!r}, which is no arithmetic; {KNOWN}")
+
+
+def parsed(text: str) -> ast.expr:
+    """Return the tree of an expression.
+
+    Raises:
+        InputError: for what is no expression or is too long; its sentence has no subject.
+    """
+    if len(text) > LONGEST:
+        raise InputError(f"has {len(text)} characters; write {LONGEST} at most")
+    try:
+        return ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, MemoryError, RecursionError):
+        raise InputError(f"is no expression; {KNOWN}") from None
+
+
 @dataclass(frozen=True, slots=True)
-class Expressions:
+class Expressions(Walker[float]):
     """What evaluates expressions: the numbers known by name, and the unit of angles.
 
     Attributes:
@@ -58,14 +129,9 @@ class Expressions:
             InputError: for what is no expression, is too large, or has no finite value; its sentence has
                 no subject, which the caller knows.
         """
-        if len(text) > LONGEST:
-            raise InputError(f"has {len(text)} characters; write {LONGEST} at most")
+        tree = parsed(text)
         try:
-            tree = ast.parse(text.strip(), mode="eval").body
-        except (SyntaxError, ValueError, MemoryError, RecursionError):
-            raise InputError(f"is no expression; {KNOWN}") from None
-        try:
-            found = self._of(tree, 0)
+            found = self.of(tree)
         except ZeroDivisionError:
             raise InputError("divides by zero; change a parameter") from None
         except (ValueError, OverflowError) as error:
@@ -76,24 +142,16 @@ class Expressions:
             raise InputError("has no value that is a finite real number; change a parameter")
         return found
 
-    def _of(self, node: ast.AST, depth: int) -> float:
-        if depth > DEEPEST:
-            raise InputError(f"nests more than {DEEPEST} deep; make it simpler, or use a parameter")
-        match node:
-            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-                return float(value)
-            case ast.Name(id=name):
-                return self._named(name)
-            case ast.UnaryOp(op=op, operand=operand) if type(op) in _SIGNS:
-                return _SIGNS[type(op)](self._of(operand, depth + 1))
-            case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
-                return _OPERATORS[type(op)](self._of(left, depth + 1), self._of(right, depth + 1))
-            case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
-                return self._called(name, args, depth)
-            case _:
-                raise InputError(f"holds {ast.unparse(node)!r}, which is no arithmetic; {KNOWN}")
+    def constant(self, value: float) -> float:
+        return value
 
-    def _named(self, name: str) -> float:
+    def signed(self, op: ast.unaryop, value: float) -> float:
+        return -value if isinstance(op, ast.USub) else value
+
+    def joined(self, op: ast.operator, left: float, right: float) -> float:
+        return _OPERATORS[type(op)](left, right)
+
+    def named(self, name: str) -> float:
         if name in self.names:
             return self.names[name]
         if name == "pi":
@@ -103,18 +161,12 @@ class Expressions:
         listed = ", ".join(self.names) or "none"
         raise InputError(f"names {name!r}, which is no parameter given before{meant}; known are {listed}")
 
-    def _called(self, name: str, args: list[ast.expr], depth: int) -> float:
-        if name not in FUNCTIONS:
-            raise InputError(f"calls {name!r}, which is no function here; {KNOWN}")
-        if name in _OF_ANGLES and self.angle != 1.0 and any(_has_pi(one) for one in args):
-            raise InputError(
-                f"gives {name} a part of pi, but the file's angles are not in rad; write 45 for 45 deg"
-            )
-        values = [self._of(one, depth + 1) for one in args]
-        wanted = 1 if name in _OF_ANGLES else {**_TO_ANGLES, **_PLAIN}[name][1]
-        if len(values) != wanted and (wanted is not None or not values):
-            raise InputError(f"gives {name} {len(values)} numbers; give {wanted or '1 or more'}")
+    def called(self, name: str, values: list[float], node: ast.Call) -> float:
         if name in _OF_ANGLES:
+            if self.angle != 1.0 and any(_has_pi(one) for one in node.args):
+                raise InputError(
+                    f"gives {name} a part of pi, but the file's angles are not in rad; write 45 for 45 deg"
+                )
             return _OF_ANGLES[name](values[0] * self.angle)
         if name in _TO_ANGLES:
             return _TO_ANGLES[name][0](*values) / self.angle
@@ -122,9 +174,14 @@ class Expressions:
 
 
 def _power(base: float, exponent: float) -> float:
+    require_exponent(exponent)
+    return math.pow(base, exponent)
+
+
+def require_exponent(exponent: float) -> None:
+    """Refuse an exponent that is a slip."""
     if not abs(exponent) <= LARGEST_EXPONENT:
         raise InputError(f"has an exponent of {exponent:g}; give {LARGEST_EXPONENT:g} at most")
-    return math.pow(base, exponent)
 
 
 def _has_pi(node: ast.AST) -> bool:

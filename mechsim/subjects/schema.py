@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from mechsim.subjects.toml_keys import ROOT, Choice, Key, Keys, Named, Number, Several, Word
+from mechsim.subjects.key_kinds import Amount, Choice, Key, Keys, Named, Number, Several, Truth, Word
+from mechsim.subjects.toml_keys import ROOT
 
 
 def schema() -> dict[str, Any]:
@@ -15,6 +16,10 @@ def _of(key: Key) -> dict[str, Any]:
     match key:
         case Number(unit=unit):
             return {"description": f"{key.about} [{unit}]", "type": ["number", "string"]}
+        case Amount():
+            return {"description": key.about, "type": ["number", "string"]}
+        case Truth():
+            return {"description": key.about, "type": "boolean"}
         case Word(options=options):
             listed: dict[str, Any] = {"enum": list(options)} if options else {}
             return {"description": key.about, "type": "string"} | listed

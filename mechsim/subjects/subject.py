@@ -1,17 +1,18 @@
 """What a command is given, made into what moves: a name, FILE.toml or FILE.py:OBJECT."""
 
-import os
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 
+from mechsim import units
 from mechsim.analytic import catalog
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
+from mechsim.model.programs import State
 from mechsim.subjects import gallery
 from mechsim.subjects.catalog_object import read_catalog
+from mechsim.subjects.prescription import Prescription, prescribed
 from mechsim.subjects.python_object import read_python
-from mechsim.subjects.toml_reader import read_toml
+from mechsim.subjects.toml_reader import TomlSubject, read_toml
 
 
 def is_file(model: str) -> bool:
@@ -19,41 +20,69 @@ def is_file(model: str) -> bool:
     return model.lower().endswith((".toml", ".xml", ".py")) or ".py:" in model
 
 
-def load(model: str, changed: Mapping[str, str] | None = None) -> Form:
+def load(
+    model: str,
+    set: Mapping[str, str | float] | None = None,
+    *,
+    drive: Mapping[str, str | State] | None = None,
+    hold: Mapping[str, str | float | None] | Iterable[str] = (),
+    hold_base: bool = False,
+    key: str | None = None,
+    track: Iterable[str] = (),
+    duration: str | float | None = None,
+) -> Form:
     """Return what moves.
 
     Args:
         model: a name of the catalogue or the gallery, FILE.toml, or FILE.py:OBJECT, a Mechanism, a catalogue
             object, or a function without arguments that returns one. The Python file is run.
-        changed: parameter -> its value as text, as `--set` takes it; bare numbers are in the file's units.
+        set: parameter -> its value as text, as `--set` takes it, or a number in SI.
+        drive: coordinate -> its program: text as `--drive` takes it, or a function of times (n,) in [s] that
+            returns value, rate and acceleration, (n,) each in SI.
+        hold: joint or coordinate -> where it is held, as text or in SI; None, or a name alone, holds it where
+            it starts.
+        hold_base: whether what floats is held where it starts.
+        key: name of a keyframe to start from; of MJCF files only.
+        track: the points that count, as `NAME` or `NAME,LINK@x,y,z`; all there are if left out.
+        duration: of the programs, as text or in [s].
 
     Raises:
         InputError: for what is none of these; names the file, the line, the value and the remedy.
     """
-    given = dict(changed or {})
+    changed = {name: str(value) for name, value in (set or {}).items()}
+    held = hold if isinstance(hold, Mapping) else dict.fromkeys(hold)
+    asked = Prescription(
+        drive=drive or {},
+        hold=held,
+        hold_base=hold_base,
+        key=key,
+        track=tuple(track),
+        duration=units.parse_time(duration, "the duration") if isinstance(duration, str) else duration,
+    )
+    read = _read(model, changed, asked)
+    if isinstance(read, TomlSubject):
+        return prescribed(read.form, asked, read.programs, read.duration)
+    return prescribed(read, asked)
+
+
+def _read(model: str, changed: Mapping[str, str], asked: Prescription) -> Form | TomlSubject:
+    """Return what moves as it says itself."""
     if not is_file(model):
-        return _named(model, given)
+        return _named(model, changed, asked)
     if model.lower().endswith(".toml"):
-        return _toml(model, given)
+        return read_toml(model, changed, drivers=tuple(asked.drive))
     if model.lower().endswith(".xml"):
         raise InputError(f"{model}: MJCF is not read by this command; give FILE.toml or a catalogue name")
-    if given:
+    if changed:
         raise InputError(f"{model}: an object in a Python file has no parameters; leave out --set")
     return read_python(model)
 
 
-def _named(name: str, given: Mapping[str, str]) -> Form:
+def _named(name: str, given: Mapping[str, str], asked: Prescription) -> Form | TomlSubject:
     shown = gallery.files()
     if name in shown and name not in catalog.DRIVES:
-        return _toml(str(shown[name]), given)
+        return read_toml(str(shown[name]), given, drivers=tuple(asked.drive))
     # of two that are as near the catalogue's is meant
     if name not in catalog.DRIVES and not get_close_matches(name, catalog.DRIVES):
         raise InputError(f"there is no mechanism {name!r}{catalog.nearest(name, [*catalog.DRIVES, *shown])}")
     return read_catalog(name, given)
-
-
-def _toml(path: str, given: Mapping[str, str]) -> Form:
-    """Return the mechanism of a TOML file; the file of its formula is looked for beside it."""
-    form = read_toml(path, given)
-    beside = os.path.join(os.path.dirname(path), form.formula)
-    return replace(form, formula=beside) if form.formula else form

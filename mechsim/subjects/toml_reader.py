@@ -1,57 +1,96 @@
 """A mechanism in a TOML file, read: its keys are those of `toml_keys`, and docs/models.md shows them."""
 
+import os
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.vector_method.rotations import turned_by
-from mechsim.errors import InputError
-from mechsim.model.couplings import Gear
 from mechsim.model.inertia import Inertia
-from mechsim.model.joints import KINDS, kinds_that
 from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
 from mechsim.subjects.checked_values import Values
-from mechsim.subjects.toml_keys import ROOT, Keys
+from mechsim.subjects.key_kinds import Keys
+from mechsim.subjects.toml_couplings import couplings_of
+from mechsim.subjects.toml_drivers import (
+    FileProgram,
+    coordinates_of,
+    drivers_of,
+    holds_of,
+    programs_of,
+    start_of,
+)
+from mechsim.subjects.toml_forces import forces_of
+from mechsim.subjects.toml_keys import ROOT
 from mechsim.subjects.toml_source import TomlSource, nearest, read_source
 
-# what a joint is driven by where no driver is named
-CRANK = "crank"
+
+@dataclass(frozen=True)
+class TomlSubject:
+    """A mechanism in a file, and how the file drives it.
+
+    Attributes:
+        form: what moves, as yet without programs.
+        programs: driver -> its program as the file has it.
+        duration: of the programs in [s]; None where the file says nothing.
+    """
+
+    form: LoopForm
+    programs: Mapping[str, FileProgram]
+    duration: float | None
 
 
-def read_toml(path: str, changed: Mapping[str, str] | None = None) -> LoopForm:
+def read_toml(
+    path: str, changed: Mapping[str, str] | None = None, *, drivers: tuple[str, ...] = ()
+) -> TomlSubject:
     """Return the mechanism of a TOML file.
 
     Args:
         path: of the file.
         changed: parameter -> text that stands for what the file has.
+        drivers: coordinates that are driven where the file names none.
 
     Raises:
         InputError: for what the file may not hold; names file, line, key, value and remedy.
     """
     source = read_source(path)
-    if "forces" in source.document:
-        why = "is not read yet; give what acts to `mechsim dynamics`: --gravity, --spring, --friction, --load"
-        raise source.refusal(("forces",), why)
     document = {name: one for name, one in source.document.items() if name not in ("parameters", "units")}
     values = _units(source).with_parameters(source.document.get("parameters", {}), changed or {})
     read = values.checked(ROOT, document, ())
+    of = coordinates_of(values, read["joints"])
     with source.about(()):
+        driver = drivers_of(of, read, drivers)
+        start, counted = start_of(of, read, driver)
+        gears, couplings = couplings_of(of, read)
         mechanism = Mechanism(
             name=read["name"],
             links=tuple(_links(source, read)),
             joints=tuple(_joint(source, name, one) for name, one in read["joints"].items()),
-            driver=_driver(source, read),
+            driver=driver,
             points={name: (one["link"], one.get("at", (0.0, 0.0, 0.0))) for name, one in _of(read, "points")},
-            gears=tuple(Gear(**one) for _, one in _of(read, "couplings")),
+            gears=gears,
             guess={name: _pose(source, name, one) for name, one in _of(read, "guess")},
-            start=read.get("start", 0.0),
+            start=start,
+            couplings=couplings,
+            holds=holds_of(of, read, driver),
+            counted=counted,
         )
-    return LoopForm(
-        mechanism, parameters=values.parameters, formula=read.get("formula", {}).get("python", "")
+    form = LoopForm(
+        mechanism,
+        parameters=values.parameters,
+        formula=_formula(path, read),
+        forces=forces_of(values, mechanism, read),
     )
+    return TomlSubject(form, programs_of(of, read, driver), read.get("duration"))
+
+
+def _formula(path: str, read: Mapping[str, Any]) -> str:
+    """Return FILE.py:FUNCTION of the formula, the file looked for beside the mechanism's; empty without."""
+    given = read.get("formula", {}).get("python", "")
+    return os.path.join(os.path.dirname(path), given) if given else ""
 
 
 def _units(source: TomlSource) -> Values:
@@ -95,27 +134,13 @@ def _links(source: TomlSource, read: Mapping[str, Any]) -> Iterator[Link]:
 def _joint(source: TomlSource, name: str, one: Mapping[str, Any]) -> Joint:
     with source.about(("joints", name)):
         a, b = (_end(one[side]) for side in "ab")
-        rest = {key: one[key] for key in ("cross_angle",) if key in one}
+        rest = {key: one[key] for key in ("cross_angle", "lead") if key in one}
         return Joint(name, one["kind"], a, b, **rest)
 
 
 def _end(one: Mapping[str, Any]) -> End:
     known = {"at": "point", "axis": "axis", "mark": "mark"}
     return End(one["link"], **{known[key]: value for key, value in one.items() if key != "link"})
-
-
-def _driver(source: TomlSource, read: Mapping[str, Any]) -> str:
-    drivers = read.get("drivers", (CRANK,) if CRANK in read["joints"] else ())
-    if not drivers:
-        raise InputError('no joint is driven; add drivers = ["NAME OF A REVOLUTE JOINT"]')
-    name = drivers[0]
-    if name not in read["joints"]:
-        raise source.refusal(("drivers",), f"names joint {name!r}{nearest(name, read['joints'])}")
-    kind = read["joints"][name]["kind"]
-    if not KINDS[kind].hinge:
-        only = kinds_that(lambda kind: kind.hinge)
-        raise source.refusal(("drivers",), f"names {kind} joint {name!r}; only a {only} one can be driven")
-    return name
 
 
 def _pose(source: TomlSource, link: str, one: Mapping[str, Any]) -> Pose:

@@ -1,89 +1,123 @@
 """Any mechanism as TOML that reads back to the same one, to the last bit."""
 
-import json
-import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from mechsim.model.couplings import Gear
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.mechanism import End, Joint, Link, Mechanism, Pose
+from mechsim.subjects.toml_driving import driving_lines
+from mechsim.subjects.toml_text import key, listed, number, quoted
 
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
 
+def toml_of(source: Mechanism | LoopForm) -> str:
+    """Return a mechanism as text in TOML, in metres and radians, numbers with 17 digits.
 
-def toml_of(mechanism: Mechanism) -> str:
-    """Return a mechanism as text in TOML, in metres and radians, numbers with 17 digits."""
-    lines = [f"name = {_text(mechanism.name)}", f"drivers = [{', '.join(map(_text, mechanism.drivers))}]"]
-    lines.append(f"start = {_number(mechanism.start)}")
+    Args:
+        source: the mechanism, or what moves: then with its programs, forces and formula.
+
+    Raises:
+        InputError: for a program or a load that is no text and no constant.
+    """
+    mechanism = source if isinstance(source, Mechanism) else source.mechanism
+    lines = [f"name = {quoted(mechanism.name)}", f"drivers = [{', '.join(map(quoted, mechanism.drivers))}]"]
+    lines += _start(mechanism)
+    if isinstance(source, LoopForm):
+        lines += driving_lines(source)
     for link in mechanism.links:
-        lines += ["", f"[links.{_key(link.name)}]", *_link(link)]
+        lines += ["", f"[links.{key(link.name)}]", *_link(link)]
     for joint in mechanism.joints:
-        lines += ["", f"[joints.{_key(joint.name)}]", *_joint(joint)]
+        lines += ["", f"[joints.{key(joint.name)}]", *_joint(joint)]
+    taken = [coupling.name for coupling in mechanism.couplings]
     for i, gear in enumerate(mechanism.gears):
-        lines += ["", f"[couplings.{_key(_gear_name(mechanism, i))}]", *_gear(gear)]
+        lines += ["", f"[couplings.{key(_gear_name(mechanism, i, taken))}]", *_gear(gear)]
+    for coupling in mechanism.couplings:
+        lines += ["", f"[couplings.{key(coupling.name)}]", *_coupling(coupling)]
+    if mechanism.holds:
+        lines += ["", "[holds]", *_values(mechanism.holds)]
     if mechanism.points:
         lines += ["", "[points]"]
     for name, (link, place) in mechanism.points.items():
-        lines.append(f"{_key(name)} = {{ link = {_text(link)}, at = {_list(place)} }}")
+        lines.append(f"{key(name)} = {{ link = {quoted(link)}, at = {listed(place)} }}")
     if mechanism.guess:
         lines += ["", "[guess]"]
     for link, pose in mechanism.guess.items():
-        lines.append(f"{_key(link)} = {_pose(pose)}")
+        lines.append(f"{key(link)} = {_pose(pose)}")
     return "\n".join(lines) + "\n"
+
+
+def _start(mechanism: Mechanism) -> Iterator[str]:
+    """Yield where the drivers stand at the guess: the crank's angle, or a table."""
+    counted = dict(mechanism.counted)
+    if mechanism.has_crank:
+        if not counted:
+            yield f"start = {number(mechanism.start)}"
+            return
+        counted = {mechanism.crank.name: mechanism.start, **counted}
+    if counted:
+        yield f"start = {{ {', '.join(_values(counted))} }}"
+
+
+def _values(values: Mapping[str, float]) -> Iterator[str]:
+    for name, value in values.items():
+        yield f"{key(name)} = {number(value)}"
 
 
 def _link(link: Link) -> Iterator[str]:
     if link.outline:
-        yield f"outline = [{', '.join(_list(point) for point in link.outline)}]"
+        yield f"outline = [{', '.join(listed(point) for point in link.outline)}]"
     if link.inertia is not None:
-        moments = ", ".join(_list(row) for row in link.inertia.moments)
-        mass, centre = _number(link.inertia.mass), _list(link.inertia.centre)
+        moments = ", ".join(listed(row) for row in link.inertia.moments)
+        mass, centre = number(link.inertia.mass), listed(link.inertia.centre)
         yield f"inertia = {{ mass = {mass}, centre = {centre}, moments = [{moments}] }}"
 
 
 def _joint(joint: Joint) -> Iterator[str]:
-    yield f"kind = {_text(joint.kind)}"
+    yield f"kind = {quoted(joint.kind)}"
     yield f"a = {_end(joint.a)}"
     yield f"b = {_end(joint.b)}"
     if joint.cross_angle != np.pi / 2:
-        yield f"cross_angle = {_number(joint.cross_angle)}"
+        yield f"cross_angle = {number(joint.cross_angle)}"
+    if joint.lead:
+        yield f"lead = {number(joint.lead)}"
 
 
 def _end(end: End) -> str:
     assert end.mark is not None
-    places = f"at = {_list(end.point)}, axis = {_list(end.axis)}, mark = {_list(end.mark)}"
-    return f"{{ link = {_text(end.link)}, {places} }}"
+    places = f"at = {listed(end.point)}, axis = {listed(end.axis)}, mark = {listed(end.mark)}"
+    return f"{{ link = {quoted(end.link)}, {places} }}"
 
 
 def _gear(gear: Gear) -> Iterator[str]:
-    yield f"driver = {_text(gear.driver)}"
-    yield f"driven = {_text(gear.driven)}"
-    yield f"ratio = {_number(gear.ratio)}"
-    yield f"phase = {_number(gear.phase)}"
+    yield f"driver = {quoted(gear.driver)}"
+    yield f"driven = {quoted(gear.driven)}"
+    yield f"ratio = {number(gear.ratio)}"
+    yield f"phase = {number(gear.phase)}"
 
 
-def _gear_name(mechanism: Mechanism, index: int) -> str:
-    return "gear" if len(mechanism.gears) == 1 else f"gear{index + 1}"
+def _gear_name(mechanism: Mechanism, index: int, taken: list[str]) -> str:
+    name = "gear" if len(mechanism.gears) == 1 else f"gear{index + 1}"
+    while name in taken:
+        name += "_"
+    return name
+
+
+def _coupling(coupling: Coupling) -> Iterator[str]:
+    yield f"driven = {_side(coupling.left)}"
+    if coupling.right:
+        yield f"driver = {_side(coupling.right)}"
+    yield f"coefficients = {listed(coupling.coefficients)}"
+    if coupling.zeros != (0.0, 0.0):
+        yield f"zeros = {listed(coupling.zeros)}"
+    if coupling.turns:
+        yield "turns = true"
+
+
+def _side(side: str | Mapping[str, float]) -> str:
+    return quoted(side) if isinstance(side, str) else f"{{ {', '.join(_values(side))} }}"
 
 
 def _pose(pose: Pose) -> str:
-    rows = ", ".join(_list(row) for row in np.asarray(pose.rotation).tolist())
-    return f"{{ at = {_list(np.asarray(pose.position).tolist())}, rotation = [{rows}] }}"
-
-
-def _list(values: Iterable[float]) -> str:
-    return f"[{', '.join(_number(value) for value in values)}]"
-
-
-def _number(value: float) -> str:
-    text = f"{float(value):.17g}"
-    return text if any(mark in text for mark in ".e") else f"{text}.0"
-
-
-def _text(value: str) -> str:
-    return json.dumps(value)
-
-
-def _key(name: str) -> str:
-    return name if _BARE.fullmatch(name) else _text(name)
+    rows = ", ".join(listed(row) for row in np.asarray(pose.rotation).tolist())
+    return f"{{ at = {listed(np.asarray(pose.position).tolist())}, rotation = [{rows}] }}"

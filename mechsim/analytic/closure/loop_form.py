@@ -18,6 +18,7 @@ from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import numbers
+from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism, Pose
 from mechsim.model.motion import Motion, Through
 from mechsim.model.programs import Programs
@@ -35,6 +36,7 @@ class LoopForm:
         parameters: name -> value of what it was made from, as written.
         formula: FILE.py:FUNCTION of the user's own model; empty where there is none.
         through: how it goes on where two assemblies meet.
+        forces: what acts on it; None where that is not said.
         programs: of its drivers, where they are not one crank; angles are then those of their clock.
     """
 
@@ -42,6 +44,7 @@ class LoopForm:
     parameters: Mapping[str, float] = field(default_factory=dict[str, float])
     formula: str = ""
     through: Through = "smooth"
+    forces: Forces | None = None
     programs: Programs | None = None
 
     @property

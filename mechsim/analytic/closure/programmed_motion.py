@@ -37,11 +37,8 @@ def followed_under(mechanism: Mechanism, programs: Programs, through: Through = 
     def drive(clock: Array) -> Array:
         return with_holds(programs.by_clock(clock)[0], held)
 
-    def when(clock: float) -> str:
-        return f"{clock / programs.pace:.7g} s"
-
     start = _begun(loops, start, drive(np.zeros(1)), through)
-    words = Words("the drivers", when, lambda clock: f"{when(clock)} of the programs")
+    words = Words("the drivers", programs.called, lambda clock: f"{programs.called(clock)} of the programs")
     return FollowedPath(loops, drive, start, 0.0, through, words)
 
 

@@ -123,7 +123,7 @@ def product(multiply: Callable[[Array, Array], Array], a: Values, b: Values) -> 
 def cos_sin(angle: Values) -> tuple[Any, Any]:
     """Return cosine and sine of angles in [rad]."""
     c, s = np.cos(values(angle)), np.sin(values(angle))
-    return (_composed(angle, c, -s, -c), _composed(angle, s, c, -s)) if isinstance(angle, Jet) else (c, s)
+    return (composed(angle, c, -s, -c), composed(angle, s, c, -s)) if isinstance(angle, Jet) else (c, s)
 
 
 def revalued(x: Values, value: Array) -> Any:
@@ -158,8 +158,8 @@ def root(residual: Callable[[Jet], Jet], found: Array, slope: Array) -> Jet:
     return revalued(at, found)
 
 
-def _composed(x: Jet, value: Array, slope: Array, bend: Array) -> Jet:
-    """Return a function of a jet from the function's value and first two derivatives there."""
+def composed(x: Jet, value: Array, slope: Array, bend: Array) -> Jet:
+    """Return a function of a jet from the function's value and first two derivatives there, (n,) each."""
     return Jet(value, slope * x.rate, slope * x.second + bend * (x.rate * x.rate))
 
 
@@ -172,7 +172,7 @@ def _sqrt(x: Jet) -> Jet:
 
 def _exp(x: Jet) -> Jet:
     value = np.exp(x.value)
-    return _composed(x, value, value, value)
+    return composed(x, value, value, value)
 
 
 def _arctan2(y: Jet, x: Jet) -> Jet:

@@ -1,0 +1,97 @@
+"""Driver coordinates row by row: poses, and the path of an assembly straight from each row to the next."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.forms import Form
+from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import Motion
+from mechsim.model.programs import Programs, State
+
+# endings of the columns that a pose has: places of points and coordinates of joints
+_PLACES = (".x", ".y", ".z")
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses of a mechanism, one a row.
+
+    Attributes:
+        motion: which stands still at each of them.
+    """
+
+    motion: Motion
+
+    def __len__(self) -> int:
+        return len(self.motion)
+
+    def columns(self) -> Iterator[tuple[str, Array]]:
+        """Yield the drivers, P.x ... of points and J.q of joints, in SI."""
+        for name, column in self.motion.columns():
+            if name in self.motion.drivers or name.endswith(_PLACES) or ".q" in name:
+                yield name, column
+
+
+def poses_at(form: Form, table: Mapping[str, Array], source: str) -> Poses:
+    """Return the poses at rows of driver coordinates, in the assembly followed from the guess through them.
+
+    Args:
+        form: what moves.
+        table: driver -> values, (n,) in [m] or [rad].
+        source: where the rows come from, for messages.
+
+    Raises:
+        InputError: for a driver without its column, or numbers that are not finite.
+        AssemblyError: where the loops cannot close; names the rows.
+    """
+    mechanism = form.mechanism
+    missing = [name for name in mechanism.drivers if name not in table]
+    if missing:
+        raise InputError(
+            f"{source} has no column {', '.join(missing)} (it has {', '.join(table)}); "
+            f"give one for each driver: {', '.join(mechanism.drivers)}"
+        )
+    values = np.array([table[name] for name in mechanism.drivers])
+    if not np.isfinite(values).all():
+        raise InputError(f"{source} holds numbers that are not finite; mend the table")
+    units = [mechanism.size if mechanism.unit(name) == "m" else 1.0 for name in mechanism.drivers]
+    lengths = np.abs(np.diff(values) / np.array(units)[:, None]).max(0, initial=0.0)
+    along = np.concatenate([[0.0], np.cumsum(lengths)])
+    new = np.concatenate([[True], lengths > 0.0])
+    way = _way(mechanism, along[new], values[:, new], np.flatnonzero(new), source)
+    still = np.zeros_like(along)
+    motion = LoopForm(mechanism, programs=way).solve(along, still, still)
+    return Poses(replace(motion, time=along))
+
+
+def _way(mechanism: Mechanism, knots: Array, values: Array, rows: NDArray[np.intp], source: str) -> Programs:
+    """Return programs that go straight from row to row, and stand still at each: smooth for that."""
+
+    def split(time: Array) -> tuple[NDArray[np.intp], Array]:
+        """Return on which stretch times lie, and how far of it is gone."""
+        of = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, max(len(knots) - 2, 0))
+        length = knots[of + 1] - knots[of] if len(knots) > 1 else np.ones_like(time)
+        u = np.clip((time - knots[of]) / length, 0.0, 1.0)
+        return of, u**4 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
+
+    def state_of(column: Array) -> State:
+        change = np.diff(column) if len(column) > 1 else np.zeros(1)
+
+        def state(time: Array) -> tuple[Array, Array, Array]:
+            of, gone = split(time)
+            return column[of] + change[of] * gone, np.zeros_like(time), np.zeros_like(time)
+
+        return state
+
+    def moment(time: float) -> str:
+        of = int(np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 1))
+        return f"the stretch after row {rows[of] + 1} of {source}"
+
+    states = tuple(state_of(column) for column in values)
+    return Programs(float(knots[-1]) or 1.0, mechanism.drivers, states, 1.0, moment)

@@ -1,0 +1,240 @@
+"""What is prescribed of a mechanism: what is driven and how, what is held, and which points count."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+from mechsim import units
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.closure.start_values import start_poses
+from mechsim.analytic.forms import Form
+from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
+from mechsim.maths.given import number
+from mechsim.model.mechanism import GROUND, ORIGIN, End, Joint, Mechanism, Vector
+from mechsim.model.programs import Programs, State
+from mechsim.model.programs import programs as all_programs
+from mechsim.subjects.program_text import Program, program
+from mechsim.subjects.toml_drivers import FileProgram
+from mechsim.subjects.toml_source import nearest
+from mechsim.units import Unit
+
+# how long programs run, in [s], where neither a table ends nor a file says
+DURATION = 1.0
+
+Given = str | State | FileProgram
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prescription:
+    """What is asked of a subject beside what it says itself.
+
+    Attributes:
+        drive: coordinate -> its program, as text (see `program_text.program`) or a function of time.
+        hold: joint or coordinate -> where it is held, as text or in SI; None holds it where it starts.
+        hold_base: whether what floats is held where it starts.
+        key: name of a keyframe to start from.
+        track: the only points that count, as `NAME` or `NAME,LINK@x,y,z`; empty for those there are.
+        duration: of the programs in [s].
+    """
+
+    drive: Mapping[str, str | State] = field(default_factory=dict[str, "str | State"])
+    hold: Mapping[str, str | float | None] = field(default_factory=dict[str, "str | float | None"])
+    hold_base: bool = False
+    key: str | None = None
+    track: tuple[str, ...] = ()
+    duration: float | None = None
+
+
+def prescribed(
+    form: Form,
+    asked: Prescription,
+    programs: Mapping[str, FileProgram] | None = None,
+    duration: float | None = None,
+) -> Form:
+    """Return what moves as it is asked to.
+
+    Args:
+        form: what moves.
+        asked: what is prescribed.
+        programs: what a file says of drivers of which nothing is asked.
+        duration: of them in [s], where a file says.
+
+    Raises:
+        InputError: for a coordinate, a point or a program that is none.
+    """
+    if asked.key is not None:
+        raise InputError(f"{form.name} has no keyframes; leave out --key {asked.key}, or give an MJCF file")
+    own = form if isinstance(form, LoopForm) else LoopForm(form.mechanism)
+    mechanism = form.mechanism
+    if asked.track:
+        mechanism = replace(mechanism, points=dict(_tracked(mechanism, text) for text in asked.track))
+    if asked.hold_base:
+        mechanism = _base_held(mechanism)
+    mechanism = _redriven(mechanism, asked)
+    if mechanism is form.mechanism and not (asked.drive or programs) and asked.duration is None:
+        return form
+    before = own.programs
+    given: dict[str, Given] = {} if before is None else dict(zip(before.drivers, before.states, strict=True))
+    given |= programs or {}
+    given = {name: one for name, one in given.items() if name in mechanism.drivers} | dict(asked.drive)
+    if duration is None and before is not None:
+        duration = before.duration
+    return replace(own, mechanism=mechanism, programs=_programs(mechanism, given, asked.duration, duration))
+
+
+def _programs(
+    mechanism: Mechanism, given: Mapping[str, Given], asked: float | None, own: float | None
+) -> Programs | None:
+    """Return the programs of what is given for drivers; None where nothing is."""
+    if given:
+        states = _states(mechanism, given)
+        return all_programs(mechanism, states, lasting(asked, own, states))
+    if asked is not None:
+        raise InputError(
+            f"{mechanism.name} has no programs that could last {asked:g} s; give --drive JOINT=PROGRAM too"
+        )
+    return None
+
+
+def _states(mechanism: Mechanism, given: Mapping[str, Given]) -> dict[str, State]:
+    """Return the programs of drivers, read."""
+    starts: dict[str, float] = {}
+
+    def start(name: str) -> Callable[[], float]:
+        def found() -> float:
+            if not starts:
+                starts.update(start_poses(mechanism)[1])
+            return starts[name]
+
+        return found
+
+    def state(name: str, one: Given) -> State:
+        if isinstance(one, str):
+            return program(one, name, mechanism.unit(name), start(name))
+        return one.made(name, mechanism.unit(name), start(name)) if isinstance(one, FileProgram) else one
+
+    return {name: state(name, one) for name, one in given.items()}
+
+
+def lasting(asked: float | None, own: float | None, states: Mapping[str, State]) -> float:
+    """Return how long programs run, in [s], and not beyond a table.
+
+    Args:
+        asked: for how long; None where nothing was.
+        own: how long a file says; None where it says nothing.
+        states: of the drivers.
+    """
+    ends = {
+        name: state.lasts
+        for name, state in states.items()
+        if isinstance(state, Program) and state.lasts is not None
+    }
+    if asked is None:
+        asked = own if own is not None else min(ends.values(), default=DURATION)
+    for name, end in ends.items():
+        if asked > end * (1.0 + 1e-12):
+            raise InputError(
+                f"the table of {name} ends at {end:g} s, before the duration, {asked:g} s; "
+                "give a shorter one, or more rows"
+            )
+    return asked
+
+
+def _redriven(mechanism: Mechanism, asked: Prescription) -> Mechanism:
+    """Return the mechanism with what is asked driven and held.
+
+    Where others are driven than its own drivers, those alone are; what is held is driven no more.
+    """
+    known = [name for joint in mechanism.joints for name in joint.coordinates]
+    for name in asked.drive:
+        if name not in known:
+            raise InputError(f"{mechanism.name} has no coordinate {name!r} to drive{nearest(name, known)}")
+    if not asked.hold and set(asked.drive) <= set(mechanism.drivers):
+        return mechanism
+    poses, starts = start_poses(mechanism)
+    holds = _holds(mechanism, asked.hold, starts)
+    drivers = tuple(name for name in mechanism.drivers if name not in holds)
+    if not set(asked.drive) <= set(drivers):
+        drivers = tuple(asked.drive)
+        holds = {name: value for name, value in holds.items() if name not in drivers or name in asked.hold}
+    counted = {name: starts[name] for name in drivers}
+    counted |= {name: value for name, value in mechanism.counted.items() if name not in holds}
+    alone = drivers[0] if len(drivers) == 1 else ""
+    changed = replace(
+        mechanism,
+        driver=alone or drivers,
+        holds=holds,
+        counted=counted,
+        guess=poses,
+    )
+    return replace(changed, start=counted[alone]) if changed.has_crank else changed
+
+
+def _holds(
+    mechanism: Mechanism, hold: Mapping[str, str | float | None], starts: Mapping[str, float]
+) -> dict[str, float]:
+    """Return all coordinates held, and where, in SI."""
+    holds = dict(mechanism.holds)
+    known: dict[str, tuple[str, ...]] = {
+        name: (name,) for joint in mechanism.joints for name in joint.coordinates
+    }
+    known |= {joint.name: joint.coordinates for joint in mechanism.joints if joint.coordinates}
+    for name, value in hold.items():
+        if name not in known:
+            raise InputError(f"{mechanism.name} has no coordinate {name!r} to hold{nearest(name, known)}")
+        first, *others = known[name]
+        if value is None:
+            holds |= {one: starts[one] for one in known[name]}
+        elif others:
+            of = ", ".join(known[name])
+            raise InputError(f"joint {name!r} has coordinates {of}; hold each by its own name")
+        elif isinstance(value, str):
+            unit: Unit = "m" if mechanism.unit(first) == "m" else "rad"
+            holds[first] = units.parse(value, unit, f"the hold of {name}")
+        else:
+            holds[first] = number(value)
+    return holds
+
+
+def _tracked(mechanism: Mechanism, text: str) -> tuple[str, tuple[str, Vector]]:
+    """Return a point written as NAME, of a point or a link, or as NAME,LINK@x,y,z."""
+    name, comma, rest = text.partition(",")
+    links = [GROUND, *(link.name for link in mechanism.links)]
+    if not comma:
+        if name in mechanism.points:
+            return name, mechanism.points[name]
+        if name in links:
+            return name, (name, ORIGIN)
+        raise InputError(
+            f"{mechanism.name} has no point or link {name!r} to track"
+            f"{nearest(name, [*mechanism.points, *links])}"
+        )
+    link, at, place = rest.partition("@")
+    if link not in links:
+        raise InputError(f"the point {name} is tracked on link {link!r}{nearest(link, links)}")
+    values = units.parse_vector(place, "m", f"the place of {name}") if at else ORIGIN
+    if len(values) != 3:
+        raise InputError(f"the place of {name} is {place!r}; give three numbers in m, with commas")
+    return name, (link, (values[0], values[1], values[2]))
+
+
+def _base_held(mechanism: Mechanism) -> Mechanism:
+    """Return the mechanism with what floats against the ground fixed where it starts."""
+    poses, _ = start_poses(mechanism)
+    joints: list[Joint] = []
+    for joint in mechanism.joints:
+        a, b = joint.a, joint.b
+        if joint.kind == "floating" and GROUND in (a.link, b.link):
+            far = b if a.link == GROUND else a
+            pose, frame = poses[far.link], poses[far.link].rotation @ far.frame
+            point = pose.point(far.point)
+            near = End(GROUND, _vector(point), _vector(frame[:, 2]), _vector(frame[:, 0]))
+            joint = Joint(joint.name, "fixed", near, far)
+        joints.append(joint)
+    if all(one is before for one, before in zip(joints, mechanism.joints, strict=True)):
+        raise InputError(f"{mechanism.name} has no link that floats; leave out --hold-base")
+    return replace(mechanism, joints=tuple(joints), guess=poses)
+
+
+def _vector(values: Array) -> Vector:
+    return (float(values[0]), float(values[1]), float(values[2]))
