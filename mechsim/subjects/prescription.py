@@ -62,6 +62,8 @@ def prescribed(
     Raises:
         InputError: for a coordinate, a point or a program that is none.
     """
+    if asked == Prescription() and not programs:
+        return form
     if asked.key is not None:
         raise InputError(f"{form.name} has no keyframes; leave out --key {asked.key}, or give an MJCF file")
     own = form if isinstance(form, LoopForm) else LoopForm(form.mechanism)

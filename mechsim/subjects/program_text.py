@@ -70,7 +70,7 @@ def program(
         if text.strip().lower().endswith(files.EXTENSIONS):
             return _from_table(text.strip(), name)
         quantity = _QUANTITY.fullmatch(text)
-        if quantity is None:
+        if quantity is None or quantity[1] == "t":
             return Program(*over_time(text, unit, bare=bare, names=names))
     except InputError as error:
         if text.strip().lower().endswith(files.EXTENSIONS):
@@ -87,7 +87,7 @@ def program(
         place = units.parse(text, "m" if unit == "m" else "rad")
     except InputError:
         kind = "a speed or a length" if unit == "m" else "a speed of rotation or an angle"
-        raise InputError(f"{said} is no such thing; give {kind}, as in {_EXAMPLES[unit]}") from None
+        raise InputError(f"{said} measures something else; give {kind}, as in {_EXAMPLES[unit]}") from None
     return Program(text, steady(place, 0.0))
 
 

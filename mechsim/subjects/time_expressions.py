@@ -101,11 +101,9 @@ class OverTime(Walker[Measure]):
             case ast.Mult() | ast.Div():
                 sense = 1.0 if isinstance(op, ast.Mult) else -1.0
                 made = operator.mul if sense > 0.0 else operator.truediv
+                length, angle = left.length + sense * right.length, left.angle + sense * right.angle
                 return Measure(
-                    made(left.value, right.value),
-                    left.length + sense * right.length,
-                    left.angle + sense * right.angle,
-                    left.mixed or right.mixed,
+                    made(left.value, right.value), length, _angle(angle), left.mixed or right.mixed
                 )
             case ast.Pow():
                 return _power(left, right)
@@ -126,7 +124,7 @@ class OverTime(Walker[Measure]):
             return _power(values[0], Measure(0.5))  # pyright: ignore[reportArgumentType]
         if name == "atan2":
             _alike(x[0], values)
-        elif any(one.length or (one.angle and name not in _OF_ANGLES) for one in values):
+        elif any(one.length for one in values):
             raise InputError(f"gives {name} {values[0].kind}; give it a plain number")
         if name in _OF_ANGLES:
             return Measure(_OF_ANGLES[name](x[0]))
@@ -160,8 +158,6 @@ def over_time(
 
     given = {name: Measure(value) for name, value in (names or {}).items()}  # pyright: ignore[reportArgumentType]
     tree = parsed(_QUANTITY.sub(placed, text))
-    if not any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(tree)):
-        raise InputError("holds no t, the time in s")
 
     def evaluated(time: Array) -> Measure:
         one, nought = np.ones_like(time), np.zeros_like(time)
@@ -174,6 +170,8 @@ def over_time(
         if isinstance(error, InputError):
             raise
         raise InputError("has no value that is a finite real number") from None
+    if not any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(tree)):
+        raise InputError("holds no t, the time in s")
     wanted = (1.0, 0.0) if unit == "m" else (0.0, 1.0)
     if not (probe.plain or (probe.length == wanted[0] and (probe.length or probe.angle == 1.0))):
         raise InputError(f"is {probe.kind}; give {_KINDS[wanted]}")
@@ -222,7 +220,12 @@ def _power(base: Measure, exponent: Measure) -> Measure:
         raise InputError(f"takes {base.kind} to a power that changes; give it a plain number")
     by = 0.0 if base.plain else float(exponent.value)  # pyright: ignore[reportArgumentType]
     value = jet_functions.power(base.value, exponent.value)
-    return Measure(value, base.length * by, base.angle * by, base.mixed)
+    return Measure(value, base.length * by, _angle(base.angle * by), base.mixed)
+
+
+def _angle(power: float) -> float:
+    """Return a power of angle, of which all but the first are plain numbers."""
+    return power if power == 1.0 else 0.0
 
 
 def _is_place(name: str) -> bool:

@@ -1,0 +1,278 @@
+"""What is asked of a subject: drivers under programs, holds, points, poses row by row."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mechsim.errors import AssemblyError, InputError, MobilityError
+from mechsim.subjects.driver_rows import poses_at
+from mechsim.subjects.subject import load
+
+FIVE_BAR = """
+name = "five_bar"
+units = { length = "mm", angle = "deg" }
+drivers = ["left", "right"]
+start = { left = 120, right = 60 }
+[parameters]
+arm = 50
+rod = 90
+[joints.left]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "a" }
+[joints.right]
+kind = "revolute"
+a = { link = "ground", at = [100, 0, 0] }
+b = { link = "d" }
+[joints.A]
+kind = "revolute"
+a = { link = "a", at = ["arm", 0, 0] }
+b = { link = "b" }
+[joints.D]
+kind = "revolute"
+a = { link = "d", at = ["arm", 0, 0] }
+b = { link = "c" }
+[joints.P]
+kind = "revolute"
+a = { link = "b", at = ["rod", 0, 0] }
+b = { link = "c", at = ["rod", 0, 0] }
+[points]
+P = { link = "b", at = ["rod", 0, 0] }
+[guess.b]
+at = [-25, 43, 0]
+turn = { axis = [0, 0, 1], angle = 35 }
+"""
+BOOM = """
+name = "boom"
+units = { length = "mm", angle = "deg" }
+drivers = ["ram"]
+start = 520
+[joints.foot]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "boom" }
+[joints.base]
+kind = "revolute"
+a = { link = "ground", at = [300, -200, 0] }
+b = { link = "barrel" }
+[joints.ram]
+kind = "prismatic"
+a = { link = "barrel", axis = [1, 0, 0] }
+b = { link = "rod", axis = [1, 0, 0] }
+[joints.eye]
+kind = "revolute"
+a = { link = "rod" }
+b = { link = "boom", at = [400, 0, 0] }
+[points]
+tip = { link = "boom", at = [1000, 0, 0] }
+[guess]
+boom = { turn = { axis = [0, 0, 1], angle = 60 } }
+barrel = { at = [300, -200, 0], turn = { axis = [0, 0, 1], angle = 100 } }
+rod = { at = [200, 350, 0], turn = { axis = [0, 0, 1], angle = 100 } }
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path):
+    def written(text: str) -> str:
+        path = tmp_path / "model.toml"
+        path.write_text(text)
+        return str(path)
+
+    return written
+
+
+def two_circles(left, right, arm=0.05, rod=0.09, ground=0.1):
+    """Return where the five-bar's rods meet: where two circles about the arms' ends do, above them."""
+    a = np.stack([arm * np.cos(left), arm * np.sin(left)], 1)
+    d = np.stack([ground + arm * np.cos(right), arm * np.sin(right)], 1)
+    half = (d - a) / 2.0
+    length = np.linalg.norm(half, axis=1)[:, None]
+    return a + half + np.sqrt(rod**2 - length**2) * np.stack([-half[:, 1], half[:, 0]], 1) / length
+
+
+def test_a_five_bar_goes_where_two_circles_meet_and_its_rates_are_those_of_the_law(file):
+    programs = {"left": "110deg + 20deg*sin(2*pi*t)", "right": "60deg + 15deg*cos(3*t) - 0.1*t"}
+    form = load(file(FIVE_BAR), drive=programs, duration="1.5 s")
+    time = np.linspace(0.0, 1.5, 31)
+    motion = form.solve(form.programs.pace * time, form.programs.pace)
+
+    def law(t):
+        left = np.deg2rad(110 + 20 * np.sin(2 * np.pi * t))
+        return two_circles(left, np.deg2rad(60 + 15 * np.cos(3 * t)) - 0.1 * t)
+
+    np.testing.assert_allclose(motion.time, time, atol=1e-15)
+    np.testing.assert_allclose(motion.points["P"].position[:, :2], law(time), atol=1e-14)
+    step = 1e-4
+    rate = (law(time - 2 * step) - 8 * law(time - step) + 8 * law(time + step) - law(time + 2 * step)) / (
+        12 * step
+    )
+    second = (law(time - step) - 2 * law(time) + law(time + step)) / step**2
+    np.testing.assert_allclose(motion.points["P"].velocity[:, :2], rate, atol=1e-9)
+    np.testing.assert_allclose(motion.points["P"].acceleration[:, :2], second, atol=1e-4)
+
+
+def test_a_parameter_and_a_program_are_asked_for_together(file):
+    drive = {"left": "100deg + 10deg*sin(t)", "right": "80deg + 0*t"}
+    form = load(file(FIVE_BAR), {"rod": "80 mm"}, drive=drive)
+    place = form.solve([0.0], form.programs.pace).points["P"].position[:, :2]
+    np.testing.assert_allclose(
+        place, two_circles(np.deg2rad([100.0]), np.deg2rad([80.0]), rod=0.08), atol=1e-14
+    )
+
+
+def test_a_ram_lifts_its_boom_as_the_law_of_cosines_says(file):
+    form = load(file(BOOM), drive={"ram": "20mm/s"}, duration=2.0)
+    time = np.linspace(0.0, 2.0, 21)
+    motion = form.solve(form.programs.pace * time, form.programs.pace)
+    np.testing.assert_allclose(motion.joints["ram"].value, 0.52 + 0.02 * time, atol=1e-15)
+    base = np.hypot(0.3, 0.2)
+    between = np.arccos((base**2 + 0.4**2 - (0.52 + 0.02 * time) ** 2) / (2 * base * 0.4))
+    np.testing.assert_allclose(motion.joints["foot"].value, between - np.arctan2(0.2, 0.3), atol=1e-13)
+    columns = [name for name, _ in motion.columns()]
+    assert columns[:3] == ["t", "ram", "tip.x"]
+
+
+def test_another_joint_than_the_file_s_is_driven_and_starts_where_it_stands(file):
+    own = load(file(BOOM), drive={"ram": "20mm/s"}).solve([0.0], 1.0).joints["foot"].value[0]
+    form = load(file(BOOM), drive={"foot": "3deg/s"})
+    assert form.mechanism.drivers == ("foot",)
+    assert form.mechanism.has_crank
+    motion = form.solve([0.0], form.programs.pace)
+    np.testing.assert_allclose(motion.joints["foot"].value, [own], atol=1e-14)
+    np.testing.assert_allclose(motion.joints["ram"].value, [0.52], atol=1e-14)
+
+
+@pytest.mark.parametrize(("value", "angle"), [(None, 120.0), ("100deg", 100.0), (np.deg2rad(100.0), 100.0)])
+def test_a_held_driver_stands_still_and_the_other_moves(file, value, angle):
+    form = load(file(FIVE_BAR), drive={"right": "10deg/s"}, hold={"left": value})
+    assert form.mechanism.drivers == ("right",)
+    time = np.linspace(0.0, 1.0, 5)
+    motion = form.solve(form.programs.pace * time, form.programs.pace)
+    wanted = two_circles(np.full(5, np.deg2rad(angle)), np.deg2rad(60 + 10 * time))
+    np.testing.assert_allclose(motion.points["P"].position[:, :2], wanted, atol=1e-13)
+
+
+def test_a_function_of_time_is_a_program_too(file):
+    def swing(time):
+        return 2.0 + 0.1 * np.sin(time), 0.1 * np.cos(time), -0.1 * np.sin(time)
+
+    form = load(file(FIVE_BAR), drive={"left": swing, "right": "60deg + 0*t"})
+    time = np.linspace(0.0, 1.0, 5)
+    motion = form.solve(form.programs.pace * time, form.programs.pace)
+    wanted = two_circles(2.0 + 0.1 * np.sin(time), np.full(5, np.pi / 3))
+    np.testing.assert_allclose(motion.points["P"].position[:, :2], wanted, atol=1e-14)
+
+
+def test_a_mechanism_of_the_catalogue_is_driven_by_any_of_its_joints():
+    from mechsim.analytic import catalog
+
+    form = load("slider_crank", drive={"crank": "600rpm"}, duration=0.1)
+    time = np.linspace(0.0, 0.1, 9)
+    motion = form.solve(form.programs.pace * time, form.programs.pace)
+    exact = catalog.make("slider_crank").solve(20 * np.pi * time, 20 * np.pi)
+    for part in ("position", "velocity", "acceleration"):
+        found, wanted = (getattr(one.points["B"], part) for one in (motion, exact))
+        np.testing.assert_allclose(found, wanted, atol=1e-12 * np.abs(wanted).max())
+
+
+def test_tracked_points_are_the_only_ones(file):
+    form = load(file(FIVE_BAR), track=["P", "knee,a@50mm,0,0", "d"])
+    assert dict(form.mechanism.points) == {
+        "P": ("b", (0.09, 0.0, 0.0)),
+        "knee": ("a", (0.05, 0.0, 0.0)),
+        "d": ("d", (0.0, 0.0, 0.0)),
+    }
+
+
+def test_what_floats_is_held_where_it_starts(file):
+    text = """
+name = "arm"
+drivers = ["shoulder"]
+[links.arm]
+[joints.float]
+kind = "floating"
+a = { link = "ground" }
+b = { link = "trunk" }
+[joints.shoulder]
+kind = "revolute"
+a = { link = "trunk", at = [0, 0.2, 0] }
+b = { link = "arm" }
+[points]
+hand = { link = "arm", at = [0.3, 0, 0] }
+[guess.trunk]
+at = [1, 2, 3]
+turn = { axis = [1, 0, 0], angle = 0.5 }
+"""
+    form = load(file(text), hold_base=True)
+    place = form.positions([0.0, np.pi / 2])["hand"]
+    across = np.array([0.0, np.cos(0.5), np.sin(0.5)])
+    pivot = np.array([1.0, 2.0, 3.0]) + 0.2 * across
+    np.testing.assert_allclose(place, [pivot + np.array([0.3, 0, 0]), pivot + 0.3 * across], atol=1e-14)
+    with pytest.raises(InputError, match="no link that floats"):
+        load(file(FIVE_BAR), hold_base=True)
+
+
+def test_poses_are_followed_row_by_row_in_the_assembly_of_the_guess(file):
+    rng = np.random.default_rng(3)
+    left, right = np.deg2rad(rng.uniform(80, 150, 40)), np.deg2rad(rng.uniform(30, 100, 40))
+    left[7], right[7] = left[6], right[6]
+    poses = poses_at(load(file(FIVE_BAR)), {"left": left, "right": right}, "rows.csv")
+    columns = dict(poses.columns())
+    joints = [f"{name}.q" for name in ("left", "right", "A", "D", "P")]
+    assert list(columns) == ["left", "right", "P.x", "P.y", "P.z", *joints]
+    wanted = two_circles(left, right)
+    np.testing.assert_allclose(np.stack([columns["P.x"], columns["P.y"]], 1), wanted, atol=1e-13)
+    assert len(poses_at(load(file(FIVE_BAR)), {"left": left[:1], "right": right[:1]}, "rows.csv")) == 1
+
+
+def test_rows_that_cannot_be_reached_are_named(file):
+    table = {"left": np.deg2rad([120.0, 140.0, 180.0]), "right": np.deg2rad([60.0, 40.0, 0.0])}
+    with pytest.raises(AssemblyError, match="the stretch after row 2 of rows"):
+        poses_at(load(file(FIVE_BAR)), table, "rows.csv")
+
+
+REFUSED = [
+    ({"drive": {"lift": "1"}}, "did you mean 'left'"),
+    ({"drive": {"left": "3mm/s"}}, "a speed of rotation"),
+    ({"drive": {"left": "10deg*t"}}, "no program says how right moves; give each a --drive"),
+    ({"hold": {"knee": None}}, "no coordinate 'knee' to hold"),
+    ({"hold": {"left": "3mm"}}, "does not measure that"),
+    ({"hold": ["left", "right"]}, "nothing is driven"),
+    ({"track": ["Q"]}, "no point or link 'Q'"),
+    ({"track": ["Q,arm@0,0,0"]}, "'arm'"),
+    ({"track": ["Q,a@0,0"]}, "three numbers"),
+    ({"key": "home"}, "no keyframes"),
+    ({"duration": 2.0}, "no programs that could last"),
+    ({"drive": {"left": "10deg*t", "right": "log(t-0.5)"}}, "is not finite"),
+    ({"drive": {"left": "1/t", "right": "10deg*t"}}, "is not finite"),
+    ({"drive": {"left": "0*t", "right": "0*t"}}, "stand still"),
+    ({"drive": {"left": "10deg*t", "right": "10deg*t"}, "duration": 0.0}, "above 0"),
+]
+
+
+@pytest.mark.parametrize(("asked", "words"), REFUSED)
+def test_what_cannot_be_asked_is_refused_in_one_line(file, asked, words):
+    with pytest.raises(InputError, match=re.escape(words)) as error:
+        load(file(FIVE_BAR), **asked)
+    assert "\n" not in str(error.value)
+
+
+def test_a_table_says_how_long_it_lasts_and_no_longer_is_asked(file, tmp_path):
+    path = tmp_path / "left.csv"
+    path.write_text("t,left\n" + "".join(f"{0.1 * i},{2 + 0.01 * i}\n" for i in range(8)))
+    drive = {"left": str(path), "right": "10deg*t"}
+    assert load(file(FIVE_BAR), drive=drive).programs.duration == pytest.approx(0.7)
+    with pytest.raises(InputError, match=r"ends at 0.7 s, before the duration, 1 s"):
+        load(file(FIVE_BAR), drive=drive, duration=1.0)
+
+
+def test_too_few_and_too_many_drivers_are_said_with_the_joints(file):
+    form = load(file(FIVE_BAR), drive={"left": "1", "right": "1", "P": "1"})
+    with pytest.raises((MobilityError, AssemblyError)):
+        form.solve([0.0, 0.1], 1.0)
+    form = load(file(FIVE_BAR.replace('["left", "right"]', '["left"]').replace(", right = 60", "")))
+    with pytest.raises(MobilityError, match="right"):
+        form.solve([0.0])
