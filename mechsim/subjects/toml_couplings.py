@@ -6,7 +6,7 @@ from typing import Any
 from mechsim.maths.angles import TURN
 from mechsim.model.couplings import Coupling, Gear
 from mechsim.subjects.key_kinds import Number
-from mechsim.subjects.toml_drivers import Coordinates
+from mechsim.subjects.toml_drivers import FileCoordinates
 from mechsim.subjects.toml_source import KeyPath
 from mechsim.units import Unit
 
@@ -21,7 +21,9 @@ _TOLD = {
 }
 
 
-def couplings_of(of: Coordinates, read: Mapping[str, Any]) -> tuple[tuple[Gear, ...], tuple[Coupling, ...]]:
+def couplings_of(
+    of: FileCoordinates, read: Mapping[str, Any]
+) -> tuple[tuple[Gear, ...], tuple[Coupling, ...]]:
     """Return the gears between revolute joints, and all other couplings."""
     gears: list[Gear] = []
     others: list[Coupling] = []
@@ -36,7 +38,7 @@ def couplings_of(of: Coordinates, read: Mapping[str, Any]) -> tuple[tuple[Gear, 
     return tuple(gears), tuple(others)
 
 
-def _coupling(of: Coordinates, name: str, one: Mapping[str, Any], path: KeyPath) -> Gear | Coupling:
+def _coupling(of: FileCoordinates, name: str, one: Mapping[str, Any], path: KeyPath) -> Gear | Coupling:
     source = of.values.source
     told = [key for key in _TOLD if key in one]
     if len(told) != 1:
@@ -69,7 +71,7 @@ def _coupling(of: Coordinates, name: str, one: Mapping[str, Any], path: KeyPath)
     return Coupling(name, driven, driver, (phase, radius if units[0] == "rad" else 1.0 / radius))
 
 
-def _alone(of: Coordinates, one: Mapping[str, Any], side: str, path: KeyPath) -> str:
+def _alone(of: FileCoordinates, one: Mapping[str, Any], side: str, path: KeyPath) -> str:
     """Return the one coordinate of a side."""
     given = one.get(side)
     if given is None:
@@ -80,7 +82,7 @@ def _alone(of: Coordinates, one: Mapping[str, Any], side: str, path: KeyPath) ->
     return given
 
 
-def _polynomial(of: Coordinates, name: str, one: Mapping[str, Any], path: KeyPath) -> Coupling:
+def _polynomial(of: FileCoordinates, name: str, one: Mapping[str, Any], path: KeyPath) -> Coupling:
     values = of.values
     driven: Side = one["driven"]
     driver: Side = one.get("driver", {})
@@ -99,14 +101,14 @@ def _polynomial(of: Coordinates, name: str, one: Mapping[str, Any], path: KeyPat
     return Coupling(name, driven, driver, tuple(coefficients), (zeros[0], zeros[1]), one.get("turns", False))
 
 
-def _zero(of: Coordinates, side: Side, written: Any, path: KeyPath) -> float:
+def _zero(of: FileCoordinates, side: Side, written: Any, path: KeyPath) -> float:
     if isinstance(side, str):
         return of.value(side, written, path)
     units: list[Unit] = [of.units[name] for name in side]
     return of.values.checked(Number(units[0] if units else "m", ""), written, path)
 
 
-def _counted_in(of: Coordinates, side: Side) -> float:
+def _counted_in(of: FileCoordinates, side: Side) -> float:
     """Return what a bare number of a side counts in SI; a sum of lengths and angles is in SI."""
     counts = {of.unit_in_si(name) for name in ((side,) if isinstance(side, str) else side)}
     return counts.pop() if len(counts) == 1 else 1.0

@@ -19,7 +19,7 @@ CRANK = "crank"
 
 
 @dataclass(frozen=True)
-class Coordinates:
+class FileCoordinates:
     """The coordinates of a file's joints, by which it names drivers, holds and couplings.
 
     Attributes:
@@ -59,7 +59,7 @@ class Coordinates:
         return found
 
 
-def coordinates_of(values: Values, joints: Mapping[str, Any]) -> Coordinates:
+def coordinates_of(values: Values, joints: Mapping[str, Any]) -> FileCoordinates:
     """Return the coordinates of joints as read."""
     kinds: dict[str, str] = {}
     units: dict[str, Unit] = {}
@@ -68,10 +68,10 @@ def coordinates_of(values: Values, joints: Mapping[str, Any]) -> Coordinates:
         for ending, unit in zip(kind.endings, kind.units, strict=True):
             kinds[name + ending] = one["kind"]
             units[name + ending] = "m" if unit == "m" else "rad"
-    return Coordinates(values, kinds, units)
+    return FileCoordinates(values, kinds, units)
 
 
-def drivers_of(of: Coordinates, read: Mapping[str, Any], asked: tuple[str, ...]) -> str | tuple[str, ...]:
+def drivers_of(of: FileCoordinates, read: Mapping[str, Any], asked: tuple[str, ...]) -> str | tuple[str, ...]:
     """Return what is driven: what the file names, else what is asked, else the joint called crank."""
     drivers = read.get("drivers") or asked or ((CRANK,) if CRANK in read["joints"] else ())
     if not drivers:
@@ -87,7 +87,7 @@ def drivers_of(of: Coordinates, read: Mapping[str, Any], asked: tuple[str, ...])
 
 
 def start_of(
-    of: Coordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
+    of: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
 ) -> tuple[float, dict[str, float]]:
     """Return the crank angle of the guess in [rad], and what other coordinates are counted from."""
     given = read.get("start", 0.0)
@@ -105,7 +105,7 @@ def start_of(
     return found.pop(crank, 0.0) if crank is not None else 0.0, found
 
 
-def holds_of(of: Coordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]) -> dict[str, float]:
+def holds_of(of: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]) -> dict[str, float]:
     """Return the coordinates held, and where in SI."""
     found: dict[str, float] = {}
     for name, (path, one) in of.table(read, "holds").items():
@@ -125,7 +125,7 @@ class FileProgram:
         path: where.
     """
 
-    of: Coordinates
+    of: FileCoordinates
     text: str
     path: KeyPath
 
@@ -140,7 +140,7 @@ class FileProgram:
 
 
 def programs_of(
-    of: Coordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
+    of: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
 ) -> dict[str, FileProgram]:
     """Return the programs of a file's drivers."""
     drivers = (driver,) if isinstance(driver, str) else driver
