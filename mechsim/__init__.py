@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from mechsim.report.notebook import show
     from mechsim.simulation import Run, Settings, simulate
     from mechsim.subjects.subject import load
+    from mechsim.theory.continuation import trace
     from mechsim.verdict.checks import Check, Verdict
     from mechsim.verdict.judge import crosscheck
     from mechsim.verdict.tolerances import Tolerance
@@ -73,6 +74,7 @@ _HOMES = _MODULES | {
     "load": "subjects.subject",
     "show": "report.notebook",
     "simulate": "simulation",
+    "trace": "theory.continuation",
 }
 
 __all__ = [
@@ -114,6 +116,7 @@ __all__ = [
     "show",
     "simulate",
     "simulation",
+    "trace",
     "units",
 ]
 

@@ -134,8 +134,17 @@ def write(path: str | Path, motion: Tabled) -> None:
         InputError: for another extension.
         OutputError: where the file cannot be written.
     """
+    write_table(path, dict(motion.columns()))
+
+
+def write_table(path: str | Path, table: Mapping[str, Array]) -> None:
+    """Write columns of numbers as `.csv` or `.npz`, as `write` does those of a motion.
+
+    Raises:
+        InputError: for another extension.
+        OutputError: where the file cannot be written.
+    """
     kind = _kind(path)
-    table = dict(motion.columns())
     with written_beside(path) as beside:
         if kind == ".csv":
             _write_csv(beside, table)

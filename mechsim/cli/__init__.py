@@ -47,6 +47,10 @@ COMMANDS = {
         "Plot motions, curves, transmission, errors, velocity plans, dynamics or studies: "
         ".svg, .pdf or .png.",
     ),
+    "trace": (
+        "trace.trace",
+        "Trace all assemblies as closed curves, past every dead centre; where they turn back and meet.",
+    ),
     "synthesize": (
         "synthesize.synthesize",
         "Find frame, frame angle and rocker so that the coupler point, in the plane, follows a line.",

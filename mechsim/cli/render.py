@@ -15,7 +15,7 @@ from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
 from mechsim.model.motion import Motion
 from mechsim.pictures.render import Look, write_picture, write_video
-from mechsim.studies.motion_source import joint_loads, motion_of, profile_of
+from mechsim.studies.motion_source import MOST_SAMPLES, joint_loads, motion_of, profile_of
 from mechsim.units import option, parse_angle
 
 
@@ -34,6 +34,10 @@ class FilmOptions:
     fps: float = option(30.0, "Frames a second.")
     frames_per_turn: int | None = option(None, "Frames in a turn, 72 if left out; 36 stand 10 degrees apart.")
     slow: float | None = option(None, "Show the motion this many times slower than it is, at --speed.")
+    trace: bool = option(
+        False,
+        "Go round the curve of assemblies at an even pace, through dead centres, as `mechsim trace`.",
+    )
 
     def samples(self, duration: float, picture: bool, positions: int) -> float:
         """Return how many samples of a motion of some seconds are drawn."""
@@ -68,6 +72,9 @@ def render(model: Model, output: File, film: FilmOptions, look: Look, sets: Sets
     _check(output, film, look)
     at = None if film.angle is None else parse_angle(film.angle, "the crank angle")
     drive = form_of(model, sets)
+    if film.trace:
+        _round(place, drive, film, look, picture)
+        return
     profile = profile_of(drive, film.speed, film.turns, at)
     samples = film.samples(profile.duration, picture, look.overlay)
     motion = motion_of(drive, "simulated" if film.road == "both" else film.road, profile, samples)
@@ -91,6 +98,26 @@ def render(model: Model, output: File, film: FilmOptions, look: Look, sets: Sets
     typer.echo(f"wrote {count} frames to {output}")
 
 
+def _round(place: Path, drive: Form, film: FilmOptions, look: Look, picture: bool) -> None:
+    """Draw one round of the curve of assemblies: the last frame, the first again, is left out of a film."""
+    # found where it is used: with it comes much that other pictures do without
+    from mechsim.theory.continuation import crank_way, even_motion, trace
+
+    curve = trace(drive, starts=0).curves[0]
+    per_turn = film.frames_per_turn or 72
+    count = round(per_turn * max(1.0, crank_way(curve) / TURN))
+    if not 1 <= count <= MOST_SAMPLES:
+        raise InputError(f"{count} frames asked for; give --frames-per-turn 1 to {MOST_SAMPLES}")
+    motion = even_motion(curve, count, 1.0)
+    look = replace(look, paths="whole" if look.paths else False)
+    if picture:
+        write_picture(place, drive.mechanism, motion, look)
+        typer.echo(f"wrote {place}")
+        return
+    drawn = _write_film(place, drive, motion, True, look, {"fps": film.fps})
+    typer.echo(f"wrote {drawn} frames to {place}")
+
+
 def _check(output: str, film: FilmOptions, look: Look) -> None:
     """Refuse what does not go together."""
     if not output.endswith(".png"):
@@ -102,6 +129,19 @@ def _check(output: str, film: FilmOptions, look: Look) -> None:
             raise InputError(
                 f"--angle {film.angle} is for a still picture; write it to a .png file, or leave it out"
             )
+    if film.trace:
+        apart = {
+            "--from": film.road != "closed",
+            "--angle": film.angle is not None,
+            "--turns": film.turns != 1.0,
+            "--slow": film.slow is not None,
+            "--sense": look.sense,
+            "--positions": look.overlay > 1,
+            "--arrows of forces": bool({"force", "moment"} & set(look.arrows)),
+        }
+        for name, given in apart.items():
+            if given:
+                raise InputError(f"--trace goes once round the curve of assemblies; leave out {name}")
     if look.magnify is not None and film.road != "both":
         raise InputError(f"--magnify {look.magnify:g} magnifies the error between two roads; add --from both")
     width, height = look.size

@@ -14,11 +14,13 @@ from mechsim.analytic.forms import Form, closed_form
 from mechsim.errors import InputError
 from mechsim.model.motion import Motion
 from mechsim.pictures import plots
+from mechsim.report.assemblies import assembly_table, columns_asked, curve_tables, usual_columns
 from mechsim.studies.extremes import stability_map
 from mechsim.studies.extremes.plot import extremes_map
 from mechsim.studies.motion_source import WEIGHT, motion_of, profile_of, simulated_torque
 from mechsim.studies.tradeoff import measure, subject_of
 from mechsim.studies.tradeoff.plot import work_precision
+from mechsim.theory.continuation import trace
 from mechsim.theory.velocity_plan import velocity_plan
 from mechsim.units import option, parse_names
 
@@ -42,6 +44,9 @@ class PlotOptions:
     )
     road: str = option("closed", "closed: the closed form; simulated: MuJoCo.", name="--from")
     angle: float = option(0.0, "Crank angle of a velocity plan.", unit="rad", text="0deg")
+    of: tuple[str, ...] | None = option(
+        None, "Two or three coordinates to plot assemblies over, as in angle,rocker.", read=parse_names
+    )
     stopped: str = option("crank2", "Crank stopped in a velocity plan: crank1 or crank2.")
 
 
@@ -134,6 +139,13 @@ def _torque(source: PlotSource) -> "Figure":
     return plots.torque_plot(source.study(), rings)
 
 
+def _assemblies(source: PlotSource) -> "Figure":
+    asked = None if source.asked.of is None else columns_asked(source.drive.mechanism, source.asked.of)
+    found = trace(source.drive)
+    table = assembly_table(found, curve_tables(found, SAMPLES))
+    return plots.assembly_plot(table, asked or usual_columns(found, table))
+
+
 def _stability(source: PlotSource) -> "Figure":
     drive = closed_form(source.drive, "a stability map")
     if drive != type(drive)():
@@ -163,6 +175,7 @@ PLOTS = {
         lambda source: plots.space_curve(source.drive.mechanism, source.asked_motion, source.asked.points),
     ),
     "transmission": PlotKind("transmission angle", _transmission, on_page=True, closed=True),
+    "assemblies": PlotKind("all assemblies as curves", _assemblies),
     "plan": PlotKind("velocity plan with one crank stopped", _velocity_plan),
     "torque": PlotKind("drive torque and its parts; simulated: MuJoCo's as rings", _torque),
     "reactions": PlotKind(

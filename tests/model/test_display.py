@@ -6,7 +6,7 @@ import pytest
 from mechsim import catalog, crosscheck, dynamics, simulate
 from mechsim.errors import MissingToolError
 from mechsim.files import read, write
-from mechsim.theory.continuation import trace_mechanism
+from mechsim.theory.continuation import trace
 
 DRIVE = catalog.make("rssr")
 RUN = simulate(DRIVE, speed=60.0, turns=0.1)
@@ -23,7 +23,7 @@ INVERSE = dynamics.prescribed(dynamics.machine(DRIVE), np.linspace(0.0, 6.0, 200
         (INVERSE, 4, "efforts=<Efforts>"),
         (INVERSE.efforts, 6, "reactions={crank, P2, P3"),
         (INVERSE.efforts.reactions["P2"], 3, "link='coupler', by='crank'"),
-        (trace_mechanism(DRIVE, tolerance=1e-3), 4, "dead_centres=<array (0,)>"),
+        (trace(DRIVE, starts=0), 8, "meetings=()"),
         (crosscheck(RUN.motion, DRIVE), 11, "met\n  position of P2 "),
     ],
     ids=lambda value: type(value).__name__,

@@ -6,14 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import ellipe
 
-from mechsim import closure
 from mechsim.analytic.catalog.four_bar import FourBar
 from mechsim.analytic.catalog.rrsrr import Rrsrr
 from mechsim.analytic.catalog.rssr import Rssr
 from mechsim.analytic.catalog.slider_crank import SliderCrank
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.mechanism import End, Joint, Link, Mechanism
-from mechsim.theory.continuation import System, trace, trace_mechanism, turning_points
+from mechsim.theory.continuation import System, trace_curve, turning_points
 from mechsim.theory.continuation.torus_sphere import sphere, torus, torus_sphere, trace_path
 
 TURN = 2.0 * np.pi
@@ -48,7 +46,7 @@ def crank_and_rocker(drive: FourBar) -> System:
 @given(st.floats(0.3, 3.0), st.floats(0.05, 1.0), st.sampled_from([1.0, -1.0]))
 def test_an_ellipse_closes_after_its_circumference_with_every_point_on_it(a, ratio, way):
     b = a * ratio
-    curve = trace(ellipse(a, b), [a, 0.0], direction=[0.0, way])
+    curve = trace_curve(ellipse(a, b), [a, 0.0], direction=[0.0, way])
     assert curve.closed
     assert abs(curve.length - 4.0 * a * ellipe(1.0 - ratio**2)) <= 1e-8 * a
     x, y = curve.points.T
@@ -65,7 +63,7 @@ def test_an_ellipse_closes_after_its_circumference_with_every_point_on_it(a, rat
 def test_arc_length_error_follows_the_tolerance_and_points_do_not():
     errors = []
     for tolerance in (1e-4, 1e-7, 1e-10):
-        curve = trace(ellipse(3.0, 1.0), [3.0, 0.0], tolerance=tolerance)
+        curve = trace_curve(ellipse(3.0, 1.0), [3.0, 0.0], tolerance=tolerance)
         errors.append(abs(curve.length - 12.0 * ellipe(1.0 - 1.0 / 9.0)))
         assert errors[-1] <= 30.0 * tolerance
         x, y = curve.points.T
@@ -78,14 +76,14 @@ def test_differences_serve_where_no_jacobian_is_given_and_repeated_equations_do_
         ball, height = x @ x - 1.0, x[2] - 0.3
         return np.array([ball, 2.0 * ball + height, height, ball - 3.0 * height])
 
-    curve = trace(System(residual), [np.sqrt(0.91), 0.0, 0.3])
+    curve = trace_curve(System(residual), [np.sqrt(0.91), 0.0, 0.3])
     assert curve.closed
     assert abs(curve.length - TURN * np.sqrt(0.91)) <= 1e-9
 
 
 def test_a_curve_that_runs_on_is_traced_as_far_as_asked():
     parabola = System(lambda x: np.array([x[0] ** 2 - x[1]]))
-    curve = trace(parabola, [0.0, 0.0], direction=[1.0, 0.0], length=5.0)
+    curve = trace_curve(parabola, [0.0, 0.0], direction=[1.0, 0.0], length=5.0)
     x = curve.points[-1, 0]
     assert not curve.closed
     assert curve.length == 5.0
@@ -98,10 +96,10 @@ def test_a_curve_that_only_comes_near_its_start_is_not_taken_for_closed():
         lambda x: np.array([x[0] - np.cos(1e3 * x[2]), x[1] - np.sin(1e3 * x[2])]),
         lambda x: np.array([[1.0, 0.0, 1e3 * np.sin(1e3 * x[2])], [0.0, 1.0, -1e3 * np.cos(1e3 * x[2])]]),
     )
-    curve = trace(spiral, [1.0, 0.0, 0.0], length=15.0)
+    curve = trace_curve(spiral, [1.0, 0.0, 0.0], length=15.0)
     assert not curve.closed
     scaled = replace(spiral, periods=(0.0, 0.0, TURN / 1e3))
-    closed = trace(scaled, [1.0, 0.0, 0.0])
+    closed = trace_curve(scaled, [1.0, 0.0, 0.0])
     assert closed.closed
     assert abs(closed.length - TURN * np.sqrt(1.0 + 1e-6)) <= 1e-8
 
@@ -110,7 +108,7 @@ def test_both_assemblies_of_a_swinging_four_bar_are_one_curve_through_its_dead_c
     system, dead = crank_and_rocker(FOUR_BAR), FOUR_BAR.dead_centres()
     f = -1.0
     rocker = float(FOUR_BAR.solve([f]).joints["rocker"].value[0])
-    curve = trace(system, [f, rocker])
+    curve = trace_curve(system, [f, rocker])
     assert curve.closed
     turned = turning_points(system, curve, 0)
     assert len(turned) == 2
@@ -135,74 +133,18 @@ def test_a_crank_that_turns_fully_closes_a_whole_turn_on_and_never_turns_back():
     drive = FourBar()
     system = crank_and_rocker(drive)
     start = [0.0, float(drive.solve([0.0]).joints["rocker"].value[0])]
-    curve = trace(system, start, direction=[1.0, 0.0])
+    curve = trace_curve(system, start, direction=[1.0, 0.0])
     assert curve.closed
     assert np.abs(curve.points[-1] - curve.points[0] - [TURN, 0.0]).max() <= 1e-12
     assert len(turning_points(system, curve, 0)) == 0
     assert len(turning_points(system, curve, 1)) == 2
 
 
-def _on_closed_form(drive, walked):
-    """Assert that every pose is one of the two assemblies, and that all links stand as they say."""
-    both = (drive, replace(drive, branch=-drive.branch))
-    clear = drive.margin(walked.crank) > 1e-2 * drive.margin(walked.crank).max()
-    output = list(walked.points)[1]
-    gaps = np.array(
-        [
-            np.linalg.norm(kind.positions(walked.crank[clear])[output] - walked.points[output][clear], axis=1)
-            for kind in both
-        ]
-    )
-    assert gaps.min(0).max() <= 1e-12 * drive.mechanism.size
-    return {int(i) for i in gaps.argmin(0)}
-
-
-@pytest.mark.parametrize("name", SWINGING)
-def test_any_mechanism_whose_crank_swings_is_carried_through_both_dead_centres(name):
-    drive = SWINGING[name]
-    walked = trace_mechanism(drive, tolerance=1e-7)
-    assert walked.curve.closed
-    start = drive.mechanism.start
-    own = next(
-        (low + turn, high + turn)
-        for low, high in drive.crank_range().arcs
-        for turn in (-TURN, 0.0, TURN)
-        if low + turn < start < high + turn
-    )
-    assert np.abs(np.sort(walked.dead_centres) - own).max() <= 1e-11
-    assert own[0] - 1e-12 <= walked.crank.min() < walked.crank.max() <= own[1] + 1e-12
-    assert _on_closed_form(drive, walked) == {0, 1}
-    gaps, turned = closure.residual_norms(drive.mechanism, walked.poses, walked.crank)
-    assert gaps.max() <= 1e-13 * drive.mechanism.size
-    assert turned.max() <= 1e-13
-    for points in walked.points.values():
-        assert np.abs(points[-1] - points[0]).max() <= 1e-9 * drive.mechanism.size
-
-
-@pytest.mark.parametrize("drive", [Rssr(), Rrsrr()], ids=["idle spin", "none idle"])
-def test_a_mechanism_whose_crank_turns_stays_in_its_assembly_for_one_turn(drive):
-    walked = trace_mechanism(drive, tolerance=1e-7, direction=-1)
-    assert walked.curve.closed
-    assert abs(walked.crank[-1] - walked.crank[0] + TURN) <= 1e-8
-    assert len(walked.dead_centres) == 0
-    assert _on_closed_form(drive, walked) == {0}
-
-
-def test_length_of_a_walk_is_the_integral_of_the_twists_of_the_closed_form():
-    drive = Rrsrr()
-    motion = drive.solve(np.linspace(0.0, TURN, 400)[:-1])
-    squares = sum(
-        (link.velocity**2).sum(1) / drive.mechanism.size**2 + (link.angular_velocity**2).sum(1)
-        for link in motion.links.values()
-    )
-    assert abs(trace_mechanism(drive).curve.length - TURN * np.sqrt(squares).mean()) <= 1e-8
-
-
 @pytest.mark.parametrize("drive", [Rrsrr(), SWINGING["rrsrr"]], ids=["turning", "swinging"])
 def test_differences_of_torus_and_sphere_give_the_path_their_gradients_give(drive):
     path = trace_path(drive)
     system = replace(torus_sphere(drive), jacobian=None)
-    curve = trace(system, path.on_torus[0], direction=path.on_torus[1] - path.on_torus[0])
+    curve = trace_curve(system, path.on_torus[0], direction=path.on_torus[1] - path.on_torus[0])
     assert curve.closed
     assert abs(curve.length - path.curve.length) <= 1e-9 * drive.link
 
@@ -213,7 +155,7 @@ def test_the_paper_s_four_parameters_walked_instead_of_the_place_of_s_pass_the_s
         return (torus(drive, u[0], u[1]) - sphere(drive, u[2], u[3])) / drive.link
 
     path, system = trace_path(drive), System(residual, periods=(TURN,) * 4)
-    curve = trace(system, path.parameters[0], direction=path.parameters[1] - path.parameters[0])
+    curve = trace_curve(system, path.parameters[0], direction=path.parameters[1] - path.parameters[0])
     assert curve.closed
     turned = np.round((curve.points[-1] - curve.points[0]) / TURN)
     assert (turned == np.round((path.parameters[-1] - path.parameters[0]) / TURN)).all()
@@ -229,37 +171,16 @@ def test_what_cannot_be_traced_is_said_in_one_sentence():
     line = System(lambda x: np.array([x[0] - x[1]]))
     nowhere = System(lambda x: np.array([x @ x + 1.0]))
     with pytest.raises(InputError, match=r"circle: the start is 0\.1 off the curve; the nearest point"):
-        trace(circle, [1.1, 0.0])
+        trace_curve(circle, [1.1, 0.0])
     with pytest.raises(InputError, match="no point of the curve is near"):
-        trace(nowhere, [0.4, 0.3])
+        trace_curve(nowhere, [0.4, 0.3])
     with pytest.raises(InputError, match="more than one direction is free"):
-        trace(cross, [0.0, 0.0])
+        trace_curve(cross, [0.0, 0.0])
     with pytest.raises(AssemblyError, match=r"cross: (branches of the curve cross|more than one direction)"):
-        trace(cross, [-1.0, 0.0], direction=[1.0, 0.0])
+        trace_curve(cross, [-1.0, 0.0], direction=[1.0, 0.0])
     with pytest.raises(AssemblyError, match="not closed after 20 steps"):
-        trace(line, [0.0, 0.0], most_steps=20)
+        trace_curve(line, [0.0, 0.0], most_steps=20)
     with pytest.raises(InputError, match=r"1 equations .* 3 unknowns"):
-        trace(circle, [1.0, 0.0, 0.0])
+        trace_curve(circle, [1.0, 0.0, 0.0])
     with pytest.raises(InputError, match="no finite number"):
-        trace(System(lambda x: np.array([x[0] * np.nan, 0.0])), [1.0, 0.0])
-
-
-def test_a_linkage_that_can_fold_flat_is_not_walked_through_in_silence():
-    kite = FourBar(ground=0.1, crank=0.1, coupler=0.07, rocker=0.07)
-    with pytest.raises(AssemblyError, match="cross"):
-        trace_mechanism(kite, tolerance=1e-7)
-
-
-def test_two_cranks_without_a_gear_are_refused():
-    arms = Mechanism(
-        "arms",
-        (Link("first"), Link("second")),
-        (
-            Joint("one", "revolute", End("ground"), End("first")),
-            Joint("two", "revolute", End("ground", (0.1, 0.0, 0.0)), End("second")),
-        ),
-        "one",
-        {"P": ("first", (0.05, 0.0, 0.0)), "Q": ("second", (0.05, 0.0, 0.0))},
-    )
-    with pytest.raises(InputError, match="2 directions are free"):
-        trace_mechanism(arms)
+        trace_curve(System(lambda x: np.array([x[0] * np.nan, 0.0])), [1.0, 0.0])

@@ -4,6 +4,7 @@ A figure shows itself in a notebook; `write` puts it in a file by its extension,
 one. Axes carry units, colours stay apart for colour-blind eyes.
 """
 
+from mechsim.pictures.plots.assemblies import AssemblyTable, assembly_plot
 from mechsim.pictures.plots.dynamics import dynamics_sheet, energy_plot, free_plot, reaction_plot, torque_plot
 from mechsim.pictures.plots.figure import (
     COLOURS,
@@ -22,8 +23,10 @@ from mechsim.pictures.plots.paths import DrawablePlan, coupler_curve, space_curv
 __all__ = [
     "COLOURS",
     "FORMATS",
+    "AssemblyTable",
     "DrawablePlan",
     "Format",
+    "assembly_plot",
     "blank",
     "coupler_curve",
     "decades",

@@ -142,10 +142,11 @@ def angle_axis(ax: "Axes") -> None:
     ax.set_xlabel("crank angle [°]")
     low, high = ax.get_xlim()
     if high - low < 800.0:
-        ax.xaxis.set_major_locator(_locator(60.0 if high - low < 450.0 else 180.0))
+        ax.xaxis.set_major_locator(locator(60.0 if high - low < 450.0 else 180.0))
 
 
-def _locator(step: float) -> Any:
+def locator(step: float) -> Any:
+    """Return what puts ticks so far apart."""
     from matplotlib.ticker import MultipleLocator
 
     return MultipleLocator(step)

@@ -88,7 +88,12 @@ def frame_poses(
     wanted = motion.angle if angles is None else np.atleast_1d(np.asarray(angles, dtype=np.float64))
     vectors = _vectors(mechanism, motion, {"force": forces or {}, "moment": moments or {}})
     # the samples themselves need no search, which a crank that swings to and fro would not allow
-    if not np.array_equal(wanted, motion.angle):
+    if np.array_equal(wanted, motion.angle[: len(wanted)]):
+        first = slice(0, len(wanted))
+        poses = {name: pose if pose.position.ndim == 1 else pose.at(first) for name, pose in poses.items()}
+        passed = passed[first]
+        vectors = {kind: {name: v[first] for name, v in one.items()} for kind, one in vectors.items()}
+    else:
         place = places(motion.angle, wanted)
         poses = {name: _between(pose, place) for name, pose in poses.items()}
         passed = np.searchsorted(fine, place + 1e-9, side="right")

@@ -2,12 +2,26 @@
 
 Dragilev's method, as paper 002 uses it: the unit tangent is the null direction of the Jacobian,
 length along the curve is the independent variable, and so nothing happens where any one coordinate
-turns back. Integration is adaptive, and Newton's method brings every step back onto the curve, so
-that errors do not add up.
+turns back. `trace` does so for all assemblies of a mechanism, `trace_curve` for any system of equations.
 """
 
 from mechsim.theory.continuation.arc_length import Curve
-from mechsim.theory.continuation.assembly_curve import AssemblyCurve, trace_mechanism
-from mechsim.theory.continuation.equations import System, trace, turning_points
+from mechsim.theory.continuation.assembly_curve import AssemblyCurve, CurvePoses, TurningPoint
+from mechsim.theory.continuation.equations import System, trace_curve, turning_points
+from mechsim.theory.continuation.filming import crank_way, even_motion
+from mechsim.theory.continuation.mechanism_trace import AssemblyTrace, CurveMeeting, trace
 
-__all__ = ["AssemblyCurve", "Curve", "System", "trace", "trace_mechanism", "turning_points"]
+__all__ = [
+    "AssemblyCurve",
+    "AssemblyTrace",
+    "Curve",
+    "CurveMeeting",
+    "CurvePoses",
+    "System",
+    "TurningPoint",
+    "crank_way",
+    "even_motion",
+    "trace",
+    "trace_curve",
+    "turning_points",
+]

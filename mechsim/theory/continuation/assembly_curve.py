@@ -1,221 +1,193 @@
-"""The assemblies of a whole mechanism as one curve: its loop equations with the crank left free."""
+"""One closed curve of assemblies: poses anywhere along it, and where its coordinates turn back."""
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from mechsim.analytic import closure
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.errors import AssemblyError, InputError
+from mechsim.analytic.closure.tree_motion import Placed
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
+from mechsim.maths.given import numbers
 from mechsim.model.display import short_repr
-from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose, joint_coordinate
-from mechsim.theory.continuation.arc_length import SINGULAR, Curve, Frame, turns, walk
+from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.theory.continuation.cells import CLEAR, Walked
+from mechsim.theory.continuation.curve_joints import CurveJoints, JointColumn, posed, read_joints
+from mechsim.theory.continuation.free_loops import FreeLoops
 
 
 @dataclass(frozen=True, slots=True)
-class AssemblyCurve:
-    """Every pose a mechanism can be moved to from its guess, in the order they are passed.
+class TurningPoint:
+    """A place where a coordinate turns back.
 
     Attributes:
-        crank: crank angle, not wrapped, (n,) in [rad].
-        poses: moving link -> n poses.
-        points: tracked point -> (n, 3) in [m].
-        dead_centres: crank angles at which the crank turns back, in the order passed, (k,) in [rad];
-            empty where it turns fully.
-        curve: the walk; its length is the integral of sqrt(sum of v2/size2 + w2) over the links, with
-            velocity v of a link's origin and angular velocity w, without passive freedoms.
+        coordinate: as its column is called.
+        highest: whether it is highest there, or lowest.
+        value: of the coordinate, in [rad] or [m].
+        arc: where on the curve.
+        angle: of the crank in [rad].
     """
 
-    crank: Array
-    poses: dict[str, Pose]
-    points: dict[str, Array]
-    dead_centres: Array
-    curve: Curve
+    coordinate: str
+    highest: bool
+    value: float
+    arc: float
+    angle: float
+
+
+@dataclass(frozen=True, slots=True)
+class CurvePoses:
+    """Poses of a mechanism along a curve of assemblies.
+
+    Attributes:
+        arc: from the start of the curve, (n,).
+        angle: of the crank, not wrapped, (n,) in [rad]; of a slide that drives, its way in [m].
+        joints: column of a joint's coordinate -> (n,) in [rad] or [m], angles not wrapped.
+        poses: moving link -> n poses.
+        points: tracked point -> (n, 3) in [m].
+        turning: whether the driver is a crank.
+    """
+
+    arc: Array
+    angle: Array
+    joints: Mapping[str, Array]
+    poses: Mapping[str, Pose]
+    points: Mapping[str, Array]
+    turning: bool = True
 
     __repr__ = short_repr
 
+    def columns(self) -> Iterator[tuple[str, Array]]:
+        """Yield the columns of a table: arc, angle of a crank, J.q ..., P.x ..., in SI."""
+        yield "arc", self.arc
+        if self.turning:
+            yield "angle", self.angle
+        yield from self.joints.items()
+        for name, places in self.points.items():
+            for axis, column in zip("xyz", places.T, strict=True):
+                yield f"{name}.{axis}", column
 
-class _LoopEquations:
-    """A mechanism as a road. Coordinates: of each link its origin / size and its rotation / sqrt 2.
 
-    So the length of a tangent is that of the twist. Passive freedoms, which move no tracked point,
-    are left at rest.
+@dataclass(frozen=True)
+class AssemblyCurve:
+    """Every pose that a mechanism reaches by moving on without a jump, round to where it began.
+
+    Arc is the length of the way: of each link velocity of its origin over the mechanism's size, and angular
+    velocity, squared and summed; of a link that spins idly the velocities of its joints instead.
+
+    Attributes:
+        loops: the equations.
+        walked: the curve as it was walked.
+        found: how many random starts ended on it.
     """
 
-    def __init__(self, mechanism: Mechanism, poses: closure.Poses):
-        self.mechanism, self.name, self.size = mechanism, mechanism.name, 1.0
-        self.scale = mechanism.size
-        self.links = [link.name for link in mechanism.links]
-        self.driver = mechanism.crank
-        values = np.linalg.svd(self._rows(poses)[1], compute_uv=False)
-        self.rank = int((values > SINGULAR * values[0]).sum())
+    loops: FreeLoops
+    walked: Walked
+    found: int = 0
 
-    def packed(self, poses: closure.Poses) -> Array:
-        """Return the coordinates of one set of poses, (12 links,)."""
-        parts = [
-            (poses[n].position.ravel() / self.scale, poses[n].rotation.ravel() / np.sqrt(2.0))
-            for n in self.links
-        ]
-        return np.concatenate([part for pair in parts for part in pair])
+    __repr__ = short_repr
 
-    def poses(self, y: Array) -> dict[str, Pose]:
-        """Return the poses at coordinates (n, 12 links)."""
-        parts = y.reshape(len(y), len(self.links), 12)
-        return {
-            name: Pose(self.scale * parts[:, i, :3], np.sqrt(2.0) * parts[:, i, 3:].reshape(-1, 3, 3))
-            for i, name in enumerate(self.links)
-        }
+    @property
+    def mechanism(self) -> Mechanism:
+        """What moves."""
+        return self.loops.loops.tree.mechanism
 
-    def crank(self, poses: closure.Poses) -> Array:
-        """Return the crank angle, (n,) in [rad]."""
-        n = len(next(iter(poses.values())).position)
-        ground = Pose(np.zeros((n, 3)), np.broadcast_to(IDENTITY.rotation, (n, 3, 3)))
-        ends = [ground if e.link == GROUND else poses[e.link] for e in (self.driver.a, self.driver.b)]
-        return joint_coordinate(self.driver, *ends)[:, 0]
+    @property
+    def length(self) -> float:
+        """Arc of the whole curve."""
+        return self.walked.length
 
-    def frame(self, y: Array, along: Array | None) -> Frame:
-        poses = self.poses(y[None])
-        rows = self._rows(poses)[1]
-        u, values, vt = np.linalg.svd(rows)
-        if not values[self.rank - 1] > SINGULAR * values[0]:
-            raise AssemblyError(f"{self.name}: branches cross at crank angle {self.crank(poses)[0]:.6g} rad")
-        idle = vt[self.rank :].T
-        marks = self._mark_rates(poses)
-        _, seen, turned = np.linalg.svd(marks @ idle)
-        if not (seen[0] > SINGULAR and (seen[1:] <= 1e-6 * seen[0]).all()):
-            raise InputError(
-                f"{self.name}: {idle.shape[1]} directions are free and move tracked points; "
-                "couple the cranks by a gear"
-            )
-        local = idle @ turned[0]
-        tangent = self._moved_by(poses, local)
-        sign = float(tangent @ along if along is not None else marks[-1] @ local)
-        if sign < 0.0:
-            local, tangent = -local, -tangent
-        free = np.column_stack([vt[: self.rank].T, local])
-        return Frame(tangent, rows, local, u[:, : self.rank], free, marks @ local)
+    @property
+    def meetings(self) -> tuple[float, ...]:
+        """Arcs at which another curve, or another part of this one, crosses."""
+        return self.walked.meetings
 
-    def corrected(self, y: Array) -> tuple[Array, int]:
-        before = np.inf
-        # what interpolates rotations is none: the nearest one first, or links would change their length
-        poses = {
-            name: Pose(at.position, _nearest_rotation(at.rotation))
-            for name, at in self.poses(y[None]).items()
-        }
-        for count in range(1, 31):
-            gap, rows = self._rows(poses)
-            u, values, vt = np.linalg.svd(rows, full_matrices=False)
-            kept = slice(self.rank)
-            step = vt[kept].T @ ((u[:, kept].T @ gap) / np.maximum(values[kept], SINGULAR * values[0]))
-            poses = self._stepped(poses, -step)
-            moved = float(np.linalg.norm(step))
-            if moved <= 1e-15 or (moved <= 1e-9 and moved >= 0.25 * before):
-                return self.packed(poses), count
-            before = moved
-        raise AssemblyError(
-            f"{self.name}: the loops do not close near crank angle {self.crank(poses)[0]:.6g} rad"
+    @cached_property
+    def joints(self) -> CurveJoints:
+        """The coordinates of the joints as polynomials."""
+        return CurveJoints(self.loops.loops.tree, self.walked)
+
+    @cached_property
+    def driver(self) -> JointColumn:
+        """The coordinate that is driven."""
+        return self.joints.columns[self._driver]
+
+    @property
+    def turns(self) -> int:
+        """Turns of the crank in one round; 0 where it only swings."""
+        return round(float(self.joints.gains[self._driver]) / TURN)
+
+    @cached_property
+    def turning_points(self) -> tuple[TurningPoint, ...]:
+        """Where the coordinates of joints turn back, in the order in which they are passed.
+
+        Accuracy: values to rounding, arcs to about 1e-9.
+        """
+        found = self.joints.turns()
+        if not found:
+            return ()
+        there = self.at([arc for _, _, arc in found])
+        names = [self.joints.columns[i].name for i, _, _ in found]
+        return tuple(
+            TurningPoint(name, highest, float(there.joints[name][k]), arc, float(there.angle[k]))
+            for k, (name, (_, highest, arc)) in enumerate(zip(names, found, strict=True))
         )
 
-    def gap(self, y: Array, other: Array) -> Array:
-        first, second = (self._marks(self.poses(at[None])) for at in (y, other))
-        gap = first - second
-        gap[-1] -= TURN * np.round(gap[-1] / TURN)
-        return gap
+    @property
+    def crank_turns(self) -> tuple[TurningPoint, ...]:
+        """Where the crank turns back, in the order in which it does."""
+        return tuple(one for one in self.turning_points if one.coordinate == self.driver.name)
 
-    def _marks(self, poses: closure.Poses) -> Array:
-        """Return what tells places apart: tracked points / size and the crank angle, (3 points + 1,)."""
-        points = [poses[link].point(at)[0] / self.scale for link, at in self._moving_points()]
-        return np.concatenate([*points, self.crank(poses)])
+    @property
+    def dead_centres(self) -> Array:
+        """Crank angles at which the crank turns back, (k,) in [rad], as they are passed."""
+        return np.array([one.value for one in self.crank_turns])
 
-    def _mark_rates(self, poses: closure.Poses) -> Array:
-        """Return the rates of the marks by the twists, (3 points + 1, 6 links)."""
-        marks = np.zeros((3 * len(self._moving_points()) + 1, 6 * len(self.links)))
-        for i, (link, at) in enumerate(self._moving_points()):
-            column = 6 * self.links.index(link)
-            arm = (poses[link].rotation[0] @ np.asarray(at)) / self.scale
-            marks[3 * i : 3 * i + 3, column : column + 3] = np.eye(3)
-            marks[3 * i : 3 * i + 3, column + 3 : column + 6] = np.cross(np.eye(3), arm)
-        for sign, end in ((-1.0, self.driver.a), (1.0, self.driver.b)):
-            if end.link != GROUND:
-                column = 6 * self.links.index(end.link) + 3
-                marks[-1, column : column + 3] += sign * self._driver_axis(poses)
-        return marks
+    def at(self, arc: ArrayLike) -> CurvePoses:
+        """Return the poses at arcs (n,) from 0 to the length, the end told from the start by whole turns.
 
-    def _driver_axis(self, poses: closure.Poses) -> Array:
-        end = self.driver.b
-        rotation = np.eye(3) if end.link == GROUND else poses[end.link].rotation[0]
-        return rotation @ end.frame[:, 2]
+        Accuracy: loops close to rounding; within 2e-3 of where assemblies meet to 1e-11 of the size.
+        """
+        asked = np.atleast_1d(numbers(arc))
+        of = np.array([self.walked.place(one) for one in asked.tolist()])
+        tree, parts, order = self.loops.loops.tree, [], []
+        for i in np.unique(of).tolist():
+            cell, some = self.walked.cells[i], np.flatnonzero(of == i)
+            blind = np.zeros(len(some), dtype=np.bool_)
+            for meeting in self.meetings:
+                blind |= np.abs(asked[some] - meeting) < CLEAR
+            here = self.loops.polished(cell.solver, cell.at(cell.rows, asked[some]), blind)
+            near = cell.at(self.joints.tables[i], asked[some])
+            joints = read_joints(tree, here)
+            joints += self.joints.angular * TURN * np.round((near - joints) / TURN)
+            parts.append((joints, here.position, here.rotation))
+            order.append(some)
+        back = np.argsort(np.concatenate(order))
+        joints = np.concatenate([part[0] for part in parts])[back] + self._laps
+        position, rotation = (np.concatenate([part[k] for part in parts], -1)[..., back] for k in (1, 2))
+        return self._record(asked, joints, posed(tree, Placed(position, rotation, np.empty(0))))
 
-    def _moving_points(self) -> list[tuple[str, tuple[float, float, float]]]:
-        return [place for place in self.mechanism.points.values() if place[0] != GROUND]
+    def samples(self, count: int) -> CurvePoses:
+        """Return the poses at so many arcs, evenly spaced from the start round to the start."""
+        return self.at(np.linspace(0.0, self.length, count))
 
-    def _rows(self, poses: closure.Poses) -> tuple[Array, Array]:
-        """Return residual and Jacobian by twists with lengths in units of the size, rows scaled to one."""
-        rows = closure.equations(self.mechanism, poses, None)
-        jacobian = rows.jacobian[0] * np.tile([self.scale] * 3 + [1.0] * 3, len(self.links))
-        steepness = np.sqrt((jacobian**2).sum(1))
-        steepness = np.where(steepness > 1e-12 * steepness.max(), steepness, steepness.max())
-        return rows.residual[0] / steepness, jacobian / steepness[:, None]
+    def _record(self, arc: Array, joints: Array, poses: Mapping[str, Pose]) -> CurvePoses:
+        named = {column.name: joints[:, i] for i, column in enumerate(self.joints.columns)}
+        moving = [(name, place) for name, place in self.mechanism.points.items() if place[0] != GROUND]
+        points = {name: poses[link].point(at) for name, (link, at) in moving}
+        return CurvePoses(arc, named[self.driver.name], named, poses, points, self.driver.unit == "rad")
 
-    def _moved_by(self, poses: closure.Poses, twist: Array) -> Array:
-        parts = twist.reshape(-1, 6)
-        turned = [np.cross(parts[i, 3:], poses[n].rotation[0].T).T.ravel() for i, n in enumerate(self.links)]
-        return np.concatenate([x for i, r in enumerate(turned) for x in (parts[i, :3], r / np.sqrt(2.0))])
+    @cached_property
+    def _driver(self) -> int:
+        columns, driver = self.joints.columns, self.mechanism.drivers[0]
+        return next(i for i, column in enumerate(columns) if column.coordinate == driver)
 
-    def _stepped(self, poses: closure.Poses, twist: Array) -> dict[str, Pose]:
-        parts = twist.reshape(-1, 6)
-        return {
-            name: Pose(
-                poses[name].position + self.scale * parts[i, :3],
-                closure.turned_by(poses[name].rotation, parts[i : i + 1, 3:]),
-            )
-            for i, name in enumerate(self.links)
-        }
-
-
-def _nearest_rotation(matrix: Array) -> Array:
-    u, _, vt = np.linalg.svd(matrix)
-    return u @ vt
-
-
-def trace_mechanism(
-    mechanism: Mechanism | ClosedForm,
-    *,
-    direction: int = 1,
-    tolerance: float = 1e-9,
-    length: float | None = None,
-    most_steps: int = 10_000,
-) -> AssemblyCurve:
-    """Trace all poses a mechanism can be moved to, through turning points of the crank.
-
-    Where the crank can only swing, the curve passes both dead centres and both assemblies and closes;
-    where it turns fully, the curve is one assembly over one turn (or the number of turns after
-    which gears repeat). Gears need a whole ratio: with the crank free nothing counts its turns.
-
-    Args:
-        mechanism: the mechanism or catalogue drive; assembled from its guess.
-        direction: +1 starts with the crank rising, -1 falling.
-        tolerance: of the integration; poses close the loops to rounding whatever it is.
-        length: where to stop if the curve has not closed; None asks for a closed curve.
-        most_steps: steps before giving up.
-
-    Raises:
-        AssemblyError: if the mechanism cannot be assembled, where branches cross, or if the curve
-            does not close.
-        InputError: if more than one direction is free, apart from passive freedoms.
-    """
-    mechanism = mechanism.mechanism if isinstance(mechanism, ClosedForm) else mechanism
-    start = closure.assemble(mechanism, [mechanism.start])
-    road = _LoopEquations(mechanism, start)
-    y = road.packed(start)
-    along = direction * road.frame(y, None).tangent
-    curve = walk(road, y, direction=along, tolerance=tolerance, length=length, most_steps=most_steps)
-    poses = road.poses(curve.points)
-    turned = turns(road, curve, lambda frame: float(frame.mark_rate[-1]))
-    crank = np.unwrap(road.crank(poses)) + TURN * np.round((mechanism.start - road.crank(poses)[0]) / TURN)
-    dead = road.crank(road.poses(turned)) if len(turned) else np.empty(0)
-    dead = dead + TURN * np.round((crank.mean() - dead) / TURN)
-    points = {name: poses[link].point(at) for name, (link, at) in mechanism.points.items() if link != GROUND}
-    return AssemblyCurve(crank, poses, points, dead, curve)
+    @cached_property
+    def _laps(self) -> Array:
+        """Whole turns that put the start of each coordinate into (-pi, pi], the crank about its start."""
+        begin = self.joints.rough(0.0)
+        middle = np.zeros(len(begin))
+        middle[self._driver] = self.mechanism.start
+        return -TURN * np.round((begin - middle) / TURN) * self.joints.angular

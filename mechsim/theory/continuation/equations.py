@@ -92,7 +92,7 @@ class System:
         return (np.array(ahead) - np.array(back)).T / (2.0 * np.diag(steps))
 
 
-def trace(
+def trace_curve(
     system: System,
     start: ArrayLike,
     *,

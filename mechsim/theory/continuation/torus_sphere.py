@@ -12,7 +12,7 @@ from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
 from mechsim.theory.continuation.arc_length import Curve
-from mechsim.theory.continuation.equations import System, trace
+from mechsim.theory.continuation.equations import System, trace_curve
 
 # the frame of the torus: its x, y, z are Y, Z, X of the mechanism (T1 of the paper)
 CRANK_FRAME = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -109,7 +109,9 @@ def trace_path(drive: Rrsrr, start: ArrayLike | None = None, *, tolerance: float
 
     Source: paper 002, Dragilev's method.
     """
-    curve = trace(torus_sphere(drive), _own_start(drive) if start is None else start, tolerance=tolerance)
+    curve = trace_curve(
+        torus_sphere(drive), _own_start(drive) if start is None else start, tolerance=tolerance
+    )
     s = curve.points.T
     x, y, z = _turned(drive.rocker_frame.T, s - np.asarray(drive.pivot)[:, None])
     angles = *_on_torus(drive, s), np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))

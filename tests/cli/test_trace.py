@@ -1,0 +1,120 @@
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from mechsim import files
+from mechsim.cli import main
+from mechsim.errors import MissingToolError
+from mechsim.pictures.render import gl_backend
+from mechsim.subjects import gallery
+
+try:
+    gl_backend.choose()
+except MissingToolError as missing:
+    WHY = str(missing)
+else:
+    WHY = ""
+draws = pytest.mark.skipif(bool(WHY), reason=WHY or "OpenGL works")
+SWINGS = ("four_bar", "--set", "crank=90mm", "--starts", "20")
+FLAT = ("four_bar", "--set", "crank=50mm", "--set", "rocker=50mm", "--set", "coupler=100mm")
+FLAT = (*FLAT, "--set", "ground=100mm", "--starts", "20")
+
+
+@pytest.fixture
+def mechsim(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["mechsim", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return ended.value.code or 0, said.out, said.err
+
+    return run
+
+
+@pytest.fixture
+def trace(mechsim):
+    return lambda *words: mechsim("trace", *words)
+
+
+def test_a_trace_is_told_as_tables_and_written_as_a_table_and_a_plot(trace, tmp_path):
+    words = ("-o", "all.csv", "--plot", "all.svg", "--of", "angle,A", "--samples", "50")
+    code, out, err = trace(*SWINGS, *words)
+    assert code == 0, err
+    assert "2 components; 20 of 20 random starts (seed 1)" in " ".join(out.split())
+    assert "swings" in out
+    assert out.splitlines()[-2:] == ["wrote all.csv", "wrote all.svg"]
+    table = files.read(tmp_path / "all.csv")
+    assert list(table)[:6] == ["component", "arc", "angle", "crank.q", "A.q", "B.q"]
+    assert list(table)[-3:] == ["C.x", "C.y", "C.z"]
+    assert np.unique(table["component"]).tolist() == [1.0, 2.0]
+    first = {name: column[table["component"] == 1.0] for name, column in table.items()}
+    assert len(first["arc"]) == 51
+    assert np.ptp(np.diff(first["arc"])) <= 1e-12
+    # the crank keeps its length all the way round
+    assert np.abs(np.hypot(first["A.x"], first["A.y"]) - 0.09).max() <= 1e-16
+    svg = (tmp_path / "all.svg").read_text()
+    assert svg.startswith("<?xml")
+
+
+def test_json_counts_components_from_one_and_names_meetings(trace):
+    code, out, err = trace(*FLAT, "--json")
+    assert (code, err) == (0, "")
+    told = json.loads(out)
+    assert [one["component"] for one in told["components"]] == [1, 2]
+    assert [one["own"] for one in told["components"]] == [True, False]
+    assert sum(one["found"] for one in told["components"]) == told["closed"] == told["starts"] == 20
+    assert sorted(abs(round(one["angle"], 6)) for one in told["meetings"]) == [0.0, round(np.pi, 6)]
+    assert all([place["component"] for place in one["places"]] == [1, 2] for one in told["meetings"])
+
+
+def test_a_plot_over_three_coordinates_stands_in_space(trace, tmp_path):
+    code, _, err = trace("rrsrr", "--starts", "0", "--plot", "s.png", "--of", "S.x,S.y,S.z")
+    assert code == 0, err
+    assert (tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")
+
+
+REFUSED = {
+    "unknown coordinate": (("--plot", "a.svg", "--of", "angle,roker"), "did you mean 'rocker.q'? known are"),
+    "one coordinate": (("--plot", "a.svg", "--of", "angle"), "--of names 1 coordinates (angle); name two or"),
+    "no plot": (("--of", "angle,rocker"), "name the file with --plot"),
+    "no samples": (("--samples", "0"), "0 samples of a curve; give 1 to"),
+    "starts below none": (("--starts", "-1"), "starts of a trace: -1; give a whole number"),
+    "unknown table": (("-o", "a.txt"), "'a.txt' ends in .txt; known are .csv, .npz"),
+    "unknown plot": (("--plot", "a.txt"), "its extension is not one of"),
+    "cannot assemble": (("--set", "ground=300mm"), "the loops close at no crank angle"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_traced_ends_in_one_line_and_nothing_written(trace, tmp_path, name):
+    words, said = REFUSED[name]
+    code, out, err = trace("four_bar", *words)
+    assert (code, out) == (2, "")
+    assert said in err
+    assert len(err.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_mechanism_of_one_s_own_is_traced_from_its_file(trace):
+    code, out, err = trace(str(gallery.files()["elliptic_trammel"]), "--starts", "10")
+    assert code == 0, err
+    assert out.count("assemblies meet at crank angle") == 2
+
+
+@draws
+def test_a_film_of_a_trace_has_its_frames_and_takes_no_other_road(mechsim, tmp_path):
+    words = ("render", *SWINGS[:3], "--trace", "--size", "96x72")
+    code, out, err = mechsim(*words, "--frames-per-turn", "6", "-o", "film")
+    assert (code, out) == (0, "wrote 6 frames to film\n"), err
+    assert len(list((tmp_path / "film").iterdir())) == 6
+    code, out, err = mechsim(*words, "-o", "still.png")
+    assert (code, out) == (0, "wrote still.png\n"), err
+    for asked, said in ((("--turns", "2"), "leave out --turns"), (("--from", "both"), "leave out --from")):
+        code, _, err = mechsim(*words, *asked, "-o", "no.mp4")
+        assert code == 2
+        assert said in err

@@ -1,0 +1,315 @@
+"""Curves of assemblies: every pose on a closed form, every closed form's assembly on a curve."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim import catalog, closure
+from mechsim.analytic.catalog.four_bar import FourBar
+from mechsim.analytic.catalog.rrsrr import Rrsrr
+from mechsim.analytic.catalog.rssr import Rssr
+from mechsim.analytic.catalog.slider_crank import SliderCrank
+from mechsim.errors import AssemblyError, InputError, MobilityError
+from mechsim.maths.roots import root
+from mechsim.model.mechanism import End, Gear, Joint, Link, Mechanism
+from mechsim.theory.continuation import cells, crank_way, curve_search, even_motion, trace
+from mechsim.theory.continuation.torus_sphere import torus_sphere
+
+TURN = 2.0 * np.pi
+FORMS = {name: catalog.make(name) for name in catalog.DRIVES}
+FORMS |= {
+    f"{name} {case}": replace(drive, **wanted)
+    for name, drive in tuple(FORMS.items())
+    for case, wanted in {"swinging": type(drive).swinging, **type(drive).laid_flat}.items()
+    if wanted
+}
+TRACES = {}
+# enough for every curve here: the rarest takes a tenth of them
+STARTS = 80
+
+
+def traced(name):
+    if name not in TRACES:
+        TRACES[name] = trace(FORMS[name], starts=STARTS)
+    return TRACES[name]
+
+
+def apart(angles, others):
+    """How far angles are from the nearest of others, in [rad], whole turns left out."""
+    gaps = np.abs(np.exp(1j * np.asarray(angles))[:, None] - np.exp(1j * np.asarray(others)))
+    return gaps.min(1)
+
+
+def gap_to_closed_form(drive, poses, k):
+    listed = drive.assembly_points(float(poses.angle[k]))
+    gaps = [
+        max(float(np.linalg.norm(place - poses.points[name][k])) for name, place in points.items())
+        for _, points in listed
+    ]
+    return min(gaps, default=np.inf) / drive.mechanism.size
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_every_pose_of_every_curve_is_an_assembly_of_the_closed_form(name):
+    drive = FORMS[name]
+    for curve in traced(name).curves:
+        poses = curve.samples(16)
+        gaps, turned = closure.residual_norms(drive.mechanism, poses.poses, poses.angle)
+        assert gaps.max() <= 1e-13 * drive.mechanism.size
+        assert turned.max() <= 1e-13
+        # a closed form keeps half the digits where the crank turns back
+        clear = closure.conditioning(drive.mechanism, poses.poses) > 1e-3
+        assert clear.sum() > 12
+        assert max(gap_to_closed_form(drive, poses, k) for k in np.flatnonzero(clear)) <= 1e-10
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_every_assembly_of_the_closed_form_is_on_a_curve(name):
+    drive, found = FORMS[name], traced(name)
+    arcs = drive.crank_range()
+    low, high = arcs.arcs[0] if not arcs.full else (-np.pi, np.pi)
+    for angle in (low + 0.37 * (high - low), low + 0.81 * (high - low)):
+        there = [points for curve in found.curves for points in passing(curve, angle)]
+        for _, points in drive.assembly_points(angle):
+            gaps = [max(np.linalg.norm(points[name] - at[name]) for name in points) for at in there]
+            assert min(gaps) <= 1e-10 * drive.mechanism.size
+
+
+def passing(curve, angle):
+    """The tracked points wherever a curve passes a crank angle."""
+    poses = curve.samples(200)
+    off = (poses.angle - angle + np.pi) % TURN - np.pi
+    for k in np.flatnonzero((off[:-1] * off[1:] < 0.0) & (np.abs(off[:-1]) < 1.0)):
+        wanted = angle + TURN * round((poses.angle[k] - angle) / TURN)
+
+        def ahead(arc, wanted=wanted):
+            return float(curve.at(arc).angle[0]) - wanted
+
+        at = curve.at(root(ahead, poses.arc[k], poses.arc[k + 1]))
+        yield {name: place[0] for name, place in at.points.items()}
+
+
+@pytest.mark.parametrize("name", [name for name in FORMS if FORMS[name].dead_centres()])
+def test_a_crank_that_swings_turns_back_at_the_dead_centres_of_the_closed_form(name):
+    dead = FORMS[name].dead_centres()
+    for curve in traced(name).curves:
+        assert curve.turns == 0
+        assert len(curve.dead_centres) == 2
+        assert apart(curve.dead_centres, dead).max() <= 1e-11
+    every = np.concatenate([curve.dead_centres for curve in traced(name).curves])
+    assert apart(dead, every).max() <= 1e-11
+
+
+@pytest.mark.parametrize("name", [name for name in FORMS if FORMS[name].change_points()])
+def test_curves_meet_at_the_change_points_of_the_closed_form_and_nowhere_else(name):
+    found, known = traced(name), FORMS[name].change_points()
+    angles = [meeting.angle for meeting in found.meetings]
+    assert apart(angles, known).max() <= 1e-8
+    assert apart(known, angles).max() <= 1e-8
+    for meeting in found.meetings:
+        assert len(meeting.places) == 2
+        here = [found.curves[i].at(arc).points for i, arc in meeting.places]
+        for point, place in here[0].items():
+            assert np.abs(place - here[1][point]).max() <= 1e-8 * FORMS[name].mechanism.size
+
+
+def test_assemblies_that_come_near_each_other_and_do_not_meet_are_said_not_to():
+    near = FourBar(ground=0.1, crank=0.05, coupler=0.1 + 1e-5, rocker=0.05)
+    assert trace(replace(near, coupler=0.1), starts=0).meetings
+    found = trace(near, starts=20)
+    assert not found.meetings
+    # it rounds the place where it would change over, and its crank swings past neither
+    for curve in found.curves:
+        poses = curve.samples(16)
+        clear = closure.conditioning(near.mechanism, poses.poses) > 1e-3
+        assert max(gap_to_closed_form(near, poses, k) for k in np.flatnonzero(clear)) <= 1e-10
+
+
+def test_a_linkage_folded_flat_has_a_curve_on_which_the_crank_stands_still():
+    kite = FourBar(ground=0.1, crank=0.1, coupler=0.07, rocker=0.07)
+    found = trace(kite, starts=20)
+    swinging, still = found.curves
+    assert len(swinging.dead_centres) == 2
+    assert np.ptp(still.samples(40).angle) <= 1e-12
+    assert np.ptp(still.samples(40).joints["rocker.q"]) > 6.0
+    assert [sorted(i for i, _ in meeting.places) for meeting in found.meetings] == [[0, 1], [0, 1]]
+
+
+def test_rockers_turn_back_where_crank_and_coupler_lie_in_line():
+    drive = FourBar()
+    first, second = trace(drive, starts=20).curves
+    for curve in (first, second):
+        turned = [one for one in curve.turning_points if one.coordinate == "rocker.q"]
+        reach = np.array([drive.coupler + drive.crank, drive.coupler - drive.crank])
+        # the cosine rule in the triangle of ground, rocker and the straight line of both others
+        cosines = (drive.ground**2 + drive.rocker**2 - reach**2) / (2.0 * drive.ground * drive.rocker)
+        assert len(turned) == 2
+        assert {one.highest for one in turned} == {True, False}
+        values = np.sort(np.cos([np.pi - one.value for one in turned]))
+        assert np.abs(values - np.sort(cosines)).max() <= 1e-12
+
+
+def test_the_length_of_a_curve_is_the_integral_of_the_twists_of_the_closed_form():
+    drive = Rrsrr()
+    motion = drive.solve(np.linspace(0.0, TURN, 400)[:-1])
+    squares = sum(
+        (link.velocity**2).sum(1) / drive.mechanism.size**2 + (link.angular_velocity**2).sum(1)
+        for link in motion.links.values()
+    )
+    assert abs(trace(drive, starts=0).curves[0].length - TURN * np.sqrt(squares).mean()) <= 1e-9
+
+
+def test_the_ball_of_the_spatial_five_link_stays_on_torus_and_sphere():
+    drive = Rrsrr()
+    system = torus_sphere(drive)
+    for curve in trace(drive, starts=STARTS).curves:
+        gaps = np.array([system.residual(place) for place in curve.samples(60).points["S"]])
+        scales = np.array([drive.link**4, drive.link**2])
+        assert np.abs(gaps / scales).max() <= 1e-13
+
+
+def test_the_same_seed_finds_the_same_and_another_the_same_curves():
+    drive = SliderCrank()
+    first, again, other = (trace(drive, starts=40, seed=seed) for seed in (4, 4, 5))
+    assert [c.found for c in first.curves] == [c.found for c in again.curves]
+    assert [c.length for c in first.curves] == [c.length for c in again.curves]
+    assert (
+        np.abs(np.sort([c.length for c in first.curves]) - np.sort([c.length for c in other.curves])).max()
+        <= 1e-9
+    )
+    assert first.closed == sum(c.found for c in first.curves)
+
+
+def test_poses_of_one_curve_are_not_taken_for_those_of_another():
+    found = traced("four_bar")
+    loops = found.curves[0].loops
+    for i, curve in enumerate(found.curves):
+        walked = curve.walked.cells[3]
+        marks = walked.at(walked.marks, np.linspace(walked.low, walked.high, 7))
+        on = [curve_search.lie_on(other, marks).all() for other in found.curves]
+        assert on == [k == i for k in range(len(found.curves))]
+        astray = marks + 1e-5 * np.eye(marks.shape[1])[0]
+        assert not curve_search.lie_on(curve, astray).any()
+    assert loops.marks is found.curves[1].loops.marks
+
+
+def geared(ratio):
+    """A crank that turns a four-bar through a gear: its curve closes when all have come round."""
+    z = (0.0, 0.0, 1.0)
+    ground = {"p": (0.0, 0.0, 0.0), "q": (0.05, 0.0, 0.0), "r": (0.13, 0.0, 0.0)}
+    ends = {name: End("ground", place, z) for name, place in ground.items()}
+    return Mechanism(
+        "geared",
+        (Link("crank"), Link("wheel"), Link("rod"), Link("lever")),
+        (
+            Joint("crank", "revolute", ends["p"], End("crank")),
+            Joint("wheel", "revolute", ends["q"], End("wheel")),
+            Joint("pin", "revolute", End("wheel", (0.02, 0.0, 0.0)), End("rod")),
+            Joint("end", "revolute", End("rod", (0.08, 0.0, 0.0)), End("lever", (0.05, 0.0, 0.0))),
+            Joint("lever", "revolute", ends["r"], End("lever")),
+        ),
+        "crank",
+        {"P": ("crank", (0.02, 0.0, 0.0)), "Q": ("rod", (0.04, 0.0, 0.0))},
+        gears=(Gear("crank", "wheel", ratio),),
+        start=0.4,
+    )
+
+
+@pytest.mark.parametrize(("ratio", "turns"), [(0.5, 2), (-1.5, 2), (2.0, 1)])
+def test_geared_cranks_come_round_after_as_many_turns_as_the_ratio_asks_for(ratio, turns):
+    assert abs(trace(geared(ratio), starts=0).curves[0].turns) == turns
+
+
+def test_a_curve_that_never_comes_round_is_given_up_with_the_reason(monkeypatch):
+    monkeypatch.setattr(cells, "MOST", 60)
+    with pytest.raises(AssemblyError, match=r"geared: the curve has not come back .* whole ratio"):
+        trace(geared(np.sqrt(2.0)), starts=0)
+
+
+def arms(*, joined=False):
+    gears = (Gear("one", "two", -1.0),) if joined else ()
+    return Mechanism(
+        "arms",
+        (Link("first"), Link("second")),
+        (
+            Joint("one", "revolute", End("ground"), End("first")),
+            Joint("two", "revolute", End("ground", (0.1, 0.0, 0.0)), End("second")),
+        ),
+        "one",
+        {"P": ("first", (0.05, 0.0, 0.0)), "Q": ("second", (0.05, 0.0, 0.0))},
+        gears=gears,
+    )
+
+
+def test_two_freedoms_are_refused_and_one_that_a_gear_leaves_is_not():
+    with pytest.raises(MobilityError, match=r"joint 'two'.*can still move; drive, hold or couple them"):
+        trace(arms())
+    (curve,) = trace(arms(joined=True)).curves
+    assert curve.turns == 1
+
+
+def truss():
+    z = (0.0, 0.0, 1.0)
+    return Mechanism(
+        "truss",
+        (Link("bar"), Link("strut")),
+        (
+            Joint("foot", "revolute", End("ground", (0.0, 0.0, 0.0), z), End("bar")),
+            Joint("top", "revolute", End("bar", (0.1, 0.0, 0.0)), End("strut", (0.1, 0.0, 0.0))),
+            Joint("base", "revolute", End("ground", (0.12, 0.0, 0.0), z), End("strut")),
+        ),
+        "foot",
+        {"P": ("bar", (0.05, 0.0, 0.0))},
+        start=float(np.arccos(0.6)),
+    )
+
+
+def test_what_cannot_be_traced_is_said_in_one_sentence():
+    with pytest.raises(MobilityError, match=r"truss: the loops leave it no motion.*add a freedom"):
+        trace(truss())
+    with pytest.raises(AssemblyError, match=r"four_bar: the loops close at no crank angle"):
+        trace(FourBar(ground=0.3, crank=0.05, coupler=0.05, rocker=0.05))
+    with pytest.raises(InputError, match="starts of a trace: -1; give a whole number from 0"):
+        trace(FourBar(), starts=-1)
+    with pytest.raises(InputError, match=r"the seed of a trace: 1\.5; give a whole number"):
+        trace(FourBar(), seed=1.5)
+    with pytest.raises(InputError, match="of type NoneType"):
+        trace(None)
+
+
+def test_a_film_of_a_curve_goes_round_at_an_even_pace_and_through_both_assemblies():
+    drive = FORMS["rssr swinging"]
+    curve = traced("rssr swinging").curves[0]
+    motion = even_motion(curve, 96, 3.0)
+    way = sum(
+        ((link.position[1:] - link.position[:-1]) ** 2).sum(1) / drive.mechanism.size**2
+        + 0.5 * ((link.rotation[1:] - link.rotation[:-1]) ** 2).sum((1, 2))
+        for name, link in motion.links.items()
+        if name != "coupler"
+    )
+    # the crank's and the rocker's ends are the coupler's too
+    for name in ("P2", "P3"):
+        place = motion.points[name].position
+        way = way + ((place[1:] - place[:-1]) ** 2).sum(1) / drive.mechanism.size**2
+    assert np.ptp(np.sqrt(way)) <= 0.02 * np.sqrt(way).mean()
+    for point in motion.points.values():
+        assert np.abs(point.position[-1] - point.position[0]).max() <= 1e-9
+    signs = {
+        float(sign)
+        for sign in np.sign(drive.assembly_sign({n: p.position for n, p in motion.points.items()}))
+    }
+    assert signs >= {1.0, -1.0}
+    assert motion.time[-1] == pytest.approx(3.0)
+    swing = np.ptp(curve.dead_centres)
+    assert abs(crank_way(curve) - 2.0 * swing) <= 1e-9
+
+
+def test_rates_of_a_film_are_those_of_the_closed_form_at_the_same_crank_speed():
+    drive = Rssr()
+    motion = even_motion(trace(drive, starts=0).curves[0], 24, 2.0)
+    exact = drive.solve(motion.angle, motion.speed, motion.acceleration)
+    for name, point in exact.points.items():
+        for rate in ("position", "velocity", "acceleration"):
+            found, wanted = getattr(motion.points[name], rate), getattr(point, rate)
+            assert np.abs(found - wanted).max() <= 1e-7 * max(1e-2, np.abs(wanted).max())
