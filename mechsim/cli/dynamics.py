@@ -1,5 +1,6 @@
 """Command `mechsim dynamics`: drive torque, joint reactions, energy, speed fluctuation, free running."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -28,8 +29,9 @@ from mechsim.cli.dynamics_output import (
 )
 from mechsim.cli.force_options import MachineOptions
 from mechsim.cli.options import Json, Model, Sets, form_of, speed_of, writable
-from mechsim.cli.output import print_json, progress
+from mechsim.cli.output import Tick, print_json, progress
 from mechsim.errors import InputError
+from mechsim.maths.memory import require_room
 from mechsim.model.crank_profile import LEAST_TURNS, CrankProfile, within_range
 from mechsim.model.efforts import Fluctuation, FreeRun
 from mechsim.pictures import plots
@@ -37,9 +39,13 @@ from mechsim.report.facts import run_facts, study_facts, turn_facts
 from mechsim.simulation.dynamics import free_running
 from mechsim.simulation.dynamics.free_running import SteppedFreeRun
 from mechsim.simulation.dynamics.prescribed_motion import Driven, driven
+from mechsim.simulation.stepping import Watch
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.units import option
 from mechsim.verdict.checks import Verdict
+
+# numbers told of an instant besides those of its joints; bytes of each while parts are put together
+EFFORTS, HELD = 40.0, 16.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,10 +121,15 @@ def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool) -> bool:
         asked.speed if asked.turns > 0 else -asked.speed,
         abs(asked.turns),
     )
+    if asked.road != "none":
+        _require_room(machine, asked.instants)
     time = np.linspace(0.0, profile.duration, asked.instants + 1)
-    study = prescribed(machine, *profile.state(time), time=time)
-    turn, even = _steady(machine, asked)
-    found, verdict = _simulated(machine, profile, asked)
+    roads = ("formulas", "MuJoCo", "check") if asked.road != "none" else ("formulas",)
+    with progress("dynamics", None) as tick:
+        watches = iter(_sections(tick, roads))
+        study = prescribed(machine, *profile.state(time), time=time, watch=next(watches))
+        turn, even = _steady(machine, asked)
+        found, verdict = _simulated(machine, profile, asked, *watches)
     _write(asked.csv, study)
     if asked.plot is not None:
         rings = None if found is None else (found.motion.angle, found.efforts.torque)
@@ -147,11 +158,30 @@ def _steady(machine: Machine, asked: DynamicsOptions) -> tuple[Fluctuation | Non
     return turn, None if wanted is None else flywheel_for(machine, asked.speed, wanted)
 
 
+def _require_room(machine: Machine, instants: int) -> None:
+    """Refuse more instants than memory holds of both roads and of the check, before any work is done."""
+    mechanism = machine.mechanism
+    links, joints, points = len(mechanism.links), len(mechanism.joints), len(mechanism.points)
+    numbers = 2.0 * (EFFORTS + 9.0 * joints) + 24.0 * links + 9.0 * points + 20.0 * joints
+    what = f"the dynamics of {instants:,} instants on both roads"
+    require_room(what, instants, HELD * numbers, "take {most} at the most, or --method none")
+
+
+def _sections(tick: Tick, names: Sequence[str]) -> list[Watch]:
+    """Return what is told how far each of so many pieces of work has come, all of about one length."""
+
+    def watch(i: int, name: str) -> Watch:
+        return lambda done, part: tick(f"{name}, {done}", (i + part) / len(names))
+
+    return [watch(i, name) for i, name in enumerate(names)]
+
+
 def _simulated(
-    machine: Machine, profile: CrankProfile, asked: DynamicsOptions
+    machine: Machine, profile: CrankProfile, asked: DynamicsOptions, *watches: Watch
 ) -> tuple[Driven | None, Verdict | None]:
     if asked.road == "none":
         return None, None
+    simulation, check = watches
     found = driven(
         machine.mechanism,
         machine.forces,
@@ -160,8 +190,9 @@ def _simulated(
         tolerance=asked.tolerance,
         # with a tolerance as many instants as go with the fewest steps that keep it
         samples=asked.instants if asked.tolerance is None else None,
+        watch=simulation,
     )
-    return found, crosscheck_driven(found, machine)
+    return found, crosscheck_driven(found, machine, watch=check)
 
 
 def _free(machine: Machine, speed: float, asked: DynamicsOptions, as_json: bool) -> bool:

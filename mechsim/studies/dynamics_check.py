@@ -1,6 +1,6 @@
 """Dynamics in MuJoCo against the formulas: the true answer at what the run really did, and the verdict."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from mechsim.analytic.dynamics import Machine, free_run, prescribed
 from mechsim.simulation.dynamics.free_running import SteppedFreeRun
@@ -11,7 +11,11 @@ from mechsim.verdict.tolerances import Tolerance
 
 
 def crosscheck_driven(
-    run: Driven, machine: Machine, *, bounds: Mapping[str, Tolerance] | None = None
+    run: Driven,
+    machine: Machine,
+    *,
+    bounds: Mapping[str, Tolerance] | None = None,
+    watch: Callable[[str, float], None] = lambda _, __: None,
 ) -> Verdict:
     """Compare a prescribed run with inverse dynamics at the angles, speeds and accelerations it really had.
 
@@ -19,11 +23,14 @@ def crosscheck_driven(
         run: from `simulation.dynamics.prescribed_motion.driven`.
         machine: the analytic side.
         bounds: as in `judge_efforts`.
+        watch: told now and then how far it has come, in words and as a part of the whole.
     """
     motion = run.motion
     if run.outcome == "diverged" or motion.broken:
         return Verdict("diverged", (), motion.broken or "MuJoCo's state went bad")
-    study = prescribed(machine, motion.angle, motion.speed, motion.acceleration, time=motion.time)
+    study = prescribed(
+        machine, motion.angle, motion.speed, motion.acceleration, time=motion.time, watch=watch
+    )
     tolerance = None if run.promise is None or run.method == "pose" else run.promise.tolerance
     return judge_efforts(run.efforts, study.efforts, road=run.method, tolerance=tolerance, bounds=bounds)
 

@@ -414,3 +414,32 @@ def test_everything_that_acts_is_looked_up_once_for_one_answer(monkeypatch):
     dynamics.prescribed(machine, ANGLES, 80.0)
     assert set(counted.values()) == {1}
     assert sorted(asked) == sorted(one.joint for one in machine.forces.friction)
+
+
+def put_together(study):
+    return {**dict(study.columns()), **study.torque_parts, "second": study.second_torque, "load": study.load}
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rssr", "warp_knitter", "loop equations"])
+def test_many_instants_solved_in_parts_are_what_they_are_in_one_go(name, monkeypatch):
+    drive = catalog.make("four_bar" if name == "loop equations" else name)
+    source = drive.mechanism if name == "loop equations" else drive
+    machine = dynamics.machine(source, replace(busy(drive), loads=()))
+    # from rest, so that the threshold below which a crank stands is that of all instants
+    time = np.linspace(0.0, 1.0, len(ANGLES))
+    asked = machine, drive.mechanism.start + 3.0 * time**2, 6.0 * time, 6.0
+    whole = dynamics.prescribed(*asked, time=time)
+    monkeypatch.setattr(prescribed_motion, "PART", 16)
+    told = []
+    parts = dynamics.prescribed(*asked, time=time, watch=lambda done, part: told.append((done, part)))
+    assert told[0] == ("16 of 41 instants", 16 / 41)
+    assert [part for _, part in told] == [16 / 41, 32 / 41, 1.0]
+    columns = put_together(parts)
+    for key, wanted in put_together(whole).items():
+        assert columns[key].shape == wanted.shape
+        # the loops are closed to rounding, each time anew
+        assert np.abs(columns[key] - wanted).max() <= 1e-9 * (1e-3 + np.abs(wanted).max())
+    assert parts.indeterminacy == whole.indeterminacy
+    np.testing.assert_array_equal(parts.efforts.sliding, whole.efforts.sliding)
+    for joint, one in whole.efforts.reactions.items():
+        np.testing.assert_array_equal(parts.efforts.reactions[joint].determined, one.determined)

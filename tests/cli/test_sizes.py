@@ -1,13 +1,15 @@
 """What is asked is sized before it is begun; what takes long says how long."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mechsim import catalog, cli, dynamics, files, motors, units
+from mechsim.cli import dynamics as cli_dynamics
 from mechsim.cli import output, solve
 from mechsim.maths import memory
 from mechsim.model.forces import Forces
@@ -19,8 +21,8 @@ TOO_LARGE = {
     "simulate rssr --every 1e-5deg": ["3.6e+07 instants", "records farther apart"],
     "solve rssr --angles 0:360:1e-4deg -o a.npz": ["3,600,001 crank angles", "write .csv"],
     "solve rssr --angles 0:360:1e-4deg --json": ["3,600,001 crank angles", "write .csv"],
-    "dynamics rssr --samples 100000 --turns 100": ["10,000,001 instants", "instants at the most"],
-    "dynamics rssr --turns 9999": ["3,599,641 instants", "instants at the most"],
+    "dynamics rssr --samples 100000 --turns 100": ["10,000,000 instants", "both roads", "at the most"],
+    "dynamics rssr --turns 9999 --method none": ["3,599,641 instants", "instants at the most"],
     "solve rssr --set crank=13m**9**9**9": ["crank", "not known"],
 }
 
@@ -109,6 +111,28 @@ def test_long_work_says_how_long_it_goes_on(
         "about 3 h left",
         "about 12 days left",
     ]
+
+
+@pytest.mark.parametrize(("method", "roads"), [("pose", 3), ("step", 3), ("none", 1)])
+def test_dynamics_say_on_every_road_how_far_they_have_come(
+    method: str, roads: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told: list[tuple[str, float]] = []
+
+    @contextmanager
+    def progress(*_: object) -> Iterator[output.Tick]:
+        yield lambda done="", part=None: told.append((done.split(",")[0], part))
+
+    monkeypatch.setattr(cli_dynamics, "progress", progress)
+    monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", "rssr", "--method", method, "--samples", "90"])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 0
+    capsys.readouterr()
+    assert list(dict.fromkeys(road for road, _ in told)) == ["formulas", "MuJoCo", "check"][:roads]
+    parts = [part for _, part in told]
+    assert parts == sorted(parts)
+    assert parts[-1] == 1.0
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,10 @@
 """Inverse dynamics: what a machine needs, and what its joints carry, while its crank moves as prescribed."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.dynamics.applied import applied, loads
 from mechsim.analytic.dynamics.friction import STILL, Dry, add_couple
@@ -18,10 +18,13 @@ from mechsim.maths.arrays import Array
 from mechsim.maths.given import require
 from mechsim.maths.memory import require_room
 from mechsim.model.display import short_repr
-from mechsim.model.efforts import Efforts, wrench_columns
+from mechsim.model.efforts import Efforts, Reaction, wrench_columns
+from mechsim.model.motion import join
 
-# bytes held at an instant for each element of the matrix that balances its links
-HELD = 80.0
+# instants solved in one go, and bytes held at each of them by each element of the matrix that balances links
+PART, HELD = 4096, 80.0
+# numbers kept of an instant, and of a joint in it; each is held twice while parts are put together
+KEPT, JOINT, TWICE = 40.0, 9.0, 16.0
 FEWER = "take {most} instants at the most"
 
 
@@ -92,6 +95,7 @@ def prescribed(
     acceleration: ArrayLike = 0.0,
     *,
     time: ArrayLike | None = None,
+    watch: Callable[[str, float], None] = lambda _, __: None,
 ) -> InverseDynamics:
     """Return the drive torque and everything the joints carry at prescribed crank motion.
 
@@ -103,19 +107,38 @@ def prescribed(
         speed: of the crank, scalar or (n,) in [rad/s].
         acceleration: of the crank, scalar or (n,) in [rad/s2].
         time: (n,) in [s]; None at constant speed counts it from crank angle zero.
+        watch: told now and then how far it has come, in words and as a part of the whole, 0 to 1.
 
     Raises:
-        InputError: for rates that are not finite, or loads over time where no time is known.
+        InputError: for rates that are not finite, loads over time where no time is known, or more instants
+            than memory holds.
         AssemblyError: where the loops do not close.
     """
     require("what is to be solved", machine, Machine)
     angle = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+    n, joints = len(angle), len(machine.mechanism.joints)
     equations = 6.0 * len(machine.mechanism.links)
-    require_room(f"inverse dynamics of {len(angle):,} instants", len(angle), HELD * equations**2, FEWER)
+    each = TWICE * (KEPT + JOINT * joints) + HELD * equations**2 * min(1.0, PART / n)
+    require_room(f"inverse dynamics of {n:,} instants", n, each, FEWER)
     w, e = _rate("speed", speed, angle), _rate("acceleration", acceleration, angle)
     at = None if time is None else np.broadcast_to(np.asarray(time, dtype=np.float64), angle.shape)
     if at is None and np.ptp(w) == 0.0 and w[0] != 0.0 and not e.any():
         at = angle / w
+    standing = np.abs(w) <= STILL * np.abs(w).max()
+    parts: list[InverseDynamics] = []
+    for first in range(0, n, PART):
+        rows = slice(first, first + PART)
+        instants = None if at is None else at[rows]
+        parts.append(_solved(machine, angle[rows], w[rows], e[rows], instants, standing[rows]))
+        done = min(first + PART, n)
+        watch(f"{done:,} of {n:,} instants", done / n)
+    return parts[0] if len(parts) == 1 else _joined(parts)
+
+
+def _solved(
+    machine: Machine, angle: Array, w: Array, e: Array, at: Array | None, standing: NDArray[np.bool_]
+) -> InverseDynamics:
+    """Return the inverse dynamics of some instants, all in one go."""
     unit, flywheel = machine.unit_motion(angle), machine.forces.flywheel
     acting, outside = applied(machine, unit), loads(machine, unit, at)
     part = coefficients(unit, acting, flywheel)
@@ -142,7 +165,7 @@ def prescribed(
         power_loads=outside.torque * w,
         power_lost=part.damping * w**2 + part.coulomb * np.abs(w),
         residual=held.residual,
-        sliding=_sliding(acting.dry, w),
+        sliding=_sliding(acting.dry, np.where(standing, 0.0, np.sign(w))),
     )
     return InverseDynamics(
         machine=machine,
@@ -168,11 +191,37 @@ def _shaking(
     return force, moment - turned
 
 
-def _sliding(dry: Sequence[Dry], speed: Array) -> Array:
+def _sliding(dry: Sequence[Dry], sign: Array) -> Array:
     """Return the direction in which each dry friction's joint goes, (n, k); 0 where a crank stands too."""
-    standing = np.abs(speed) <= STILL * np.abs(speed).max()
-    sign = np.where(standing, 0.0, np.sign(speed))
-    return np.stack([sign * one.direction for one in dry], 1) if dry else np.zeros((len(speed), 0))
+    return np.stack([sign * one.direction for one in dry], 1) if dry else np.zeros((len(sign), 0))
+
+
+def _joined(parts: Sequence[InverseDynamics]) -> InverseDynamics:
+    """Return parts put end to end; what is not determined in one of them is not determined."""
+
+    def bare(one: Reaction) -> Reaction:
+        return replace(one, determined=None)
+
+    whole = join(
+        [
+            replace(part.efforts, reactions={name: bare(one) for name, one in part.efforts.reactions.items()})
+            for part in parts
+        ]
+    )
+    reactions = {
+        name: replace(one, determined=np.all([part.efforts.reactions[name].known for part in parts], 0))
+        for name, one in whole.reactions.items()
+    }
+    return InverseDynamics(
+        machine=parts[0].machine,
+        efforts=replace(whole, reactions=reactions),
+        load=np.concatenate([part.load for part in parts]),
+        reduced=join([part.reduced for part in parts]),
+        second_torque=np.concatenate([part.second_torque for part in parts]),
+        indeterminacy=max(part.indeterminacy for part in parts),
+        shaking_force=np.concatenate([part.shaking_force for part in parts]),
+        shaking_moment=np.concatenate([part.shaking_moment for part in parts]),
+    )
 
 
 def _rate(what: str, value: ArrayLike, angle: Array) -> Array:

@@ -17,6 +17,7 @@ from mechsim.simulation.model_loops import RANK_TOLERANCE
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recorded_motion import CHUNK, States, link_motions, opening
 from mechsim.simulation.settings import set_armature
+from mechsim.simulation.stepping import Watch, unwatched
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +181,12 @@ def started(loaded: LoadedModel, angle: float, speed: float) -> tuple[Array, Arr
 
 
 def required(
-    loaded: LoadedModel, time: Array, angle: Array, speed: Array, acceleration: Array
+    loaded: LoadedModel,
+    time: Array,
+    angle: Array,
+    speed: Array,
+    acceleration: Array,
+    watch: Watch = unwatched,
 ) -> tuple[States, Efforts]:
     """Return the closed states of a crank motion, (n,) each in SI, and what it needs, by inverse dynamics.
 
@@ -196,6 +202,8 @@ def required(
         states = States(time[part], qpos[part], _rates(loaded, qpos[part]) * speed[part, None])
         at = situation(loaded, states)
         parts.append((states, efforts(loaded, at, *needed(loaded, at, acceleration[part]))))
+        done = min(first + CHUNK, len(time))
+        watch(f"{done:,} of {len(time):,} poses", done / len(time))
     return join([states for states, _ in parts]), join([found for _, found in parts])
 
 

@@ -18,7 +18,7 @@ from mechsim.simulation.recorded_motion import evaluate
 from mechsim.simulation.refine import Promise
 from mechsim.simulation.run_result import Driven, Method
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.stepping import step
+from mechsim.simulation.stepping import Watch, step, unwatched
 
 # instants recorded a turn where nothing else is asked
 SAMPLES = 72
@@ -39,6 +39,7 @@ def driven(
     samples: int | None = None,
     settings: Settings | None = None,
     cut: tuple[str, ...] | None = None,
+    watch: Watch = unwatched,
 ) -> Driven:
     """Return drive torque, joint reactions and energies of a machine under a prescribed crank.
 
@@ -58,9 +59,11 @@ def driven(
         samples: instants recorded after the first, evenly spread; None takes about 72 a turn.
         settings: how to step; with a tolerance their number of steps is replaced.
         cut: joints at which the loops are cut; None lets the generator choose.
+        watch: told now and then how far it has come, in words and as a part of the whole, 0 to 1; with a
+            tolerance each trial begins anew.
 
     Raises:
-        InputError: for values that cannot be used.
+        InputError: for values that cannot be used, or more instants than memory holds.
         AssemblyError: if the loops close nowhere or only over part of it.
     """
     if method not in (None, "pose", "step"):
@@ -75,24 +78,24 @@ def driven(
             raise InputError("neither a crank speed nor a profile was given; give one of them")
         profile = constant(speed, turns, mechanism.start)
     if method == "pose" or (method is None and tolerance is None):
-        return _kept(_solved(loaded, profile, samples), tolerance)
+        return _kept(_solved(loaded, profile, samples, watch), tolerance)
     angle = profile.state(np.linspace(0.0, profile.duration, PROBES))[0]
     # all of it, so that a crank that cannot go there is refused before anything is stepped
     follow.follow(loaded.loops, loaded.closed, angle)
     settings = settings or Settings()
     if tolerance is None:
-        return _stepped(loaded, profile, settings, *_paced(profile, settings, samples))
+        return _stepped(loaded, profile, settings, *_paced(profile, settings, samples), watch)
 
     def whole(steps: int) -> Driven:
         chosen = replace(settings, steps_per_turn=steps)
-        return _stepped(loaded, profile, chosen, *_paced(profile, chosen, samples))
+        return _stepped(loaded, profile, chosen, *_paced(profile, chosen, samples), watch)
 
     short = _one_turn(profile)
     count = max(short.least, int(np.ceil(TRIAL_SAMPLES * short.turns - 1e-9)))
 
     def trial(steps: int) -> Driven:
         chosen = replace(settings, steps_per_turn=steps)
-        return _stepped(loaded, short, chosen, count, steps // TRIAL_SAMPLES)
+        return _stepped(loaded, short, chosen, count, steps // TRIAL_SAMPLES, watch)
 
     return within(loaded, tolerance, whole, trial)
 
@@ -122,12 +125,12 @@ def _kept(run: Driven, tolerance: float | None) -> Driven:
     return replace(run, outcome="met" if promise.met else "missed", promise=promise)
 
 
-def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None) -> Driven:
+def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, watch: Watch) -> Driven:
     count = samples or max(profile.least, int(np.ceil(SAMPLES * profile.turns - 1e-9)))
     time = np.linspace(0.0, profile.duration, count + 1)
     angle, speed, acceleration = profile.state(time)
     begin = clock.perf_counter()
-    states, found = required(loaded, time, angle, speed, acceleration)
+    states, found = required(loaded, time, angle, speed, acceleration, watch)
     seconds = clock.perf_counter() - begin
     motion = evaluate(loaded.loops, loaded.track, states, "pose", crank_acceleration=acceleration)
     return Driven(
@@ -141,7 +144,7 @@ def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None) -> 
 
 
 def _stepped(
-    loaded: LoadedModel, profile: CrankProfile, settings: Settings, samples: int, stride: int
+    loaded: LoadedModel, profile: CrankProfile, settings: Settings, samples: int, stride: int, watch: Watch
 ) -> Driven:
     total = samples * stride
     first, speed, _ = (float(one[0]) for one in profile.state(np.zeros(1)))
@@ -155,7 +158,7 @@ def _stepped(
     stiffen_friction(model, profile.duration / total)
     time = profile.duration / total * np.arange(float(total))
     controls = loaded.controls(profile.state(time)[0], time) if model.nu else None
-    steps = step(loops, settings, profile, started(loaded, first, speed), total, stride, controls)
+    steps = step(loops, settings, profile, started(loaded, first, speed), total, stride, controls, watch)
     states = steps.states
     found = efforts_of(loaded, model, settings.hardness, states, steps.force)
     motion = evaluate(loaded.loops, loaded.track, states, "step", crank_acceleration=found.acceleration)
