@@ -57,6 +57,11 @@ class Kind:
         return len(self.turns) == 3
 
     @property
+    def floats(self) -> bool:
+        """Whether it holds nothing."""
+        return self.ball and len(self.slides) == 3
+
+    @property
     def crossed(self) -> bool:
         """Whether it turns about two axes that cross."""
         return len(self.turns) == 2

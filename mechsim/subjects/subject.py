@@ -1,4 +1,4 @@
-"""What a command is given, made into what moves: a name, FILE.toml or FILE.py:OBJECT."""
+"""What a command is given, made into what moves: a name, FILE.toml, FILE.xml or FILE.py:OBJECT."""
 
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
@@ -10,6 +10,7 @@ from mechsim.errors import InputError
 from mechsim.model.programs import State
 from mechsim.subjects import gallery
 from mechsim.subjects.catalog_object import read_catalog
+from mechsim.subjects.mjcf_source import MjcfForm, read_mjcf
 from mechsim.subjects.prescription import Prescription, prescribed
 from mechsim.subjects.python_object import read_python
 from mechsim.subjects.toml_reader import TomlSubject, read_toml
@@ -34,8 +35,9 @@ def load(
     """Return what moves.
 
     Args:
-        model: a name of the catalogue or the gallery, FILE.toml, or FILE.py:OBJECT, a Mechanism, a catalogue
-            object, or a function without arguments that returns one. The Python file is run.
+        model: a name of the catalogue or the gallery, FILE.toml, FILE.xml in MJCF, or FILE.py:OBJECT, a
+            Mechanism, a catalogue object, or a function without arguments that returns one. The Python file
+            is run.
         set: parameter -> its value as text, as `--set` takes it, or a number in SI.
         drive: coordinate -> its program: text as `--drive` takes it, or a function of times (n,) in [s] that
             returns value, rate and acceleration, (n,) each in SI.
@@ -62,6 +64,9 @@ def load(
     read = _read(model, changed, asked)
     if isinstance(read, TomlSubject):
         return prescribed(read.form, asked, read.programs, read.duration)
+    if isinstance(read, MjcfForm):
+        # the reader has done the rest
+        return prescribed(read, Prescription(drive=asked.drive, duration=asked.duration))
     return prescribed(read, asked)
 
 
@@ -72,7 +77,16 @@ def _read(model: str, changed: Mapping[str, str], asked: Prescription) -> Form |
     if model.lower().endswith(".toml"):
         return read_toml(model, changed, drivers=tuple(asked.drive))
     if model.lower().endswith(".xml"):
-        raise InputError(f"{model}: MJCF is not read by this command; give FILE.toml or a catalogue name")
+        if changed:
+            raise InputError(f"{model}: an MJCF file has no parameters; leave out --set")
+        return read_mjcf(
+            model,
+            drivers=tuple(asked.drive),
+            holds=asked.hold,
+            hold_base=asked.hold_base,
+            key=asked.key,
+            track=asked.track,
+        )
     if changed:
         raise InputError(f"{model}: an object in a Python file has no parameters; leave out --set")
     return read_python(model)

@@ -236,7 +236,7 @@ def test_what_a_file_may_not_hold_is_refused_in_one_line_with_its_place(file, ca
         ("nowhere.toml", "there is no file nowhere.toml"),
         (".toml", "there is no file"),
         ("four_barr", "did you mean 'four_bar'"),
-        ("scene.xml", "MJCF"),
+        ("scene.xml", "no file"),
         ("a.py", "FILE.py:OBJECT"),
         ("nowhere.py:thing", "there is no file nowhere.py"),
     ],

@@ -1,54 +1,98 @@
-"""Which joints the crank leaves open: the loop equations do not invent their motion."""
+"""Which joints the drivers leave open: the loop equations do not invent their motion."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.closure.loop_solver import loop_solver
+from mechsim.analytic.closure.generic_pose import held
+from mechsim.analytic.closure.loop_solver import LoopSolver, loop_solver
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, Placed, placed
 from mechsim.errors import MobilityError
 from mechsim.maths.arrays import Array
+from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND
 
 # displacement along a freedom, in radians or parts of the size; a residual that is closed; and the part of
 # the displacement by which a joint or a point is seen to move
 NUDGE, CLOSED, SEEN = 1e-3, 1e-10, 1e-2
+# a coordinate that takes part in a freedom by less takes none; and names that a refusal lists
+PART, LISTED = 1e-6, 12
 
 
 def require_determined(loops: TreeLoops, start: Coordinates) -> None:
-    """Refuse a mechanism whose crank does not settle it; idle freedoms, such as a rod's spin, are none.
+    """Refuse a mechanism whose drivers do not settle it; idle freedoms, such as a rod's spin, are none.
 
     Raises:
-        MobilityError: with the joints and points left open.
+        MobilityError: with the joints and points left open, no more of them than there are freedoms.
     """
-    names: list[str] = []
     solver = loop_solver(loops, start)
-    for freedom in solver.gauge:
-        step = np.zeros((loops.tree.count, 1))
-        step[loops.unknown, 0] = NUDGE * freedom
-        nudged = loops.moved(start, step)
-        try:
-            there, found, _ = replace(solver, pinned=nudged).close(nudged)
-        except np.linalg.LinAlgError:
-            continue
-        # at a singular pose the loops draw it back
-        if np.abs(found.residual).max(initial=0.0) < CLOSED:
-            names += _seen(loops, start, there)
+    if not solver.open:
+        return
+    names: list[str] = []
+    for name in _open(loops, solver, start):
+        if len(names) == LISTED:
+            names.append("others")
+            break
+        names += [name] if name not in names else []
+    floating = {joint.name for joint in loops.tree.mechanism.joints if KINDS[joint.kind].floats}
     if names:
+        listed = " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
+        base = ", hold the base (--hold-base)" if floating & {*names} else ""
         raise MobilityError(
-            f"{loops.tree.mechanism.name}: undetermined: with the crank held "
-            f"{', '.join(dict.fromkeys(names))} can still move; drive, hold or couple them",
+            f"{loops.tree.mechanism.name}: undetermined: with what is driven held {listed} "
+            f"{'are' if len(names) > 1 else 'is'} left open; drive, hold or couple "
+            f"{'them' if len(names) > 1 else 'it'}{base}, or run it with --method step",
             "undetermined",
         )
 
 
+def _open(loops: TreeLoops, solver: LoopSolver, start: Coordinates) -> Iterator[str]:
+    """Yield what can move, one name for each freedom: with all before it held, it still can."""
+    tree, gauge = loops.tree, solver.gauge
+    columns = {name: int(np.searchsorted(loops.unknown, place)) for name, place in tree.places.items()}
+    free = [name for name, place in tree.places.items() if place in loops.unknown]
+    joints = {name: joint for joint in tree.mechanism.joints for name in joint.coordinates}
+    for name in free:
+        moves = _nudged(loops, solver, start, gauge, columns[name])
+        if moves and name in moves:
+            yield joints[name].name if KINDS[joints[name].kind].floats else name
+            gauge = held(gauge, columns[name])
+    # what no coordinate counts: the turns of balls
+    for ball in tree.balls:
+        for turn in range(ball.turning, ball.turning + 3):
+            column = int(np.searchsorted(loops.unknown, turn))
+            moves = _nudged(loops, solver, start, gauge, column)
+            if moves:
+                yield ball.joint.name if ball.kind.floats else moves[0]
+                gauge = held(gauge, column)
+
+
+def _nudged(loops: TreeLoops, solver: LoopSolver, start: Coordinates, gauge: Array, column: int) -> list[str]:
+    """Return what is seen to move in the freedoms in which a coordinate takes part; empty for an idle one."""
+    part = gauge[:, column]
+    size = float(np.linalg.norm(part))
+    if size < PART:
+        return []
+    step = np.zeros((loops.tree.count, 1))
+    step[loops.unknown, 0] = NUDGE * (part / size) @ gauge
+    nudged = loops.moved(start, step)
+    try:
+        there, found, _ = replace(solver, pinned=nudged).close(nudged)
+    except np.linalg.LinAlgError:
+        return []
+    # at a singular pose the loops draw it back
+    if np.abs(found.residual).max(initial=0.0) >= CLOSED:
+        return []
+    return _seen(loops, start, there)
+
+
 def _seen(loops: TreeLoops, before: Coordinates, after: Coordinates) -> list[str]:
-    """Return the joints and tracked points that differ between two poses."""
+    """Return the coordinates and tracked points that differ between two poses."""
     tree = loops.tree
     gone = np.abs(after.values - before.values)[:, 0] / loops.units
-    names = [f"joint {name!r}" for name, place in tree.places.items() if gone[place] > SEEN * NUDGE]
+    names = [name for name, place in tree.places.items() if gone[place] > SEEN * NUDGE]
     here, there = (_points(loops, placed(tree, at)) for at in (before, after))
     far = SEEN * NUDGE * tree.mechanism.size
     return names + [f"point {name}" for name, at in here.items() if np.abs(there[name] - at).max() > far]

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from mechsim.analytic.closure.checked_start import checked_start
 from mechsim.analytic.closure.followed_path import FollowedPath, Words
-from mechsim.analytic.closure.open_joints import require_determined
-from mechsim.analytic.closure.tree_assembly import assembled, held_values, with_holds
+from mechsim.analytic.closure.tree_assembly import held_values, with_holds
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.analytic.closure.tree_rates import Instants, loop_motion
@@ -28,10 +28,9 @@ def followed_under(mechanism: Mechanism, programs: Programs, through: Through = 
 
     Raises:
         AssemblyError: where the loops do not close at the guess or on the way to where the programs begin.
-        MobilityError: where the drivers leave joints or tracked points open.
+        MobilityError: where the drivers leave joints or tracked points open, or are too many.
     """
-    loops, start = assembled(mechanism)
-    require_determined(loops, start)
+    loops, start = checked_start(mechanism)
     held = held_values(mechanism)
 
     def drive(clock: Array) -> Array:

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.closure.assembly import crank_angles
+from mechsim.analytic.closure.checked_start import checked_start
 from mechsim.analytic.closure.followed_path import FollowedPath
 from mechsim.analytic.closure.motion import crank_rate, joint_motion, point_on
-from mechsim.analytic.closure.open_joints import require_determined
-from mechsim.analytic.closure.tree_assembly import assembled, held_values, with_holds
+from mechsim.analytic.closure.tree_assembly import held_values, with_holds
 from mechsim.analytic.closure.tree_rates import Instants, LoopMotion, loop_motion
 from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN, other_laps
@@ -32,13 +32,12 @@ def followed(mechanism: Mechanism, through: Through = "smooth") -> FollowedPath:
 
     Raises:
         AssemblyError: where the loops do not close at the start.
-        MobilityError: where the crank leaves joints or tracked points open.
+        MobilityError: where the crank leaves joints or tracked points open, or is held by the loops.
         InputError: for a mechanism without a crank.
     """
     mechanism = described(mechanism)
     crank = mechanism.crank.name
-    loops, start = assembled(mechanism)
-    require_determined(loops, start)
+    loops, start = checked_start(mechanism)
     begin = float(start.values[loops.tree.places[crank], 0])
     held = held_values(mechanism)
     return FollowedPath(loops, lambda angle: with_holds(angle[None], held), start, begin, through)

@@ -1,0 +1,28 @@
+"""Where a motion begins: put together, and with as many drivers as it has freedoms that count."""
+
+from mechsim.analytic.closure.open_joints import require_determined
+from mechsim.analytic.closure.superfluous_drivers import require_drivable
+from mechsim.analytic.closure.tree_assembly import assembled
+from mechsim.analytic.closure.tree_loops import TreeLoops, tree_loops
+from mechsim.analytic.closure.tree_motion import Coordinates
+from mechsim.errors import AssemblyError
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.rough_poses import rough_poses, starts
+
+
+def checked_start(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
+    """Return the loops of a mechanism, and the coordinates in which it begins to move.
+
+    Raises:
+        AssemblyError: where the loops do not close at the start.
+        MobilityError: where the drivers leave joints or tracked points open, or are too many.
+    """
+    try:
+        loops, start = assembled(mechanism)
+    except AssemblyError:
+        # drivers that are too many seldom agree to the last digit
+        require_drivable(*tree_loops(mechanism, rough_poses(mechanism), starts(mechanism)))
+        raise
+    require_drivable(loops, start)
+    require_determined(loops, start)
+    return loops, start

@@ -1,0 +1,60 @@
+"""Poses that are no special ones: where ranks say what is true of a mechanism and not of one pose."""
+
+import numpy as np
+
+from mechsim.analytic.closure.tree_loops import TreeLoops
+from mechsim.analytic.closure.tree_motion import Coordinates
+from mechsim.maths.arrays import Array
+
+# displacement from one pose to the next, in radians or parts of the size
+APART = 0.15
+# Newton steps to a pose, the longest turn of one in [rad], and one so short that rounding is left
+MOST_STEPS, LONGEST, SHORT = 40, 0.3, 1e-9
+
+
+def generic_poses(loops: TreeLoops, start: Coordinates, count: int, told: float) -> list[Coordinates]:
+    """Return poses near a start, one after the other, drivers and holds as free as the rest.
+
+    Args:
+        loops: of the mechanism.
+        start: one set of coordinates, closed or nearly so.
+        count: of poses.
+        told: singular values below this part of the largest are nought.
+    """
+    random, at = np.random.default_rng(7), settled(loops, start, told)
+    found: list[Coordinates] = []
+    for _ in range(count):
+        free = idle_and_free(loops, at, told)[1]
+        step = free.T @ random.standard_normal(len(free))
+        longest = float(np.abs(step).max(initial=0.0))
+        if longest > 0.0:
+            at = settled(loops, loops.moved(at, (step * APART / longest)[:, None]), told)
+        found.append(at)
+    return found
+
+
+def settled(loops: TreeLoops, at: Coordinates, told: float) -> Coordinates:
+    """Return where no step in what the rows tell makes the loops stand less open."""
+    before = np.inf
+    for _ in range(MOST_STEPS):
+        residual, slope, _ = loops.linearise(at)
+        step = np.asarray(-np.linalg.lstsq(slope[..., 0], residual[:, 0], rcond=told)[0], dtype=np.float64)
+        longest = float(np.abs(step).max(initial=0.0))
+        if longest == 0.0 or (longest < SHORT and longest > 0.25 * before):
+            break
+        before = longest
+        at = loops.moved(at, (step * min(1.0, LONGEST / longest))[:, None])
+    return at
+
+
+def idle_and_free(loops: TreeLoops, at: Coordinates, told: float) -> tuple[Array, Array]:
+    """Return sums of rows that tell nothing, (rows, m), and the freedoms of all coordinates, (f, count)."""
+    left, values, right = np.linalg.svd(loops.linearise(at)[1][..., 0])
+    rank = int((values > told * values[:1].max(initial=0.0)).sum())
+    return left[:, rank:], right[rank:]
+
+
+def held(freedoms: Array, coordinate: int) -> Array:
+    """Return the freedoms in which a coordinate that has part in them does not move, one fewer."""
+    _, _, turned = np.linalg.svd(freedoms[None, :, coordinate])
+    return turned[1:] @ freedoms

@@ -1,0 +1,6 @@
+"""Reads MJCF files into mechanisms: positions, axes, anchors and couplings copied as data, nothing solved."""
+
+from mechsim.simulation.mjcf_reader.reading import MjcfModel, read_model
+from mechsim.simulation.mjcf_reader.states import states_of
+
+__all__ = ["MjcfModel", "read_model", "states_of"]

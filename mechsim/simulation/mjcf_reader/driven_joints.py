@@ -1,0 +1,72 @@
+"""Which joints of a model are driven: those named, else those of its actuators, else a hinge called crank."""
+
+from collections.abc import Sequence
+
+import mujoco
+
+from mechsim.errors import InputError
+from mechsim.simulation.mjcf_reader.equality_rows import tendon_joints
+from mechsim.simulation.mjcf_reader.kinds import DRIVABLE
+
+ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+ON_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
+# the joint that is driven where nothing else says which
+CRANK = "crank"
+# names that a refusal lists
+LISTED = 12
+
+
+def coordinates(model: mujoco.MjModel) -> list[str]:
+    """Return the names of the hinges and slides of a model."""
+    return [model.joint(j).name for j in range(model.njnt) if int(model.jnt_type[j]) in DRIVABLE]
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as a refusal lists them, no more than a line holds."""
+    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+    return ", ".join(names[:LISTED]) + more if names else "none"
+
+
+def require_coordinate(model: mujoco.MjModel, name: str, what: str) -> None:
+    """Refuse what is no hinge or slide of a model."""
+    known = coordinates(model)
+    if name not in known:
+        raise InputError(f"{what} names {name!r}; hinges and slides of the model are {listed(known)}")
+
+
+def driven(model: mujoco.MjModel, wanted: Sequence[str], held: Sequence[str]) -> tuple[str, ...]:
+    """Return the driven joints.
+
+    Args:
+        model: the model.
+        wanted: named by the user; empty leaves them to the model.
+        held: joints that are held, of which no actuator makes drivers.
+
+    Raises:
+        InputError: for a name that is no hinge or slide, or a model that says of none that it is driven.
+    """
+    for name in wanted:
+        require_coordinate(model, name, "--drive")
+    if wanted:
+        return tuple(dict.fromkeys(wanted))
+    known = [name for name in coordinates(model) if name not in held]
+    acted = [
+        name for a in range(len(model.actuator_trntype)) for name in acted_on(model, a)[:1] if name in known
+    ]
+    found = tuple(dict.fromkeys(acted)) or ((CRANK,) if CRANK in known else ())
+    if not found:
+        raise InputError(
+            "nothing says what is driven: no actuator acts on a joint, and no hinge is called crank; "
+            f"name joints by --drive; there are {listed(known)}"
+        )
+    return found
+
+
+def acted_on(model: mujoco.MjModel, actuator: int) -> list[str]:
+    """Return the joints on which an actuator acts, directly or by a fixed tendon."""
+    of, kind = int(model.actuator_trnid[actuator, 0]), int(model.actuator_trntype[actuator])
+    if kind in ON_JOINT:
+        return [model.joint(of).name]
+    if kind == ON_TENDON and int(model.wrap_type[model.tendon_adr[of]]) == int(mujoco.mjtWrap.mjWRAP_JOINT):
+        return list(tendon_joints(model, of))
+    return []

@@ -1,0 +1,47 @@
+"""What a model says beside its geometry: limits, actuators, and how far its loops stand open."""
+
+from collections.abc import Mapping, Sequence
+
+import mujoco
+import numpy as np
+
+from mechsim.maths.arrays import Array
+from mechsim.model.mechanism import GROUND, IDENTITY, Joint, Pose
+from mechsim.simulation.mjcf_reader.driven_joints import acted_on
+from mechsim.simulation.mjcf_reader.kinds import DRIVABLE
+
+
+def coordinate_values(model: mujoco.MjModel, qpos: Array) -> dict[str, float]:
+    """Return the values of the hinges and slides at qpos (nq,): joint -> [rad] or [m]."""
+    return {
+        model.joint(j).name: float(qpos[model.jnt_qposadr[j]])
+        for j in range(model.njnt)
+        if int(model.jnt_type[j]) in DRIVABLE
+    }
+
+
+def limits(model: mujoco.MjModel) -> dict[str, tuple[float, float]]:
+    """Return the ranges of the limited hinges and slides, in [rad] or [m]."""
+    return {
+        model.joint(j).name: (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
+        for j in range(model.njnt)
+        if model.jnt_limited[j] and int(model.jnt_type[j]) in DRIVABLE
+    }
+
+
+def actuators(model: mujoco.MjModel) -> dict[str, Sequence[str]]:
+    """Return the joints on which each actuator acts."""
+    return {
+        model.actuator(a).name or f"actuator{a + 1}": acted_on(model, a)
+        for a in range(len(model.actuator_trntype))
+    }
+
+
+def gap(joints: Sequence[Joint], poses: Mapping[str, Pose]) -> float:
+    """Return how far apart the points of the joints that close loops are, the worst in [m]."""
+    placed = {GROUND: IDENTITY, **poses}
+    apart = [
+        placed[joint.b.link].point(joint.b.point) - placed[joint.a.link].point(joint.a.point)
+        for joint in joints
+    ]
+    return max((float(np.linalg.norm(one)) for one in apart), default=0.0)

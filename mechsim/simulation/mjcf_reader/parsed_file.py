@@ -1,0 +1,102 @@
+"""An MJCF file parsed and compiled, or MuJoCo's refusal in one line with file and line number."""
+
+import os
+import re
+import stat
+import warnings
+
+import mujoco
+
+from mechsim.errors import InputError
+from mechsim.simulation.mjcf.compiling import compiled
+from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf_reader.missing_files import without_missing
+
+# a file longer than this is no description of a mechanism
+LARGEST = 50_000_000
+# characters of MuJoCo's message that are repeated
+SHOWN = 300
+
+_COMMENT = re.compile(r"<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>]*>", re.DOTALL | re.IGNORECASE)
+_ROOT = re.compile(r"\s*<([A-Za-z_][\w.:-]*)")
+_LINE = re.compile(r",?\s*line(?: number)?[ =:]+(\d+)", re.IGNORECASE)
+_NOISE = re.compile(
+    r"MuJoCo refuses the model: |(?:XML )?Error: |,? ?\bid -?\d+|Element name '',?"
+    r"|ErrorID=\d+ \(0x[0-9a-f]+\)"
+)
+_ELEMENT = re.compile(r" Element (?:name )?('[^']*')")
+
+
+@quiet()
+def parsed(path: str) -> tuple[mujoco.MjSpec, mujoco.MjModel, list[str]]:
+    """Return the specification of an MJCF file, the model it compiles to, and what was left out of it.
+
+    Meshes, textures and height fields whose files are missing are left out: no joint needs them.
+
+    Raises:
+        InputError: for a file that cannot be read or that MuJoCo refuses; names file and line.
+    """
+    _require_mjcf(path)
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            spec = mujoco.MjSpec.from_file(path)
+    except (ValueError, UnicodeError) as error:
+        raise refusal(path, error) from None
+    return (spec, *compiled_whole(path, spec))
+
+
+@quiet()
+def compiled_whole(path: str, spec: mujoco.MjSpec) -> tuple[mujoco.MjModel, list[str]]:
+    """Return the model of a specification, and what had to be left out of it for missing files."""
+    left_out: list[str] = []
+    while True:
+        try:
+            with warnings.catch_warnings(action="ignore"):
+                return compiled(spec), left_out
+        except InputError as error:
+            said = without_missing(spec, str(error))
+            if not said:
+                raise refusal(path, error) from None
+            left_out.append(said)
+
+
+def refusal(path: str, error: Exception) -> InputError:
+    """Return MuJoCo's refusal of a file in one line: file, line, and what it said."""
+    text = " ".join(str(error).split())
+    line = _LINE.search(text)
+    where = f"{path}, line {line[1]}" if line and int(line[1]) else path
+    said = " ".join(_NOISE.sub("", _LINE.sub("", text)).split()).strip(" ,;:")
+    said = _ELEMENT.sub(r" (element \1)", said)
+    said = said if len(said) <= SHOWN else f"{said[:SHOWN]}..."
+    return InputError(f"{where}: MuJoCo refuses it: {said}; mend the file")
+
+
+def _require_mjcf(path: str) -> None:
+    """Refuse what is no file, no text or no MJCF before MuJoCo sees it."""
+    try:
+        about = os.stat(path)
+        if not stat.S_ISREG(about.st_mode):
+            raise InputError(f"{path} is no regular file; name an MJCF file")
+        if about.st_size > LARGEST:
+            raise InputError(f"{path} has {about.st_size} bytes; an MJCF file has {LARGEST} at most")
+        with open(path, encoding="utf-8-sig") as file:
+            text = file.read()
+    except FileNotFoundError:
+        raise InputError(f"there is no file {path}; name one that can be read") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is no text in UTF-8; name an MJCF file") from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
+    if not text.strip():
+        raise InputError(f"{path} is empty; name an MJCF file")
+    found = _ROOT.match(_COMMENT.sub("", text))
+    root = found[1] if found else None
+    if root == "robot":
+        raise InputError(
+            f"{path} is URDF, not MJCF; MuJoCo converts it: mujoco.MjSpec.from_file({path!r}).to_xml()"
+        )
+    if root != "mujoco":
+        what = f"begins with <{root}>" if root else "is no XML"
+        raise InputError(f"{path} {what}; an MJCF file begins with <mujoco>")

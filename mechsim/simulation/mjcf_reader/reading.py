@@ -1,0 +1,167 @@
+"""An MJCF file as a mechanism, and as the model that MuJoCo runs of it."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
+from mechsim.model.mechanism import Mechanism
+from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf_reader import facts
+from mechsim.simulation.mjcf_reader.driven_joints import driven, listed, require_coordinate
+from mechsim.simulation.mjcf_reader.equality_rows import equalities
+from mechsim.simulation.mjcf_reader.held_base import free_bodies, hold_base
+from mechsim.simulation.mjcf_reader.joint_chains import chains, poses
+from mechsim.simulation.mjcf_reader.kinds import SLIDE
+from mechsim.simulation.mjcf_reader.named_parts import name_parts
+from mechsim.simulation.mjcf_reader.parsed_file import compiled_whole, parsed
+from mechsim.simulation.mjcf_reader.tracked_points import Place, tracked
+
+Held = float | None | Callable[[Literal["m", "rad"]], float]
+
+
+@dataclass(frozen=True)
+class MjcfModel:
+    """What was read of an MJCF file.
+
+    Attributes:
+        path: of the file.
+        mechanism: its links, joints, couplings, drivers and points; the guess is its start.
+        spec: the file as MuJoCo is to run it: every body, joint and equality named, a site at every
+            tracked point, free joints taken away where the base is held. Copy it before changing it.
+        qpos: of the start, (nq,).
+        gap: how far the loops stand open at the start, in [m].
+        limits: joint -> its range in [m] or [rad].
+        actuators: actuator -> the joints on which it acts.
+        remarks: sentences on what was left out or changed.
+    """
+
+    path: str
+    mechanism: Mechanism
+    spec: mujoco.MjSpec
+    qpos: Array
+    gap: float
+    limits: Mapping[str, tuple[float, float]]
+    actuators: Mapping[str, Sequence[str]]
+    remarks: tuple[str, ...]
+
+
+@quiet()
+def read_model(
+    path: str,
+    *,
+    drivers: Sequence[str] = (),
+    holds: Mapping[str, Held] | None = None,
+    base_held: bool = False,
+    key: str | None = None,
+    track: Sequence[str] = (),
+) -> MjcfModel:
+    """Read an MJCF file as a mechanism.
+
+    Args:
+        path: of a file that MuJoCo loads.
+        drivers: joints that are driven; empty takes those of actuators, else a hinge called crank.
+        holds: joint -> value at which it is held in [m] or [rad], or a function that has it from the unit;
+            None for that of the start.
+        base_held: whether bodies with free joints stand still.
+        key: keyframe to start from; None takes the reference configuration.
+        track: points, as `tracked` reads them.
+
+    Raises:
+        InputError: for a file, joint, keyframe or point that cannot be read; names it.
+    """
+    spec, _, remarks = parsed(path)
+    name_parts(spec)
+    model, _ = compiled_whole(path, spec)
+    start = _start(path, model, key)
+    if base_held:
+        free = free_bodies(model)
+        if not free:
+            raise InputError(f"{path}: no body has a free joint; leave out --hold-base")
+        start = hold_base(spec, model, start)
+        model, _ = compiled_whole(path, spec)
+        remarks.append(f"held where the model starts, without a free joint: {listed(free)}")
+    _require_finite(path, spec, model, start)
+    chained = chains(model)
+    carried = chained.carriers
+    said = equalities(model, carried)
+    values = facts.coordinate_values(model, start)
+    fixed = _held(model, holds or {}, values)
+    drives = driven(model, drivers, list(fixed))
+    points = tracked(model, carried, track)
+    of = {model.body(b).name: carried[b] for b in range(model.nbody)}
+    mechanism = Mechanism(
+        name=spec.modelname or "model",
+        links=chained.links,
+        joints=(*chained.joints, *said.joints),
+        driver=drives[0] if len(drives) == 1 else drives,
+        points={name: (of[body].link, of[body].point(place)) for name, (body, place) in points.items()},
+        guess=poses(model, chained, start),
+        couplings=tuple(said.couplings),
+        holds=fixed,
+        counted=values,
+    )
+    if mechanism.has_crank:
+        mechanism = replace(mechanism, start=values[drives[0]])
+    _add_sites(spec, points)
+    return MjcfModel(
+        path,
+        mechanism,
+        spec,
+        start,
+        facts.gap(said.joints, mechanism.guess),
+        facts.limits(model),
+        facts.actuators(model),
+        (*remarks, *said.remarks),
+    )
+
+
+def _start(path: str, model: mujoco.MjModel, key: str | None) -> Array:
+    """Return the coordinates of a keyframe, or of the reference configuration, (nq,)."""
+    if key is None:
+        return model.qpos0.copy()
+    known = [model.key(k).name for k in range(model.nkey)]
+    if key not in known:
+        raise InputError(f"{path}: there is no keyframe {key!r}; there are {listed(known)}")
+    return model.key_qpos[known.index(key)].copy()
+
+
+def _held(model: mujoco.MjModel, holds: Mapping[str, Held], values: Mapping[str, float]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for name, value in holds.items():
+        require_coordinate(model, name, "--hold")
+        if callable(value):
+            value = value("m" if int(model.joint(name).type[0]) == SLIDE else "rad")
+        found[name] = values[name] if value is None else float(value)
+        if not np.isfinite(found[name]):
+            raise InputError(f"--hold {name} is at {value}; give a finite number in SI")
+    return found
+
+
+def _require_finite(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start: Array) -> None:
+    """Refuse a model with NaN, which MuJoCo's compiler lets pass."""
+    for what, parts, arrays in (
+        ("body", spec.bodies, (model.body_pos, model.body_quat)),
+        ("joint", spec.joints, (model.jnt_pos, model.jnt_axis, model.jnt_range)),
+        ("site", spec.sites, (model.site_pos, model.site_quat)),
+        ("equality", spec.equalities, (model.eq_data,)),
+    ):
+        for part in parts:
+            if not all(np.isfinite(array[part.id]).all() for array in arrays):
+                where = ", ".join([path, *filter(None, [part.info])])
+                called = f" {part.name!r}" if part.name else ""
+                raise InputError(f"{where}: {what}{called} holds numbers that are not finite; mend the file")
+    if not np.isfinite(start).all():
+        raise InputError(f"{path}: where it starts is not finite; mend ref or the keyframe")
+
+
+def _add_sites(spec: mujoco.MjSpec, points: Mapping[str, Place]) -> None:
+    """Put a site at each tracked point that is none."""
+    known = {site.name for site in spec.sites}
+    for name, (body, place) in points.items():
+        if name not in known:
+            spec.body(body).add_site(name=name, pos=place)

@@ -1,0 +1,135 @@
+"""A mechanism from an MJCF file: our own loop equations move it, and MuJoCo can run the file itself."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim import units
+from mechsim.analytic.closure.exact_geometry import Corrected, corrected
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.errors import InputError, MechsimError
+from mechsim.model.mechanism import Mechanism, Pose
+from mechsim.model.motion import Motion
+from mechsim.model.programs import programs, steady
+from mechsim.units import Unit
+
+if TYPE_CHECKING:
+    from mechsim.simulation.mjcf_reader import MjcfModel
+
+
+@dataclass(frozen=True)
+class MjcfForm(LoopForm):
+    """A mechanism read from an MJCF file.
+
+    Attributes:
+        source: what was read: the specification that MuJoCo runs, limits, actuators, remarks.
+        facts: sentences on what was left out or changed, and on how far the loops stood open.
+        corrected: by how much joints were moved in [m] and turned in [rad] so that the loops can close.
+    """
+
+    source: "MjcfModel | None" = None
+    facts: tuple[str, ...] = ()
+    corrected: tuple[float, float] = (0.0, 0.0)
+
+    def solve(self, angles: ArrayLike, speed: ArrayLike = 1.0, acceleration: ArrayLike = 0.0) -> Motion:
+        """Return the motion at crank angles; links between several joints of one body are no part of it."""
+        return _seen(super().solve(angles, speed, acceleration))
+
+    def solve_as(self, found: Motion) -> Motion:
+        """Return the motion where the drivers of another motion really were."""
+        return _seen(super().solve_as(found))
+
+
+def _seen(motion: Motion) -> Motion:
+    """Return a motion without the links that stand for nothing in the file."""
+    from mechsim.simulation.mjcf_reader.joint_chains import HIDDEN
+
+    return replace(motion, links={k: v for k, v in motion.links.items() if not k.startswith(HIDDEN)})
+
+
+def read_mjcf(
+    path: str,
+    *,
+    drivers: Sequence[str] = (),
+    holds: Mapping[str, str | float | None] | None = None,
+    hold_base: bool = False,
+    key: str | None = None,
+    track: Sequence[str] = (),
+) -> MjcfForm:
+    """Return the mechanism of an MJCF file; programs of its drivers are bound later.
+
+    Args:
+        path: of a file that MuJoCo loads.
+        drivers: joints that are driven; empty takes those of actuators, else a hinge called crank.
+        holds: joint -> value at which it is held, as text or in SI; None for that of the start.
+        hold_base: whether bodies with free joints stand still.
+        key: keyframe to start from; None takes the reference configuration.
+        track: NAME of a site or body, or NAME,BODY@x,y,z in [m]; empty takes the named sites, or the
+            origins of bodies where there are none.
+
+    Raises:
+        InputError: for what MuJoCo refuses, or a joint, keyframe or point that is not there; one line.
+        AssemblyError: where a joint cannot go to where it is held.
+    """
+    from mechsim.simulation.mjcf_reader import read_model
+
+    values = {
+        name: _value(name, value) if isinstance(value, str) else value
+        for name, value in (holds or {}).items()
+    }
+    try:
+        read = read_model(path, drivers=drivers, holds=values, base_held=hold_base, key=key, track=track)
+    except InputError as error:
+        raise error if path in str(error) else InputError(f"{path}: {error}") from None
+    exact = corrected(read.mechanism)
+    return MjcfForm(
+        _held(exact.mechanism),
+        source=read,
+        facts=(*read.remarks, *_gaps(read, exact)),
+        corrected=(exact.moved, exact.turned),
+    )
+
+
+def _value(name: str, text: str) -> Callable[[Unit], float]:
+    return lambda unit: units.parse(text, unit, f"the hold of {name}")
+
+
+def _gaps(read: "MjcfModel", exact: Corrected) -> list[str]:
+    """Say how far the loops of a file stood open, and what was changed to close them."""
+    said: list[str] = []
+    if read.gap > 1e-12 * exact.mechanism.size:
+        said.append(
+            f"the loops stand open by {read.gap:.2g} m where the file starts, and are closed exactly here"
+        )
+    if exact.moved or exact.turned:
+        said.append(
+            f"joints were moved by up to {exact.moved:.2g} m and turned by up to {exact.turned:.2g} rad: "
+            "to the digits of the file its loops would close in no pose"
+        )
+    return said
+
+
+def _held(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism whose guess has its joints where they are held, brought there with drivers still."""
+    counted, holds = dict(mechanism.counted), dict(mechanism.holds)
+    far = {name: value for name, value in holds.items() if value != counted[name]}
+    if not far:
+        return mechanism
+    both = (*mechanism.drivers, *holds)
+    moving = replace(mechanism, driver=both, holds={})
+    states = {name: steady(counted[name], far.get(name, counted[name]) - counted[name]) for name in both}
+    bound = programs(moving, states, 1.0)
+    try:
+        motion = LoopForm(moving, programs=bound).solve([bound.pace], bound.pace)
+    except MechsimError as error:
+        asked = ", ".join(f"{name} = {value:g}" for name, value in far.items())
+        raise type(error)(f"on the way to {asked}, where it is to be held: {error}") from None
+    poses = {
+        name: Pose(np.array(link.position[0]), np.array(link.rotation[0]))
+        for name, link in motion.links.items()
+    }
+    counted |= {name: float(motion.joints[name].value[0]) for name in counted if name in motion.joints}
+    return replace(mechanism, guess=poses, counted=counted | holds)

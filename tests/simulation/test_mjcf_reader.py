@@ -1,0 +1,291 @@
+"""An MJCF file read as a mechanism: its poses and its loops are those that MuJoCo has of the same file."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from mechsim.errors import InputError
+from mechsim.model.mechanism import GROUND, IDENTITY, joint_coordinate
+from mechsim.simulation.mjcf_reader import read_model
+from mechsim.simulation.mjcf_reader.joint_chains import HIDDEN, chains, poses
+
+# every kind of joint, several of them on a body, ref, points off the origin, jointless bodies, frames,
+# defaults, degrees, and a body called as the frame is
+TREE = """
+<mujoco model="tree">
+  <compiler angle="degree" eulerseq="zyx"/>
+  <default><joint damping="1"/><default class="far"><joint pos="0.02 -0.01 0.03"/></default></default>
+  <worldbody>
+    <frame pos="0.1 0.2 0.3" euler="10 20 30">
+      <body name="ground" pos="0 0.1 0" quat="1 0.2 -0.3 0.4">
+        <joint name="first" axis="1 2 3" ref="25" class="far"/>
+        <joint name="second" axis="-1 0 1" pos="0 0.05 0"/>
+        <joint name="third" type="slide" axis="0 1 1" ref="0.04"/>
+        <geom size="0.01"/>
+        <body pos="0.05 0 0" euler="5 -40 70">
+          <site name="riding" pos="0.01 0.02 0.03"/>
+          <geom size="0.01"/>
+          <body name="ball" pos="0 0 0.1">
+            <joint name="socket" type="ball" pos="0.01 0 -0.02"/>
+            <geom size="0.01"/>
+            <body name="last" pos="0.1 0 0"><joint axis="0 0 1"/><geom size="0.01"/></body>
+          </body>
+        </body>
+      </body>
+    </frame>
+    <body name="loose" pos="1 2 3" euler="15 25 35"><freejoint/><geom size="0.01"/></body>
+    <body pos="0 0 -1"><body name="post" pos="0.3 0 0"><joint name="crank"/><geom size="0.01"/></body></body>
+  </worldbody>
+</mujoco>"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    def written(text, name="model.xml"):
+        path = tmp_path / name
+        path.write_text(text)
+        return str(path)
+
+    return written
+
+
+def random_state(model, seed):
+    """Return coordinates over several turns, quaternions of unit length."""
+    random = np.random.default_rng(seed)
+    data = mujoco.MjData(model)
+    mujoco.mj_integratePos(model, data.qpos, random.standard_normal(model.nv) * 4.0, 1.0)
+    return data.qpos.copy()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_links_stand_where_mujoco_has_the_bodies_and_coordinates_are_those_of_qpos(file, seed):
+    read = read_model(file(TREE))
+    model = read.spec.compile()
+    state, data = random_state(model, seed), mujoco.MjData(model)
+    data.qpos[:] = state
+    mujoco.mj_kinematics(model, data)
+    placed = {GROUND: IDENTITY, **poses(model, chains(model), state)}
+    for name, pose in placed.items():
+        if name == GROUND or name.startswith(HIDDEN):
+            continue
+        body = data.body({"ground_body": "ground"}.get(name, name))
+        np.testing.assert_allclose(pose.position, body.xpos, atol=1e-14)
+        np.testing.assert_allclose(pose.rotation, body.xmat.reshape(3, 3), atol=1e-14)
+    for name, (link, place) in read.mechanism.points.items():
+        np.testing.assert_allclose(placed[link].point(place), data.site(name).xpos, atol=1e-14)
+    for joint in read.mechanism.joints:
+        if joint.coordinates != (joint.name,):
+            continue
+        (value,) = joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])
+        off = value - data.joint(joint.name).qpos[0]
+        assert abs(off - 2.0 * np.pi * np.round(off / (2.0 * np.pi))) < 1e-14
+
+
+def test_the_guess_is_the_reference_and_turns_are_counted_as_mujoco_counts_them(file):
+    read = read_model(file(TREE.replace('ref="25"', 'ref="745"')))
+    assert read.mechanism.counted["first"] == pytest.approx(np.radians(745.0))
+    assert read.mechanism.counted["third"] == 0.04
+
+
+def test_what_has_no_name_gets_one_and_links_between_joints_of_a_body_are_marked(file):
+    mechanism = read_model(file(TREE)).mechanism
+    names = [link.name for link in mechanism.links]
+    assert names == ["~first", "~second", "ground_body", "ball", "last", "loose", "post"]
+    assert [joint.name for joint in mechanism.joints][4:6] == ["last_joint", "loose_joint"]
+
+
+LOOPS = """
+<mujoco>
+  <worldbody>
+    <body name="a"><joint name="crank"/><geom size="0.01"/><site name="out" pos="0.1 0.02 0" euler="20 0 0"/>
+      <body name="riser" pos="0 0 0.1"/></body>
+    <body name="b" pos="0.3 0 0"><joint name="slide" type="slide" axis="1 0 0"/><joint name="swing"/>
+      <geom size="0.01"/><site name="in" pos="0.1 0 0.05" euler="0 30 0"/></body>
+    <body name="c" pos="0 0.4 0"><freejoint name="free"/><geom size="0.01"/></body>
+  </worldbody>
+  <tendon><fixed name="t"><joint joint="crank" coef="2"/><joint joint="swing" coef="-0.5"/></fixed>
+    <fixed name="u"><joint joint="slide" coef="3"/></fixed></tendon>
+  <equality>EQUALITY</equality>
+</mujoco>"""
+
+EQUALITIES = {
+    "connect": '<connect body1="riser" body2="b" anchor="0.02 0.03 -0.01"/>',
+    "connect to the world": '<connect body1="riser" anchor="0.02 0.03 -0.01"/>',
+    "connect of sites": '<connect site1="out" site2="in"/>',
+    "weld": '<weld body1="riser" body2="c" relpose="0.1 0.2 -0.1 1 0.3 0.2 -0.4" anchor="0.03 0.01 0.02"/>',
+    "weld as it stands": '<weld body1="b" body2="c"/>',
+    "weld of sites": '<weld site1="out" site2="in"/>',
+    "weld without torque": '<weld body1="riser" body2="c" torquescale="0" anchor="0.03 0.01 0.02"/>',
+    "joint": '<joint joint1="swing" joint2="crank" polycoef="0.1 -2 0.3 0.2 -0.05"/>',
+    "one joint": '<joint joint1="slide" polycoef="0.07 0 0 0 0"/>',
+    "tendons": '<tendon tendon1="t" tendon2="u" polycoef="0.2 0.7 0 0.1 0"/>',
+    "one tendon": '<tendon tendon1="t" polycoef="0.2 0 0 0 0"/>',
+}
+
+
+def opening(mechanism, placed, values):
+    """Return how far what was read stands open, as MuJoCo counts it: points, small turns, coordinates."""
+    gaps = []
+    for joint in mechanism.joints[4:]:
+        a, b = placed[joint.a.link], placed[joint.b.link]
+        gaps.append(np.linalg.norm(a.point(joint.a.point) - b.point(joint.b.point)))
+        if joint.kind == "fixed":
+            turn = (a.rotation @ joint.a.frame).T @ b.rotation @ joint.b.frame
+            gaps.append(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)))
+    for law in mechanism.laws:
+        left, right = (
+            sum(w * values[n] for n, w in side.items()) for side in (law.left_terms, law.right_terms)
+        )
+        gaps.append(abs(left - law.zeros[0] - law.polynomial(np.array(right))[0]))
+    return np.array(gaps)
+
+
+@pytest.mark.parametrize("kind", EQUALITIES)
+def test_an_equality_stands_as_far_open_as_mujoco_says(file, kind):
+    read = read_model(file(LOOPS.replace("EQUALITY", EQUALITIES[kind])))
+    model = read.spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = state = random_state(model, 5)
+    mujoco.mj_fwdPosition(model, data)
+    placed = {GROUND: IDENTITY, **poses(model, chains(model), state)}
+    values = {name: data.joint(name).qpos[0] for name in ("crank", "slide", "swing")}
+    found = opening(read.mechanism, placed, values)
+    rows = data.efc_pos[data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)]
+    assert np.linalg.norm(rows[:3]) > 1e-3
+    assert found[0] == pytest.approx(np.linalg.norm(rows[:3]), rel=1e-12)
+    if len(rows) == 6 and len(found) == 2:  # MuJoCo counts a turn as the sine of its half
+        assert np.sin(found[1] / 2.0) == pytest.approx(np.linalg.norm(rows[3:]), rel=1e-7)
+
+
+def test_what_is_not_active_is_left_out_and_said(file):
+    text = EQUALITIES["connect"].replace("<connect", '<connect name="shut" active="false"')
+    read = read_model(file(LOOPS.replace("EQUALITY", text)))
+    assert len(read.mechanism.joints) == 4
+    assert read.remarks == ("equality 'shut' is not active and was left out",)
+
+
+def test_an_equality_within_one_link_says_nothing_and_is_told(file):
+    read = read_model(
+        file(LOOPS.replace("EQUALITY", '<connect name="c" body1="a" body2="riser" anchor="0 0 0"/>'))
+    )
+    assert len(read.mechanism.joints) == 4
+    assert "do not move against each other" in read.remarks[0]
+
+
+def test_a_missing_mesh_is_said_and_the_rest_is_read(file):
+    asset = '<asset><mesh name="m" file="gone.stl"/></asset><worldbody>'
+    text = TREE.replace("<worldbody>", asset).replace(
+        '<geom size="0.01"/>', '<geom type="mesh" mesh="m"/>', 1
+    )
+    read = read_model(file(text))
+    assert read.remarks == ("file gone.stl is missing: read without its meshes",)
+    whole = read_model(file(TREE))
+    assert read.mechanism.joints == whole.mechanism.joints
+
+
+ACTUATED = LOOPS.replace("EQUALITY", EQUALITIES["joint"]).replace(
+    "<equality>",
+    '<actuator><motor joint="slide"/><position name="p" joint="slide"/><motor tendon="t"/>'
+    '<motor site="out" gear="1 0 0 0 0 0"/></actuator><equality>',
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "asked", "driven"),
+    [
+        (LOOPS.replace("EQUALITY", ""), {}, ("crank",)),
+        (ACTUATED, {}, ("slide", "crank")),
+        (ACTUATED, {"holds": {"slide": None}}, ("crank",)),
+        (ACTUATED, {"drivers": ["swing", "swing"]}, ("swing",)),
+    ],
+)
+def test_drivers_are_those_named_or_those_of_actuators_or_the_crank(file, text, asked, driven):
+    assert read_model(file(text), **asked).mechanism.drivers == driven
+
+
+def test_a_held_base_stands_where_the_keyframe_has_it_whatever_frame_it_is_in(file):
+    keys = '<keyframe><key name="up" qpos="0 0 0 1 0 0 0 0 4 5 6 1 1 0 0 0.3"/></keyframe></mujoco>'
+    text = TREE.replace("</mujoco>", keys).replace(
+        '<body name="loose"', '<frame pos="3 1 2" euler="9 8 7"><body name="loose"'
+    )
+    text = text.replace(
+        '<freejoint/><geom size="0.01"/></body>', '<freejoint/><geom size="0.01"/></body></frame>'
+    )
+    read = read_model(file(text), base_held=True, key="up")
+    model = read.spec.compile()
+    assert model.nq == 9
+    assert len(read.qpos) == 9
+    np.testing.assert_allclose(model.body("loose").pos, [4.0, 5.0, 6.0], atol=1e-14)
+    np.testing.assert_allclose(model.body("loose").quat, [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0], atol=1e-14)
+    assert read.mechanism.counted["crank"] == 0.3
+    assert "loose" not in {link.name for link in read.mechanism.links}
+
+
+def test_limits_and_actuators_are_facts(file):
+    read = read_model(file(ACTUATED.replace('axis="1 0 0"', 'axis="1 0 0" limited="true" range="-0.1 0.2"')))
+    assert read.limits == {"slide": (-0.1, 0.2)}
+    assert read.actuators["p"] == ["slide"]
+
+
+def test_tracked_points_are_those_named_with_a_site_for_each(file):
+    read = read_model(file(TREE), track=["last", "tip,ball@0.1,0.2,0.3"])
+    assert read.mechanism.points == {"last": ("last", (0.0, 0.0, 0.0)), "tip": ("ball", (0.1, 0.2, 0.3))}
+    assert {"last", "tip"} <= {site.name for site in read.spec.sites}
+
+
+BAD = {
+    "empty": ("", "is empty"),
+    "html": ("<html><body/></html>", "begins with <html>"),
+    "urdf": ('<?xml version="1.0"?><!-- a --><robot name="r"/>', "is URDF"),
+    "prose": ("dear all", "is no XML"),
+    "unknown element": (
+        "<mujoco>\n<worldbody>\n<bodie/></worldbody></mujoco>",
+        r"line 3: MuJoCo refuses it: .*'bodie'",
+    ),
+    "cut off": ("<mujoco>\n<worldbody>", "line 2: MuJoCo refuses it"),
+    "no such joint": (LOOPS.replace("EQUALITY", '<joint joint1="nobody"/>'), r"line 12: .*'nobody'"),
+    "not a number": (
+        LOOPS.replace("EQUALITY", "").replace("0 0.4 0", "0 nan 0"),
+        r"line 8: body 'c' .*not finite",
+    ),
+    "a flex": (
+        LOOPS.replace("EQUALITY", "").replace(
+            "<worldbody>",
+            '<worldbody><flexcomp name="f" type="grid" count="3 3 1" spacing="1 1 1" dim="2" radius="0.1">'
+            '<edge equality="true"/></flexcomp>',
+        ),
+        "is of kind flex, which joins no links",
+    ),
+    "a tendon through sites": (
+        LOOPS.replace("EQUALITY", '<tendon tendon1="s"/>').replace(
+            "<tendon>", '<tendon><spatial name="s"><site site="out"/><site site="in"/></spatial>'
+        ),
+        "tendon 's' runs through sites",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_a_file_that_is_none_is_refused_in_one_line(file, what, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text, words = BAD[what]
+    with pytest.raises(InputError, match=words) as refused:
+        read_model(file(text))
+    assert "\n" not in str(refused.value)
+    assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"drivers": ["cranck"]}, "--drive names 'cranck'; hinges and slides of the model are first, second"),
+        ({"holds": {"socket": None}}, "--hold names 'socket'"),
+        ({"key": "home"}, "there is no keyframe 'home'; there are none"),
+        ({"track": ["nose"]}, "--track names 'nose'; sites and bodies"),
+        ({"track": ["tip,nose@0,0,0"]}, "names body 'nose'"),
+        ({"track": ["tip,ball@0,nan,0"]}, "write NAME,BODY@x,y,z"),
+    ],
+)
+def test_a_name_that_is_not_there_is_refused_with_those_that_are(file, asked, words):
+    with pytest.raises(InputError, match=words):
+        read_model(file(TREE), **asked)

@@ -1,0 +1,109 @@
+"""Public closed-loop MJCF files, solved by the loop equations and held against MuJoCo's own constraints.
+
+Problem: each file of `public_mjcf.toml` beside this script moves for a second over one swing of its drivers.
+Reference: MuJoCo. Our poses are put into its qpos, and it says how far its equality constraints stand open
+there (`efc_pos`), to 1e-9 of the size. MuJoCo takes no step and solves nothing. A file whose rounded
+dimensions let its loops close in no pose stands open by as much as they had to be moved.
+
+    python validation/robustness/public_mjcf.py FOLDER
+
+FOLDER holds clones of the repositories named in the list; a file that is not there is skipped. None of
+them lies in this repository.
+"""
+
+import sys
+import tomllib
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from mechsim.analytic.closure.tree_assembly import assembled
+from mechsim.errors import MechsimError
+from mechsim.model.programs import programs
+from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf_reader import states_of
+from mechsim.subjects.mjcf_source import MjcfForm, read_mjcf
+
+# a file whose digits contradict each other stands open somewhere: by a few times what was moved of it
+SAMPLES, BOUND, TIMES = 101, 1e-9, 10.0
+
+
+def swing(start, reach):
+    """Return the program of one swing from a start by a reach and back, in a second."""
+    w = 2.0 * np.pi
+    return lambda t: (
+        start + 0.5 * reach * (1.0 - np.cos(w * t)),
+        0.5 * reach * w * np.sin(w * t),
+        0.5 * reach * w**2 * np.cos(w * t),
+    )
+
+
+def reaches(form: MjcfForm, asked):
+    """Return by how much each driver swings: 0.3 rad or a tenth of the size, to where limits leave room."""
+    mechanism, found = form.mechanism, {}
+    for name in mechanism.drivers:
+        far = 0.3 if mechanism.unit(name) == "rad" else 0.1 * mechanism.size
+        low, high = form.source.limits.get(name, (-np.inf, np.inf))
+        at = mechanism.counted[name]
+        up, down = high - at, at - low
+        found[name] = asked.get(name, min(far, up) if up >= min(far, down) else -min(far, down))
+    return found
+
+
+@quiet()
+def worst_opening(form: MjcfForm, motion):
+    """Return how far MuJoCo's equality constraints stand open at our poses, the worst of all."""
+    model = form.source.spec.copy().compile()
+    data, worst = mujoco.MjData(model), 0.0
+    for row in states_of(model, motion):
+        data.qpos[:] = row
+        mujoco.mj_fwdPosition(model, data)
+        rows = data.efc_pos[data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)]
+        worst = max(worst, float(np.abs(rows).max(initial=0.0)))
+    return worst
+
+
+def judged(path, options):
+    """Return the row of one file."""
+    known = ("drivers", "hold_base", "key", "track")
+    holds = dict.fromkeys(options.get("holds", ()))
+    form = read_mjcf(str(path), holds=holds, **{name: options[name] for name in known if name in options})
+    loops, at = assembled(form.mechanism)
+    slope = loops.linearise(at)[1][..., 0]
+    rank = int(np.linalg.matrix_rank(slope, tol=1e-9)) if slope.size else 0
+    start = {name: float(at.values[loops.tree.places[name], 0]) for name in form.mechanism.drivers}
+    far = reaches(form, options.get("reach", {}))
+    bound = programs(form.mechanism, {name: swing(start[name], far[name]) for name in start}, 1.0)
+    moved = MjcfForm(form.mechanism, programs=bound, source=form.source)
+    motion = moved.solve(np.linspace(0.0, moved.period, SAMPLES), bound.pace)
+    worst = worst_opening(form, motion)
+    size = form.mechanism.size
+    moved, _ = form.corrected
+    return (
+        f"{loops.tree.count - rank:8d} {len(start):7d} {loops.rows:4d} {rank:4d} "
+        f"{form.source.gap:8.1e} {moved:8.1e} {worst:8.1e} {size:7.3f}"
+    ), worst <= BOUND * size + TIMES * moved
+
+
+def main(folder):
+    """Print the table and return whether all files met the bound."""
+    listed = tomllib.loads(Path(__file__).with_suffix(".toml").read_text())["model"]
+    print(f"{'model':30s} freedoms drivers rows rank      gap    moved    worst    size   [m]")
+    good = True
+    for options in listed:
+        path = Path(folder) / options["file"]
+        if not path.exists():
+            print(f"{options['name']:30s} not there: {path}")
+            continue
+        try:
+            line, met = judged(path, options)
+        except MechsimError as error:
+            line, met = str(error), False
+        good &= met
+        print(f"{options['name']:30s} {line}{'' if met else '  MISSED'}", flush=True)
+    return good
+
+
+if __name__ == "__main__":
+    sys.exit(0 if main(sys.argv[1]) else 1)
