@@ -380,12 +380,16 @@ class TwoBranchForm(ClosedForm):
         """
         if not self._root.touching:
             return None
-        if not self._arcs.full and self._arcs.arcs:
-            # a crank that only swings does the same on every lap
-            angle = angle - TURN * np.floor((values(angle) - self._arcs.arcs[0][0]) / TURN)
+        angle = self.counted(angle)
         if self.through == "fold":
             return self.branch * self._root.folded(angle)
         return self.branch * self._root.sign(self._begin) * self._root.over(angle)
+
+    def counted(self, angle: Values) -> Any:
+        """Return crank angles on the lap of the range, (n,): one that only swings does the same on each."""
+        if self._arcs.full or not self._arcs.arcs:
+            return angle
+        return angle - TURN * np.floor((values(angle) - self._arcs.arcs[0][0]) / TURN)
 
     @cached_property
     def _arcs(self) -> Arcs:

@@ -9,11 +9,12 @@ from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import TwoBranchForm
 from mechsim.analytic.catalog.parameter_fields import angle, choice, length
-from mechsim.analytic.vector_method.jets import Values
+from mechsim.analytic.vector_method.jets import Values, cos_sin
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, dot, spun
+from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import EX, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism
+from mechsim.model.mechanism import EX, EY, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,8 +87,32 @@ class FourBar(TwoBranchForm):
         ez, pivot = column(EZ), column((self.ground, 0.0, 0.0))
         ahead = spun(column(EX), ez, angle)
         a = self.crank * ahead
-        swing = circle_sphere(pivot, ez, self.rocker, a, self.coupler, self.branch, self.across(angle))
+        if self.ground == self.crank and self.coupler == self.rocker:
+            swing = self._whip(angle)
+        else:
+            swing = circle_sphere(pivot, ez, self.rocker, a, self.coupler, self.branch, self.across(angle))
         b = pivot + self.rocker * swing
         yield "crank", LinkFrame(column(ORIGIN), x=ahead, z=ez)
         yield "coupler", LinkFrame(a, x=(b - a) / self.coupler, z=ez)
         yield "rocker", LinkFrame(pivot, x=swing, z=ez)
+
+    def _whip(self, angle: Values) -> Any:
+        """Return the rocker's direction in a kite whose crank is as long as its frame, (3, n).
+
+        There A comes to lie on O4, and coupler and rocker on each other. O4A, 2 r sin(f/2) long with its
+        sign, points along (-sin(f/2), cos(f/2)), which leads through. A rhombus lies flat at f = pi, too.
+        """
+        if self.through == "fold":
+            raise AssemblyError(
+                f"four_bar: crank and ground are {self.crank} m, coupler and rocker {self.rocker} m: where A "
+                "lies on O4 neither assembly leads into the other, so that it cannot fold; take through=smooth"
+            )
+        half = 0.5 * self.counted(angle)
+        cosine, sine = cos_sin(half)
+        rhombus = self.crank == self.rocker
+        along = self.crank / self.rocker * sine
+        aside = cosine if rhombus else np.sqrt(1.0 - along * along)
+        begin = 0.5 * self._begin
+        side = float(np.sign(np.sin(begin) * (np.cos(begin) if rhombus else 1.0)))
+        left, back = (spun(column(mark), column(EZ), half) for mark in (EY, (-1.0, 0.0, 0.0)))
+        return along * left - self.branch * side * aside * back
