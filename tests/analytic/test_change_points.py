@@ -153,7 +153,7 @@ def test_loop_equations_fold_as_the_closed_form_does(which):
 @pytest.mark.parametrize("which", ["kite round its frame", "rhombus"])
 def test_what_cannot_fold_is_refused_on_either_road(which):
     drive = FLAT_ONES[which]
-    with pytest.raises(AssemblyError, match="it cannot fold; take through=smooth"):
+    with pytest.raises(AssemblyError, match="and it cannot fold; take through=smooth"):
         drive.positions([0.5], through="fold")
     with pytest.raises(AssemblyError, match="by folding, for it does not turn"):
         closure.solve(drive.mechanism, [-0.5, 0.5], through="fold")
@@ -184,3 +184,26 @@ def test_a_polynomial_that_nearly_touches_zero_does_not_touch(lack):
     assert signed_root(near).over(np.zeros(1))[0] == pytest.approx(np.sqrt(lack), rel=1e-3)
     assert sampled(lambda f: 1.0 - np.cos(f) - lack, 1).touching() == ()
     assert sampled(lambda f: 1.0 - np.cos(f) + FLAT / 4, 1).touching() == pytest.approx((0.0,), abs=1e-12)
+
+
+LOOPER = catalog.make("looper")
+FLAT_LOOPERS = {
+    "one flat pose": (replace(LOOPER, rocker=LOOPER.crank + LOOPER.frame - LOOPER.coupler), 1),
+    "parallelogram": (replace(LOOPER, coupler=LOOPER.frame, rocker=LOOPER.crank), 2),
+}
+
+
+@pytest.mark.parametrize("which", FLAT_LOOPERS)
+def test_a_looper_tells_where_its_four_bar_lies_flat_and_its_range_ends_there(which):
+    drive, count = FLAT_LOOPERS[which]
+    flat = drive.change_points()
+    assert len(flat) == count
+    assert np.sin(np.array(flat) - drive.frame_angle) == pytest.approx(0.0, abs=1e-9)
+    arcs = drive.crank_range()
+    assert not arcs.full
+    assert not any(low < at + lap < high for low, high in arcs.arcs for at in flat for lap in (0.0, TURN))
+    low, high = arcs.arcs[0]
+    angles = np.linspace(low + 0.1, high - 0.1, 25)
+    found = closure.solve(drive.mechanism, angles)
+    for name, point in drive.solve(angles).points.items():
+        assert np.abs(found.points[name].position - point.position).max() <= 1e-12 * drive.mechanism.size

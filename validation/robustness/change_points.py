@@ -1,6 +1,6 @@
 """Linkages whose assemblies meet, or nearly do, on every road against a truth that is tangent-continuous.
 
-    python validation/robustness/change_points.py [--count 200]
+    python validation/robustness/change_points.py [--count 200] [--seed 11]
 
 Random four-bars whose shortest and longest links are together as long as the other two lie flat once or
 twice a turn; the truth goes through there as the product of two half-angle roots does, in 40 digits. Near
@@ -10,6 +10,7 @@ without a word is a silent wrong.
 """
 
 import argparse
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -118,13 +119,16 @@ def tallied(road: str, linkages: Sequence[Lengths]) -> Tally:
         drive = catalog.FourBar(**dict(zip(NAMES, lengths, strict=True)))
         try:
             found = ROADS[road](drive)
-        except MechsimError:
+        except MechsimError as error:
+            print(f"refused by {road}: {lengths}: {error}", file=sys.stderr)
             refused += 1
             continue
         flat = found[:, 0] + 1j * found[:, 1]
         # the assembly is chosen where the guess stands; from there on it has to be kept
         errors = [np.abs(flat - [truth(lengths, at, sign) for at in ANGLES]).max() for sign in (1, -1)]
         error = float(min(errors)) / max(lengths)
+        if not error <= WRONG:
+            print(f"wrong by {road}: {lengths}: {error:.2g} of the size", file=sys.stderr)
         worst = max(worst, error)
         right, wrong = right + (error <= WRONG), wrong + (not error <= WRONG)
     return Tally(road, right, refused, wrong, worst)
@@ -134,14 +138,18 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--count", type=int, default=200)
-    count = parser.parse_args().count
+    parser.add_argument("--seed", type=int, default=11)
+    asked = parser.parse_args()
     print(f"{'linkages':<20}{'road':<18}{'right':>7}{'refused':>9}{'wrong':>7}   worst error / size")
     for near in (False, True):
-        linkages = random_linkages(count, near)
+        linkages = random_linkages(asked.count, near, asked.seed)
         for road in ROADS:
             one = tallied(road, linkages)
             kind = f"{len(linkages)} {'near ' if near else ''}change point"
-            print(f"{kind:<20}{one.road:<18}{one.right:>7}{one.refused:>9}{one.wrong:>7}   {one.worst:.1e}")
+            print(
+                f"{kind:<20}{one.road:<18}{one.right:>7}{one.refused:>9}{one.wrong:>7}   {one.worst:.1e}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

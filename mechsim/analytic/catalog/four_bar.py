@@ -105,7 +105,7 @@ class FourBar(TwoBranchForm):
         if self.through == "fold":
             raise AssemblyError(
                 f"four_bar: crank and ground are {self.crank} m, coupler and rocker {self.rocker} m: where A "
-                "lies on O4 neither assembly leads into the other, so that it cannot fold; take through=smooth"
+                "lies on O4 neither assembly leads into the other, and it cannot fold; take through=smooth"
             )
         half = 0.5 * self.counted(angle)
         cosine, sine = cos_sin(half)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -15,8 +16,10 @@ from mechsim.analytic.vector_method.jets import Jet, Values, cos_sin, root, valu
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.root_sheets import Sheet, sheets
 from mechsim.analytic.vector_method.trig_arcs import Arcs, reachable_arcs
+from mechsim.analytic.vector_method.trig_polynomial import sampled
 from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, cross, dot, norm, spun
 from mechsim.errors import InputError
+from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import EX, EY, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism
 
@@ -128,8 +131,24 @@ class Looper(ClosedForm):
         )
 
     def planar_range(self) -> Arcs:
-        """Return the arcs of crank angle over which the four-bar O1ABO2 closes."""
-        return reachable_arcs(self._planar_margin, 2)
+        """Return the arcs of crank angle over which the four-bar O1ABO2 closes, cut at change points."""
+        whole = reachable_arcs(self._planar_margin, 2)
+        cuts = np.array(self.change_points())
+        if not len(cuts):
+            return whole
+        arcs: list[tuple[float, float]] = []
+        for low, high in ((cuts[0], cuts[0] + TURN),) if whole.full else whole.arcs:
+            inside = np.sort(cuts + TURN * np.ceil((low - cuts) / TURN))
+            ends = np.unique([low, *inside[inside < high], high])
+            arcs += [(float(a), float(b)) for a, b in pairwise(ends)]
+        return Arcs(False, tuple(arcs))
+
+    def change_points(self) -> tuple[float, ...]:
+        """Return the crank angles at which the four-bar lies flat, in [-pi, pi) rad: the range ends there.
+
+        This form keeps the sign of its branch. A real looper goes on with the other one.
+        """
+        return sampled(self._planar_margin, 2).touching()
 
     def crank_range(self) -> Arcs:
         found = self._sheet
