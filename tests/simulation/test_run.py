@@ -423,10 +423,12 @@ def test_a_run_given_to_the_judge_is_judged_by_its_own_tolerance() -> None:
 
 
 # at 100 N m the places themselves lie at the bound, where the kernel of the linear algebra decides: 1 to 3 mm
-@pytest.mark.parametrize("loss", [1.0, 10.0])
-def test_accelerations_are_those_of_the_linkage_where_dry_friction_sticks(loss: float) -> None:
+@pytest.mark.parametrize(
+    ("name", "loss"), [("rssr", 1.0), ("rssr", 10.0), ("bennett", 10.0), ("looper", 10.0)]
+)
+def test_accelerations_are_those_of_the_linkage_where_dry_friction_sticks(name: str, loss: float) -> None:
     """In MuJoCo's soft loops it holds a rocker of a few grams at instants: 50 m/s2 off, at any time step."""
-    drive = catalog.make("rssr")
+    drive = catalog.make(name)
     spec = assembled(drive.mechanism, Scene(level="dynamics"))
     for joint in spec.joints:
         joint.frictionloss = loss
@@ -434,5 +436,6 @@ def test_accelerations_are_those_of_the_linkage_where_dry_friction_sticks(loss: 
     assert run.outcome == "met"
     assert crosscheck(run, drive).passed
     exact = drive.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
-    largest = float(np.abs(exact.points["P3"].acceleration).max())
+    largest = max(float(np.abs(point.acceleration).max()) for point in exact.points.values())
+    # measured 0.03
     assert worst(run.motion, exact, "acceleration") < 0.3 * largest
