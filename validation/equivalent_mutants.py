@@ -6,6 +6,8 @@ ANY_TINY = "any tiny number will do where nothing has a length"
 LOOPS = "simulation/model_loops.py"
 MOTION = "analytic/closure/motion.py"
 SOLVER = "analytic/closure/loop_solver.py"
+CHECKS = "verdict/checks.py"
+JUDGE = "verdict/judge.py"
 
 EQUIVALENT: dict[tuple[str, str, str], str] = {
     (
@@ -37,4 +39,22 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "...",
     ): "a Newton step more or less from where it has converged",
     (SOLVER, "FAR = 0.3", "FAR = 0.03"): "a path is followed in shorter steps",
+    (
+        CHECKS,
+        "part = np.divide(error, bound, out=np.where(error > 0.0, np.inf, error), where=bound > 0.0)",
+        "part = np.divide(error, bound, out=np.where(error > 1.0, np.inf, error), where=bound > 0.0)",
+    ): "where nothing is allowed at any instant, any of the errors may be the one that is told",
+    (
+        JUDGE,
+        "allowed = allowances(FREE, by, free_scales(exact), Asked(tolerance or 0.0, turns=turns), bounds)",
+        "allowed = allowances(FREE, by, free_scales(exact), Asked(tolerance or 1.0, turns=turns), bounds)",
+    ): "bounds of a run that was asked for nothing have no part of what was asked",
+    **{
+        (
+            "maths/roots.py",
+            "return float(brent(function, low, high, xtol=1e-300, rtol=1e-15))",
+            f"return float(brent(function, low, high, xtol={other}, rtol=1e-15))",
+        ): "any tiny number will do: the relative bound is what ends the search"
+        for other in ("1e-301", "1e-299")
+    },
 }

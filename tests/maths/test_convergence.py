@@ -20,7 +20,7 @@ def test_norms():
     assert worst([3.0, -4.0]) == 4.0
     assert rms([3.0, -4.0]) == pytest.approx(np.sqrt(12.5))
     assert rms([3e200, -4e200]) == pytest.approx(np.sqrt(12.5) * 1e200)
-    assert worst([]) == rms([]) == 0.0
+    assert worst([]) == rms([]) == rms([0.0, 0.0]) == 0.0
 
 
 def test_a_nan_is_the_worst_error_there_is():
@@ -39,6 +39,12 @@ def test_a_pure_power_has_its_order(order):
     assert found is not None
     assert (found.order, found.low, found.high) == pytest.approx((order, order, order))
     assert found.count == len(STEPS)
+
+
+def test_steps_may_be_inverse_step_sizes_below_one():
+    found = observed_order(1e-3 * STEPS, STEPS**-2.0)
+    assert found is not None
+    assert (found.order, found.count) == (pytest.approx(2.0), len(STEPS))
 
 
 def test_order_does_not_depend_on_the_sequence_of_points():
@@ -67,6 +73,7 @@ def test_no_order_without_two_points(errors):
 
 def test_the_order_of_two_runs_is_believed_between_one_and_four_and_else_is_one():
     assert believed_order(8.0, 1.0, 2.0) == pytest.approx(3.0)
+    assert believed_order(8e-9, 1e-9, 2.0) == pytest.approx(3.0)
     assert believed_order(1e9, 1.0, 2.0) == 4.0
     assert believed_order(1.0, 2.0, 2.0) == 1.0
     for nothing in (0.0, np.nan, np.inf):

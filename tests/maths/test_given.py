@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from mechsim.maths.given import number, numbers, units_remedy
+from mechsim.errors import InputError
+from mechsim.maths.given import HUGE, number, numbers, require, units_remedy
 
 
 @pytest.mark.parametrize("value", [2, 2.0, np.float32(2.0), np.array(2), True + True])
@@ -24,3 +25,25 @@ def test_lists_of_numbers_keep_their_shape_and_ragged_ones_are_none():
 def test_only_text_is_told_how_it_becomes_a_number():
     assert "units.parse" in units_remedy("1um", "units.parse_length('1 um')")
     assert units_remedy(np.nan, "units.parse_length('1 um')") == ""
+
+
+def test_an_array_of_objects_is_no_array_of_numbers_unless_it_is_empty():
+    assert numbers(np.array([], dtype=object)).shape == (0,)
+    for objects in (
+        np.array([2.0], dtype=object),
+        np.array([2.0, 3.0], dtype=object),
+        np.array([], dtype=str),
+    ):
+        found = numbers(objects)
+        assert found.shape == ()
+        assert np.isnan(found)
+
+
+def test_a_thing_of_its_kind_is_handed_on_and_any_other_is_named():
+    assert require("the count", 3, int) == 3
+    with pytest.raises(InputError, match="^the count is of type str; give one of type int$"):
+        require("the count", "3", int)
+
+
+def test_numbers_are_huge_from_where_docs_say():
+    assert HUGE == 1e30

@@ -1,6 +1,7 @@
 """Tolerances, checks and verdicts, put together from numbers a hand can follow."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -111,6 +112,7 @@ def test_a_verdict_is_met_or_says_by_how_much_at_most_three_quantities_are_beyon
     names = "loop residual by 2 times, loop residual by 4 times, loop residual by 6 times"
     assert concluded([*bad[:3], good]).reason == f"beyond the bound: {names}"
     assert concluded([good, *bad]).reason == f"beyond the bound: {names} and 2 more"
+    assert concluded(bad[:4]).reason == f"beyond the bound: {names} and 1 more"
     assert concluded(bad, lambda: None).outcome == "missed"
     moved = concluded(bad, lambda: 1.23456)
     assert (moved.outcome, moved.reason) == ("changed assembly", "first seen at crank angle 1.2346 rad")
@@ -119,6 +121,20 @@ def test_a_verdict_is_met_or_says_by_how_much_at_most_three_quantities_are_beyon
     assert good.passed
     assert concluded([good]).passed
     assert not concluded(bad).passed
+
+
+def test_a_verdict_prints_its_outcome_its_reason_and_how_each_error_stands_to_its_bound():
+    good, bad, odd = (
+        check_of("loop", "", size * ONES, ANGLE, Tolerance(0.5, "m", "why")) for size in (0.25, 1.0, np.nan)
+    )
+    assert [" ".join(str(check).split()) for check in (good, bad, odd)] == [
+        "loop residual 2.50e-01 <= 5.0e-01 m at 0.2000 rad (why)",
+        "loop residual 1.00e+00 > 5.0e-01 m at 0.2000 rad (why)",
+        "loop residual nan ? 5.0e-01 m at 0.2000 rad (why)",
+    ]
+    assert (good.used, bad.used, odd.used) == (0.5, 2.0, None)
+    assert str(concluded([good])) == f"met\n  {good}"
+    assert str(concluded([bad])) == f"missed: beyond the bound: loop residual by 2 times\n  {bad}"
 
 
 def test_bounds_given_are_in_the_quantitys_unit_or_parts_of_its_scale():
@@ -238,6 +254,15 @@ def test_a_stepped_motion_keeps_the_tolerance_asked_for_or_a_ten_thousandth_of_t
         assert verdict.passed == passed
         assert verdict.checks[0].worst == pytest.approx(size)
         assert verdict.checks[0].bound == pytest.approx(bound)
+
+
+@pytest.mark.parametrize(("source", "bound"), [("step", 3e-3), ("pose", None)])
+def test_a_stepped_run_is_held_to_the_bound_it_was_run_for_and_a_solved_one_to_rounding(source, bound):
+    given = replace(EXACT, source="closed form")
+    run = SimpleNamespace(motion=replace(EXACT, source=source), tolerance=3e-3, outcome="met")
+    places, alone = (crosscheck(one, given).checks[0].bound for one in (run, run.motion))
+    assert places == (alone if bound is None else pytest.approx(bound))
+    assert crosscheck(run, given, tolerance=0.2).checks[0].bound == pytest.approx(0.2)
 
 
 def test_a_solved_pose_is_right_to_rounding_unless_a_tolerance_is_given():
