@@ -52,9 +52,9 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     **{
         (
             "maths/roots.py",
-            "return float(brent(function, low, high, xtol=1e-300, rtol=1e-15))",
-            f"return float(brent(function, low, high, xtol={other}, rtol=1e-15))",
-        ): "any tiny number will do: the relative bound is what ends the search"
-        for other in ("1e-301", "1e-299")
+            "return float(brent(function, low, high, xtol=1e-300, rtol=1e-15, maxiter=1000))",
+            f"return float(brent(function, low, high, xtol={tiny}, rtol=1e-15, maxiter={most}))",
+        ): "any tiny number will do, the relative bound ends the search; so will any large number of steps"
+        for tiny, most in (("1e-301", 1000), ("1e-299", 1000), ("1e-300", 10000))
     },
 }

@@ -9,4 +9,5 @@ def root(function: Callable[[float], float], low: float, high: float) -> float:
     from scipy import optimize
 
     brent: Any = optimize.brentq
-    return float(brent(function, low, high, xtol=1e-300, rtol=1e-15))
+    # where a function is as flat as a cube at its root a hundred steps are too few
+    return float(brent(function, low, high, xtol=1e-300, rtol=1e-15, maxiter=1000))

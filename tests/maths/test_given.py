@@ -41,7 +41,7 @@ def test_an_array_of_objects_is_no_array_of_numbers_unless_it_is_empty():
 
 def test_a_thing_of_its_kind_is_handed_on_and_any_other_is_named():
     assert require("the count", 3, int) == 3
-    with pytest.raises(InputError, match="^the count is of type str; give one of type int$"):
+    with pytest.raises(InputError, match=r"^the count is of type str; give one of type int$"):
         require("the count", "3", int)
 
 
