@@ -5,13 +5,15 @@ from typing import Any
 import numpy as np
 
 from mechsim.analytic import dynamics
+from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile, within_range
 from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion
-from mechsim.simulation import simulate
+from mechsim.model.programs import Programs
+from mechsim.simulation import Run, simulate
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
 # what one picture or video may hold
@@ -22,13 +24,29 @@ WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
 def profile_of(drive: Form, speed: float, turns: float, through: float | None = None) -> CrankProfile:
     """Return the crank's motion: whole turns, or for a crank that cannot turn fully one swing to and fro.
 
-    The swing passes a crank angle, or where assembly begins.
+    The swing passes a crank angle, or where assembly begins. Drivers under programs go by their clock.
     """
+    programs = programs_of(drive)
+    if programs is not None:
+        return programs.clock
     if not (turns != 0.0 and abs(turns) < 1e4):
         raise InputError(f"{turns:g} turns; give turns other than 0, fewer than 10000 either way")
     return within_range(
         drive.mechanism, drive.crank_range(), speed if turns > 0 else -speed, abs(turns), through
     )
+
+
+def programs_of(drive: Form) -> Programs | None:
+    """Return how the drivers go, where they are not one crank."""
+    return drive.programs if isinstance(drive, LoopForm) else None
+
+
+def simulated(drive: Form, profile: CrankProfile, **asked: Any) -> Run:
+    """Return a run in MuJoCo under the programs of the drivers, or else under the motion of the crank."""
+    programs = programs_of(drive)
+    if programs is not None:
+        return simulate(drive, programs=programs, **asked)
+    return simulate(drive, profile=profile, **asked)
 
 
 def motion_of(drive: Form, road: str, profile: CrankProfile, samples: float) -> Motion:
@@ -48,7 +66,7 @@ def motion_of(drive: Form, road: str, profile: CrankProfile, samples: float) -> 
     if road == "closed":
         return drive.solve(*profile.state(np.linspace(0.0, profile.duration, count + 1)))
     method = "step" if road == "simulated" else "pose"
-    return simulate(drive, profile=profile, samples=count, method=method).motion
+    return simulated(drive, profile, samples=count, method=method).motion
 
 
 def joint_loads(drive: Form, road: str, profile: CrankProfile, motion: Motion) -> dict[str, Any]:

@@ -12,14 +12,14 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
-from mechsim.model.crank_profile import CrankProfile, arc_around, swing, within_range
+from mechsim.model.crank_profile import CrankProfile, arc_around, swing
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import Outcome, gravest
-from mechsim.simulation import Run, Settings, simulate
-from mechsim.studies.truth_checks import KEPT_OFF, against_formula, against_loops
+from mechsim.simulation import Run, Settings
+from mechsim.studies.motion_source import profile_of, programs_of, simulated
+from mechsim.studies.truth_checks import KEPT_OFF, Formula, against_formula, against_loops
 from mechsim.verdict.checks import Check, Verdict
 from mechsim.verdict.judge import crosscheck
-from mechsim.verdict.point_function import PointFunction
 from mechsim.verdict.quantities import stroke_of
 
 # bound on places in a stepped run, in units of the stroke: at 1,000 steps a turn it is missed by no
@@ -73,7 +73,7 @@ class Case:
 
 
 def validate(
-    drive: Form, *, speed: float = 20.0 * np.pi, formula: PointFunction | None = None, quick: bool = False
+    drive: Form, *, speed: float = 20.0 * np.pi, formula: Formula | None = None, quick: bool = False
 ) -> Case:
     """Validate one mechanism: closed form against loop equations, solved poses and a stepped run.
 
@@ -82,7 +82,8 @@ def validate(
     Args:
         drive: the mechanism.
         speed: crank speed in [rad/s]; a crank that cannot turn fully swings with this as its fastest.
-        formula: of the user's own, crank angles (n,) -> {point: (n, 3)}, held against the loop equations.
+        formula: of the user's own, crank angles (n,), or the coordinates of several drivers by name, to
+            {point: (n, 3)}; held against the loop equations.
         quick: leave out the stepped run.
 
     Raises:
@@ -110,9 +111,11 @@ def _with_variant(case: Case, name: str, variant: Case) -> Case:
     )
 
 
-def _validated(drive: Form, speed: float, formula: PointFunction | None, quick: bool) -> Case:
+def _validated(drive: Form, speed: float, formula: Formula | None, quick: bool) -> Case:
     begin = clock.perf_counter()
-    profile = within_range(drive.mechanism, drive.crank_range(), speed, drive.period / TURN)
+    profile = profile_of(drive, speed, drive.period / TURN)
+    # by the clock of programs there is no other speed than their own
+    speed = speed if programs_of(drive) is None else profile.fastest
     angles = profile.state(np.linspace(0.0, profile.duration, 73))[0]
     exact = drive.solve(angles, speed)
     verdicts: list[tuple[str, Verdict]] = []
@@ -121,8 +124,8 @@ def _validated(drive: Form, speed: float, formula: PointFunction | None, quick: 
     if formula is not None:
         verdicts.append(("formula", against_formula(exact, formula, drive)))
     # only a crank at constant speed has a drive whose error means something
-    wanted = speed if profile.steady else None
-    poses = run = simulate(drive, profile=profile, method="pose")
+    wanted = speed if profile.steady and programs_of(drive) is None else None
+    poses = run = simulated(drive, profile, method="pose")
     verdicts.append(("pose", crosscheck(poses.motion, drive, speed=wanted)))
     if not quick:
         run, verdict = _stepped(drive, profile, speed, STEP_PLACE * stroke_of(exact))
@@ -144,11 +147,13 @@ def _validated(drive: Form, speed: float, formula: PointFunction | None, quick: 
 
 def _stepped(drive: Form, profile: CrankProfile, speed: float, place: float) -> tuple[Run, Verdict]:
     """Return a run in time and its verdict, with places bound in [m]."""
-    decided = _decided(drive, profile, speed)
-    run = simulate(drive, profile=decided, settings=Settings(steps_per_turn=STEPS))
+    programmed = programs_of(drive) is not None
+    decided = profile if programmed else _decided(drive, profile, speed)
+    run = simulated(drive, decided, settings=Settings(steps_per_turn=STEPS))
     if run.outcome != "diverged" and run.estimate > place:
-        run = simulate(drive, profile=decided, tolerance=place)
-    verdict = crosscheck(run.motion, drive, tolerance=place, speed=speed if decided.steady else None)
+        run = simulated(drive, decided, tolerance=place)
+    wanted = speed if decided.steady and not programmed else None
+    verdict = crosscheck(run.motion, drive, tolerance=place, speed=wanted)
     if run.outcome == "diverged":
         verdict = Verdict("diverged", (), "MuJoCo warned of a bad state")
     return run, verdict
@@ -176,7 +181,7 @@ def validate_all(
     drives: Mapping[str, Form],
     *,
     speed: float = 20.0 * np.pi,
-    formulas: Mapping[str, PointFunction] | None = None,
+    formulas: Mapping[str, Formula] | None = None,
     quick: Container[str] = (),
     done: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Case]:

@@ -84,3 +84,11 @@ def jansen(angle, p):
     knee = meeting(pin, hip, p["k"], p["c"], 1)
     heel = meeting(back, knee, p["f"], p["g"], -1)
     return placed(top=top, knee=knee, heel=heel, foot=meeting(heel, knee, p["h"], p["i"], -1))
+
+
+def rack_steering(angle, p):
+    """Return the rack and the ends of the steering arms."""
+    rack = p["radius"] * angle - 1j * p["behind"]
+    right = meeting(rack + p["rack"] / 2.0, p["track"] / 2.0 + 0j, p["rod"], p["arm"], -1)
+    left = meeting(rack - p["rack"] / 2.0, -p["track"] / 2.0 + 0j, p["rod"], p["arm"], 1)
+    return placed(rack=rack, left=left, right=right)

@@ -48,9 +48,9 @@ def test_a_formula_that_is_off_is_missed_and_says_where(tmp_path):
         ("def yoke(angle): return 1 / 0", "ends in ZeroDivisionError: division by zero; mend the file"),
         ("def yoke(angle): return [1]", "gives a list; give a dictionary"),
         ("def yoke(angle): return {'P': angle}", "gives point 'P'; tracked are"),
-        ("def yoke(angle): return {'yoke': angle}", r"of shape \(2,\) for 2 crank angles; give \(2, 3\)"),
+        ("def yoke(angle): return {'yoke': angle}", r"of shape \(2,\) for 2 instants; give \(2, 3\)"),
         ("def yoke(angle): return {'yoke': 'x'}", r"'yoke' of shape \(0,\)"),
-        (FIXED.replace("0.03 *", "1e999 *"), "no finite place for point 'yoke' at crank angle 0.1 rad"),
+        (FIXED.replace("0.03 *", "1e999 *"), "no finite place for point 'yoke' at crank angle = 0.1"),
     ],
 )
 def test_what_is_no_formula_is_refused_in_one_sentence(tmp_path, body, said):

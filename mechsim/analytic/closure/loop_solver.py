@@ -149,7 +149,7 @@ def loop_solver(loops: TreeLoops, at: Coordinates, before: Array | None = None) 
     pivoted: Any = qr(matrix.T, mode="economic", pivoting=True)
     order: NDArray[np.intp] = pivoted[2]
     gauge = right[rank:]
-    if before is not None and len(gauge):
+    if before is not None and before.shape == gauge.shape:
         left, _, turn = np.linalg.svd(before @ gauge.T)
         gauge = left @ turn @ gauge
     return LoopSolver(loops, np.sort(order[:rank]), gauge, at)
