@@ -5,14 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.programs import Programs
 from mechsim.simulation.closed_model import ClosedModel
-from mechsim.simulation.poses import follow
+from mechsim.simulation.straight_way import brought
 
-# parts of the way before its start and after its end at which it still goes straight
-BEYOND = 0.5
 # times at which programs are probed for how quickly they turn round
 PROBES = 2048
 
@@ -39,24 +36,7 @@ def begun(closed: ClosedModel, programs: Programs) -> ClosedModel:
     """
     loops, drive = closed.loops, closed.loops.drive
     assert drive is not None
-    here = closed.closed[drive.places]
     there = np.array([programs.first[name] for name in drive.names])
-    far = float(np.abs((there - here) / np.where(drive.slides, loops.size, 1.0)).max())
-    start = closed.closed.copy()
-    if far > 0.0:
-
-        def straight(angle: Array) -> tuple[Array, Array, Array]:
-            part = np.clip(angle / far, -BEYOND, 1.0 + BEYOND)
-            none = np.zeros((len(here), len(angle)))
-            way = (there - here)[:, None]
-            return here[:, None] + way * part, way / far + none, none
-
-        def along(angle: float) -> str:
-            stands = straight(np.array([angle]))[0][:, 0]
-            where = ", ".join(f"{name} = {at:.6g}" for name, at in zip(drive.names, stands, strict=True))
-            return f"{where} on the way to where the programs begin"
-
-        start = follow.follow(loops.under(straight, along), start, [far])[0]
-    start[loops.crank_place], start[drive.places] = 0.0, there
+    start = brought(loops, closed.closed, there, "where the programs begin")
     under = loops.under(programs.by_clock, lambda angle: f"{angle / programs.pace:.6g} s")
     return replace(closed, loops=under, closed=under.close(start[None])[0])

@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import mujoco
 import numpy as np
@@ -22,6 +22,7 @@ from mechsim.simulation.mjcf.joints import CRANK, model_names
 from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
 from mechsim.simulation.overdriven import refusal, stuck
 from mechsim.simulation.recorded_motion import Track, add_sensors
+from mechsim.simulation.straight_way import brought
 
 
 class Described(Protocol):
@@ -33,8 +34,22 @@ class Described(Protocol):
         ...
 
 
+class ReadModel(Protocol):
+    """An MJCF file that was read: the file as MuJoCo is to run it, and what was read of it.
+
+    Attributes:
+        spec: of the file, a site at every tracked point.
+        mechanism: what it describes, its drivers and holds with it.
+        qpos: in which it starts, (nq,).
+    """
+
+    spec: mujoco.MjSpec
+    mechanism: Mechanism
+    qpos: Array
+
+
 Model = Mechanism | mujoco.MjSpec | str | os.PathLike[str]
-Source = Model | Described
+Source = Model | Described | ReadModel
 
 # turn, in [rad], by which a freedom that the crank leaves is tried
 NUDGE = 1e-4
@@ -113,6 +128,10 @@ def of_source(
         InputError: where the model cannot be read, or has no point to track.
         AssemblyError: if its loops do not close where the drivers stand at first.
     """
+    read = read_model(source)
+    if read is not None:
+        asked = drivers if drivers is not None else read.mechanism.driver
+        return _own(read.spec.copy(), tuple(read.mechanism.points), asked, read.mechanism.holds, read.qpos)
     model = described(source)
     spec = load(model, scene)
     points = tracked_points(model, spec)
@@ -120,8 +139,48 @@ def of_source(
         programmed = not model.has_crank or not (drivers is None or isinstance(drivers, str))
         asked = tuple(model_names(model)[name] for name in model.drivers) if programmed else CRANK
         return of_spec(spec, points, asked, called=_called(model, programmed=programmed))
-    hold_joints(spec, holds or {})
-    return of_spec(spec, points, CRANK if drivers is None else drivers, key=key)
+    return _own(spec, points, CRANK if drivers is None else drivers, holds or {}, _keyed(spec, key))
+
+
+def read_model(source: Source) -> ReadModel | None:
+    """Return the MJCF file that was read, where a source is one or has one; else None."""
+    for one in (source, getattr(source, "source", None)):
+        if isinstance(getattr(one, "spec", None), mujoco.MjSpec):
+            return cast(ReadModel, one)
+    return None
+
+
+def _own(
+    spec: mujoco.MjSpec,
+    points: tuple[str, ...],
+    drivers: Sequence[str] | str,
+    holds: Mapping[str, float],
+    start: Array | None,
+) -> ClosedModel:
+    """Return a model of one's own, its joints held, in the closed state nearest to its start."""
+    if holds:
+        moved = (drivers,) if isinstance(drivers, str) else tuple(drivers)
+        loops = closed_loops(spec, (*moved, *(name for name in holds if name not in moved)))
+        loops, begin = _begun_at(loops, _from(loops, start))
+        assert loops.drive is not None
+        stands = zip(loops.drive.names, begin[loops.drive.places], strict=True)
+        there = [holds.get(name, value) for name, value in stands]
+        start = brought(loops, begin, np.array(there), "where joints are held")
+        start = np.delete(start, loops.crank_place)
+        hold_joints(spec, holds)
+    return of_spec(spec, points, drivers, start=start)
+
+
+def _keyed(spec: mujoco.MjSpec, key: str | None) -> Array | None:
+    """Return the state of a keyframe, (nq,); None where none is asked for."""
+    if key is None:
+        return None
+    model = compiled(spec.copy())
+    names = [model.key(i).name for i in range(model.nkey)]
+    if key not in names:
+        known = ", ".join(names) or "none"
+        raise InputError(f"{spec.modelname}: there is no keyframe {key!r} (it has {known})")
+    return model.key_qpos[names.index(key)]
 
 
 def described(source: Source) -> Model:
@@ -150,7 +209,7 @@ def of_spec(
     drivers: Sequence[str] | str = CRANK,
     *,
     called: Mapping[str, tuple[str, int | None]] | None = None,
-    key: str | None = None,
+    start: Array | None = None,
 ) -> ClosedModel:
     """Return the model of a specification, to which the sensors of the tracked points are added.
 
@@ -159,13 +218,14 @@ def of_spec(
         points: sites to track.
         drivers: the hinge that is the crank, or the joints that programs move.
         called: joint of the model -> as what it is recorded, as in `Track`.
-        key: keyframe in which it starts.
+        start: state in which it starts, (nq,); None for the reference configuration.
     """
     track = replace(add_sensors(spec, points), called=called or {})
     loops = closed_loops(spec, drivers)
     if loops.drive is not None:
         loops.drive = replace(loops.drive, names=tuple(track.name(name)[0] for name in loops.drive.names))
-    return ClosedModel(loops, track, _closed(loops, _rough(loops, key)))
+    loops, closed = _begun_at(loops, _from(loops, start))
+    return ClosedModel(loops, track, closed)
 
 
 def closed_loops(spec: mujoco.MjSpec, drivers: Sequence[str] | str) -> ModelLoops:
@@ -191,15 +251,18 @@ def _closed(loops: ModelLoops, rough: Array) -> Array:
         raise
 
 
-def _rough(loops: ModelLoops, key: str | None) -> Array:
-    """Return the state of a keyframe, or the reference configuration, (nq,)."""
-    model = loops.model
-    if key is None:
-        return model.qpos0
-    names = [model.key(i).name for i in range(model.nkey)]
-    if key not in names:
-        raise InputError(f"{loops.name}: there is no keyframe {key!r} (it has {', '.join(names) or 'none'})")
-    return model.key_qpos[names.index(key)]
+def _from(loops: ModelLoops, start: Array | None) -> Array:
+    """Return a start of the model's own as one of the loops, which may have a clock; else the reference."""
+    if start is None:
+        return loops.model.qpos0.copy()
+    return start.copy() if loops.drive is None else np.insert(start, loops.crank_place, 0.0)
+
+
+def _begun_at(loops: ModelLoops, rough: Array) -> tuple[ModelLoops, Array]:
+    """Return loops whose drivers stand as in a rough state, and the closed state nearest to it, (nq,)."""
+    if loops.drive is not None:
+        loops = loops.standing(rough[loops.drive.places])
+    return loops, _closed(loops, rough)
 
 
 def _called(mechanism: Mechanism, *, programmed: bool) -> dict[str, tuple[str, int | None]]:
