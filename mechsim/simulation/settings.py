@@ -119,6 +119,7 @@ class Settings:
         option = model.opt
         option.timestep = timestep
         option.integrator = int(getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}"))
+        option.solver = int(mujoco.mjtSolver.mjSOL_NEWTON)
         equalities = _only_equalities(model)
         if equalities and not (self.integrator == "discrete" and _springy(model)):
             # the cost is then quadratic: one step of Newton's method is exact
