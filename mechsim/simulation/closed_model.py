@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Protocol, cast
 
@@ -17,7 +17,7 @@ from mechsim.model.rough_poses import rough_poses
 from mechsim.model.scene import Scene
 from mechsim.simulation.drive import drive_of, with_clock
 from mechsim.simulation.mjcf import compiled, generate, quiet
-from mechsim.simulation.mjcf.changes import hold_joints
+from mechsim.simulation.mjcf.changes import hold_joints, require_single
 from mechsim.simulation.mjcf.joints import CRANK, model_names
 from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
 from mechsim.simulation.overdriven import refusal, stuck
@@ -64,11 +64,15 @@ class ClosedModel:
         track: what is recorded of it.
         closed: state with closed loops, the drivers as in the model's reference configuration, (nq,); under
             programs where these begin.
+        own: whether it is a model of one's own, with settings of its own.
+        note: what was changed of it, in one sentence; empty where nothing was.
     """
 
     loops: ModelLoops
     track: Track
     closed: Array
+    own: bool = field(default=False, kw_only=True)
+    note: str = field(default="", kw_only=True)
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -130,8 +134,7 @@ def of_source(
     """
     read = read_model(source)
     if read is not None:
-        asked = drivers if drivers is not None else read.mechanism.driver
-        return _own(read.spec.copy(), tuple(read.mechanism.points), asked, read.mechanism.holds, read.qpos)
+        return _as_read(source, read, drivers)
     model = described(source)
     spec = load(model, scene)
     points = tracked_points(model, spec)
@@ -150,6 +153,25 @@ def read_model(source: Source) -> ReadModel | None:
     return None
 
 
+def _as_read(source: Source, read: ReadModel, drivers: Sequence[str] | str | None) -> ClosedModel:
+    """Return the model of a file that was read; where its digits let no loop close, of the mechanism meant.
+
+    The mechanism is that of a source whose joints were moved until the loops close.
+    """
+    told, asked = read.mechanism, drivers if drivers is not None else read.mechanism.driver
+    try:
+        return _own(read.spec.copy(), tuple(told.points), asked, told.holds, read.qpos)
+    except AssemblyError:
+        meant = getattr(source, "mechanism", told)
+        if meant is told or not isinstance(meant, Mechanism):
+            raise
+    note = (
+        "to the digits of the file its loops close in no pose: what was run is the mechanism read from it, "
+        "its joints moved until they do, without the file's masses, contacts and actuators"
+    )
+    return replace(of_source(meant, drivers=drivers), note=note)
+
+
 def _own(
     spec: mujoco.MjSpec,
     points: tuple[str, ...],
@@ -159,6 +181,7 @@ def _own(
 ) -> ClosedModel:
     """Return a model of one's own, its joints held, in the closed state nearest to its start."""
     if holds:
+        require_single(spec, holds)
         moved = (drivers,) if isinstance(drivers, str) else tuple(drivers)
         loops = closed_loops(spec, (*moved, *(name for name in holds if name not in moved)))
         loops, begin = _begun_at(loops, _from(loops, start))
@@ -168,7 +191,7 @@ def _own(
         start = brought(loops, begin, np.array(there), "where joints are held")
         start = np.delete(start, loops.crank_place)
         hold_joints(spec, holds)
-    return of_spec(spec, points, drivers, start=start)
+    return replace(of_spec(spec, points, drivers, start=start), own=True)
 
 
 def _keyed(spec: mujoco.MjSpec, key: str | None) -> Array | None:

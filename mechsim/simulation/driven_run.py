@@ -26,6 +26,11 @@ from mechsim.simulation.stepping import MOST_STEPS, Steps, Watch, step, unwatche
 
 # instants recorded a turn where nothing else is asked
 SAMPLES = 72
+# what stepping sets of a model that has settings of its own
+CHANGED = (
+    "the model's own time step, integrator, solver and softness of constraints gave way to the settings of "
+    "the run, and its drivers carry flywheels; gravity, masses, contacts, friction and actuators are its own"
+)
 # bytes held for each number that is recorded of an instant, with what is in between
 HELD = 32.0
 # crank angles at which a profile is probed, so that a crank that cannot go there is refused
@@ -105,6 +110,11 @@ class DrivenRun:
         return replace(self, profile=constant(float(speed), turns, float(start)), samples=None)
 
     def _note(self) -> str:
+        """Return what is to be said of a stepped run, in sentences; nothing where there is nothing."""
+        said = (self.closed.note, CHANGED if self.closed.own else "", self._meetings())
+        return "; ".join(one for one in said if one)
+
+    def _meetings(self) -> str:
         """Return where two assemblies meet on the motion, in one sentence; nothing where none do."""
         closed = self.closed
         angle = self.profile.state(np.linspace(0.0, self.profile.duration, PROBES))[0]
@@ -231,6 +241,7 @@ def solved(
         seconds=seconds,
         settings=None,
         method="pose",
+        note=closed.note,
     )
 
 

@@ -58,9 +58,9 @@ def simulate(
         samples: instants to record after the first, evenly spread; None takes about 72 a turn. With
             samples given, the number of steps is raised to a multiple of them.
         scene: what the model holds; None takes `Scene(level="motion")`.
-        programs: how the drivers move, in place of speed or profile; they go straight from where the model
-            has them to where their programs begin. In a model of one's own the joints of these names are
-            driven.
+        programs: how the drivers move, in place of speed or profile; None takes those that the source has.
+            They go straight from where the model has them to where their programs begin. In a model of one's
+            own the joints of these names are driven.
         drive: the hinge that is the crank, in a model of one's own; None for that called "crank".
         holds: joints of a model of one's own -> value at which they are held, in [m] or [rad].
         key: keyframe of a model of one's own in which it starts.
@@ -85,6 +85,10 @@ def simulate(
     ):
         if given is not None:
             require(name, given, kind)
+    if programs is None and speed is None and profile is None:
+        # what moves by its loop equations may have programs of its own
+        own = getattr(source, "programs", None)
+        programs = own if isinstance(own, Programs) else None
     require_programs(source, programs, speed if profile is None else profile)
     drivers = drive if programs is None else programs.drivers
     closed = closed_model.of_source(source, scene, drivers=drivers, holds=holds, key=key)

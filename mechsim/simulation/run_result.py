@@ -32,7 +32,8 @@ class Run:
         timestep: in [s]; None for method "pose".
         method: "step" or "pose".
         promise: how a tolerance that was asked for was kept; None for method "pose" and without one.
-        note: what is not for dynamics to decide, in one sentence; empty where there is nothing.
+        note: what was changed of a model of one's own, and what is not for dynamics to decide; empty where
+            there is nothing.
     """
 
     motion: Motion

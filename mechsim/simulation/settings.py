@@ -20,6 +20,10 @@ JACOBIANS = ("auto", *KINDS)
 LEAST_CONSTANT = 10.0
 
 
+# steps of Newton's method where there is more than equalities, at least
+ITERATIONS = 100
+
+
 def _steps(value: float | None) -> str:
     return "a tenth of a turn" if value is None else f"{value:g} steps"
 
@@ -121,9 +125,11 @@ class Settings:
         option.integrator = int(getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}"))
         option.solver = int(mujoco.mjtSolver.mjSOL_NEWTON)
         equalities = _only_equalities(model)
+        # beside flywheels what is left of a gradient is always a small part
+        option.iterations, option.tolerance = max(option.iterations, ITERATIONS), 0.0
         if equalities and not (self.integrator == "discrete" and _springy(model)):
             # the cost is then quadratic: one step of Newton's method is exact
-            option.iterations, option.tolerance = 1, 0.0
+            option.iterations = 1
         disable, enable = mujoco.mjtDisableBit, mujoco.mjtEnableBit
         _set(option, "disableflags", int(disable.mjDSBL_ISLAND | disable.mjDSBL_SENSOR), True)
         _set(option, "disableflags", int(disable.mjDSBL_REFSAFE), not self.refsafe)
@@ -132,6 +138,7 @@ class Settings:
         model.eq_solimp[:] = self.solimp
         model.body_invweight0[:] *= self.hardness
         model.dof_invweight0[:] *= self.hardness
+        model.tendon_invweight0[_coupled_tendons(model, loops)] *= self.hardness
         # a constraint leaves out the bend of a polynomial: the sooner it draws back the better
         bent = [one.number for one in loops.couplings if one.bends]
         model.eq_solref[bent] = self.solref or self._solref(timestep, LEAST_CONSTANT)
@@ -172,6 +179,13 @@ def _inertia(loops: ModelLoops) -> float:
     """Return the inertia of all links about a point as far off as the longest of them, in [kg m2]."""
     model = loops.model
     return float(model.body_mass.sum() * loops.size**2 + model.body_inertia.max(1).sum())
+
+
+def _coupled_tendons(model: mujoco.MjModel, loops: ModelLoops) -> list[int]:
+    """Return the tendons that couplings of a model are of."""
+    numbers = [one.number for one in loops.couplings]
+    of = [i for i in numbers if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_TENDON)]
+    return sorted({int(end) for i in of for end in (model.eq_obj1id[i], model.eq_obj2id[i]) if end >= 0})
 
 
 def _set(option: Any, field: str, bits: int, on: bool) -> None:

@@ -1,6 +1,6 @@
 """Changes to a specification before it is run: joints held."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import mujoco
 
@@ -17,13 +17,20 @@ def hold_joints(spec: mujoco.MjSpec, holds: Mapping[str, float]) -> None:
     Raises:
         InputError: for a joint that the model has not, or one of another kind.
     """
-    if not holds:
-        return
+    require_single(spec, holds)
+    model = compiled(spec)
+    for name, value in holds.items():
+        hold(spec, name, value - float(model.qpos0[model.joint(name).qposadr[0]]))
+
+
+def require_single(spec: mujoco.MjSpec, holds: Iterable[str]) -> None:
+    """Refuse names of what is no hinge or slide of a model.
+
+    Raises:
+        InputError: naming those there are.
+    """
     single = [joint.name for joint in spec.joints if joint.name and joint.type in SINGLE]
     for name in holds:
         if name not in single:
             known = ", ".join(single) or "none"
             raise InputError(f"the model has no hinge or slide called {name!r} to hold (it has {known})")
-    model = compiled(spec)
-    for name, value in holds.items():
-        hold(spec, name, value - float(model.qpos0[model.joint(name).qposadr[0]]))

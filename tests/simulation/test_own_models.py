@@ -1,0 +1,154 @@
+"""A user's own MJCF is run as it is: any hinge drives, programs drive several, joints are held or welded."""
+
+import numpy as np
+import pytest
+
+from mechsim import simulate
+from mechsim.errors import AssemblyError, InputError, MobilityError
+from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
+from mechsim.model.programs import Programs, programs, steady
+from mechsim.simulation.settings import Settings
+
+# a four-bar whose coupler is in two halves, joined by what EQUALITY says
+FOUR_BAR = """<mujoco model="four-bar"><compiler angle="degree"/><option><flag contact="disable"/></option>
+<default><joint damping=".1" armature=".001"/></default>
+<worldbody>
+<body name="a"><joint name="motor" axis="0 0 1" ref="40"/><geom size=".01" pos=".02 0 0"/>
+ <body name="b" pos=".04 0 0"><joint name="A" axis="0 0 1"/><geom size=".01" pos=".03 0 0"/>
+  <site name="middle" pos=".05 0 0" euler="0 0 20"/></body></body>
+<body name="d" pos=".08 .01 0"><joint name="D" axis="0 0 1"/><geom size=".01" pos="0 .03 0"/>
+ <body name="c" pos="0 .06 0" euler="0 0 10"><joint name="C" axis="0 0 1"/><geom size=".01" pos="-.03 0 0"/>
+  <site name="P" pos="-.02 .01 0"/><site name="end" pos="-.05 .01 0" euler="0 0 20"/></body></body>
+</worldbody><equality>EQUALITY</equality>
+<keyframe><key name="ahead" qpos="1.1 0 0 0"/></keyframe></mujoco>"""
+# the anchor is a point of the second body, which is to be where the pose has it in the first
+WELDS = {
+    "sites": '<weld site1="middle" site2="end"/>',
+    "bodies": '<weld body1="b" body2="c" anchor="-.05 .01 0" relpose="0 .06 0 1 0 0 0" torquescale=".3"/>',
+}
+GRIPPER = """<mujoco model="gripper"><worldbody>
+<body name="left" pos="-.05 0 0"><joint name="left" axis="0 0 1"/><geom size=".01" pos="0 .04 0"/>
+ <body name="tip" pos="0 .06 0"><joint name="left tip" axis="0 0 1"/><geom size=".01" pos="0 .02 0"/>
+  <site name="L" pos="0 .04 0"/></body></body>
+<body name="right" pos=".05 0 0"><joint name="right" axis="0 0 1"/><geom size=".01" pos="0 .04 0"/>
+ <site name="R" pos="0 .1 0"/></body>
+</worldbody>
+<tendon><fixed name="finger"><joint joint="left" coef="2"/><joint joint="left tip" coef="1"/></fixed>
+<fixed name="other"><joint joint="right" coef="-1"/></fixed></tendon>
+<equality><tendon tendon1="finger" polycoef=".3 0 0 0 0"/><tendon tendon1="other" tendon2="finger"
+ polycoef="0 1 .5 0 0"/><joint joint1="left tip" polycoef="EXTRA 0 0 0 0" active="ACTIVE"/></equality>
+</mujoco>"""
+
+
+def swept(text, **given):
+    return simulate(text, turns=0.3, samples=12, **given)
+
+
+def by_name(states, duration):
+    """Return programs of joints of a model: what is driven, its extent aside."""
+    arms = tuple(Joint(name, "revolute", End(GROUND), End(f"of {name}", (0.1, 0.0, 0.0))) for name in states)
+    links = tuple(Link(f"of {name}") for name in states)
+    return programs(Mechanism("drivers", links, arms, tuple(states), {}), states, duration)
+
+
+@pytest.mark.parametrize("weld", WELDS)
+@pytest.mark.parametrize(("method", "near"), [("pose", 1e-15), ("step", 1e-7)])
+def test_a_loop_closed_by_a_weld_is_a_four_bar(weld, method, near):
+    text = FOUR_BAR.replace("EQUALITY", WELDS[weld])
+    run = swept(text, drive="motor", speed=2.0, method=method)
+    assert run.outcome == "met"
+    links, joints = run.motion.links, run.motion.joints
+    b, c = links["b"], links["c"]
+    if weld == "sites":
+        gap = b.position + b.rotation @ [0.05, 0, 0] - c.position - c.rotation @ [-0.05, 0.01, 0]
+    else:
+        gap = b.position + b.rotation @ [0.05, 0.05, 0.0] - c.position
+    assert np.abs(gap).max() < near
+    assert np.abs(b.rotation - c.rotation).max() < 10 * near
+    # a four-bar of a, the welded coupler and d by its circles
+    angle = run.motion.angle
+    assert angle[0] == pytest.approx(np.deg2rad(40.0), abs=1e-15)
+    end = c.position[:, :2]
+    far = [0.10, -0.01] if weld == "sites" else [0.05, 0.05]
+    reach = np.hypot(*far)
+    pin = 0.04 * np.stack([np.cos(angle - np.deg2rad(40.0)), np.sin(angle - np.deg2rad(40.0))], 1)
+    assert np.linalg.norm(end - pin, axis=1) == pytest.approx(reach, abs=2 * near)
+    assert np.linalg.norm(end - [0.08, 0.01], axis=1) == pytest.approx(0.06, abs=2 * near)
+    assert set(joints) == {"motor", "A", "C", "D"}
+
+
+def test_what_stepping_changes_of_ones_own_model_is_said():
+    text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
+    said = swept(text, drive="motor", speed=2.0, method="step").note
+    assert "own time step" in said
+    assert "flywheels" in said
+    assert swept(text, drive="motor", speed=2.0, method="pose").note == ""
+
+
+@pytest.mark.parametrize("method", ["pose", "step"])
+def test_a_program_moves_a_hinge_as_a_speed_does(method):
+    text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
+    known = swept(text, drive="motor", speed=2.0, method="pose").motion
+    moves = by_name({"motor": steady(np.deg2rad(40.0), 2.0)}, known.time[-1])
+    motion = simulate(text, programs=moves, samples=12, method=method).motion
+    assert motion.points["P"].position == pytest.approx(known.points["P"].position, abs=1e-9)
+    assert motion.drivers == ("motor",)
+
+
+def test_a_gripper_coupled_by_tendons_closes_as_they_say():
+    text = GRIPPER.replace("ACTIVE", "false").replace("EXTRA", "0")
+    moves = by_name({"left": lambda t: (0.2 * t, 0.2 + 0 * t, 0 * t)}, 1.0)
+    for method in ("pose", "step"):
+        joints = simulate(text, programs=moves, method=method).motion.joints
+        assert 2 * joints["left"].value + joints["left tip"].value == pytest.approx(0.3, abs=1e-12)
+        assert -joints["right"].value == pytest.approx(0.3 + 0.5 * 0.3**2, abs=1e-9)
+
+
+def test_a_gripper_with_one_more_equality_lets_its_driver_go_nowhere():
+    text = GRIPPER.replace("ACTIVE", "true").replace("EXTRA", ".1")
+    moves = by_name({"left": lambda t: (0.1 + 0.2 * t, 0.2 + 0 * t, 0 * t)}, 1.0)
+    with pytest.raises(MobilityError, match="overdriven: the loops do not let left move"):
+        simulate(text, programs=moves)
+
+
+def test_a_held_joint_stands_still_where_it_is_held():
+    text = FOUR_BAR.replace("EQUALITY", "")
+    held = {"A": 0.4, "C": -0.2, "D": 0.3}
+    for method in ("pose", "step"):
+        joints = swept(text, drive="motor", speed=2.0, holds=held, method=method).motion.joints
+        for name, value in held.items():
+            assert joints[name].value == pytest.approx(value, abs=1e-12)
+
+
+def test_a_run_begins_at_a_keyframe():
+    text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
+    assert swept(text, drive="motor", speed=2.0, key="ahead").motion.angle[0] == pytest.approx(1.1)
+    moves = by_name({"motor": steady(1.1, 2.0)}, 0.1)
+    assert simulate(text, programs=moves, key="ahead").motion.joints["motor"].value[0] == pytest.approx(1.1)
+
+
+def test_what_a_model_has_not_is_named():
+    text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
+    with pytest.raises(InputError, match=r"no hinge joint called 'crank' \(it has motor, A, D, C\)"):
+        swept(text, speed=1.0)
+    with pytest.raises(InputError, match=r"no hinge or slide called 'X' to drive \(it has motor, A, D, C\)"):
+        simulate(text, programs=by_name({"X": steady(0.0, 1.0)}, 1.0))
+    with pytest.raises(InputError, match=r"no hinge or slide called 'X' to hold"):
+        swept(text, drive="motor", speed=1.0, holds={"X": 0.0})
+    with pytest.raises(InputError, match=r"no keyframe 'behind' \(it has ahead\)"):
+        swept(text, drive="motor", speed=1.0, key="behind")
+
+
+def test_a_joint_that_cannot_go_where_it_is_held_is_refused_with_the_place():
+    text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
+    with pytest.raises((AssemblyError, MobilityError), match=r"D = |overdriven"):
+        swept(text, drive="motor", speed=1.0, holds={"D": 2.0})
+
+
+def test_the_clock_of_programs_stands_under_no_default_and_in_no_record():
+    text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
+    moves = by_name({"motor": steady(np.deg2rad(40.0), 2.0)}, 0.5)
+    assert isinstance(moves, Programs)
+    motion = simulate(text, programs=moves, settings=Settings()).motion
+    assert motion.angle == pytest.approx(moves.pace * motion.time, abs=1e-12)
+    assert not any("clock" in name for name in (*motion.joints, *motion.links, *motion.points))
