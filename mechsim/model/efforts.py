@@ -1,7 +1,7 @@
 """Efforts: what a machine needs and what its joints carry, as the formulas and MuJoCo both tell it."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,8 +64,13 @@ class Efforts:
         torque: of the drive on the driven joint's link b about its axis, (n,) in [N m]. It includes what
             a flywheel takes; the drive's own inertia is not in it.
         reactions: joint -> what it transmits.
-        gears: "driver-driven" -> torque on the driven joint's link b about its axis, (n,) in [N m]; the
-            torque on the driver joint's is -ratio times it.
+        gears: "driver-driven" of gears and other couplings -> torque on the driven joint's link b about its
+            axis, or force along it, (n,) in [N m] or [N]; on the driver's is -slope times it.
+        drives: driven or held coordinate -> torque on the joint's link b about its axis, or force along it,
+            (n,) in [N m] or [N]. Empty where a crank is driven. Otherwise angle, speed and acceleration are
+            those of the programs' clock, and the torque is the drives' power by its speed.
+        drive_accelerations: driven coordinate -> its acceleration, (n,) in [rad/s2] or [m/s2].
+        straight: names among gears and drives that are forces in [N].
         kinetic: energy of motion, flywheel included, (n,) in [J].
         potential: of gravity (zero at the ground's origin) and springs, (n,) in [J].
         power_in: of drive and motor, (n,) in [W].
@@ -92,6 +97,9 @@ class Efforts:
     power_lost: Array
     residual: Array
     sliding: Array
+    drives: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    drive_accelerations: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    straight: frozenset[str] = frozenset()
 
     __repr__ = short_repr
 
@@ -104,11 +112,14 @@ class Efforts:
         return (self.sliding == 0.0).any(1)
 
     def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield time, angle, rates, torque, energies and reactions as columns of a table in SI."""
+        """Yield time, angle, rates, torque or drives, energies and reactions as columns of a table in SI."""
         if self.time is not None:
             yield "time", self.time
-        for name in ("angle", "speed", "acceleration", "torque", "kinetic", "potential"):
+        moved = () if self.drives else ("angle", "speed", "acceleration", "torque")
+        for name in (*moved, "kinetic", "potential"):
             yield name, getattr(self, name)
+        for name, effort in self.drives.items():
+            yield f"drive {name}", effort
         for name in ("power_in", "power_loads", "power_lost"):
             yield name, getattr(self, name)
         for name, one in self.reactions.items():

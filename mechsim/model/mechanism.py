@@ -308,6 +308,13 @@ class Mechanism:
         return of[coordinate]
 
     @property
+    def straight(self) -> frozenset[str]:
+        """Names of those drivers, holds and couplings whose effort is a force."""
+        named = [*((law.label, next(iter(law.left_terms))) for law in self.laws)]
+        named += [(name, name) for name in (*self.drivers, *self.holds)]
+        return frozenset(called for called, of in named if self.unit(of) == "m")
+
+    @property
     def laws(self) -> tuple[Coupling, ...]:
         """All couplings: those of gears, of screws, and those of its own, in this order."""
         gears = tuple(

@@ -1,7 +1,7 @@
 """Motion: what the closed forms, the loop equations and MuJoCo all produce."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
 
@@ -197,17 +197,27 @@ def _library(name: str) -> Any:
         raise MissingToolError(f"{name} is not installed; pip install 'mechsim[tables]' brings it") from None
 
 
+def at_unit_speed(motion: Motion) -> Motion:
+    """Return a motion under programs with its clock at unit speed: the drivers' rates are derivatives by it."""
+    pace, one = motion.speed, np.ones_like(motion.speed)
+    joints = {
+        name: replace(joint, rate=joint.rate / pace, acceleration=joint.acceleration / pace**2)
+        for name, joint in motion.joints.items()
+    }
+    return replace(motion, speed=one, acceleration=0.0 * one, joints=joints)
+
+
 def join(parts: list[Record]) -> Record:
     """Return the parts of one motion, or of another record of instants, put end to end."""
     return parts[0] if len(parts) == 1 else _joined(parts)
 
 
-def taken(record: Record, rows: NDArray[np.bool_]) -> Record:
+def taken(record: Record, rows: NDArray[np.bool_] | slice) -> Record:
     """Return some instants of a motion, or of another record of instants."""
     return _taken(record, rows)
 
 
-def _taken(record: Any, rows: NDArray[np.bool_]) -> Any:
+def _taken(record: Any, rows: NDArray[np.bool_] | slice) -> Any:
     if isinstance(record, np.ndarray):
         return record[rows]
     if isinstance(record, Mapping):

@@ -1,6 +1,7 @@
 """From where a model stands to where its drivers' programs begin, and the model under these programs."""
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from mechsim.simulation.straight_way import brought
 
 # times at which programs are probed for how quickly they turn round
 PROBES = 2048
+
+Closed = TypeVar("Closed", bound=ClosedModel)
 
 
 def clock_of(programs: Programs) -> CrankProfile:
@@ -26,7 +29,7 @@ def clock_of(programs: Programs) -> CrankProfile:
     return replace(programs.clock, fastest=fastest)
 
 
-def begun(closed: ClosedModel, programs: Programs) -> ClosedModel:
+def begun(closed: Closed, programs: Programs) -> Closed:
     """Return a model whose drivers stand, as yet, under programs, in the state in which these begin.
 
     The drivers go there straight, all at once, and the assembly is kept.

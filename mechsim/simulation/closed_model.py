@@ -140,8 +140,7 @@ def of_source(
     points = tracked_points(model, spec)
     if isinstance(model, Mechanism):
         programmed = not model.has_crank or not (drivers is None or isinstance(drivers, str))
-        asked = tuple(model_names(model)[name] for name in model.drivers) if programmed else CRANK
-        return of_spec(spec, points, asked, called=_called(model, programmed=programmed))
+        return of_mechanism(model, spec, points, programmed=programmed)
     return _own(spec, points, CRANK if drivers is None else drivers, holds or {}, _keyed(spec, key))
 
 
@@ -204,6 +203,14 @@ def _keyed(spec: mujoco.MjSpec, key: str | None) -> Array | None:
         known = ", ".join(names) or "none"
         raise InputError(f"{spec.modelname}: there is no keyframe {key!r} (it has {known})")
     return model.key_qpos[names.index(key)]
+
+
+def of_mechanism(
+    mechanism: Mechanism, spec: mujoco.MjSpec, points: tuple[str, ...], *, programmed: bool
+) -> ClosedModel:
+    """Return the model that was generated of a mechanism; `programmed` where programs move its drivers."""
+    asked = tuple(model_names(mechanism)[name] for name in mechanism.drivers) if programmed else CRANK
+    return of_spec(spec, points, asked, called=_called(mechanism, programmed=programmed))
 
 
 def described(source: Source) -> Model:

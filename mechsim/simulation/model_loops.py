@@ -118,6 +118,12 @@ class ModelLoops:
         first = self.turned_rows.stop
         return slice(first, first + len(self.couplings))
 
+    @property
+    def driven_rows(self) -> slice:
+        """Which residuals are of what programs drive: the last."""
+        first = self.coupled_rows.stop
+        return slice(first, first + (0 if self.drive is None else len(self.drive.dofs)))
+
     @cached_property
     def followers(self) -> list[Coupled]:
         """The couplings of coordinates that follow from those driven, but not in a straight line."""

@@ -87,6 +87,7 @@ def evaluate(
     source: Source,
     *,
     crank_acceleration: Array | None = None,
+    driver_acceleration: Array | None = None,
     force: Array | None = None,
     watch: Callable[[str, float], None] = lambda _, __: None,
 ) -> Motion:
@@ -100,6 +101,7 @@ def evaluate(
         crank_acceleration: (n,) in [rad/s2]: accelerations are then those that keep the loops closed
             exactly. None reports what MuJoCo's own dynamics gives at the state; with dry friction, the
             crank's acceleration by it, and of all else those that keep the loops closed.
+        driver_acceleration: of what programs drive, (n, drivers), where it is not what they say.
         force: generalised force on the crank at each state, (n,) in [N m]; or on all `moved_dofs`, (n, k).
         watch: told how far it has come, in words and as a part of the whole.
     """
@@ -111,7 +113,15 @@ def evaluate(
     parts: list[Motion] = []
     for i in range(0, n, CHUNK):
         parts.append(
-            _evaluated(loops, track, states.at(i), source, part(crank_acceleration, i), part(force, i))
+            _evaluated(
+                loops,
+                track,
+                states.at(i),
+                source,
+                part(crank_acceleration, i),
+                part(driver_acceleration, i),
+                part(force, i),
+            )
         )
         watch(f"{min(i + CHUNK, n):,} of {n:,} poses", min(i + CHUNK, n) / n)
     return join(parts)
@@ -123,6 +133,7 @@ def _evaluated(
     states: States,
     source: Source,
     crank_acceleration: Array | None,
+    driver_acceleration: Array | None,
     force: Array | None,
 ) -> Motion:
     # where the loops settle the accelerations, MuJoCo's soft constraints need not be solved first
@@ -154,8 +165,10 @@ def _evaluated(
     if crank_acceleration is None and has_dry_friction(model):
         # where friction sticks or turns round, soft loops ring: what they ring about is the motion
         crank_acceleration = qacc[:, loops.crank].copy()
+        driver_acceleration = None if loops.drive is None else qacc[:, loops.drive.dofs].copy()
     if crank_acceleration is not None:
-        change = _correction(loops, jacobian, states, qacc, links, crank_acceleration)
+        wanted = (crank_acceleration, driver_acceleration)
+        change = _correction(loops, jacobian, states, qacc, links, *wanted)
         qacc += change
         links = {name: _moved_link(sims, model, name, link, change) for name, link in links.items()}
         points = {name: _moved_point(sims, model, name, point, change) for name, point in points.items()}
@@ -220,9 +233,12 @@ def _correction(
     qacc: Array,
     links: dict[str, LinkMotion],
     wanted: Array,
+    drivers: Array | None,
 ) -> Array:
     """Return the change of MuJoCo's accelerations after which the loops stay closed exactly, (n, nv)."""
     opened = opening(loops, states, qacc, links)
+    if drivers is not None and loops.drive is not None:
+        opened[:, loops.driven_rows] = qacc[:, loops.drive.dofs] - drivers
     change = np.zeros_like(qacc)
     change[:, loops.crank] = wanted - qacc[:, loops.crank]
     if opened.shape[1]:

@@ -28,9 +28,8 @@ def crosscheck_driven(
     motion = run.motion
     if run.outcome == "diverged" or motion.broken:
         return Verdict("diverged", (), motion.broken or "MuJoCo's state went bad")
-    study = prescribed(
-        machine, motion.angle, motion.speed, motion.acceleration, time=motion.time, watch=watch
-    )
+    at = (motion.angle, motion.speed, motion.acceleration)
+    study = prescribed(machine, *at, time=motion.time, as_run=motion, watch=watch)
     tolerance = None if run.promise is None or run.method == "pose" else run.promise.tolerance
     return judge_efforts(run.efforts, study.efforts, road=run.method, tolerance=tolerance, bounds=bounds)
 

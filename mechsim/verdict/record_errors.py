@@ -125,6 +125,21 @@ def of_reactions(kind: Literal["force", "moment"]) -> Error:
     return error
 
 
+def drives(found: Efforts, exact: Efforts) -> Iterable[str]:
+    """Return the drivers and holds that programs move."""
+    return exact.drives
+
+
+def drive_effort(found: Efforts, exact: Efforts, name: str) -> Array:
+    """Return the error of the torque of one drive, of a force times the size."""
+    return _along(found.drives[name], exact.drives[name], exact, name)
+
+
 def gear_torque(found: Efforts, exact: Efforts, name: str) -> Array:
-    """Return the error of the torque between two gears."""
-    return np.where(exact.reversing, 0.0, np.abs(found.gears[name] - exact.gears[name]))
+    """Return the error of the torque between two gears, of a force between racks times the size."""
+    return _along(found.gears[name], exact.gears[name], exact, name)
+
+
+def _along(found: Array, true: Array, exact: Efforts, name: str) -> Array:
+    error = np.where(exact.reversing, 0.0, np.abs(found - true))
+    return error * exact.size if name in exact.straight else error

@@ -88,11 +88,14 @@ def values_of(kind, *sizes):
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_loop_equations_hold_what_a_kind_does_not_leave_free(kind, turned_round):
     mechanism = arm_with(kind, turned_round)
-    poses = poses_at(mechanism, values_of(kind, 0.13, -0.7, 0.4))
+    values = values_of(kind, 0.13, -0.7, 0.4)
+    if KINDS[kind].led:
+        values = (mechanism.joint("J").lead * -0.7 / (2.0 * np.pi), -0.7)
+    poses = poses_at(mechanism, values)
     poses = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in poses.items()}
     rows = closure.equations(mechanism, poses, 0.0)
     assert np.abs(rows.residual).max() <= 1e-15
-    held = 6 - KINDS[kind].freedoms
+    held = 6 - KINDS[kind].freedoms + KINDS[kind].led
     assert rows.residual.shape == (1, 5 + held + 1)
     assert np.linalg.matrix_rank(rows.jacobian[0]) == 6 + held
 

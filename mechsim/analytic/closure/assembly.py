@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.closure.joint_rows import is_length
-from mechsim.analytic.closure.loop_equations import Poses, equations
+from mechsim.analytic.closure.loop_equations import Poses, equations, row_units
 from mechsim.analytic.closure.rank import least_norm
 from mechsim.analytic.vector_method.rotations import dot, turned_by
 from mechsim.errors import AssemblyError, InputError
@@ -110,10 +109,7 @@ def crank_angles(mechanism: Mechanism, angles: ArrayLike) -> Array:
 
 
 def _gap(mechanism: Mechanism, residual: Array) -> Array:
-    kinds = [length for joint in mechanism.joints for length in is_length(joint)]
-    scale = np.ones(residual.shape[1])
-    scale[: len(kinds)] = np.where(kinds, 1.0 / mechanism.size, 1.0)
-    return np.abs(residual * scale).max(1)
+    return np.abs(residual * row_units(mechanism, residual.shape[1])).max(1)
 
 
 def _moved(mechanism: Mechanism, poses: Poses, step: Array) -> dict[str, Pose]:

@@ -1,7 +1,8 @@
 """Rows of the loop equations: how joint ends move, the four kinds of rows they make, and which a joint has.
 
 A row is one of four kinds, for unit vectors U on link A and V on link B and the vector D from A's
-joint point to B's: the three components of D, U.V - c, U.D - c, and the driver or gear row.
+joint point to B's: the three components of D, U.V - c, U.D - c, and a weighted sum of
+coordinates, as drivers, holds and couplings ask for.
 Jacobians are with respect to twists (velocity of the link's origin, angular velocity), both in the
 ground frame.
 """
@@ -11,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.vector_method.rotations import cross, dot, skew, wrap
+from mechsim.analytic.vector_method.rotations import cross, dot, skew
+from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import COLUMN, KINDS
 from mechsim.model.mechanism import Joint, Pose
@@ -97,18 +99,61 @@ class Stack:
         parts = [(a.slot, -u, cross(u, gap) - cross(a.arm, u)), (b.slot, u, cross(b.arm, u))]
         self._add(dot(u, gap) - distance, bias, parts)
 
-    def turned(self, residual: Array, turns: list[tuple[float, Side, Side]]) -> None:
-        """A weighted sum of joint angles is given; residual in [rad]."""
-        parts: list[tuple[int | None, Array, Array]] = []
-        for weight, a, b in turns:
-            axis = a.frame[..., 2]
-            parts += [(a.slot, np.zeros(3), -weight * axis), (b.slot, np.zeros(3), weight * axis)]
-        # the sides turn against each other about the axis, which a rate of the axis is square to: no bias
-        self._add(wrap(residual), np.zeros(self.n), parts)
+    def weighted(self, residual: Array, bias: Array, parts: list[tuple[Array, "Moved"]]) -> None:
+        """A weighted sum of joint coordinates is given, weights (n,) or scalar; residual in [rad] or [m]."""
+        scaled = [
+            (slot, weight[..., None] * linear, weight[..., None] * angular)
+            for weight, moved in parts
+            for slot, linear, angular in moved.parts
+        ]
+        total = bias + sum(weight * moved.bias for weight, moved in parts)
+        self._add(residual, total, scaled)
 
     def rows(self) -> Rows:
         """Return all rows collected."""
         return Rows(np.stack(self.residual, 1), np.stack(self.jacobian, 1), np.stack(self.bias, 1))
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """How a coordinate of a joint moves with the links.
+
+    Attributes:
+        rate: at the links' twists, (n,) per second.
+        bias: its second rate at zero acceleration of the links, (n,).
+        parts: link's slot, and the coordinate's derivative by its velocity and angular velocity, (n, 3) each.
+    """
+
+    rate: Array
+    bias: Array
+    parts: list[tuple[int | None, Array, Array]]
+
+
+def moved(joint: Joint, index: int, a: Side, b: Side) -> Moved:
+    """Return how one coordinate of a joint, in the order of `Joint.coordinates`, moves with its links.
+
+    Raises:
+        InputError: for the angles of crossed axes, which no row couples or drives.
+    """
+    kind = KINDS[joint.kind]
+    if index < len(kind.slides):
+        column = COLUMN[kind.slides[index]]
+        u, u_rate, u_bias = a.direction(column)
+        gap, gap_rate = b.point - a.point, b.point_velocity - a.point_velocity
+        bias = 2.0 * dot(u_rate, gap_rate) + dot(u_bias, gap) + dot(u, b.point_bias - a.point_bias)
+        parts = [(a.slot, -u, cross(u, gap) - cross(a.arm, u)), (b.slot, u, cross(b.arm, u))]
+        return Moved(dot(u, gap_rate) + dot(u_rate, gap), bias, parts)
+    if kind.crossed:
+        raise InputError(
+            f"coordinate {joint.coordinates[index]!r} of a {joint.kind} joint is coupled or driven, which is "
+            "not known here; have two joints of one axis each in its place"
+        )
+    axis = a.frame[..., 2]
+    still = np.zeros_like(axis)
+    # the sides turn against each other about the axis, which a rate of the axis is square to: no bias
+    return Moved(
+        dot(axis, b.spin - a.spin), np.zeros(len(axis)), [(a.slot, still, -axis), (b.slot, still, axis)]
+    )
 
 
 def add_joint(stack: Stack, joint: Joint, a: Side, b: Side) -> None:

@@ -1,22 +1,25 @@
 """The loop equations of a mechanism at given poses, and how far they are from closed."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.closure.joint_rows import Rows, Side, Stack, add_joint, is_length
+from mechsim.analytic.closure.joint_rows import Moved, Rows, Side, Stack, add_joint, is_length, moved
 from mechsim.analytic.vector_method.rotations import wrap
 from mechsim.maths.arrays import Array
+from mechsim.model.couplings import Coupling
 from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, joint_coordinate
 
 Poses = Mapping[str, Pose]
+# crank angle, or driver -> value; None where drivers are free
+Angles = ArrayLike | Mapping[str, ArrayLike] | None
 
 
 def equations(
     mechanism: Mechanism,
     poses: Poses,
-    angle: ArrayLike | None,
+    angle: Angles,
     twists: Mapping[str, Array] | None = None,
 ) -> Rows:
     """Return the loop equations of a mechanism, linearised about n sets of poses.
@@ -24,14 +27,14 @@ def equations(
     Args:
         mechanism: the mechanism.
         poses: moving link -> n poses.
-        angle: crank angle that the driver row asks for, scalar or (n,) in [rad]; None leaves the
-            driver row out, so that the crank is free.
+        angle: crank angle that the driver row asks for, scalar or (n,) in [rad]; of several drivers each
+            one's value, else they are taken as they stand. None leaves the rows of drivers out.
         twists: moving link -> (n, 6) velocity of the origin and angular velocity; only the bias
             depends on them. None means at rest.
 
     Returns:
-        Rows in the order of the joints, then gears, then the driver. Residuals in [m], [rad] or
-        cosines of angles.
+        Rows in the order of the joints, then couplings (`Mechanism.laws`), holds, and drivers. Residuals in
+        [m], [rad] or cosines of angles.
     """
     names = [link.name for link in mechanism.links]
     n = next(iter(poses.values())).position.shape[0]
@@ -51,41 +54,87 @@ def equations(
     stack = Stack(len(names), n)
     for joint in mechanism.joints:
         add_joint(stack, joint, side(joint, "a"), side(joint, "b"))
+    of = {name: (joint, i) for joint in mechanism.joints for i, name in enumerate(joint.coordinates)}
 
-    def coordinate(joint: Joint) -> Array:
-        return joint_coordinate(joint, pose(joint.a.link), pose(joint.b.link))[..., 0]
+    def value(name: str) -> Array:
+        joint, i = of[name]
+        return joint_coordinate(joint, pose(joint.a.link), pose(joint.b.link))[..., i]
 
-    driver = mechanism.crank
-    for gear in mechanism.gears:
-        first, second = mechanism.joint(gear.driver), mechanism.joint(gear.driven)
-        # the crank's own angle counts its turns, so that a ratio that is no whole number works
-        turned = coordinate(first)
-        if first.name == driver.name and angle is not None:
-            turned = np.asarray(angle) + wrap(turned - np.asarray(angle))
-        gap = coordinate(second) - gear.ratio * turned - gear.phase
-        turns = [(1.0, side(second, "a"), side(second, "b"))]
-        turns.append((-gear.ratio, side(first, "a"), side(first, "b")))
-        stack.turned(gap, turns)
-    if angle is not None:
-        gap = coordinate(driver) - np.asarray(angle)
-        stack.turned(gap, [(1.0, side(driver, "a"), side(driver, "b"))])
+    def motion(name: str) -> Moved:
+        joint, i = of[name]
+        return moved(joint, i, side(joint, "a"), side(joint, "b"))
+
+    asked = _asked(mechanism, angle)
+    for law in mechanism.laws:
+        _add_law(stack, mechanism, law, value, motion, asked)
+    for name, wanted in (*mechanism.holds.items(), *asked.items()):
+        gap = np.zeros(n) if wanted is None else value(name) - np.asarray(wanted)
+        stack.weighted(
+            gap if mechanism.unit(name) == "m" else wrap(gap), np.zeros(n), [(np.ones(n), motion(name))]
+        )
     return stack.rows()
+
+
+def _asked(mechanism: Mechanism, angle: Angles) -> dict[str, ArrayLike | None]:
+    """Return what is asked of each driver; None for one that is taken as it stands."""
+    if angle is None:
+        return {}
+    if isinstance(angle, Mapping):
+        return {name: angle[name] for name in mechanism.drivers}
+    return dict.fromkeys(mechanism.drivers, angle if mechanism.has_crank else None)
+
+
+def _add_law(
+    stack: Stack,
+    mechanism: Mechanism,
+    law: Coupling,
+    value: Callable[[str], Array],
+    motion: Callable[[str], Moved],
+    asked: Mapping[str, ArrayLike | None],
+) -> None:
+    """Add the row of a coupling."""
+
+    def counted(name: str) -> Array:
+        """A driver's own value counts its turns, so that a ratio that is no whole number works."""
+        found, wanted = value(name), asked.get(name)
+        if wanted is None or mechanism.unit(name) == "m":
+            return found
+        return np.asarray(wanted) + wrap(found - np.asarray(wanted))
+
+    def total(terms: Mapping[str, float]) -> Array:
+        return sum((weight * counted(name) for name, weight in terms.items()), np.zeros(stack.n))
+
+    found, slope, bend = law.polynomial(total(law.right_terms))
+    gap = total(law.left_terms) - law.zeros[0] - found
+    angular = all(mechanism.unit(name) == "rad" for name in law.left_terms)
+    left = [(np.full(stack.n, weight), motion(name)) for name, weight in law.left_terms.items()]
+    right = [(-weight * slope, motion(name)) for name, weight in law.right_terms.items()]
+    rate = sum((weight * motion(name).rate for name, weight in law.right_terms.items()), np.zeros(stack.n))
+    stack.weighted(wrap(gap) if angular else gap, -bend * rate**2, [*left, *right])
+
+
+def lengths(mechanism: Mechanism, count: int) -> NDArray[np.bool_]:
+    """Say of each of the first `count` rows of a mechanism whether its residual is a length, (count,)."""
+    found = [length for joint in mechanism.joints for length in is_length(joint)]
+    firsts = [next(iter(law.left_terms)) for law in mechanism.laws]
+    named = (*firsts, *mechanism.holds, *mechanism.drivers)
+    return np.array([*found, *(mechanism.unit(name) == "m" for name in named)][:count], dtype=np.bool_)
+
+
+def row_units(mechanism: Mechanism, count: int) -> Array:
+    """Return factors that make the first `count` rows of a mechanism free of units, (count,)."""
+    return np.where(lengths(mechanism, count), 1.0 / mechanism.size, 1.0)
 
 
 def scaled(mechanism: Mechanism, jacobian: Array) -> Array:
     """Make a Jacobian free of units: lengths in units of the mechanism's size."""
     size = mechanism.size
     columns = np.tile([size] * 3 + [1.0] * 3, len(mechanism.links))
-    scaled = jacobian * columns
-    rows = np.ones(jacobian.shape[1])
-    lengths = [length for joint in mechanism.joints for length in is_length(joint)]
-    rows[: len(lengths)] = np.where(lengths, 1.0 / size, 1.0)
-    return scaled * rows[:, None]
+    return jacobian * columns * row_units(mechanism, jacobian.shape[1])[:, None]
 
 
-def residual_norms(mechanism: Mechanism, poses: Poses, angle: ArrayLike) -> tuple[Array, Array]:
+def residual_norms(mechanism: Mechanism, poses: Poses, angle: Angles) -> tuple[Array, Array]:
     """Return how far the loops stand open at each pose: (n,) in [m] and (n,) in [rad]."""
     rows = np.abs(equations(mechanism, poses, angle).residual)
-    kinds = [length for joint in mechanism.joints for length in is_length(joint)]
-    lengths = np.array(kinds + [False] * (rows.shape[1] - len(kinds)))
-    return rows[:, lengths].max(1, initial=0.0), rows[:, ~lengths].max(1, initial=0.0)
+    long = lengths(mechanism, rows.shape[1])
+    return rows[:, long].max(1, initial=0.0), rows[:, ~long].max(1, initial=0.0)

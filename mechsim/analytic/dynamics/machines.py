@@ -12,6 +12,8 @@ from mechsim.errors import InputError
 from mechsim.model.display import short_repr
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.motion import Motion, at_unit_speed
+from mechsim.model.programs import Programs
 from mechsim.model.rod_inertia import STEEL, with_inertia
 
 
@@ -31,19 +33,24 @@ class Machine:
 
     __repr__ = short_repr
 
-    def unit_motion(self, angles: ArrayLike) -> UnitMotion:
+    def unit_motion(self, angles: ArrayLike, as_run: Motion | None = None) -> UnitMotion:
         """Return poses, first and second derivatives by the crank angle, at crank angles (n,) in [rad].
+
+        Under programs by the angle of their clock, where a motion under them is given at what its drivers
+        really did.
 
         Raises:
             AssemblyError: where the loops do not close.
         """
         asked = np.atleast_1d(np.asarray(angles, dtype=np.float64))
-        return from_motion(self.mechanism, self.drive.solve(asked, 1.0, 0.0))
+        if as_run is None or not as_run.drivers or not isinstance(self.drive, LoopForm):
+            return from_motion(self.mechanism, self.drive.solve(asked, 1.0, 0.0))
+        return from_motion(self.mechanism, self.drive.solve_as(at_unit_speed(as_run)))
 
     def with_forces(self, forces: Forces) -> "Machine":
         """Return the same mechanism under other forces."""
         forces.check(self.mechanism)
-        _check_flywheel(self.mechanism, forces)
+        _check_flywheel(self.mechanism, forces, getattr(self.drive, "programs", None))
         return replace(self, forces=forces)
 
 
@@ -73,11 +80,18 @@ def machine(
     described = with_inertia(bare, density, diameter)
     acting = forces or Forces()
     acting.check(described)
-    _check_flywheel(described, acting)
+    _check_flywheel(described, acting, getattr(drive, "programs", None))
     return Machine(described, acting, drive)
 
 
-def _check_flywheel(mechanism: Mechanism, forces: Forces) -> None:
+def _check_flywheel(mechanism: Mechanism, forces: Forces, programs: Programs | None) -> None:
+    if not (forces.flywheel or forces.crank_torque or forces.motor):
+        return
+    if programs is not None:
+        raise InputError(
+            f"{mechanism.name}: a flywheel, motor or torque on the crank is given, but programs drive it; "
+            "leave it out, or drive the crank by its speed"
+        )
     driver = mechanism.crank
     if forces.flywheel and driver.a.link != GROUND:
         raise InputError(

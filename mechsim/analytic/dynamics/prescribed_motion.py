@@ -1,6 +1,6 @@
 """Inverse dynamics: what a machine needs, and what its joints carry, while its crank moves as prescribed."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -96,8 +96,11 @@ def prescribed(
     *,
     time: ArrayLike | None = None,
     watch: Callable[[str, float], None] = lambda _, __: None,
+    as_run: Motion | None = None,
 ) -> InverseDynamics:
     """Return the drive torque and everything the joints carry at prescribed crank motion.
+
+    Under programs the crank is their clock, and `efforts.drives` tells each driver's torque or force.
 
     A coupler whose spin nothing determines has no torque about its line and no momentum about it.
 
@@ -107,6 +110,7 @@ def prescribed(
         speed: of the crank, scalar or (n,) in [rad/s].
         acceleration: of the crank, scalar or (n,) in [rad/s2].
         time: (n,) in [s]; None at constant speed counts it from crank angle zero.
+        as_run: motion under the same programs at these instants, whose drivers' values and rates are taken.
         watch: told now and then how far it has come, in words and as a part of the whole, 0 to 1.
 
     Raises:
@@ -116,6 +120,9 @@ def prescribed(
     """
     require("what is to be solved", machine, Machine)
     angle = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+    programs = getattr(machine.drive, "programs", None)
+    if programs is not None and time is None:
+        time = angle / programs.pace
     n, joints = len(angle), len(machine.mechanism.joints)
     equations = 6.0 * len(machine.mechanism.links)
     each = TWICE * (KEPT + JOINT * joints) + HELD * equations**2 * min(1.0, PART / n)
@@ -129,24 +136,32 @@ def prescribed(
     for first in range(0, n, PART):
         rows = slice(first, first + PART)
         instants = None if at is None else at[rows]
-        parts.append(_solved(machine, angle[rows], w[rows], e[rows], instants, standing[rows]))
+        run = None if as_run is None else taken(as_run, rows)
+        parts.append(_solved(machine, angle[rows], w[rows], e[rows], instants, standing[rows], run))
         done = min(first + PART, n)
         watch(f"{done:,} of {n:,} instants", done / n)
     return parts[0] if len(parts) == 1 else _joined(parts)
 
 
 def _solved(
-    machine: Machine, angle: Array, w: Array, e: Array, at: Array | None, standing: NDArray[np.bool_]
+    machine: Machine,
+    angle: Array,
+    w: Array,
+    e: Array,
+    at: Array | None,
+    standing: NDArray[np.bool_],
+    as_run: Motion | None,
 ) -> InverseDynamics:
     """Return the inverse dynamics of some instants, all in one go."""
-    unit, flywheel = machine.unit_motion(angle), machine.forces.flywheel
+    unit, flywheel = machine.unit_motion(angle, as_run), machine.forces.flywheel
     acting, outside = applied(machine, unit), loads(machine, unit, at)
     part = coefficients(unit, acting, flywheel)
     inertial = unit.inertial(w, e)
-    # the flywheel and the crank's own load act in the driven joint
     shared = np.zeros_like(inertial)
-    driver = unit.mechanism.crank
-    add_couple(unit, shared, driver, (outside.crank - flywheel * e)[:, None] * unit.axis(driver))
+    if not unit.drivers:
+        # the flywheel and the crank's own load act in the driven joint
+        driver = unit.mechanism.crank
+        add_couple(unit, shared, driver, (outside.crank - flywheel * e)[:, None] * unit.axis(driver))
     held = balance(unit, inertial - acting.total(w) - outside.wrenches - shared)
     torque = part.torque(w, e) - outside.torque
     force, moment = _shaking(machine, unit, inertial, acting.gravity + outside.wrenches, e)
@@ -166,17 +181,31 @@ def _solved(
         power_lost=part.damping * w**2 + part.coulomb * np.abs(w),
         residual=held.residual,
         sliding=_sliding(acting.dry, np.where(standing, 0.0, np.sign(w))),
+        drive_accelerations=_drive_accelerations(unit, w),
+        drives={**held.drives, **held.holds} if unit.drivers else {},
+        straight=unit.mechanism.straight,
     )
     return InverseDynamics(
         machine=machine,
         efforts=efforts,
         load=outside.torque,
         reduced=part,
-        second_torque=held.drive,
+        second_torque=_clock_torque(unit, held.drives),
         indeterminacy=held.indeterminacy,
         shaking_force=force,
         shaking_moment=moment,
     )
+
+
+def _drive_accelerations(unit: UnitMotion, clock: Array) -> dict[str, Array]:
+    return {name: second * clock**2 for name, second in unit.driver_seconds.items()}
+
+
+def _clock_torque(unit: UnitMotion, drives: Mapping[str, Array]) -> Array:
+    """Return the drives' power at unit speed of the crank or the clock, (n,) in [N m]."""
+    if not unit.drivers:
+        return next(iter(drives.values()))
+    return sum((effort * unit.driver_rates[name] for name, effort in drives.items()), np.zeros(len(unit)))
 
 
 def _shaking(
@@ -186,8 +215,9 @@ def _shaking(
     left = outside - inertial
     force = left[..., :3].sum(1)
     moment = (left[..., 3:] + cross(unit.position, left[..., :3])).sum(1)
-    driver = unit.mechanism.crank
-    turned = machine.forces.flywheel * acceleration[:, None] * unit.axis(driver)
+    if not machine.forces.flywheel:
+        return force, moment
+    turned = machine.forces.flywheel * acceleration[:, None] * unit.axis(unit.mechanism.crank)
     return force, moment - turned
 
 

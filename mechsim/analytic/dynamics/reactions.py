@@ -7,10 +7,10 @@ from itertools import pairwise
 import numpy as np
 
 from mechsim.analytic.closure import RANK_TOLERANCE
+from mechsim.analytic.closure.loop_equations import row_units
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.maths.arrays import Array
-from mechsim.model.couplings import Gear
 from mechsim.model.efforts import Reaction
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import Joint, Mechanism
@@ -21,16 +21,19 @@ class Balance:
     """All forces that give the links their motion.
 
     Attributes:
-        drive: torque on the driven joint's link b about its axis, (n,) in [N m].
+        drives: driver -> torque on the driven joint's link b about its axis, or force along it, (n,) in
+            [N m] or [N].
+        holds: coordinate -> likewise, of what holds it.
         reactions: joint -> reaction.
-        gears: "driver-driven" -> torque on the driven joint's link b about its axis, (n,) in [N m]; the
-            torque on the driver joint's is -ratio times it.
+        gears: "driver-driven" of gears and other couplings -> torque on the driven joint's link b about its
+            axis, or force along it, (n,) in [N m] or [N]; on the driver's is -slope times it.
         residual: largest imbalance left of any link, relative to the largest wrench, (n,).
         indeterminacy: number of independent self-stresses: forces the joints can hold against each
             other without any load.
     """
 
-    drive: Array
+    drives: Mapping[str, Array]
+    holds: Mapping[str, Array]
     reactions: Mapping[str, Reaction]
     gears: Mapping[str, Array]
     residual: Array
@@ -60,13 +63,15 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
     slack = np.swapaxes(vt[:, rank:], 1, 2)  # (n, m, s): multipliers without effect, scaled
     left = np.abs((scaled @ solution[..., None])[..., 0] - right).max(1)
     size = np.maximum(np.abs(right).max(1), np.finfo(np.float64).tiny)
+    told = _named(mechanism, multipliers)
     return Balance(
-        multipliers[:, -1],
+        {name: told[name] for name in mechanism.drivers},
+        {name: told[name] for name in mechanism.holds},
         {
             joint.name: _reaction(unit, joint, span, multipliers, slack * rows[:, None])
             for joint, span in zip(mechanism.joints, _spans(mechanism), strict=True)
         },
-        _gear_torques(mechanism, multipliers),
+        {law.label: told[law.label] for law in mechanism.laws},
         left / size,
         slack.shape[-1],
     )
@@ -74,12 +79,8 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
 
 def _scales(mechanism: Mechanism, count: int) -> tuple[Array, Array]:
     """Return the units of the columns and rows of the loop Jacobian in the mechanism's size."""
-    size = mechanism.size
-    columns = np.tile([size] * 3 + [1.0] * 3, len(mechanism.links))
-    rows = np.ones(count)
-    for joint, span in zip(mechanism.joints, _spans(mechanism), strict=True):
-        rows[span.start : span.start + KINDS[joint.kind].forces] = 1.0 / size
-    return columns, rows
+    columns = np.tile([mechanism.size] * 3 + [1.0] * 3, len(mechanism.links))
+    return columns, row_units(mechanism, count)
 
 
 def _spans(mechanism: Mechanism) -> list[slice]:
@@ -116,10 +117,8 @@ def _wrench(unit: UnitMotion, joint: Joint, span: slice, multipliers: Array) -> 
     return wrench, point
 
 
-def _gear_torques(mechanism: Mechanism, multipliers: Array) -> dict[str, Array]:
-    first = multipliers.shape[1] - 1 - len(mechanism.gears)
-    return {_label(gear): multipliers[:, first + i] for i, gear in enumerate(mechanism.gears)}
-
-
-def _label(gear: Gear) -> str:
-    return f"{gear.driver}-{gear.driven}"
+def _named(mechanism: Mechanism, multipliers: Array) -> dict[str, Array]:
+    """Return the multipliers of couplings, holds and drivers, which are the last rows, by name."""
+    names = [*(law.label for law in mechanism.laws), *mechanism.holds, *mechanism.drivers]
+    first = multipliers.shape[1] - len(names)
+    return {name: multipliers[:, first + i] for i, name in enumerate(names)}

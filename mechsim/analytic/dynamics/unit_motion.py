@@ -4,7 +4,8 @@ With the crank at speed w and acceleration e, a velocity is w times the first de
 acceleration is e times the first plus w2 times the second.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -35,6 +36,9 @@ class UnitMotion:
         twist: first derivative: of the origin in [m/rad], of the orientation in [1], (n, L, 6).
         bias: second derivative likewise, (n, L, 6).
         idle: twists that no joint resists once the crank is held, (n, L, 6, k).
+        drivers: driver -> its value, (n,), where programs drive; the angle is then their clock's.
+        driver_rates: driver -> its derivative by the clock's angle, (n,).
+        driver_seconds: driver -> its second derivative, (n,).
     """
 
     mechanism: Mechanism
@@ -44,6 +48,9 @@ class UnitMotion:
     twist: Array
     bias: Array
     idle: Array
+    drivers: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    driver_rates: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    driver_seconds: Mapping[str, Array] = field(default_factory=dict[str, Array])
 
     __repr__ = short_repr
 
@@ -70,7 +77,11 @@ class UnitMotion:
     @cached_property
     def held_rows(self) -> Rows:
         """Loop equations and driver row, linearised at these poses."""
-        return closure.equations(self.mechanism, self.poses(), self.angle)
+        return self.rows()
+
+    def rows(self, twists: Mapping[str, Array] | None = None) -> Rows:
+        """Return loop equations and driver rows at these poses, and their bias at twists of links (n, 6)."""
+        return closure.equations(self.mechanism, self.poses(), self.drivers or self.angle, twists)
 
     def poses(self) -> dict[str, Pose]:
         """Return link -> n poses."""
@@ -145,13 +156,18 @@ def from_motion(mechanism: Mechanism, motion: Motion) -> UnitMotion:
     position = np.stack([one.position for one in links], 1)
     rotation = np.stack([one.rotation for one in links], 1)
     none = np.zeros((*twist.shape, 0))
-    plain = UnitMotion(mechanism, motion.angle, position, rotation, twist, bias, none)
+    drivers = {name: motion.joints[name].value for name in motion.drivers}
+    turning = {name: motion.joints[name].rate for name in motion.drivers}
+    bending = {name: motion.joints[name].acceleration for name in motion.drivers}
+    plain = UnitMotion(
+        mechanism, motion.angle, position, rotation, twist, bias, none, drivers, turning, bending
+    )
     idle = _idle(plain)
     if not idle.shape[-1]:
         return plain
     _require_round(plain, idle)
     twist, bias = _without_spin(plain, idle)
-    return UnitMotion(mechanism, motion.angle, position, rotation, twist, bias, idle)
+    return replace(plain, twist=twist, bias=bias, idle=idle)
 
 
 def _idle(unit: UnitMotion) -> Array:
@@ -203,13 +219,14 @@ def _without_spin(unit: UnitMotion, idle: Array) -> tuple[Array, Array]:
     momentum = (np.swapaxes(weighted, 1, 2) @ unit.twist.reshape(n, -1, 1))[..., 0]
     twist = off(unit.twist, momentum)
     twists = {link.name: twist[:, i] for i, link in enumerate(unit.mechanism.links)}
-    rows = closure.equations(unit.mechanism, unit.poses(), unit.angle, twists)
+    rows = unit.rows(twists)
+    before = unit.rows({link.name: unit.twist[:, i] for i, link in enumerate(unit.mechanism.links)})
+    # the second rates that what is driven has, whatever spins
+    asked = (before.jacobian @ unit.bias.reshape(n, -1, 1))[..., 0] + before.bias
     scale = np.tile([unit.mechanism.size] * 3 + [1.0] * 3, count)
     inverse = np.linalg.pinv(rows.jacobian * scale, rcond=closure.RANK_TOLERANCE)
-    bias = -(scale * (inverse @ rows.bias[..., None])[..., 0]).reshape(n, count, 6)
-    moved = UnitMotion(
-        unit.mechanism, unit.angle, unit.position, unit.rotation, twist, bias, np.zeros((n, count, 6, 0))
-    )
+    bias = -(scale * (inverse @ (rows.bias - asked)[..., None])[..., 0]).reshape(n, count, 6)
+    moved = replace(unit, twist=twist, bias=bias)
     one, zero = np.ones(n), np.zeros(n)
     torque = (np.swapaxes(flat, 1, 2) @ moved.inertial(one, zero).reshape(n, -1, 1))[..., 0]
     return twist, off(bias, torque)

@@ -1,6 +1,7 @@
 """Drive torque and joint reactions of states whose accelerations are known, from MuJoCo's own dynamics."""
 
 import copy
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -77,20 +78,40 @@ def constrained(loaded: LoadedModel, at: Situation, fields: Fields) -> tuple[Arr
         fields: what the stepped model makes of it.
     """
     forces, scale = fields["qfrc_constraint"], row_scale(loaded, at.jacobian.shape[1])
-    turned = np.swapaxes(at.jacobian * scale[:, None], 1, 2)
-    multipliers = np.zeros(turned.shape[::2])
-    if turned.shape[2]:
-        multipliers = scale * (np.linalg.pinv(turned, rcond=RANK_TOLERANCE) @ forces[..., None])[..., 0]
-    crank = loaded.loops.crank
-    spent = (at.plain["inertia"][:, crank] * fields["qacc"]).sum(1)
-    return multipliers, spent - at.plain["qfrc_smooth"][:, crank] - forces[:, crank]
+    # MuJoCo knows no rows for what programs drive: forces on these coordinates stand for them
+    told = loaded.loops.driven_rows.start
+    turned = np.swapaxes(at.jacobian * scale[:, None], 1, 2)[..., :told]
+    multipliers = np.zeros(scale.shape + forces.shape[:1]).T
+    if told:
+        found = np.linalg.pinv(turned, rcond=RANK_TOLERANCE) @ forces[..., None]
+        multipliers[:, :told] = scale[:told] * found[..., 0]
+
+    def drive(dof: int) -> Array:
+        spent = (at.plain["inertia"][:, dof] * fields["qacc"]).sum(1)
+        return spent - at.plain["qfrc_smooth"][:, dof] - forces[:, dof]
+
+    drives = loaded.loops.drive
+    if drives is None:
+        return multipliers, drive(loaded.loops.crank)
+    multipliers[:, told:] = np.stack([drive(int(dof)) for dof in drives.dofs], 1)
+    return multipliers, _on_clock(loaded, at.jacobian, multipliers)
+
+
+def _on_clock(loaded: LoadedModel, jacobian: Array, multipliers: Array) -> Array:
+    """Return the torque on the clock that does the work of all drives, (n,) in [N m]."""
+    rows = loaded.loops.driven_rows
+    return -(multipliers[:, rows] * jacobian[:, rows, loaded.loops.crank]).sum(1)
 
 
 def efforts(loaded: LoadedModel, at: Situation, qacc: Array, multipliers: Array, torque: Array) -> Efforts:
     """Return everything transmitted: all forces act as wrenches, and MuJoCo carries them through the tree."""
     n, crank = len(qacc), loaded.loops.crank
     drive = loaded.nothing(n)
-    drive.generalised[:, crank] = torque
+    driven = loaded.loops.drive
+    if driven is None:
+        drive.generalised[:, crank] = torque
+    else:
+        drive.generalised[:, driven.dofs] = multipliers[:, loaded.loops.driven_rows]
     placed = native(loaded.model, at.plain)
     loops = loop_forces(loaded, at.plain, at.jacobian, multipliers)
     fields = loaded.look(loaded.looking(native=False), at.states, together(at.outer, placed, loops, drive))
@@ -107,8 +128,11 @@ def efforts(loaded: LoadedModel, at: Situation, qacc: Array, multipliers: Array,
         reactions={
             joint.name: transmitted(loaded, joint, fields, multipliers) for joint in loaded.mechanism.joints
         },
-        gears=_gears(loaded, multipliers),
-        kinetic=0.5 * (rates * (at.plain["inertia"] @ rates[..., None])[..., 0]).sum(1),
+        gears=_coupled(loaded, multipliers, [law.label for law in loaded.mechanism.laws], 0),
+        drives=_drives(loaded, multipliers),
+        drive_accelerations=_drive_accelerations(loaded, qacc),
+        straight=loaded.mechanism.straight,
+        kinetic=_kinetic(loaded, rates, at.plain["inertia"]),
         potential=at.plain["energy"][:, 0] + _wound(loaded, at.plain),
         power_in=torque * rates[:, crank] + motor,
         power_loads=outer,
@@ -148,12 +172,33 @@ def _least(rows: Array, scale: Array, inertia: Array, right: Array) -> tuple[Arr
     return np.asarray(x, dtype=np.float64), scale * (left @ (inverse * part)[..., None])[..., 0]
 
 
-def _gears(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
-    first = loaded.loops.coupled_rows.start
-    return {
-        f"{gear.driver}-{gear.driven}": multipliers[:, first + i]
-        for i, gear in enumerate(loaded.mechanism.gears)
-    }
+def _drive_accelerations(loaded: LoadedModel, qacc: Array) -> dict[str, Array]:
+    drive = loaded.loops.drive
+    return {} if drive is None else dict(zip(drive.names, qacc[:, drive.dofs].T, strict=True))
+
+
+def _kinetic(loaded: LoadedModel, rates: Array, inertia: Array) -> Array:
+    """Return the energy of motion of all but a clock, (n,) in [J]."""
+    if loaded.loops.drive is not None:
+        rates = rates.copy()
+        rates[:, loaded.loops.crank] = 0.0
+    return 0.5 * (rates * (inertia @ rates[..., None])[..., 0]).sum(1)
+
+
+def _coupled(loaded: LoadedModel, multipliers: Array, names: Sequence[str], after: int) -> dict[str, Array]:
+    """Return the forces of coupled coordinates, of so many names after the first ones."""
+    first = loaded.loops.coupled_rows.start + after
+    return {name: multipliers[:, first + i] for i, name in enumerate(names)}
+
+
+def _drives(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
+    """Return the force of each driver and hold; nothing where a crank is driven."""
+    mechanism, drive = loaded.mechanism, loaded.loops.drive
+    if drive is None:
+        return {}
+    forces = multipliers[:, loaded.loops.driven_rows].T
+    held = _coupled(loaded, multipliers, [*mechanism.holds], len(mechanism.laws))
+    return {**dict(zip(drive.names, forces, strict=True)), **held}
 
 
 def _wound(loaded: LoadedModel, fields: Fields) -> Array:
@@ -232,7 +277,8 @@ def efforts_of(
         stepped: the model as it was stepped, the drive's inertia in it.
         hardness: factor on its inverse weights.
         states: recorded.
-        force: of the drive on the crank at each state besides what holds its speed, (n,) in [N m].
+        force: of the drives at each state besides what holds their speeds, (n,) or (n, drivers) in [N m]
+            or [N].
     """
     model = copy.copy(stepped)
     loaded.prepare(model)
@@ -241,16 +287,17 @@ def efforts_of(
     model.body_invweight0[:] *= soften
     model.dof_invweight0[:] *= soften
     model.opt.iterations = ITERATIONS
+    moved = loaded.loops.moved_dofs
     if force is not None:
-        crank = np.array([loaded.loops.crank])
-        set_armature(model, crank, LIGHTER * model.dof_armature[crank])
+        force = force.reshape(len(force), -1)
+        set_armature(model, moved, LIGHTER * model.dof_armature[moved])
     parts = []
     for first in range(0, len(states.time), CHUNK):
         part = states.at(first)
         at = situation(loaded, part)
         acting = replace(at.outer, generalised=at.outer.generalised.copy())
         if force is not None:
-            acting.generalised[:, loaded.loops.crank] += LIGHTER * force[first : first + CHUNK]
+            acting.generalised[:, moved] += LIGHTER * force[first : first + CHUNK]
         fields = loaded.look(model, part, acting)
         multipliers, torque = constrained(loaded, at, fields)
         parts.append(efforts(loaded, at, fields["qacc"], multipliers, torque))

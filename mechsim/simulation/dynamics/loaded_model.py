@@ -113,6 +113,9 @@ class LoadedModel(ClosedModel):
         sims.forward()
         sparse = np.concatenate([fields["M"], np.zeros((n, 1))], 1)
         inertia = sparse[:, self._dense_index]
+        if self.loops.drive is not None:
+            # the clock weighs as much as the rest: it turns steadily, and takes no part but in solving
+            inertia[:, self.loops.crank, self.loops.crank] = np.trace(inertia[0]) / len(inertia[0])
         return {name: np.array(field) for name, field in fields.items()} | {"inertia": inertia}
 
     def body(self, link: str) -> int:
@@ -166,13 +169,16 @@ class LoadedModel(ClosedModel):
         return index
 
 
-def loaded_model(mechanism: Mechanism, forces: Forces, cut: tuple[str, ...] | None = None) -> LoadedModel:
+def loaded_model(
+    mechanism: Mechanism, forces: Forces, cut: tuple[str, ...] | None = None, *, programmed: bool = False
+) -> LoadedModel:
     """Generate the model of a mechanism and its forces, and close its loops.
 
     Args:
         mechanism: links without an inertia are rods, as in `rod_inertia.with_inertia`.
         forces: what acts.
         cut: joints where the loops are cut; None lets the generator choose.
+        programmed: whether programs move the drivers, which stand as yet; else a crank is driven.
 
     Raises:
         AssemblyError: if the loops do not close at the mechanism's start.
@@ -180,7 +186,7 @@ def loaded_model(mechanism: Mechanism, forces: Forces, cut: tuple[str, ...] | No
     described = with_inertia(mechanism)
     spec = closed_model.assembled(described, Scene(level="dynamics", forces=forces, cut=cut))
     points = [name for name, (link, _) in mechanism.points.items() if link != GROUND]
-    closed = closed_model.of_spec(spec, tuple(points))
+    closed = closed_model.of_mechanism(described, spec, tuple(points), programmed=programmed)
     return LoadedModel(
         loops=closed.loops,
         track=closed.track,

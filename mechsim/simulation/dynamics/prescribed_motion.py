@@ -9,6 +9,8 @@ from mechsim.errors import InputError
 from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.programs import Programs
+from mechsim.simulation.begun import begun, clock_of
 from mechsim.simulation.dynamics.efforts import efforts_of, required, started, stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, within
@@ -34,6 +36,7 @@ def driven(
     speed: float | None = None,
     turns: float = 1.0,
     profile: CrankProfile | None = None,
+    programs: Programs | None = None,
     method: Method | None = None,
     tolerance: float | None = None,
     samples: int | None = None,
@@ -49,6 +52,7 @@ def driven(
         speed: constant crank speed in [rad/s], negative backwards; or give `profile`.
         turns: of the crank, at constant speed.
         profile: the crank's angle over time.
+        programs: of the drivers, in place of speed or profile; angles are then those of their clock.
         method: "pose" solves each pose, and by inverse dynamics what it needs: no integration, to
             rounding. "step" integrates in time; every number then belongs to the recorded instant,
             and the drive's own inertia is not in it. None takes "pose", with a tolerance "step".
@@ -72,7 +76,11 @@ def driven(
         raise InputError(f"tolerance of torque is {tolerance}; give a part above 0, as in 1e-6")
     if samples is not None and not samples >= 1:
         raise InputError(f"{samples} samples asked for; take at least 1")
-    loaded = loaded_model(mechanism, (forces or Forces()).without_motor(), cut)
+    loaded = loaded_model(
+        mechanism, (forces or Forces()).without_motor(), cut, programmed=programs is not None
+    )
+    if programs is not None:
+        loaded, profile = begun(loaded, programs), clock_of(programs)
     if profile is None:
         if speed is None:
             raise InputError("neither a crank speed nor a profile was given; give one of them")
@@ -161,7 +169,15 @@ def _stepped(
     steps = step(loops, settings, profile, started(loaded, first, speed), total, stride, controls, watch)
     states = steps.states
     found = efforts_of(loaded, model, settings.hardness, states, steps.force)
-    motion = evaluate(loaded.loops, loaded.track, states, "step", crank_acceleration=found.acceleration)
+    drivers = [*found.drive_accelerations.values()]
+    motion = evaluate(
+        loaded.loops,
+        loaded.track,
+        states,
+        "step",
+        crank_acceleration=found.acceleration,
+        driver_acceleration=np.stack(drivers, 1) if drivers else None,
+    )
     if steps.diverged:
         motion = replace(motion, broken=f"MuJoCo's state went bad after {states.time[-1]:.6g} s")
     return Driven(

@@ -1,0 +1,119 @@
+"""What several drivers need: MuJoCo's roads against the formulas, and the formulas against laws."""
+
+from dataclasses import replace
+
+import driven as machines
+import numpy as np
+import pytest
+
+from mechsim.analytic import dynamics
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.errors import InputError
+from mechsim.model.couplings import Coupling
+from mechsim.model.forces import Forces, Friction
+from mechsim.model.inertia import Inertia
+from mechsim.model.programs import programs, steady
+from mechsim.simulation import Settings
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.studies.dynamics_check import crosscheck_driven
+
+WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
+
+
+def five_bar():
+    mechanism = machines.five_bar()
+    states = {"left": machines.waving(2.0, 0.3, 6.0, 0.2), "right": machines.waving(1.0, 0.4, 9.0, 1.0)}
+    rubbing = replace(WEIGHT, friction=(Friction("A", viscous=0.01),))
+    return dynamics.machine(LoopForm(mechanism, programs=programs(mechanism, states, 1.0)), rubbing)
+
+
+def boom():
+    mechanism = machines.boom()
+    states = {"stroke": machines.waving(0.8, 0.1, 2.0)}
+    return dynamics.machine(LoopForm(mechanism, programs=programs(mechanism, states, 3.0)), WEIGHT)
+
+
+def held_rack():
+    """A pinion that drives a rack, beside a held joint."""
+    mechanism = machines.rack_and_cam()
+    mesh = Coupling("mesh", "rack", "crank", (0.001, 0.02))
+    mechanism = replace(mechanism, driver=("crank",), couplings=(mesh,), holds={"cam": 0.01})
+    moves = programs(mechanism, {"crank": machines.waving(0.3, 1.0, 2.0)}, 2.0)
+    return dynamics.machine(LoopForm(mechanism, programs=moves), Forces(gravity=(-9.81, -9.81, 0.0)))
+
+
+CASES = {"five-bar": five_bar, "boom": boom, "rack": held_rack}
+
+
+def studied(machine, count=41):
+    moves = machine.drive.programs
+    clock = moves.pace * np.linspace(0.0, moves.duration, count)
+    return dynamics.prescribed(machine, clock, moves.pace)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_drives_power_is_what_the_energies_take(case):
+    """Eighth-order differences of the energy against the drives' power and what friction loses."""
+    machine = CASES[case]()
+    moves = machine.drive.programs
+    step, middle = 1e-3 * moves.duration, 0.4 * moves.duration
+    clock = moves.pace * (middle + step * np.arange(-4, 5))
+    found = dynamics.prescribed(machine, clock, moves.pace).efforts
+    weights = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / step
+    grown = weights @ (found.kinetic + found.potential)
+    motion = machine.drive.solve(clock, moves.pace)
+    given = sum(found.drives[name] * motion.joints[name].rate for name in moves.drivers)[4]
+    assert given - found.power_lost[4] == pytest.approx(grown, rel=1e-8)
+    assert found.power_in[4] == pytest.approx(given, rel=1e-12)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_both_routes_to_the_drives_agree(case):
+    study = studied(CASES[case]())
+    assert study.second_torque == pytest.approx(
+        study.efforts.torque, abs=1e-12 * np.abs(study.efforts.torque).max()
+    )
+
+
+def test_a_standing_boom_is_held_by_the_moments_of_its_weights():
+    mechanism = machines.boom()
+    still = Inertia(1e-9, (0.0, 0.0, 0.0), (1e-12, 1e-12, 1e-12))
+    arm = replace(mechanism.links[0], inertia=Inertia(5.0, (1.2, 0.0, 0.0), (1e-3, 1e-3, 1e-3)))
+    links = (arm, *(replace(link, inertia=still) for link in mechanism.links[1:]))
+    mechanism = replace(mechanism, links=links)
+    slowly = programs(mechanism, {"stroke": steady(0.75, 1e-7)}, 1.0)
+    study = studied(dynamics.machine(LoopForm(mechanism, programs=slowly), WEIGHT), 3)
+    lift = LoopForm(mechanism, programs=slowly).solve([0.0], 1.0).joints["lift"].value[0]
+    foot, head = np.array([0.5, -0.2]), np.array([np.cos(lift), np.sin(lift)])
+    along = (head - foot) / np.linalg.norm(head - foot)
+    lever = head[0] * along[1] - head[1] * along[0]
+    assert study.efforts.drives["stroke"][0] == pytest.approx(5.0 * 9.81 * 1.2 * head[0] / lever, rel=1e-7)
+
+
+@pytest.mark.parametrize("method", ["pose", "step"])
+@pytest.mark.parametrize("case", CASES)
+def test_mujoco_agrees_and_a_heavier_link_is_refused(case, method):
+    machine = CASES[case]()
+    settings = Settings(steps_per_turn=1000) if method == "step" else None
+    run = driven(
+        machine.mechanism,
+        machine.forces,
+        programs=machine.drive.programs,
+        method=method,
+        settings=settings,
+        samples=20,
+    )
+    verdict = crosscheck_driven(run, machine)
+    assert verdict.passed, verdict
+    assert {check.kind for check in verdict.checks} >= {"drive"}
+    link = machine.mechanism.links[0]
+    heavier = replace(link, inertia=replace(link.inertia, mass=1.001 * link.inertia.mass))
+    links = (heavier, *machine.mechanism.links[1:])
+    wrong = dynamics.machine(machine.drive, machine.forces, mechanism=replace(machine.mechanism, links=links))
+    assert not crosscheck_driven(run, wrong).passed
+
+
+def test_a_flywheel_under_programs_is_refused():
+    machine = held_rack()
+    with pytest.raises(InputError, match=r"flywheel.*programs"):
+        machine.with_forces(Forces(flywheel=1.0))
