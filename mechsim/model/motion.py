@@ -198,7 +198,7 @@ def _library(name: str) -> Any:
 
 
 def at_unit_speed(motion: Motion) -> Motion:
-    """Return a motion under programs with its clock at unit speed: the drivers' rates are derivatives by it."""
+    """Return a motion under programs whose clock has unit speed: drivers' rates are derivatives by it."""
     pace, one = motion.speed, np.ones_like(motion.speed)
     joints = {
         name: replace(joint, rate=joint.rate / pace, acceleration=joint.acceleration / pace**2)

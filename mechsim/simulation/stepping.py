@@ -144,6 +144,8 @@ def _lead(loops: ModelLoops) -> None:
     # on a slide the mass that has this inertia as far off as the longest link reaches
     slides = model.jnt_type[model.dof_jntid[moved]] == SLIDE
     set_armature(model, moved, np.where(slides, flywheel / loops.size**2, flywheel))
+    # by these MuJoCo scales the softness of couplings: what carries a flywheel gives way to nothing
+    model.dof_invweight0[moved] = 1.0 / model.dof_armature[moved]
     model.eq_active0[[one.number for one in loops.followers]] = 0
 
 

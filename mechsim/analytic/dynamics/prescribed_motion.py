@@ -19,7 +19,7 @@ from mechsim.maths.given import require
 from mechsim.maths.memory import require_room
 from mechsim.model.display import short_repr
 from mechsim.model.efforts import Efforts, Reaction, wrench_columns
-from mechsim.model.motion import join
+from mechsim.model.motion import Motion, join, taken
 
 # instants solved in one go, and bytes held at each of them by each element of the matrix that balances links
 PART, HELD = 4096, 80.0
