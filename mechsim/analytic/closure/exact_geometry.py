@@ -23,12 +23,14 @@ from mechsim.model.rough_poses import rough_poses, starts
 # dimensions are taken to be known to this part of the size, and axes to as many radians: files with six
 # digits are off by 1e-6, and no linkage that was meant to be rigid moves for so little
 DIGITS = 1e-5
+# no point is moved and no axis turned by more, in parts of the size and in [rad]
+FARTHEST = 1e-4
 # poses in which it is seen whether digits disagree, and in which the loops are to close
 PROBES, POSES = 2, 8
-# rounds of correction, a residual that is rounding, and the step of differences by dimensions
-ROUNDS, ROUNDING, STEP = 6, 1e-13, 1e-6
-# what tells less of the dimensions than this part of the most is noise
-TOLD = 1e-4
+# a residual that is rounding, and the step of differences by dimensions
+ROUNDING, STEP = 1e-13, 1e-6
+# round by round, what tells less of the dimensions than this part of the most is left to the next
+TOLD = (1e-4, 1e-4, 1e-5, 1e-5, 1e-6, 1e-6, 1e-7, 1e-7)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +51,7 @@ class Corrected:
 def corrected(mechanism: Mechanism) -> Corrected:
     """Return a mechanism with the digits of its dimensions made to agree; as it is where they do.
 
-    Dimensions that are off by more than `DIGITS` are left as they are.
+    What would have to be moved by more than `FARTHEST` is left as it is.
     """
     loops, rough = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
     if not loops.rows or not _disagree(loops, poses := generic_poses(loops, rough, PROBES, DIGITS)):
@@ -57,14 +59,14 @@ def corrected(mechanism: Mechanism) -> Corrected:
     poses += generic_poses(loops, poses[-1], POSES - PROBES, DIGITS)
     change = np.zeros((len(mechanism.joints), 2, 6))
     slopes = _slopes(mechanism, loops, poses)
-    for _ in range(ROUNDS):
+    for told in TOLD:
         idle = [idle_and_free(loops, at, DIGITS)[0] for at in poses]
         opened = [part.T @ loops.linearise(at)[0][:, 0] for part, at in zip(idle, poses, strict=True)]
         slope = [np.tensordot(part.T, slopes[:, k], 1) for k, part in enumerate(idle)]
         matrix = np.concatenate(slope).reshape(-1, change.size)
-        least = np.linalg.lstsq(matrix, -np.concatenate(opened), rcond=TOLD)[0]
+        least = np.linalg.lstsq(matrix, -np.concatenate(opened), rcond=told)[0]
         change = change + least.reshape(change.shape)
-        if not np.abs(change).max() < 10.0 * DIGITS:
+        if not np.abs(change).max() < FARTHEST:
             break
         trial = _changed(mechanism, change)
         loops = _loops(trial)

@@ -147,7 +147,7 @@ class SpanningTree:
 
 
 def spanning_tree(mechanism: Mechanism) -> SpanningTree:
-    """Return a tree whose cuts leave few equations: driven and geared joints stay, then rigid ones.
+    """Return a tree whose cuts leave few equations: driven and coupled joints stay, then counted ones.
 
     Raises:
         AssemblyError: for links that no chain of joints leads to.
@@ -158,9 +158,14 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
         *mechanism.holds,
         *(name for law in mechanism.laws for name in law.coordinates),
     }
-    wanted = sorted(
-        mechanism.joints, key=lambda joint: (not first & {*joint.coordinates}, KINDS[joint.kind].freedoms)
-    )
+    # turns of a joint that closes a loop are not counted
+    counted = {*mechanism.counted}
+
+    def cost(joint: Joint) -> tuple[bool, bool, int]:
+        own = {*joint.coordinates}
+        return not first & own, not counted & own, KINDS[joint.kind].freedoms
+
+    wanted = sorted(mechanism.joints, key=cost)
     chosen = _forest(wanted)
     cuts = tuple(joint for joint in mechanism.joints if joint.name not in chosen)
     branches: list[TreeJoint] = []

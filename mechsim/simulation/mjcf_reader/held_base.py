@@ -15,7 +15,12 @@ def free_bodies(model: mujoco.MjModel) -> list[str]:
 
 
 def hold_base(spec: mujoco.MjSpec, model: mujoco.MjModel, qpos: Array) -> Array:
-    """Take away all free joints, their bodies standing as at qpos (nq,), and the keyframes.
+    """Take away all free joints, their bodies standing as at qpos (nq,).
+
+    Args:
+        spec: changed in place; it has no keyframes.
+        model: compiled from it.
+        qpos: where the bodies are to stand.
 
     Returns:
         What remains of qpos.
@@ -27,8 +32,6 @@ def hold_base(spec: mujoco.MjSpec, model: mujoco.MjModel, qpos: Array) -> Array:
             own = slice(int(model.jnt_qposadr[j]), int(model.jnt_qposadr[j]) + 7)
             places[model.body(model.jnt_bodyid[j]).name] = qpos[own].copy()
             keep[own] = False
-    for key in list(spec.keys):
-        spec.delete(key)
     for name in places:
         body = spec.body(name)
         for joint in list(body.joints):

@@ -78,6 +78,8 @@ def read_model(
     name_parts(spec)
     model, _ = compiled_whole(path, spec)
     start = _start(path, model, key)
+    for one in list(spec.keys):  # they fit no model to which anything is added
+        spec.delete(one)
     if base_held:
         free = free_bodies(model)
         if not free:

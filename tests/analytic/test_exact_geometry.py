@@ -1,0 +1,68 @@
+"""Dimensions with few digits are moved by the least that lets overconstrained loops close as they mean to."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.analytic import closure
+from mechsim.analytic.closure.exact_geometry import DIGITS, corrected
+from mechsim.errors import MechsimError
+from mechsim.model.mechanism import Mechanism
+
+# loops of these close only if axes are parallel, or as Bennett found
+OVERCONSTRAINED = ["four_bar", "slider_crank", "bennett"]
+
+
+def rounded(mechanism: Mechanism, by: float) -> Mechanism:
+    """Return a mechanism whose points and axes are off at random by a part of the size."""
+    random = np.random.default_rng(3)
+
+    def off(end):
+        point, axis, mark = (
+            tuple(np.array(of) + scale * random.uniform(-by, by, 3))
+            for of, scale in ((end.point, mechanism.size), (end.axis, 1.0), (end.mark, 1.0))
+        )
+        return replace(end, point=point, axis=axis, mark=mark)
+
+    joints = tuple(replace(joint, a=off(joint.a), b=off(joint.b)) for joint in mechanism.joints)
+    return replace(mechanism, joints=joints)
+
+
+@pytest.mark.parametrize("name", OVERCONSTRAINED)
+def test_a_rounded_linkage_locks_and_turns_again_when_corrected(name):
+    whole = catalog.make(name).mechanism
+    angles = whole.start + np.linspace(-0.4, 0.4, 5)
+    off = rounded(whole, 1e-6)
+    with pytest.raises(MechsimError):
+        closure.solve(off, angles)
+    found = corrected(off)
+    assert 0.0 < found.moved < 1e-5 * whole.size
+    assert 0.0 < found.turned < 1e-5
+    exact, motion = closure.solve(whole, angles), closure.solve(found.mechanism, angles)
+    for link in exact.links:
+        np.testing.assert_allclose(
+            motion.links[link].position, exact.links[link].position, atol=3e-5 * whole.size
+        )
+
+
+@pytest.mark.parametrize("name", OVERCONSTRAINED)
+def test_what_is_off_by_more_than_digits_is_left_as_it_is(name):
+    off = rounded(catalog.make(name).mechanism, 1000.0 * DIGITS)
+    assert corrected(off).mechanism is off
+
+
+@pytest.mark.parametrize("name", catalog.DRIVES)
+def test_exact_dimensions_are_not_touched(name):
+    mechanism = catalog.make(name).mechanism
+    assert corrected(mechanism).mechanism is mechanism
+
+
+def test_the_least_change_is_no_larger_than_the_error():
+    whole = catalog.make("four_bar").mechanism
+    joints = list(whole.joints)
+    tilted = replace(joints[-1].b, axis=(3e-6, 0.0, 1.0), mark=None)
+    joints[-1] = replace(joints[-1], b=tilted)
+    found = corrected(replace(whole, joints=tuple(joints)))
+    assert 0.3e-6 < found.turned < 3e-6

@@ -1,0 +1,228 @@
+"""MJCF files solved by our own loop equations: laws of linkages, and MuJoCo's constraints at our poses."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from mechsim.errors import AssemblyError, InputError, MobilityError
+from mechsim.model.programs import programs, steady
+from mechsim.simulation.mjcf_reader import states_of
+from mechsim.subjects.mjcf_source import read_mjcf
+from mechsim.subjects.subject import load
+
+# five bars in a tilted plane: two cranks of 0.05 m, 0.1 m apart, rods of 0.09 m; closed by sites, the drawing
+# 3 mm open; one crank is drawn turned
+FIVE_BAR = """
+<mujoco model="five-bar">
+  <compiler angle="radian"/>
+  <worldbody>
+    <body name="plane" pos="0.3 -0.2 0.1" euler="0.4 -0.7 1.1">
+      <body name="a"><joint name="left" ref="2"/><geom size="0.01"/>
+        <body name="b" pos="ACOS ASIN 0"><joint name="elbow" ref="-1.3"/><geom size="0.01"/>
+          <site name="P" pos="PX PY 0"/></body></body>
+      <body name="d" pos="0.1 0 0"><joint name="right" ref="7.28"/><geom size="0.01"/>
+        <body name="c" pos="DCOS DSIN 0"><joint name="wrist"/><geom size="0.01"/>
+          <site name="Q" pos="QX QY 0"/></body></body>
+    </body>
+  </worldbody>
+  <equality><connect site1="P" site2="Q"/></equality>
+  <actuator><motor joint="left"/><position joint="right"/></actuator>
+</mujoco>"""
+
+
+def five_bar(gap=3e-3, rod=0.09):
+    """Return the text, drawn with the cranks at 2 and 1 rad."""
+    a, d = 0.05 * np.array([np.cos(2.0), np.sin(2.0)]), 0.05 * np.array([np.cos(1.0), np.sin(1.0)])
+    middle = (a + d + [0.1, 0.0]) / 2.0
+    apart = d - a + [0.1, 0.0]
+    up = np.array([-apart[1], apart[0]]) / np.linalg.norm(apart)
+    tip = middle + up * np.sqrt(rod**2 - (apart @ apart) / 4.0)
+    p, q = tip - a, tip - d - [0.1, 0.0]
+    turn = gap / rod
+    q = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ q
+    text = FIVE_BAR
+    values = {
+        "ACOS": a[0],
+        "ASIN": a[1],
+        "DCOS": d[0],
+        "DSIN": d[1],
+        "PX": p[0],
+        "PY": p[1],
+        "QX": q[0],
+        "QY": q[1],
+    }
+    for name, value in values.items():
+        text = text.replace(name, repr(float(value)))
+    return text
+
+
+@pytest.fixture
+def file(tmp_path):
+    def written(text, name="model.xml"):
+        path = tmp_path / name
+        path.write_text(text)
+        return str(path)
+
+    return written
+
+
+def opening(form, motion):
+    """Return MuJoCo's own residuals of the file's equalities at our poses, the worst."""
+    model = form.source.spec.copy().compile()
+    data, worst = mujoco.MjData(model), 0.0
+    for row in states_of(model, motion):
+        data.qpos[:] = row
+        mujoco.mj_fwdPosition(model, data)
+        worst = max(worst, np.abs(data.efc_pos[data.efc_type == 0]).max(initial=0.0))
+    return worst
+
+
+def driven(path, states, duration=1.0, **asked):
+    form = load(path, drive=states, duration=duration, **asked)
+    return form, form.solve(np.linspace(0.0, form.period, 21), form.programs.pace)
+
+
+def test_a_five_bar_drawn_open_moves_as_two_circles_meet(file):
+    states = {"left": lambda t: (2.0 + 0.3 * np.sin(5 * t), 1.5 * np.cos(5 * t), -7.5 * np.sin(5 * t))}
+    states["right"] = steady(7.28, 0.5)
+    form, motion = driven(file(five_bar()), states)
+    left, right = motion.joints["left"].value, motion.joints["right"].value - 7.28 + 1.0
+    a = 0.05 * np.column_stack([np.cos(left), np.sin(left)])
+    d = [0.1, 0.0] + 0.05 * np.column_stack([np.cos(right), np.sin(right)])
+    apart = d - a
+    length = np.linalg.norm(apart, axis=1)[:, None]
+    up = np.column_stack([-apart[:, 1], apart[:, 0]]) / length
+    tip = a + apart / 2.0 + up * np.sqrt(0.09**2 - length**2 / 4.0)
+    plane = form.source.spec.copy().compile().body("plane")
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, plane.quat)
+    truth = plane.pos + np.column_stack([tip, np.zeros(21)]) @ turn.reshape(3, 3).T
+    np.testing.assert_allclose(motion.points["P"].position, truth, atol=1e-14)
+    assert form.source.gap == pytest.approx(3e-3, rel=1e-3)
+    assert any("stand open by 0.003 m" in fact for fact in form.facts)
+    assert opening(form, motion) < 1e-15
+
+
+# a chain closed on itself by a weld, three hinges on one of its bodies; and a ball that a free body hangs on
+WELDED = """
+<mujoco model="welded">
+  <worldbody>
+    <body name="a"><joint name="crank" axis="0 0 1" ref="400"/><geom size="0.01"/>
+      <body name="b" pos="0.05 0 0.01"><joint name="x" axis="1 0.1 0"/><joint name="y" axis="0.2 1 0"/>
+        <joint name="z" axis="0 0 1"/><geom size="0.01"/>
+        <body name="c" pos="0.12 0.02 0.03"><joint name="u" axis="0.3 0.1 1"/>
+        <joint name="v" axis="0.1 1 0.1"/><geom size="0.01"/></body></body></body>
+    <body name="r" pos="0.1 0.1 0"><joint name="rocker" axis="0.2 0.1 1"/><geom size="0.01"/>
+      <body name="s" pos="0.02 0.01 0.1"><geom size="0.01"/></body></body>
+    <body name="load" pos="0.1 0.1 -0.2"><freejoint name="free"/><geom size="0.01"/></body>
+  </worldbody>
+  <equality><weld body1="c" body2="s"/><weld body1="r" body2="load"/></equality>
+  <keyframe><key name="other" qpos="7.3 0.1 -0.2 0.1 0 0 0.2 0 0 0 1 0 0 0"/></keyframe>
+</mujoco>"""
+
+
+def test_a_spatial_chain_closed_by_a_weld_closes_in_mujoco_too_and_counts_the_file_s_turns(file):
+    form = read_mjcf(file(WELDED))
+    start = np.radians(400.0)
+    assert form.mechanism.start == pytest.approx(start)
+    motion = form.solve(start + np.linspace(-0.3, 0.3, 9))
+    assert opening(form, motion) < 1e-14
+    assert motion.joints["crank"].value[4] == pytest.approx(start)
+    assert motion.joints["z"].value[4] == pytest.approx(0.0, abs=1e-12)
+    assert set(motion.links) == {"a", "b", "c", "r", "load"}
+
+
+def test_rates_are_derivatives_of_what_is_solved(file):
+    form = read_mjcf(file(WELDED))
+    h, at = 1e-4, np.radians(400.0) + 0.2
+    motion = form.solve(at + h * np.arange(-2, 3))
+    for name in ("rocker", "v", "z"):
+        joint = motion.joints[name]
+        rate = (joint.value[3] - joint.value[1]) / (2.0 * h)
+        assert abs(rate) > 0.01
+        assert joint.rate[2] == pytest.approx(rate, rel=1e-5)
+        assert joint.acceleration[2] == pytest.approx((joint.rate[3] - joint.rate[1]) / (2.0 * h), rel=1e-4)
+
+
+def test_a_keyframe_says_from_where_the_loops_are_closed(file):
+    form = read_mjcf(file(WELDED), key="other")
+    assert form.mechanism.start == 7.3
+    assert form.source.gap > 1e-3
+    assert opening(form, form.solve([7.3, 7.4])) < 1e-13
+
+
+def test_a_joint_is_brought_to_where_it_is_held_along_the_assembly(file):
+    path = file(five_bar())
+    form = read_mjcf(path, drivers=["left"], holds={"right": "8.0rad"})
+    assert form.mechanism.holds == {"right": 8.0}
+    motion = form.solve([2.0, 2.1])
+    _, moved = driven(path, {"left": steady(2.0, 0.1), "right": lambda t: (8.0 + 0 * t, 0 * t, 0 * t)})
+    assert motion.points["P"].position[1] == pytest.approx(moved.points["P"].position[-1], abs=1e-13)
+
+
+def test_a_joint_that_cannot_go_to_where_it_is_held_is_refused_with_the_place(file):
+    with pytest.raises(AssemblyError, match=r"on the way to right = 6.28, where it is to be held"):
+        read_mjcf(file(five_bar(rod=0.078)), drivers=["left"], holds={"right": 6.28})
+
+
+def test_what_is_left_open_is_named_once_for_each_freedom(file):
+    form = read_mjcf(file(WELDED.replace('<weld body1="c" body2="s"/>', "")))
+    with pytest.raises(MobilityError, match=r"x, y, z, u, v and rocker are left open; drive") as refused:
+        form.solve([7.0])
+    assert refused.value.outcome == "undetermined"
+
+
+def test_a_base_that_floats_is_named_with_its_remedy(file):
+    text = FIVE_BAR[: FIVE_BAR.index('<body name="d"')] + "</body></worldbody></mujoco>"
+    text = text.replace('euler="0.4 -0.7 1.1">', '><freejoint name="root"/><geom size="1"/>')
+    text = text.replace("ACOS ASIN", "0.1 0").replace("PX PY", "0.1 0")
+    path = file(text)
+    drive = {"left": steady(2.0, 1.0), "elbow": steady(-1.3, 0.5)}
+    with pytest.raises(MobilityError, match=r"root is left open; .*--hold-base"):
+        driven(path, drive)
+    _, motion = driven(path, drive, hold_base=True)
+    assert motion.joints["elbow"].value[-1] == pytest.approx(-0.8)
+
+
+def test_drivers_that_are_too_many_are_named(file):
+    states = {name: steady(at, 0.1) for name, at in (("left", 2.0), ("right", 7.28), ("elbow", -1.3))}
+    with pytest.raises(MobilityError, match=r"overdriven: left, right settle elbow already") as refused:
+        driven(file(five_bar(0.0)), states)
+    assert refused.value.outcome == "overdriven"
+
+
+def test_a_file_with_six_digits_moves_where_its_axes_are_not_quite_parallel(file):
+    text = five_bar(0.0).replace('name="wrist"', 'name="wrist" axis="1e-6 -2e-6 1"')
+    form, motion = driven(file(text), {"left": steady(2.0, 0.2), "right": steady(7.28, 0.1)})
+    moved, turned = form.corrected
+    assert 0.0 < moved < 1e-6
+    assert 0.0 < turned < 3e-6
+    assert any("to the digits of the file" in fact for fact in form.facts)
+    exact, truth = driven(file(five_bar(0.0)), {"left": steady(2.0, 0.2), "right": steady(7.28, 0.1)})
+    assert exact.corrected == (0.0, 0.0)
+    np.testing.assert_allclose(motion.points["P"].position, truth.points["P"].position, atol=1e-6)
+    assert opening(form, motion) < 1e-6
+
+
+def test_axes_that_are_meant_to_differ_are_left_as_they_are(file):
+    form = read_mjcf(file(five_bar(0.0).replace('name="wrist"', 'name="wrist" axis="1e-3 -2e-3 1"')))
+    assert form.corrected == (0.0, 0.0)
+
+
+def test_an_mjcf_file_has_no_parameters(file):
+    with pytest.raises(InputError, match="an MJCF file has no parameters; leave out --set"):
+        load(file(five_bar()), {"crank": "3mm"})
+
+
+def test_a_model_without_a_driver_says_which_joints_there_are(file):
+    text = five_bar().replace('<motor joint="left"/><position joint="right"/>', "")
+    with pytest.raises(
+        InputError, match=r"model\.xml: nothing says what is driven.*left, elbow, right, wrist"
+    ):
+        load(file(text))
+
+
+def test_programs_are_bound_to_the_drivers_of_the_file(file):
+    form = read_mjcf(file(five_bar()))
+    with pytest.raises(InputError, match="no program says how right moves"):
+        programs(form.mechanism, {"left": steady(2.0, 1.0)}, 1.0)
