@@ -6,6 +6,7 @@ ANY_TINY = "any tiny number will do where nothing has a length"
 LOOPS = "simulation/model_loops.py"
 MOTION = "analytic/closure/motion.py"
 SOLVER = "analytic/closure/loop_solver.py"
+TREE = "analytic/closure/tree_motion.py"
 CHECKS = "verdict/checks.py"
 JUDGE = "verdict/judge.py"
 
@@ -57,4 +58,14 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         ): "any tiny number will do, the relative bound ends the search; so will any large number of steps"
         for tiny, most in (("1e-301", 1000), ("1e-299", 1000), ("1e-300", 10000))
     },
+    (
+        TREE,
+        "still = np.zeros(twist.shape[1:])",
+        "still = np.zeros(twist.shape[2:])",
+    ): "noughts are the same for all components",
+    (
+        TREE,
+        "change[k, :3] = cross(w[3:], s[:3]) + cross(w[:3], s[3:])",
+        "change[k, :3] = cross(w[3:], s[:3]) + cross(w[:4], s[3:])",
+    ): "a fourth component has no part in a vector product",
 }

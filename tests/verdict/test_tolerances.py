@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mechsim.model.efforts import Efforts, FreeRun, Reaction
-from mechsim.model.motion import Motion, PointMotion
+from mechsim.model.motion import LinkMotion, Motion, PointMotion
 from mechsim.verdict.checks import Verdict, allowances, check_of, concluded
 from mechsim.verdict.judge import crosscheck, judge_efforts, judge_free_run
 from mechsim.verdict.quantities import (
@@ -240,6 +240,7 @@ def off_by(size, **more):
 
 PATH = np.outer(np.linspace(-1.0, 1.0, N), (1.0, 0.0, 0.0))
 EXACT = moving(PATH)
+BAR = LinkMotion(PATH, np.broadcast_to(np.eye(3), (N, 3, 3)), FLAT, FLAT, FLAT, FLAT)
 # bounds on the path's stroke of one metre: asked for, and by default a ten-thousandth
 PLACES = ((1e-3, 1e-3), (None, 1e-4), (2e-6, 2e-6))
 
@@ -271,6 +272,46 @@ def test_a_solved_pose_is_right_to_rounding_unless_a_tolerance_is_given():
     assert crosscheck(solved, given).passed
     assert not crosscheck(near, given).passed
     assert crosscheck(near, given, tolerance=1e-8).passed
+
+
+def test_only_rates_of_a_users_function_are_allowed_the_rounding_of_differences():
+    simulated = replace(EXACT, source="step")
+    user, closed = (
+        {
+            one.kind: one.bound
+            for one in crosscheck(simulated, replace(EXACT, source=by), tolerance=1e-14).checks
+        }
+        for by in ("user", "closed form")
+    )
+    assert user["position"] == closed["position"]
+    assert user["velocity"] > 10.0 * closed["velocity"]
+    assert user["acceleration"] > 10.0 * closed["acceleration"]
+
+
+def test_how_near_loops_are_to_singular_is_told_by_the_exact_side_or_what_solves_it_and_else_simulated():
+    class Solver:
+        def __init__(self, told=None, links=True):
+            self.exact = replace(
+                EXACT, source="loop equations", conditioning=told, links={"a": BAR} if links else {}
+            )
+
+        def solve(self, *_):
+            return self.exact
+
+        def conditioning(self, exact):
+            return 0.25 * SOUND * ONES
+
+    simulated = replace(EXACT, source="step", conditioning=0.5 * SOUND * ONES)
+    power = QUANTITIES["velocity"].bounds["step"].power
+
+    def widened(solver):
+        check = next(one for one in crosscheck(simulated, solver).checks if one.kind == "velocity")
+        sound = crosscheck(replace(simulated, conditioning=None), Solver(SOUND * ONES)).checks
+        return check.bound / next(one.bound for one in sound if one.kind == "velocity")
+
+    assert widened(Solver(0.125 * SOUND * ONES)) == pytest.approx(8.0**power)
+    assert widened(Solver()) == pytest.approx(4.0**power)
+    assert widened(Solver(links=False)) == pytest.approx(2.0**power)
 
 
 def test_motions_at_other_angles_or_with_other_points_are_not_compared():
