@@ -26,6 +26,8 @@ PAST, FAR = 2.0, 1e9
 # times in a turn that a motor would bring the crank to its speed: beyond, an explicit method has no step
 # that is both stable and long
 STIFF = 2e4
+# steps of Newton's method from where an event was found to where it is
+LANDINGS = 3
 # points in time at which a machine at rest under loads over time is tried for a start
 PROBES = 512
 
@@ -121,6 +123,7 @@ class Runner:
         if done.status < 0:
             return "dead centre", self.bar or f"the crank cannot be followed beyond {self.time:.6g} s"
         if self.turns is not None and len(done.t_events[1]):
+            self._land(done.sol, self.start + TURN * self.turns)
             return "done", ""
         if self.turns is not None and len(done.t_events[2]):
             made = f"the crank made {self.turns:g} turns the other way round"
@@ -130,6 +133,18 @@ class Runner:
             self.state[1] = 0.0
             return self._turning_back(sign)
         return self._timed_out(end)
+
+    def _land(self, solution: Any, end: float) -> None:
+        """Go to the instant at which the crank is at its end.
+
+        Events are found to 1e-15 s, which may be a good part of a run under a motor far too strong.
+        """
+        first, _, sign, _ = self.pieces[-1]
+        for _ in range(LANDINGS):
+            if self.state[1] != 0.0:
+                self.time += (end - float(self.state[0])) / float(self.state[1])
+                self.state = solution(self.time)
+        self.pieces[-1] = first, self.time, sign, solution
 
     def _solved(self, sign: float, end: float, floor: Array, events: list[Any], inertia: float) -> Any:
         """Return the solution up to the next event: by DOP853, or by Radau's method where that is stiff."""
