@@ -61,7 +61,7 @@ CASES = [
     Tried("size", "simulate rssr --turns 1e7", 2),
     Tried("size", "solve rssr --angles 0:3600:4e-4deg --json", 2),
     Tried("size", "dynamics rssr --samples 100000 --turns 100", 2),
-    Tried("size", "dynamics four_bar --turns 500", 0),
+    Tried("size", "dynamics four_bar --turns 50", 0),
     Tried("graphics", "simulate rssr", 0, graphics="osmesa"),
     Tried("graphics", "validate four_bar", 0, graphics="nonsense"),
 ]
