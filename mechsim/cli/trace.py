@@ -88,12 +88,13 @@ def _print(found: AssemblyTrace) -> None:
         f"{found.mechanism.name}: {_several(len(found.curves), 'component')}; {found.closed} of "
         f"{found.starts} random starts (seed {found.seed}) ended in an assembly"
     )
+    first = found.curves[0]
+    driver = "crank" if first.driver.unit == "rad" else first.driver.coordinate
     rows = [
         (f"{i + 1}{' (its own)' if i == 0 else ''}", str(curve.found), f"{curve.length:.6g}", *_crank(curve))
         for i, curve in enumerate(found.curves)
     ]
-    print_table(title, ("component", "starts", "arc", "crank", "dead centres"), rows)
-    first = found.curves[0]
+    print_table(title, ("component", "starts", "arc", driver, "dead centres"), rows)
     units = {column.name: column.unit for column in first.joints.columns}
     turning = [
         (
@@ -108,13 +109,12 @@ def _print(found: AssemblyTrace) -> None:
         for turn in curve.turning_points
     ]
     if turning:
-        head = ("component", "coordinate", "is", "at", "arc", "crank angle")
+        head = ("component", "coordinate", "is", "at", "arc", f"{driver} at")
         print_table("Where coordinates turn back", head, turning)
     for meeting in found.meetings:
         places = ", ".join(f"{i + 1} at arc {arc:.6g}" for i, arc in meeting.places)
-        typer.echo(
-            f"assemblies meet at crank angle {_value(meeting.angle, first.driver.unit)}: component {places}"
-        )
+        angle = _value(meeting.angle, first.driver.unit)
+        typer.echo(f"assemblies meet at {driver} {angle}: component {places}")
     for line in found.left_out:
         typer.echo(line)
 

@@ -186,8 +186,17 @@ class AssemblyCurve:
 
     @cached_property
     def _laps(self) -> Array:
-        """Whole turns that put the start of each coordinate into (-pi, pi], the crank about its start."""
-        begin = self.joints.rough(0.0)
+        """Whole turns that put the start of each coordinate into (-pi, pi], the crank about its start.
+
+        Coordinates that a coupling joins keep the turns by which it counts them.
+        """
+        begin, columns = self.joints.rough(0.0), self.joints.columns
         middle = np.zeros(len(begin))
         middle[self._driver] = self.mechanism.start
-        return -TURN * np.round((begin - middle) / TURN) * self.joints.angular
+        laps = -TURN * np.round((begin - middle) / TURN)
+        tree, first = self.loops.loops.tree, self.walked.cells[0].closed.values[:, 0]
+        coupled = {name for law in self.mechanism.laws for name in law.coordinates}
+        for i, column in enumerate(columns):
+            if column.coordinate in coupled:
+                laps[i] = TURN * np.round((first[tree.places[column.coordinate]] - begin[i]) / TURN)
+        return laps * self.joints.angular

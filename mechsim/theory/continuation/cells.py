@@ -23,6 +23,8 @@ from mechsim.theory.continuation.free_loops import Closed, FreeLoops
 NODES = 17
 # first length of a cell, the longest and the shortest, as arc
 FIRST, LONGEST, SHORTEST = 0.05, 3.0, 1e-9
+# cells shorter than this foretell the next by polynomials of a low degree
+SHORT, LOW = 1e-3, 3
 # what every second node may not tell of the others, and how far marks may lie from what was foretold, as
 # parts of the length of the cell
 ROUGH, ASTRAY = 3e-8, 2e-2
@@ -65,11 +67,11 @@ class Stretch:
 
     def at(self, coefficients: Array, arc: Array) -> Array:
         """Return polynomials at arcs (n,), (n, w)."""
-        return polynomials.value(coefficients, self._scaled(arc))
+        return polynomials.value(coefficients, self.scaled(arc))
 
     def fitted(self, values: Array) -> Array:
         """Return the coefficients of the polynomials through values at the nodes, (k, w)."""
-        return polynomials.fitted(self._scaled(self.nodes), values, NODES - 1)
+        return polynomials.fitted(self.scaled(self.nodes), values)
 
     @cached_property
     def slopes(self) -> Array:
@@ -77,12 +79,16 @@ class Stretch:
         return polynomials.derivative(self.marks) * 2.0 / (self.high - self.low)
 
     def foretold(self, loops: FreeLoops, arc: Array) -> Array:
-        """Return flattened coordinates beyond its end, by a polynomial of half the degree."""
-        some = self._scaled(self.nodes[::2])
-        fit = polynomials.fitted(some, loops.flat(self.closed)[::2], NODES // 2)
-        return polynomials.value(fit, self._scaled(arc))
+        """Return flattened coordinates beyond its end, by a polynomial of lower degree.
 
-    def _scaled(self, arc: Array) -> Array:
+        The higher, the more it magnifies the rounding of the nodes, which short cells feel.
+        """
+        degree = NODES // 2 if self.high - self.low > SHORT else LOW
+        fit = polynomials.smoothed(self.scaled(self.nodes), loops.flat(self.closed), degree)
+        return polynomials.value(fit, self.scaled(arc))
+
+    def scaled(self, arc: Array) -> Array:
+        """Return arcs as parts of the cell, -1 at its start and 1 at its end."""
         return (2.0 * arc - self.low - self.high) / (self.high - self.low)
 
 
@@ -158,18 +164,19 @@ def _next(
     """Return the next cell, None where another length must be tried; its meetings; and the length to try."""
     low = done[-1].high if done else 0.0
     places = 0.5 * length * (1.0 - np.cos(np.pi * np.arange(NODES) / (NODES - 1)))
-    if done:
-        rows = done[-1].foretold(loops, low + places)
-    else:
-        straight = np.zeros((loops.loops.tree.count, NODES))
-        straight[loops.loops.unknown] = np.outer(solver.gauge[0], places)
-        rows = loops.flat(loops.loops.moved(_repeated(start), straight))
-    guess = loops.unflat(rows)
-    found = loops.close(solver, guess)
-    if found is None:
-        return None, [], 0.5 * length
-    cell, moved = _cell(loops, found, guess, solver, low, largest)
-    if cell is None or not moved < ASTRAY * length:
+    straight = np.zeros((loops.loops.tree.count, NODES))
+    straight[loops.loops.unknown] = np.outer(solver.gauge[0], places)
+    guesses = [loops.unflat(done[-1].foretold(loops, low + places))] if done else []
+    if length < SHORT or not done:
+        # about a sharp bend rounding tells more of the direction than of what is foretold
+        guesses.append(loops.loops.moved(_repeated(start), straight))
+    cell = found = None
+    for guess in guesses:
+        found = loops.close(solver, guess)
+        cell = None if found is None else _cell(loops, found, guess, solver, low, largest)
+        if cell is not None:
+            break
+    if cell is None or found is None:
         return None, [], 0.5 * length
     rough = _roughness(loops, cell)
     if rough > ROUGH:
@@ -187,25 +194,30 @@ def _next(
 
 def _cell(
     loops: FreeLoops, found: Closed, guess: Coordinates, solver: LoopSolver, low: float, largest: float
-) -> tuple[Stretch | None, float]:
-    """Return the cell through closed coordinates and how far they lie from the guess, in marks."""
+) -> Stretch | None:
+    """Return the cell through closed coordinates; None where they lie far from the guess or not in a row."""
     speed = np.sqrt((found.rates**2).sum(1))
     cosines = (found.rates @ found.rates[0]) / (speed * speed[0])
-    if not (cosines.min() > AHEAD and (np.diff(found.length) > 0.0).all()):
-        return None, 0.0
+    # nodes that rounding leaves in one place carry no polynomial
+    apart = np.diff(found.length) > 1e-14 * max(1.0, low)
+    if not (cosines.min() > AHEAD and apart.all()):
+        return None
     nodes = low + polynomials.integral(found.length, speed)
     high, nothing = float(nodes[-1]), np.empty(0)
     largest = max(largest, float(found.least.max()))
     cell = Stretch(low, high, nodes, found.at, nothing, nothing, found.along[-1], solver, largest)
     foretold = loops.marks.at(placed(loops.loops.tree, guess))
-    moved = float(np.abs(foretold - found.marks).max())
+    if not np.abs(foretold - found.marks).max() < ASTRAY * (high - low):
+        return None
     fits = {"rows": cell.fitted(loops.flat(found.at)), "marks": cell.fitted(found.marks)}
-    return replace(cell, **fits), moved
+    return replace(cell, **fits)
 
 
 def _roughness(loops: FreeLoops, cell: Stretch) -> float:
     """Return what every second node does not tell of the others."""
-    return float(np.abs(cell.foretold(loops, cell.nodes[1::2]) - loops.flat(cell.closed)[1::2]).max())
+    states = loops.flat(cell.closed)
+    fit = polynomials.fitted(cell.scaled(cell.nodes[::2]), states[::2])
+    return float(np.abs(polynomials.value(fit, cell.scaled(cell.nodes[1::2])) - states[1::2]).max())
 
 
 def _meetings(loops: FreeLoops, cell: Stretch, found: Closed) -> list[float]:
