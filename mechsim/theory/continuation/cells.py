@@ -27,7 +27,7 @@ FIRST, LONGEST, SHORTEST = 0.05, 3.0, 1e-9
 SHORT, LOW = 1e-3, 3
 # what every second node may not tell of the others, and how far marks may lie from what was foretold, as
 # parts of the length of the cell
-ROUGH, ASTRAY = 3e-8, 2e-2
+ROUGH, ASTRAY = 3e-9, 2e-2
 # least cosine between the direction of a cell's start and any of its nodes
 AHEAD = 0.5
 # how far nodes keep from where assemblies meet, as arc; they meet where the singular value is smaller than

@@ -1,0 +1,151 @@
+"""Every assembly as closed curves: catalogue and gallery in a table, linkages that lie flat or nearly so.
+
+    python validation/robustness/assembly_curves.py [--count 40] [--picture FILE.png]
+
+Truths: the closed form of a mechanism of the catalogue, in all its assemblies, at every pose that is not
+within 1e-3 of a singular one; for the gallery the rows of all joints, which share nothing with the tree in
+whose coordinates curves are walked, and what gears ask for at the turns that the curve counts. A pose
+farther off than 1e-10 of the size is wrong. Random four-bars with change points must meet there and nowhere
+else; near ones, which miss a change point by 1e-12 to 1e-3 of a length, must meet nowhere and keep the
+sign of their assembly all the way.
+"""
+
+import argparse
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from change_points import NAMES, random_linkages
+
+from mechsim import catalog
+from mechsim.analytic import closure
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.forms import Form
+from mechsim.errors import MechsimError
+from mechsim.maths.angles import TURN
+from mechsim.pictures import plots
+from mechsim.report.assemblies import assembly_table, curve_tables
+from mechsim.subjects import gallery
+from mechsim.subjects.subject import load
+from mechsim.theory.continuation import AssemblyCurve, CurvePoses, trace
+
+WRONG, CLEAR, SAMPLES = 1e-10, 1e-3, 24
+
+
+@dataclass(frozen=True)
+class Row:
+    """What came of one mechanism."""
+
+    name: str
+    curves: int
+    rarest: float
+    turning: int
+    meetings: int
+    worst: float
+    seconds: float
+
+
+def subjects() -> Iterator[tuple[str, Form]]:
+    """Yield the catalogue, as it stands, with cranks that swing, and laid flat; then the gallery."""
+    for name, kind in catalog.DRIVES.items():
+        own = catalog.make(name)
+        for case, changed in {"": {}, " swinging": kind.swinging, **kind.laid_flat}.items():
+            if changed or not case:
+                yield f"{name} {case}".replace("  ", " ").strip(), replace(own, **changed)
+    for name, path in gallery.files().items():
+        yield name, load(str(path))
+
+
+def gap(drive: Form, curve: AssemblyCurve) -> float:
+    """Return how far the poses of a curve are from the truth, in parts of the size."""
+    poses, size = curve.samples(SAMPLES + 1), drive.mechanism.size
+    # with several turns of a wheel on a crank's, poses alone do not tell what a gear asks for
+    gaps, turned = closure.residual_norms(replace(drive.mechanism, gears=()), poses.poses, None)
+    worst = max(float(gaps.max()) / size, float(turned.max()), *off_laws(curve, poses))
+    if isinstance(drive, ClosedForm):
+        clear = closure.conditioning(drive.mechanism, poses.poses) > CLEAR
+        for k in np.flatnonzero(clear):
+            listed = drive.assembly_points(float(poses.angle[k]))
+            apart = [
+                max(float(np.linalg.norm(at - poses.points[name][k])) for name, at in points.items())
+                for _, points in listed
+            ]
+            worst = max(worst, min(apart, default=np.inf) / size)
+    return worst
+
+
+def off_laws(curve: AssemblyCurve, poses: CurvePoses) -> list[float]:
+    """Return how far the joints are from what each gear asks for, in [rad]."""
+    found = [0.0]
+    for gear in curve.mechanism.gears:
+        first, second = (poses.joints[f"{name}.q"] for name in (gear.driver, gear.driven))
+        off = (second - gear.ratio * first - gear.phase) / TURN
+        found.append(TURN * float(np.abs(off - np.round(off)).max()))
+    return found
+
+
+def row(name: str, drive: Form) -> Row:
+    """Return what comes of one mechanism."""
+    begun = time.process_time()
+    found = trace(drive)
+    turning = sum(len(curve.turning_points) for curve in found.curves)
+    seconds = time.process_time() - begun
+    rarest = min(curve.found for curve in found.curves) / found.starts
+    worst = max(gap(drive, curve) for curve in found.curves)
+    return Row(name, len(found.curves), rarest, turning, len(found.meetings), worst, seconds)
+
+
+def flat(count: int, near: bool, seed: int = 11) -> tuple[int, list[str]]:
+    """Return how many random linkages come out right, and what is wrong with the others."""
+    wrong: list[str] = []
+    for lengths in random_linkages(count, near, seed):
+        drive = catalog.make("four_bar", **dict(zip(NAMES, lengths, strict=True)))
+        try:
+            found = trace(drive, starts=8)
+        except MechsimError as error:
+            wrong.append(f"{lengths}: {error}")
+            continue
+        known = 0 if near else len(drive.change_points())
+        worst = max(gap(drive, curve) for curve in found.curves)
+        signs = [np.sign(drive.assembly_sign(curve.samples(73).points)) for curve in found.curves]
+        changed = near and any(len(set(sign)) > 1 for sign in signs)
+        if len(found.meetings) != known or not worst <= WRONG or changed or found.left_out:
+            wrong.append(f"{lengths}: {len(found.meetings)} of {known} meetings, {worst:.1e} off, {changed}")
+    return count - len(wrong), wrong
+
+
+def main() -> int:
+    """Print the table and the tallies."""
+    words = argparse.ArgumentParser()
+    words.add_argument("--count", type=int, default=40)
+    words.add_argument("--picture")
+    asked = words.parse_args()
+    print("| mechanism | curves | rarest | turning points | meetings | off | cpu s |")
+    print("|---|---|---|---|---|---|---|")
+    missed = 0
+    for name, drive in subjects():
+        found = row(name, drive)
+        missed += not found.worst <= WRONG
+        print(
+            f"| {name} | {found.curves} | {found.rarest:.0%} | {found.turning} | {found.meetings} "
+            f"| {found.worst:.0e} | {found.seconds:.1f} |",
+            flush=True,
+        )
+    for near in (False, True):
+        right, wrong = flat(asked.count, near)
+        print(f"{'nearly flat' if near else 'flat'}: {right} of {asked.count} right", *wrong, sep="\n  ")
+        missed += len(wrong)
+    if asked.picture:
+        draw(asked.picture)
+    return int(missed > 0)
+
+
+def draw(path: str) -> None:
+    """Draw the curves of a parallelogram over the angles of crank and rocker."""
+    found = trace(replace(catalog.make("four_bar"), **catalog.DRIVES["four_bar"].laid_flat["parallelogram"]))
+    plots.write(path, plots.assembly_plot(assembly_table(found, curve_tables(found)), ("angle", "rocker.q")))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
