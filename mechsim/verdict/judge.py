@@ -11,6 +11,7 @@ from mechsim.maths.given import require
 from mechsim.model.efforts import Efforts, FreeRun
 from mechsim.model.motion import Motion, Solver
 from mechsim.model.outcome import PLACE
+from mechsim.model.programs import Programs
 from mechsim.verdict.checks import Bounds, Verdict, allowances, checks_of, concluded
 from mechsim.verdict.other_assembly import elsewhere
 from mechsim.verdict.point_function import PointFunction, differentiated
@@ -19,6 +20,7 @@ from mechsim.verdict.quantities import (
     EFFORTS,
     FREE,
     MOTION,
+    PROGRAMMED,
     efforts_scales,
     free_scales,
     motion_scales,
@@ -69,7 +71,10 @@ def crosscheck(
         )
     if len(found) == 0:
         raise InputError("the simulated motion has no instants; give at least one")
-    if speed is None and isinstance(analytic, Motion) and np.ptp(analytic.speed) == 0.0:
+    if found.drivers:
+        # what its clock does is no crank's
+        speed = None
+    elif speed is None and isinstance(analytic, Motion) and np.ptp(analytic.speed) == 0.0:
         speed = float(analytic.speed[0])
     if found.broken:
         return Verdict("diverged", (), found.broken)
@@ -85,6 +90,9 @@ def crosscheck(
     checks = [*checks_of(MOTION, found, exact, allowed, _conditioning(found, exact, solver))]
     if speed is not None:
         checks += checks_of(DRIVE, found, _wanted(found, speed), allowed)
+    programs = getattr(solver, "programs", None)
+    if found.drivers and isinstance(programs, Programs):
+        checks += checks_of(PROGRAMMED, found, _programmed(found, programs), allowed)
     return concluded(checks, None if solver is None else lambda: elsewhere(found, exact, solver))
 
 
@@ -156,8 +164,8 @@ def _taken(simulated: Motion | Judged, tolerance: float | None) -> tuple[Motion,
 
 def _motion_bounds(simulated: Motion, exact: Motion, tolerance: float | None) -> dict[str, Tolerance]:
     stroke, reach, fastest = stroke_of(exact), reach_of(exact), float(np.abs(simulated.speed).max())
-    quickest = float(np.abs(exact.acceleration).max())
-    rows, scales = (*MOTION, *DRIVE), motion_scales(stroke, fastest, reach, quickest)
+    quickest = _quickest(exact, reach)
+    rows, scales = (*MOTION, *DRIVE, *PROGRAMMED), motion_scales(stroke, fastest, reach, quickest)
     road = "pose" if simulated.source == "pose" and tolerance is None else "step"
     asked = Asked(PLACE * stroke if tolerance is None else tolerance, of=stroke)
     allowed = allowances(rows, road, scales, asked)
@@ -180,6 +188,29 @@ def _wanted(simulated: Motion, speed: float) -> Motion:
     time = simulated.time
     angle = simulated.angle if time is None else simulated.angle[0] + speed * (time - time[0])
     return replace(simulated, angle=angle, speed=np.full_like(angle, speed))
+
+
+def _programmed(simulated: Motion, programs: Programs) -> Motion:
+    """Return the drivers' motion as their programs have it."""
+    assert simulated.time is not None
+    states = dict(
+        zip(programs.drivers, np.moveaxis(np.array(programs.state(simulated.time)), 1, 0), strict=True)
+    )
+    joints = {
+        name: replace(simulated.joints[name], value=value, rate=rate, acceleration=second)
+        for name, (value, rate, second) in states.items()
+        if name in simulated.drivers
+    }
+    return replace(simulated, joints={**simulated.joints, **joints})
+
+
+def _quickest(exact: Motion, reach: float) -> float:
+    """Return the largest acceleration of the crank, or of any driver under programs, in [rad/s2]."""
+    found = [float(np.abs(exact.acceleration).max())]
+    for name in exact.drivers:
+        joint = exact.joints[name]
+        found.append(float(np.abs(joint.acceleration).max()) / (1.0 if joint.unit == "rad" else reach))
+    return max(found)
 
 
 def _solver(analytic: Motion | Solver | PointFunction) -> Solver | None:

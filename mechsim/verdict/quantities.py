@@ -195,6 +195,31 @@ DRIVE = (
     ),
 )
 
+HELD_FORCE = (
+    "does not enter the errors, taken where the drivers were; a force held over a step errs by its square"
+)
+# of drivers beside their programs
+PROGRAMMED = (
+    Quantity(
+        "driver angle",
+        "rad",
+        errors.of_joints("rad"),
+        "rad",
+        {"pose": Bound(PLACED, 10.0 * PLACED_TO), "step": Bound(HELD_FORCE, 1e-2)},
+        over=errors.drivers,
+        text="drive: {}",
+    ),
+    Quantity(
+        "driver way",
+        "m",
+        errors.of_joints("m"),
+        "reach",
+        {"pose": Bound(PLACED, 10.0 * PLACED_TO), "step": Bound(HELD_FORCE, 1e-2)},
+        over=errors.drivers,
+        text="drive: {}",
+    ),
+)
+
 SPRINGS = Bound(
     f"{OF}rounding: no integration; 3e-14 without springs, 3e-11 with stiff ones that balance", 1e-10
 )
@@ -263,7 +288,7 @@ FREE = (
     Quantity("energy lost", "J", of("lost"), "energy", BALANCE),
 )
 
-QUANTITIES = {row.name: row for row in (*MOTION, *DRIVE, *EFFORTS, *FREE)}
+QUANTITIES = {row.name: row for row in (*MOTION, *DRIVE, *PROGRAMMED, *EFFORTS, *FREE)}
 
 
 def motion_scales(

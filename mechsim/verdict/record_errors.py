@@ -39,6 +39,11 @@ def joints(found: Motion, exact: Motion) -> Iterable[str]:
     return [name for name in exact.joints if name in found.joints and name != "crank"]
 
 
+def drivers(found: Motion, exact: Motion) -> Iterable[str]:
+    """Return the drivers under programs."""
+    return exact.drivers
+
+
 def links(found: Motion, exact: Motion) -> Iterable[str]:
     """Return the links both know whose spin is determined."""
     return [name for name in exact.links if name in found.links and name not in exact.spinning]

@@ -168,6 +168,13 @@ def test_what_is_asked_for_twice_or_not_at_all_is_refused():
         simulate(boom(), programs=moves)
 
 
+def test_drivers_that_go_by_another_program_are_condemned_on_lines_of_their_own():
+    mechanism, moves = CASES["five-bar"]()
+    other = programs(mechanism, ARMS | {"right": waving(1.0, 0.4, 9.0, 1.0 + 1e-9)}, 1.0)
+    verdict = crosscheck(simulate(mechanism, programs=moves), LoopForm(mechanism, programs=other))
+    assert [check.quantity for check in verdict.checks if not check.passed] == ["drive: right"]
+
+
 def test_a_wrong_mechanism_is_condemned():
     mechanism, moves = CASES["five-bar"]()
     joints = tuple(
