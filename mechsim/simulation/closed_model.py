@@ -210,7 +210,9 @@ def of_mechanism(
 ) -> ClosedModel:
     """Return the model that was generated of a mechanism; `programmed` where programs move its drivers."""
     asked = tuple(model_names(mechanism)[name] for name in mechanism.drivers) if programmed else CRANK
-    return of_spec(spec, points, asked, called=_called(mechanism, programmed=programmed))
+    closed = of_spec(spec, points, asked, called=_called(mechanism, programmed=programmed))
+    hidden = frozenset(closed.track.links) - {link.name for link in mechanism.links}
+    return replace(closed, track=replace(closed.track, hidden=hidden))
 
 
 def described(source: Source) -> Model:

@@ -30,12 +30,14 @@ class Track:
     Attributes:
         points: names of the sites.
         links: names of the bodies.
+        hidden: links of the model that no motion tells of.
         called: joint of the model -> the coordinate it is, and which of several of one joint; those left out
             are recorded by their own names.
     """
 
     points: tuple[str, ...]
     links: tuple[str, ...]
+    hidden: frozenset[str] = frozenset()
     called: Mapping[str, tuple[str, int | None]] = field(default_factory=dict[str, tuple[str, int | None]])
 
     def name(self, joint: str) -> tuple[str, int | None]:
@@ -178,7 +180,7 @@ def _evaluated(
         states.qvel[:, loops.crank],
         qacc[:, loops.crank],
         points,
-        links,
+        {name: link for name, link in links.items() if name not in track.hidden},
         _joints(loops, track, states, qacc),
         time=states.time,
         closure=np.abs(residual[:, : 3 * len(loops.pairs)]).max(1, initial=0.0),

@@ -259,7 +259,7 @@ EFFORTS = (
         "moment", "N m", errors.of_reactions("moment"), "moment", REACTION, errors.reactions, "moment in {}"
     ),
     Quantity("gear torque", "N m", errors.gear_torque, "moment", REACTION, errors.gears, "torque of gear {}"),
-    Quantity("drive", "N m", errors.drive_effort, "moment", REACTION, errors.drives, "drive of {}"),
+    Quantity("driver effort", "N m", errors.drive_effort, "moment", REACTION, errors.drives, "drive of {}"),
     Quantity("kinetic energy", "J", of("kinetic"), "kinetic energy", ENERGY),
     Quantity("potential energy", "J", of("potential"), "potential energy", ENERGY),
     Quantity("power loads", "W", of("power_loads"), "power", POWER),

@@ -1,9 +1,12 @@
 import mechanisms
 import pytest
+from driven import press
 
-from mechsim import catalog
+from mechsim import catalog, simulate
 from mechsim.errors import InputError
 from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
+from mechsim.model.scene import Scene
+from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 
 
@@ -89,3 +92,15 @@ def test_a_loop_without_a_joint_that_can_be_cut_is_refused() -> None:
     )
     with pytest.raises(InputError, match="have a revolute or spherical joint in every loop"):
         cut_loops(slides)
+
+
+def test_a_loop_without_a_joint_that_points_close_is_split_and_welded_but_not_under_forces():
+    tree = cut_loops(press(), splits=True)
+    assert [joint.kind for joint in tree.cuts] == ["fixed"]
+    assert len(tree.mechanism.links) == len(press().links) + 1
+    with pytest.raises(InputError, match=r"prismatic joint 'guide', which no MuJoCo constraint closes"):
+        cut_loops(press())
+    motion = simulate(press(), speed=1.0, turns=0.1).motion
+    assert set(motion.links) == {"spindle", "nut"}
+    with pytest.raises(InputError, match="no MuJoCo constraint closes"):
+        assembled(press(), Scene(level="dynamics"))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from driven import boom, five_bar, platform, rack_and_cam, table, waving, where_circles_meet
+from driven import boom, five_bar, platform, press, rack_and_cam, table, waving, where_circles_meet
 
 from mechsim import crosscheck, simulate
 from mechsim.analytic.closure.loop_form import LoopForm
@@ -23,6 +23,7 @@ def moved(mechanism, states, duration):
 
 
 CASES = {
+    "press": lambda: moved(press(), {"crank": waving(0.0, 9.0, 2.0)}, 1.0),
     "five-bar": lambda: moved(five_bar(), ARMS, 1.0),
     "boom": lambda: moved(boom(), {"stroke": waving(0.8, 0.1, 2.0)}, 3.0),
     "table": lambda: moved(table(backwards=False), {"tool": waving(0.0, 1.0, 3.0)}, 2.0),

@@ -47,15 +47,17 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
     """
     acting = scene.forces if scene.holds("dynamics") else None
     dry = frozenset(friction.joint for friction in acting.friction if friction.dry) if acting else ()
-    tree = cut_loops(mechanism, scene.cut, keep=dry)
     if acting is not None:
         mechanism = with_inertia(mechanism)
+    tree = cut_loops(mechanism, scene.cut, keep=dry, splits=scene.level != "dynamics")
+    mechanism = tree.mechanism
+    poses = _with_stand_ins(tree, poses or {})
     spec = mujoco.MjSpec()
     spec.modelname = mechanism.name
     spec.compiler.degree = False
     spec.compiler.autolimits = True
     _options(spec, scene)
-    bodies = _add_links(spec, mechanism, tree, poses or {}, real=acting is not None)
+    bodies = _add_links(spec, mechanism, tree, poses, real=acting is not None)
     # at level dynamics the crank is free, or driven by its motor
     if scene.holds("motion") and scene.level != "dynamics" and mechanism.has_crank:
         spec.joint(CRANK).armature = FLYWHEEL * PLACEHOLDER * mechanism.size
@@ -66,6 +68,17 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
     if acting is not None:
         add_forces(spec, mechanism, tree, bodies, acting)
     return spec
+
+
+def _with_stand_ins(tree: Tree, poses: Mapping[str, Pose]) -> dict[str, Pose]:
+    """Return poses of links, and of what stands in for some of them at split joints, as they stand."""
+    known = {GROUND: IDENTITY, **poses}
+    stands = {
+        one.a.link: known[one.b.link]
+        for one in tree.cuts
+        if not KINDS[one.kind].freedoms and one.b.link in known
+    }
+    return {**stands, **poses}
 
 
 def _add_links(
@@ -123,7 +136,9 @@ def _close(
     planar = plane_normals(mechanism) is not None
     for joint in tree.cuts:
         heights = meeting_points(KINDS[joint.kind])
-        assert heights is not None
+        if heights is None:
+            _weld(spec, joint, bodies)
+            continue
         # in a plane one point is enough: nothing can leave the plane
         for suffix, height in zip(("", "+"), heights[:1] if planar else heights, strict=False):
             names = []
@@ -135,6 +150,16 @@ def _close(
             _add_equality(
                 spec, joint.name + suffix, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE, names
             )
+
+
+def _weld(spec: mujoco.MjSpec, joint: Joint, bodies: Mapping[str, mujoco.MjsBody]) -> None:
+    """Close a cut fixed joint: frame on frame."""
+    names = []
+    for end in (joint.a, joint.b):
+        name = f"{joint.name}@{end.link}"
+        bodies[end.link].add_site(name=name, pos=end.point, quat=quaternion(end.frame))
+        names.append(name)
+    _add_equality(spec, joint.name, mujoco.mjtEq.mjEQ_WELD, mujoco.mjtObj.mjOBJ_SITE, names)
 
 
 def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:

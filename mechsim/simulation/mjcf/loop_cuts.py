@@ -10,6 +10,7 @@ from mechsim.model.joints import KINDS, Kind, kinds_that
 from mechsim.model.mechanism import GROUND, End, Joint, Mechanism
 from mechsim.model.motion_plane import plane_normals
 from mechsim.simulation.mjcf.joints import Branch, meeting_points
+from mechsim.simulation.mjcf.split_joints import split, stand_in
 
 # cost of cutting a joint that cannot be cut, above that of any that can
 UNCUTTABLE = 1000
@@ -17,14 +18,25 @@ UNCUTTABLE = 1000
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """A mechanism with its loops cut: branches in an order in which parents come first, and the cuts."""
+    """A mechanism with its loops cut.
 
+    Attributes:
+        mechanism: as it was cut; joints that no constraint closes are split in it.
+        branches: in an order in which parents come first.
+        cuts: the joints where it is cut.
+    """
+
+    mechanism: Mechanism
     branches: tuple[Branch, ...]
     cuts: tuple[Joint, ...]
 
 
 def cut_loops(
-    mechanism: Mechanism, cut: tuple[str, ...] | None = None, *, keep: Collection[str] = ()
+    mechanism: Mechanism,
+    cut: tuple[str, ...] | None = None,
+    *,
+    keep: Collection[str] = (),
+    splits: bool = False,
 ) -> Tree:
     """Return a spanning tree of the mechanism's links, rooted in the frame.
 
@@ -33,10 +45,10 @@ def cut_loops(
         cut: names of the joints to cut; None cuts those whose closing takes the fewest constraint
             rows, and among equals those farthest from the crank.
         keep: names of joints to cut only where no other can be.
+        splits: whether joints that no point closes may be split and welded, for want of others.
 
     Raises:
-        InputError: for cuts that leave a loop or part the chain, or a loop that no spherical or
-            revolute joint closes.
+        InputError: for cuts that leave a loop or part the chain, or a loop without a joint that can be cut.
     """
     import networkx as nx
 
@@ -68,23 +80,31 @@ def cut_loops(
         )
     kept = {key for _, _, key in nx.maximum_spanning_edges(graph, keys=True, data=False)}
     cuts = tuple(joint for joint in mechanism.joints if joint.name not in kept)
-    for joint in cuts:
+    refused = [
+        joint
+        for joint in cuts
+        if joint.name in needed or not (_cuttable(KINDS[joint.kind]) or (splits and joint.kind == "fixed"))
+    ]
+    if refused and splits:
+        names = {joint.name for joint in refused}
+        whole = tuple(stand_in(joint) if joint.name in names else joint.name for joint in cuts)
+        return cut_loops(split(mechanism, names), whole, keep=keep, splits=True)
+    for joint in refused:
         if joint.name in needed:
             raise InputError(
                 f"{mechanism.name}: the loop through joint {joint.name!r} has only driven and geared joints; "
                 "have another joint in it"
             )
-        if not _cuttable(KINDS[joint.kind]):
-            raise InputError(
-                f"{mechanism.name}: a loop would have to be cut at {joint.kind} joint {joint.name!r}, which "
-                f"no MuJoCo constraint closes; have a {kinds_that(_cuttable)} joint in every loop"
-            )
+        raise InputError(
+            f"{mechanism.name}: a loop would have to be cut at {joint.kind} joint {joint.name!r}, which "
+            f"no MuJoCo constraint closes; have a {kinds_that(_cuttable)} joint in every loop"
+        )
     if cut is not None and {joint.name for joint in cuts} != asked:
         raise InputError(
             f"{mechanism.name}: cutting {', '.join(sorted(asked)) or 'no joint'} does not leave a tree; "
             f"as many joints as there are loops ({len(cuts)}) must be named, one in each"
         )
-    return Tree(_ordered(mechanism, kept), cuts)
+    return Tree(mechanism, _ordered(mechanism, kept), cuts)
 
 
 def joints_of(mechanism: Mechanism, coordinates: Collection[str]) -> set[str]:
