@@ -11,8 +11,10 @@ import typer
 from mechsim import files, units
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
+from mechsim.cli.endings import tell
 from mechsim.errors import InputError, OutputError
 from mechsim.model.scene import Scene
+from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.subject import load
 from mechsim.units import option
 
@@ -96,12 +98,12 @@ def form_of(model: str, sets: list[str] | None, driven: DriveOptions | None = No
     read = pair_of("--set", "--set crank=13mm")
     changed = {name: value or "" for name, value in map(read, sets or ())}
     if driven is None:
-        return load(model, changed)
+        return _told(load(model, changed))
     for what, pairs in (("--drive", driven.drive), ("--hold", driven.hold)):
         names = [name for name, _ in pairs]
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise InputError(f"{what} names {twice} twice; give it once")
-    return load(
+    form = load(
         model,
         changed,
         drive=dict(driven.drive),
@@ -111,6 +113,14 @@ def form_of(model: str, sets: list[str] | None, driven: DriveOptions | None = No
         track=driven.track,
         duration=driven.duration,
     )
+    return _told(form)
+
+
+def _told(form: Form) -> Form:
+    """Say on stderr what was left out or changed of an MJCF file."""
+    for fact in form.facts if isinstance(form, MjcfForm) else ():
+        tell(f"{form.name}: {fact}")
+    return form
 
 
 def moving(form: Form) -> Form:

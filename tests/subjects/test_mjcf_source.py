@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from mechsim.cli import main
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.programs import programs, steady
 from mechsim.simulation.mjcf_reader import states_of
@@ -207,6 +208,24 @@ def test_a_file_with_six_digits_moves_where_its_axes_are_not_quite_parallel(file
 def test_axes_that_are_meant_to_differ_are_left_as_they_are(file):
     form = read_mjcf(file(five_bar(0.0).replace('name="wrist"', 'name="wrist" axis="1e-3 -2e-3 1"')))
     assert form.corrected == (0.0, 0.0)
+
+
+def test_commands_say_beside_their_output_what_was_changed(file, monkeypatch, capsys):
+    path = file(WELDED)
+    words = ["mechsim", "solve", path, "--key", "other", "--angles", "7.3:7.4:0.1"]
+    monkeypatch.setattr("sys.argv", words)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = capsys.readouterr()
+    assert ended.value.code in (0, None)
+    assert said.out.startswith("angle,")
+    assert said.err.startswith("welded: the loops stand open by")
+
+
+def test_a_wheel_about_the_origin_has_an_extent(file):
+    body = '<body><joint name="crank"/><geom size="0.1" pos="0.2 0 0"/></body>'
+    text = f"<mujoco><worldbody>{body}</worldbody></mujoco>"
+    assert read_mjcf(file(text)).mechanism.size > 0.0
 
 
 def test_an_mjcf_file_has_no_parameters(file):

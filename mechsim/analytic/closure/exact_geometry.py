@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.analytic.closure.generic_pose import generic_poses, idle_and_free, settled
+from mechsim.analytic.closure.spanning_tree import TreeJoint
 from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops, tree_loops
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.analytic.vector_method.rotations import turned_by
@@ -29,8 +30,10 @@ FARTHEST = 1e-4
 PROBES, POSES = 2, 8
 # a residual that is rounding, and the step of differences by dimensions
 ROUNDING, STEP = 1e-13, 1e-6
+# part of a sum of rows that counts
+SHARE = 1e-6
 # round by round, what tells less of the dimensions than this part of the most is left to the next
-TOLD = (1e-4, 1e-4, 1e-5, 1e-5, 1e-6, 1e-6, 1e-7, 1e-7)
+TOLD = (1e-4, 1e-4, 1e-5, 1e-5, 1e-6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +61,7 @@ def corrected(mechanism: Mechanism) -> Corrected:
         return Corrected(mechanism)
     poses += generic_poses(loops, poses[-1], POSES - PROBES, DIGITS)
     change = np.zeros((len(mechanism.joints), 2, 6))
-    slopes = _slopes(mechanism, loops, poses)
+    slopes = _slopes(mechanism, loops, poses, _concerned(loops, poses))
     for told in TOLD:
         idle = [idle_and_free(loops, at, DIGITS)[0] for at in poses]
         opened = [part.T @ loops.linearise(at)[0][:, 0] for part, at in zip(idle, poses, strict=True)]
@@ -88,7 +91,40 @@ def _disagree(loops: TreeLoops, poses: Sequence[Coordinates]) -> bool:
     return False
 
 
-def _slopes(mechanism: Mechanism, loops: TreeLoops, poses: Sequence[Coordinates]) -> Array:
+def _concerned(loops: TreeLoops, poses: Sequence[Coordinates]) -> set[str]:
+    """Return the joints of the loops whose digits disagree, and of all loops that share one with them."""
+    tree = loops.tree
+    around = [
+        {
+            cut.joint.name,
+            *(branch.joint.name for branch in tree.branches if {*_columns(branch)} & {*cut.columns.tolist()}),
+        }
+        for cut in loops.cuts
+    ]
+    of = np.repeat(np.arange(len(loops.cuts)), [cut.rows for cut in loops.cuts])
+    found: set[str] = set()
+    for at in poses:
+        residual, slope, _ = loops.linearise(at)
+        left, values, _ = np.linalg.svd(slope[..., 0])
+        told = np.zeros(loops.rows)
+        told[: len(values)] = values / values[0]
+        open_by = np.abs(left.T @ residual[:, 0])
+        off = (told <= DIGITS) & ((told > RANK_TOLERANCE) | (open_by > ROUNDING))
+        share = np.abs(left[:, off]).max(1, initial=0.0)[: len(of)] > SHARE
+        for cut in np.unique(of[share]):
+            found |= around[cut]
+    while more := [one for one in around if one & found and not one <= found]:
+        found.update(*more)
+    return found
+
+
+def _columns(branch: TreeJoint) -> range:
+    return range(branch.first, branch.first + branch.kind.freedoms)
+
+
+def _slopes(
+    mechanism: Mechanism, loops: TreeLoops, poses: Sequence[Coordinates], concerned: set[str]
+) -> Array:
     """Return slopes of residuals by shifts and turns of the sides of joints, (rows, poses, joints, 2, 6)."""
     at = Coordinates(
         np.concatenate([one.values for one in poses], 1), np.concatenate([one.turns for one in poses], -1)
@@ -96,7 +132,8 @@ def _slopes(mechanism: Mechanism, loops: TreeLoops, poses: Sequence[Coordinates]
     here = loops.linearise(at)[0]
     slope = np.zeros((*here.shape, len(mechanism.joints), 2, 6))
     for place in np.ndindex(slope.shape[2:]):
-        if _counts(mechanism.joints[place[0]], place[2]):
+        joint = mechanism.joints[place[0]]
+        if joint.name in concerned and _counts(joint, place[2]):
             step = np.zeros(slope.shape[2:])
             step[place] = STEP
             there = _loops(_changed(mechanism, step)).linearise(at)[0]

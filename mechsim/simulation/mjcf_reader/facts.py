@@ -6,8 +6,9 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, IDENTITY, Joint, Pose
+from mechsim.model.mechanism import GROUND, IDENTITY, Joint, Link, Pose, Vector
 from mechsim.simulation.mjcf_reader.driven_joints import acted_on
+from mechsim.simulation.mjcf_reader.joint_chains import Chains
 from mechsim.simulation.mjcf_reader.kinds import DRIVABLE
 
 
@@ -18,6 +19,19 @@ def coordinate_values(model: mujoco.MjModel, qpos: Array) -> dict[str, float]:
         for j in range(model.njnt)
         if int(model.jnt_type[j]) in DRIVABLE
     }
+
+
+def outlined(model: mujoco.MjModel, chained: Chains) -> tuple[Link, ...]:
+    """Return the moving links; with the places of their masses where all joints of each lie in one place."""
+    ends = [end for joint in chained.joints for end in (joint.a, joint.b)]
+    places = {link.name: {end.point for end in ends if end.link == link.name} for link in chained.links}
+    if any(len(points) > 1 for points in places.values()):
+        return chained.links
+    held = {link.name: list[Vector]() for link in chained.links}
+    for body, carrier in enumerate(chained.carriers):
+        if carrier.link in held:
+            held[carrier.link].append(carrier.point(model.body_ipos[body]))
+    return tuple(Link(link.name, tuple(held[link.name])) for link in chained.links)
 
 
 def limits(model: mujoco.MjModel) -> dict[str, tuple[float, float]]:

@@ -98,7 +98,7 @@ def read_model(
     of = {model.body(b).name: carried[b] for b in range(model.nbody)}
     mechanism = Mechanism(
         name=spec.modelname or "model",
-        links=chained.links,
+        links=facts.outlined(model, chained),
         joints=(*chained.joints, *said.joints),
         driver=drives[0] if len(drives) == 1 else drives,
         points={name: (of[body].link, of[body].point(place)) for name, (body, place) in points.items()},
