@@ -9,6 +9,7 @@ import numpy as np
 import typer
 
 from mechsim import files
+from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.dynamics import (
     InverseDynamics,
     Machine,
@@ -28,12 +29,13 @@ from mechsim.cli.dynamics_output import (
     verdict_facts,
 )
 from mechsim.cli.force_options import MachineOptions
-from mechsim.cli.options import Json, Model, Sets, form_of, speed_of, writable
+from mechsim.cli.options import DriveOptions, Json, Model, Sets, form_of, moving, speed_of, writable
 from mechsim.cli.output import Tick, print_json, progress
 from mechsim.errors import InputError
 from mechsim.maths.memory import require_room
-from mechsim.model.crank_profile import LEAST_TURNS, CrankProfile, within_range
+from mechsim.model.crank_profile import LEAST_TURNS, CrankProfile
 from mechsim.model.efforts import Fluctuation, FreeRun
+from mechsim.model.programs import Programs
 from mechsim.pictures import plots
 from mechsim.report.facts import run_facts, study_facts, turn_facts
 from mechsim.simulation.dynamics import free_running
@@ -41,6 +43,7 @@ from mechsim.simulation.dynamics.free_running import SteppedFreeRun
 from mechsim.simulation.dynamics.prescribed_motion import Driven, driven
 from mechsim.simulation.stepping import Watch
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
+from mechsim.studies.motion_source import profile_of
 from mechsim.units import option
 from mechsim.verdict.checks import Verdict
 
@@ -101,26 +104,32 @@ class DynamicsOptions:
 
 @spread
 def dynamics(
-    model: Model, acting: MachineOptions, asked: DynamicsOptions, sets: Sets = None, as_json: Json = False
+    model: Model,
+    acting: MachineOptions,
+    asked: DynamicsOptions,
+    driven: DriveOptions,
+    sets: Sets = None,
+    as_json: Json = False,
 ) -> None:
-    """Drive torque, joint reactions and energy of a prescribed crank; free running under a motor."""
+    """What drives and joints carry as prescribed, and the energies; free running under a motor."""
     asked.check()
-    machine = acting.machine(form_of(model, sets))
-    if acting.motor is not None or asked.free:
+    machine = acting.machine(moving(form_of(model, sets, driven)))
+    if _programs(machine) is not None and asked.free:
+        raise InputError("--free lets a crank run free, and programs move the drivers; drop one of them")
+    if machine.forces.motor is not None or asked.free:
         passed = _free(machine, asked.speed if asked.free else 0.0, asked, as_json)
     else:
         passed = _driven(machine, asked, as_json)
     raise typer.Exit(0 if passed else 1)
 
 
+def _programs(machine: Machine) -> Programs | None:
+    """Return the programs of a machine's drivers; None where a crank turns."""
+    return machine.drive.programs if isinstance(machine.drive, LoopForm) else None
+
+
 def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool) -> bool:
-    drive = machine.drive
-    profile = within_range(
-        drive.mechanism,
-        drive.crank_range(),
-        asked.speed if asked.turns > 0 else -asked.speed,
-        abs(asked.turns),
-    )
+    profile = profile_of(machine.drive, asked.speed, asked.turns)
     if asked.road != "none":
         _require_room(machine, asked.instants)
     time = np.linspace(0.0, profile.duration, asked.instants + 1)
@@ -132,8 +141,7 @@ def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool) -> bool:
         found, verdict = _simulated(machine, profile, asked, *watches)
     _write(asked.csv, study)
     if asked.plot is not None:
-        rings = None if found is None else (found.motion.angle, found.efforts.torque)
-        plots.write(asked.plot, plots.dynamics_sheet(study, turn, even, rings))
+        plots.write(asked.plot, plots.dynamics_sheet(study, turn, even, found and found.efforts))
     promise = driven_promise(found)
     if as_json:
         told: dict[str, Any] = {"mechanism": machine.mechanism.name, **study_facts(study)}
@@ -148,7 +156,7 @@ def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool) -> bool:
 
 def _steady(machine: Machine, asked: DynamicsOptions) -> tuple[Fluctuation | None, Fluctuation | None]:
     """Return a turn under a constant torque, and one with the flywheel wanted; None where there is none."""
-    if not machine.drive.crank_range().full:
+    if _programs(machine) is not None or not machine.drive.crank_range().full:
         return None, None
     turn = None
     # too slow for its springs or weight, the crank has no steady turn under a constant torque
@@ -182,10 +190,12 @@ def _simulated(
     if asked.road == "none":
         return None, None
     simulation, check = watches
+    programs = _programs(machine)
     found = driven(
         machine.mechanism,
         machine.forces,
-        profile=profile,
+        profile=None if programs is not None else profile,
+        programs=programs,
         method=asked.road,  # pyright: ignore[reportArgumentType]
         tolerance=asked.tolerance,
         # with a tolerance as many instants as go with the fewest steps that keep it

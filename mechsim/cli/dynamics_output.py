@@ -1,5 +1,6 @@
 """What `mechsim dynamics` prints: peaks, how a free run ended, what came of a tolerance, the verdict."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import typer
@@ -19,8 +20,10 @@ def print_study(
     name: str, study: InverseDynamics, turn: Fluctuation | None, even: Fluctuation | None
 ) -> None:
     """Print peaks of torque, reactions and shaking forces, and the speed fluctuation where there is one."""
-    head = ("quantity", "largest", "at [rad]", "unit", "")
-    print_table(f"{name}: prescribed crank", head, _rows(study, turn, even))
+    timed = bool(study.efforts.drives)
+    head = ("quantity", "largest", "at [s]" if timed else "at [rad]", "unit", "")
+    what = "prescribed drivers" if timed else "prescribed crank"
+    print_table(f"{name}: {what}", head, _rows(study, turn, even))
 
 
 def print_free(name: str, run: FreeRun) -> None:
@@ -108,14 +111,25 @@ def print_verdict(verdict: Verdict | None) -> None:
     print_table(title, HEAD[:-1], [check.cells[:-1] for check in verdict.checks])
 
 
+def _driving(facts: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield what the crank's drive, or each driver's, comes to."""
+    if not facts["drives"]:
+        yield "drive torque", facts["torque"] | {"unit": "N m"}
+    for name, one in facts["drives"].items():
+        yield f"drive of {name}", one
+
+
 def _rows(study: InverseDynamics, turn: Fluctuation | None, even: Fluctuation | None) -> list[Row]:
     facts = study_facts(study)
 
     def row(what: str, peak: dict[str, float], unit: str, note: str = "") -> Row:
-        return what, f"{peak['largest']:.6g}", f"{peak['at_angle']:.4f}", unit, note
+        at = peak["at_time"] if "at_time" in peak else peak["at_angle"]
+        return what, f"{peak['largest']:.6g}", f"{at:.4f}", unit, note
 
-    torque = facts["torque"]
-    rows = [row("drive torque", torque, "N m", f"mean {torque['mean']:.6g}, rms {torque['rms']:.6g}")]
+    rows = [
+        row(what, one, one["unit"], f"mean {one['mean']:.6g}, rms {one['rms']:.6g}")
+        for what, one in _driving(facts)
+    ]
     for name, one in facts["reactions"].items():
         left = ", ".join(one["not_determined"])
         note = f"not determined: {left}" if left else ""

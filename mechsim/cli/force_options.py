@@ -1,14 +1,15 @@
 """What a machine is made of and what acts on it, as the command line says it: text to `Forces`."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import files, units
 from mechsim.analytic import dynamics
+from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.model import motors
@@ -17,6 +18,9 @@ from mechsim.model.load_profile import table
 from mechsim.model.motors import Geared, PlainMotor
 from mechsim.units import option
 
+Element = TypeVar("Element")
+# where nothing is said
+WEIGHT = (0.0, -9.81, 0.0)
 MOTORS = {
     "constant": "constant:TORQUE in N m",
     "line": "line:STALL in N m,NO-LOAD speed",
@@ -137,12 +141,19 @@ def _vectors(columns: Mapping[str, "NDArray[np.float64]"], what: str, rows: int)
     return np.column_stack([columns.get(what + axis, np.zeros(rows)) for axis in "xyz"])
 
 
+def _of(kind: type[Element], elements: Sequence[object]) -> Iterator[Element]:
+    return (one for one in elements if isinstance(one, kind))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineOptions:
     """What the links are made of, and what acts on them."""
 
     gravity: tuple[float, float, float] = option(
-        (0.0, -9.81, 0.0), "Three numbers in m/s2, with commas.", read=gravity_of, text="0,-9.81,0"
+        WEIGHT,
+        "Three numbers in m/s2, with commas; a file's own if it says so.",
+        read=gravity_of,
+        text="0,-9.81,0",
     )
     load: str | None = option(
         None, "Loads: angle [rad] or time [s], POINT.fx.. [N], LINK.mx.., crank [N m].", metavar="FILE"
@@ -180,19 +191,22 @@ class MachineOptions:
             raise InputError("--gear is the gear of a motor, and none is given; add --motor")
 
     def forces(self, drive: Form) -> Forces:
-        """Return all that acts on a mechanism."""
+        """Return all that acts on a mechanism: what its file says, and what is given beside it."""
         loads: dict[str, Any] = {} if self.load is None else loads_of(drive, self.load)
         motor = self.motor
         if motor is not None and self.gear is not None:
             motor = Geared(motor, self.gear)
         elastic = (*self.spring, *self.damper)
-        return Forces(
-            gravity=self.gravity,
-            friction=(*self.friction, *(one for one in elastic if isinstance(one, Friction))),
-            springs=tuple(one for one in elastic if isinstance(one, Spring)),
-            joint_springs=tuple(one for one in elastic if isinstance(one, JointSpring)),
-            flywheel=self.flywheel,
-            motor=motor,
+        told = drive.forces if isinstance(drive, LoopForm) else None
+        file = told or Forces(gravity=self.gravity)
+        return replace(
+            file,
+            gravity=file.gravity if self.gravity == WEIGHT else self.gravity,
+            friction=(*file.friction, *self.friction, *_of(Friction, elastic)),
+            springs=(*file.springs, *_of(Spring, elastic)),
+            joint_springs=(*file.joint_springs, *_of(JointSpring, elastic)),
+            flywheel=self.flywheel or file.flywheel,
+            motor=motor or file.motor,
             **loads,
         )
 

@@ -101,25 +101,39 @@ def _least_transmission(drive: Form) -> dict[str, float] | None:
 def study_facts(study: InverseDynamics) -> dict[str, Any]:
     """Return what a prescribed crank comes to; all in SI."""
     found, angle = study.efforts, study.efforts.angle
+    timed = found.time if found.drives else None
+
+    def peak(values: Array) -> dict[str, float]:
+        return _peak(values, angle, timed)
+
     size = float(np.abs(found.torque).max()) or 1.0
     sides = found.power_in + found.power_loads - found.power_lost - study.power_stored
     return {
-        "torque": _peak(found.torque, angle)
+        "torque": peak(found.torque)
         | {"mean": _mean(found.torque, angle), "rms": _mean(found.torque**2, angle) ** 0.5},
+        "drives": {
+            name: peak(effort)
+            | {
+                "mean": _mean(effort, angle),
+                "rms": _mean(effort**2, angle) ** 0.5,
+                "unit": "N" if name in found.straight else "N m",
+            }
+            for name, effort in found.drives.items()
+        },
         "routes": float(np.abs(study.second_torque - found.torque).max()) / size,
         "reactions": {
             name: {
                 "on": one.link,
                 "by": one.by,
-                "force": _peak(_norm(one.force, one.known[:3]), angle),
-                "moment": _peak(_norm(one.moment, one.known[3:]), angle),
+                "force": peak(_norm(one.force, one.known[:3])),
+                "moment": peak(_norm(one.moment, one.known[3:])),
                 "not_determined": list(one.open),
             }
             for name, one in found.reactions.items()
         },
         "indeterminacy": study.indeterminacy,
-        "shaking_force": _peak(_norm(study.shaking_force), angle),
-        "shaking_moment": _peak(_norm(study.shaking_moment), angle),
+        "shaking_force": peak(_norm(study.shaking_force)),
+        "shaking_moment": peak(_norm(study.shaking_moment)),
         "inertia": {
             "least": float(study.reduced.inertia.min()),
             "largest": float(study.reduced.inertia.max()),
@@ -140,9 +154,11 @@ def _mean(values: Array, angle: Array) -> float:
     return float(np.trapezoid(values, angle) / (angle[-1] - angle[0]))
 
 
-def _peak(values: Array, angle: Array) -> dict[str, float]:
+def _peak(values: Array, angle: Array, time: Array | None) -> dict[str, float]:
+    """Return the largest value and the crank angle at which it is, or under programs the time."""
     at = int(np.argmax(np.abs(values)))
-    return {"largest": float(values[at]), "at_angle": float(angle[at])}
+    where = ("at_angle", angle) if time is None else ("at_time", time)
+    return {"largest": float(values[at]), where[0]: float(where[1][at])}
 
 
 def turn_facts(turn: Fluctuation | None) -> dict[str, float] | None:

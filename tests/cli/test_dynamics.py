@@ -177,3 +177,44 @@ def test_a_tolerance_is_kept_or_missed_with_exit_code_1_and_says_by_what_setting
     assert code == 0
     assert (told["outcome"], told["promise"]["met"]) == ("met", True)
     assert told["free"]["speed"] == pytest.approx(20.0 * np.pi, rel=1e-6)
+
+
+FIVE_BAR = """
+name = "five_bar"
+drivers = ["left", "right"]
+start = { left = 2.0, right = 1.0 }
+joints.left = { kind = "revolute", a = { link = "ground" }, b = { link = "a" } }
+joints.right = { kind = "revolute", a = { link = "ground", at = [0.1, 0, 0] }, b = { link = "d" } }
+joints.A = { kind = "revolute", a = { link = "a", at = [0.05, 0, 0] }, b = { link = "b" } }
+joints.D = { kind = "revolute", a = { link = "d", at = [0.05, 0, 0] }, b = { link = "c" } }
+joints.P = { kind = "revolute", a = { link = "b", at = [0.09, 0, 0] }, b = { link = "c", at = [0.09, 0, 0] } }
+points.P = { link = "b", at = [0.09, 0, 0] }
+guess.b = { at = [-0.02, 0.05, 0], turn = { axis = [0, 0, 1], angle = 0.6 } }
+[forces]
+gravity = [0, 0, -9.81]
+"""
+MOVED = ("--drive", "left=2+0.3*sin(6*t)", "--drive", "right=1+0.4*sin(9*t)", "--samples", "20")
+
+
+def test_each_of_several_drivers_has_its_torque(capsys, monkeypatch, tmp_path):
+    file = tmp_path / "five_bar.toml"
+    file.write_text(FIVE_BAR)
+    table = tmp_path / "out.csv"
+    words = (str(file), *MOVED, "--json", "--csv", str(table), "--plot", str(tmp_path / "out.svg"))
+    code, out, _ = run(capsys, monkeypatch, *words)
+    told = json.loads(out)
+    assert code == 0
+    assert told["outcome"] == "met"
+    assert told["drives"].keys() == {"left", "right"}
+    assert {one["unit"] for one in told["drives"].values()} == {"N m"}
+    assert 0.0 <= told["drives"]["left"]["at_time"] <= 1.0
+    # the file's gravity is square to the plane, which the machine then does not feel
+    rows = np.genfromtxt(table, delimiter=",", names=True)
+    assert np.ptp(rows["potential"]) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_crank_that_programs_move_does_not_run_free(capsys, monkeypatch, tmp_path):
+    words = ("four_bar", "--drive", "crank=sin(t)", "--free")
+    code, _, error = run(capsys, monkeypatch, *words)
+    assert code == 2
+    assert "--free" in error

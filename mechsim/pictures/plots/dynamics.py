@@ -112,11 +112,15 @@ def dynamics_sheet(
     study: Prescribed,
     turn: Fluctuation | None = None,
     even: Fluctuation | None = None,
-    simulated: tuple[Array, Array] | None = None,
+    simulated: Efforts | None = None,
 ) -> "Figure":
-    """Draw torque, reactions, powers and speed fluctuation on one sheet."""
+    """Draw torque or drives, reactions, powers and speed fluctuation on one sheet."""
     figure, axes = blank(2, 2, (10.4, 6.6))
-    _torque(axes[0, 0], study, simulated)
+    if study.efforts.drives:
+        _drives(axes[0, 0], study.efforts, simulated)
+    else:
+        rings = None if simulated is None else (simulated.angle, simulated.torque)
+        _torque(axes[0, 0], study, rings)
     _polar(axes[0, 1], study)
     _powers(axes[1, 0], study)
     if turn is None:
@@ -143,6 +147,28 @@ def _torque(ax: "Axes", study: Prescribed, simulated: tuple[Array, Array] | None
     ax.legend(**BESIDE)
 
 
+def _drives(ax: "Axes", found: Efforts, simulated: Efforts | None) -> None:
+    """Each driver's torque or force over time."""
+    assert found.time is not None
+    told = {name: readable(values, _unit(found, name)) for name, values in found.drives.items()}
+    for i, (name, values) in enumerate(found.drives.items()):
+        factor, unit = told[name]
+        style: dict[str, Any] = {"color": COLOURS[i % 6], "ls": STYLES[i // 6 % 3]}
+        ax.plot(found.time, values / factor, label=f"{name} [{unit}]", **style)
+        if simulated is not None and simulated.time is not None:
+            every = max(1, len(simulated) // 48)
+            x, y = simulated.time[::every], simulated.drives[name][::every] / factor
+            label = "MuJoCo" if i == 0 else None
+            ax.plot(x, y, "o", ms=3.5, mfc="none", mew=0.7, color=RINGS, label=label)
+    ax.set_ylabel("drives")
+    ax.set_xlabel("time [s]")
+    ax.legend(**BESIDE)
+
+
+def _unit(found: Efforts, name: str) -> str:
+    return "N" if name in found.straight else "N m"
+
+
 def _polar(ax: "Axes", study: Prescribed) -> None:
     """All forces in the x-y plane, as vectors from one origin."""
     forces = {name: np.where(one.known[:3], one.force, 0.0) for name, one in study.efforts.reactions.items()}
@@ -157,7 +183,8 @@ def _polar(ax: "Axes", study: Prescribed) -> None:
 
 
 def _powers(ax: "Axes", study: Prescribed) -> None:
-    found, degrees = study.efforts, np.rad2deg(study.efforts.angle)
+    found = study.efforts
+    along = found.time if found.drives and found.time is not None else np.rad2deg(found.angle)
     powers: dict[str, Any] = {
         "drive": found.power_in,
         "loads": found.power_loads,
@@ -166,10 +193,13 @@ def _powers(ax: "Axes", study: Prescribed) -> None:
     }
     factor, unit = readable(np.concatenate(list(powers.values())), "W")
     for i, (name, values) in enumerate(powers.items()):
-        ax.plot(degrees, values / factor, color=COLOURS[i], ls=STYLES[i % 3], label=name)
-    ax.plot(degrees, sum(powers.values()) / factor, color=RINGS, lw=1.0, label="sum")
+        ax.plot(along, values / factor, color=COLOURS[i], ls=STYLES[i % 3], label=name)
+    ax.plot(along, sum(powers.values()) / factor, color=RINGS, lw=1.0, label="sum")
     ax.set_ylabel(f"power into the machine [{unit}]")
-    angle_axis(ax)
+    if found.drives:
+        ax.set_xlabel("time [s]")
+    else:
+        angle_axis(ax)
     ax.legend(**BESIDE)
 
 
