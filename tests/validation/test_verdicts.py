@@ -22,16 +22,19 @@ def test_no_random_mechanism_is_refused_and_every_run_agrees_with_its_verdict():
     assert found.faults == {}
     assert found.tried["validated"] == 7
     assert found.tried["0.1 % long, pose"] >= 5
+    assert found.tried["pose, close"] == found.tried["step, close"] >= 1
 
 
-def test_errors_lie_below_their_bounds_but_not_far_below():
+def test_errors_lie_below_their_bounds_but_not_far_below(monkeypatch):
     import bounds
 
+    # a thousand steps a turn are too few for the dynamics of a sharp linkage, unless more are asked for
+    monkeypatch.setattr(bounds, "_dynamics", lambda drive: [])
+    monkeypatch.setattr(bounds, "FREELY", {"free, asked": bounds.ASKED})
     found = bounds.parts(7, seed=3)
     worst = {key: max(used)[0] for key, used in found.items()}
     for (road, kind), used in worst.items():
-        if "dynamics" not in road:
-            assert used <= 1.0, (road, kind)
+        assert used <= 1.0, (road, kind)
     # a few mechanisms use less of a bound than the worst of many, which use a hundredth or more
     for road in ("closed form", "pose", "step"):
         for kind in ("velocity", "acceleration", "loop"):

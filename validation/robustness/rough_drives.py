@@ -64,3 +64,15 @@ def rough_swing(drive: ClosedForm, random: np.random.Generator) -> CrankProfile:
     reach = min(middle - low, high - middle) * random.uniform(0.1, 1.0)
     laps = 0 if getattr(drive, "gear_ratio", 0.0) % 1.0 else int(random.integers(-3, 4))
     return swing(middle + TURN * laps, reach, SPEED)
+
+
+def close_swing(drive: ClosedForm, random: np.random.Generator, nearest: float) -> CrankProfile | None:
+    """Return a swing that ends from 0.1 rad to so near a dead centre; None where the crank turns fully."""
+    arcs = drive.crank_range()
+    around = arc_around(arcs, drive.mechanism.start)
+    if arcs.full or around is None:
+        return None
+    low, high = around
+    off = nearest * (0.1 / nearest) ** random.random()
+    reach = min(0.25 * (high - low), 0.5)
+    return swing(high - off - reach if random.random() < 0.5 else low + off + reach, reach, SPEED)

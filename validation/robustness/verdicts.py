@@ -1,7 +1,8 @@
 """Random catalogue mechanisms by every road: none refused, no sound one missed, runs and verdicts agree.
 
-Each is validated, then put through a swing anywhere inside its range, on any lap, by poses and by steps;
-every run's own outcome is held against its verdict. And each is shown to the judge with a link 0.1 % long.
+Each is validated, then put through a swing anywhere inside its range, on any lap, by poses and by steps, and
+through one that ends close to a dead centre; every run's own outcome is held against its verdict. And each is
+shown to the judge with a link 0.1 % long.
 
     python validation/robustness/verdicts.py --count 800
 """
@@ -13,7 +14,7 @@ from collections import Counter
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
-from rough_drives import SPEED, rough_drives, rough_swing
+from rough_drives import SPEED, close_swing, rough_drives, rough_swing
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import AssemblyError, MechsimError
@@ -26,6 +27,8 @@ from mechsim.verdict.quantities import stroke_of
 
 # a link this many times as long is wrong
 LONG = 1.001
+# how near to a dead centre a swing may end, in [rad]
+CLOSE = {"pose": 1e-5, "step": 1e-4}
 # mechanisms between two lines that say how far the study has come
 EVERY = 25
 
@@ -56,7 +59,11 @@ def study(count: int, seed: int = 1) -> Found:
             rough_swing(drive, random),
         ):
             for method in ("pose", "step"):
-                _run(drive, profile, method, found)
+                _run(drive, profile, method, method, found)
+        for method, nearest in CLOSE.items():
+            profile = close_swing(drive, random, nearest)
+            if profile is not None:
+                _run(drive, profile, method, f"{method}, close", found)
         _long(drive, random, found)
     return found
 
@@ -72,17 +79,17 @@ def _validated(drive: ClosedForm, found: Found) -> None:
         found.fault("validated", f"{case.reason}; {drive}")
 
 
-def _run(drive: ClosedForm, profile: CrankProfile, method: str, found: Found) -> None:
-    found.tried[method] += 1
+def _run(drive: ClosedForm, profile: CrankProfile, method: str, kind: str, found: Found) -> None:
+    found.tried[kind] += 1
     try:
         settings = Settings() if method == "step" else None
         run = simulate(drive.mechanism, profile=profile, method=method, settings=settings)
         verdict = crosscheck(run, drive)
     except MechsimError as error:
-        found.fault(method, f"refused: {error}; {drive}")
+        found.fault(kind, f"refused: {error}; {drive}")
         return
     if (run.outcome == "met") != verdict.passed:
-        found.fault(method, f"run {run.outcome}, verdict {verdict.outcome}: {verdict.reason}; {drive}")
+        found.fault(kind, f"run {run.outcome}, verdict {verdict.outcome}: {verdict.reason}; {drive}")
 
 
 def _long(drive: ClosedForm, random: np.random.Generator, found: Found) -> None:
