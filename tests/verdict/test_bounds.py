@@ -5,7 +5,16 @@ import re
 import numpy as np
 import pytest
 
-from mechsim.verdict.quantities import ACCELERATION_GAIN, IDLE, QUANTITIES, RATE_GAIN
+from mechsim.verdict.quantities import (
+    ACCELERATION_GAIN,
+    DRIVE,
+    EFFORTS,
+    FREE,
+    IDLE,
+    MOTION,
+    QUANTITIES,
+    RATE_GAIN,
+)
 from mechsim.verdict.tolerances import EPS, SOUND
 
 # quantity -> road -> part of the scale, times the tolerance asked for, powers of turns and of conditioning
@@ -141,7 +150,8 @@ def test_bounds_are_what_was_promised(name):
     assert found == {road: pytest.approx(row, rel=1e-12, abs=0.0) for road, row in PROMISED[name].items()}
 
 
-def test_every_quantity_has_its_promise():
+def test_every_quantity_has_a_name_of_its_own_and_its_promise():
+    assert len(QUANTITIES) == len(MOTION) + len(DRIVE) + len(EFFORTS) + len(FREE)
     assert PROMISED.keys() == QUANTITIES.keys()
 
 
