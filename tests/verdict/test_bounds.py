@@ -12,6 +12,7 @@ from mechsim.verdict.quantities import (
     FREE,
     IDLE,
     MOTION,
+    PROGRAMMED,
     QUANTITIES,
     RATE_GAIN,
 )
@@ -151,7 +152,7 @@ def test_bounds_are_what_was_promised(name):
 
 
 def test_every_quantity_has_a_name_of_its_own_and_its_promise():
-    assert len(QUANTITIES) == len(MOTION) + len(DRIVE) + len(EFFORTS) + len(FREE)
+    assert len(QUANTITIES) == len((*MOTION, *DRIVE, *PROGRAMMED, *EFFORTS, *FREE))
     assert PROMISED.keys() == QUANTITIES.keys()
 
 
