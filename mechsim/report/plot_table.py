@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from mechsim.analytic import catalog, dynamics
+from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form, closed_form
 from mechsim.errors import InputError
 from mechsim.model.motion import Motion
@@ -107,7 +108,11 @@ class PlotKind:
 
 def _errors(source: PlotSource, road: str) -> "Figure":
     run = source.motion(road, ERROR_SAMPLES)
-    exact = source.drive.solve(run.angle, run.speed, run.acceleration)
+    drive = source.drive
+    if isinstance(drive, LoopForm):
+        exact = drive.solve_as(run)
+    else:
+        exact = drive.solve(run.angle, run.speed, run.acceleration)
     return plots.error_plot(run.angle, run.place_errors(exact), unit="m", bound=source.bounds.get(road))
 
 

@@ -12,7 +12,7 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import MissingToolError, OutputError
 from mechsim.files import written_beside
 from mechsim.pictures import plots
-from mechsim.report.facts import facts
+from mechsim.report.facts import OWN, facts
 from mechsim.report.page import Section, write_report
 from mechsim.report.plot_table import PLOTS, PlotSource
 from mechsim.report.studies import studies_in
@@ -121,6 +121,10 @@ def _bound(case: Case, road: str) -> float:
 
 
 def _facts(case: Case) -> dict[str, Any]:
+    mechanism = case.drive.mechanism
+    if not mechanism.has_crank:
+        joints = [f"{j.name}: {j.kind}, {j.a.link} - {j.b.link}" for j in mechanism.joints]
+        return {"what it is": OWN, "drivers": ", ".join(mechanism.drivers), "joints": joints}
     known = facts(case.drive)
     reach = known["crank_range"]
     if reach != "full turn":

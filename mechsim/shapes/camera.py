@@ -56,8 +56,8 @@ def directions(mechanism: Mechanism, preset: str) -> tuple[Array, Array]:
     """Return (back, up) of a preset: unit vectors from scene to camera and to the top of the picture.
 
     "shaft" looks along the crank shaft, the crank turning anticlockwise at positive speed; "top"
-    and "side" look across it; "iso" looks from a corner, or, for a planar mechanism, nearly square
-    on its plane.
+    and "side" look across it; "iso" looks from a corner, or, for a planar mechanism, straight on
+    its plane.
     """
     if preset not in PRESETS:
         raise InputError(f"there is no camera {preset!r}; known are {', '.join(PRESETS)}")
@@ -73,7 +73,7 @@ def directions(mechanism: Mechanism, preset: str) -> tuple[Array, Array]:
         "shaft": shaft,
         "top": up,
         "side": side,
-        "iso": shaft + 0.34 * up + 0.30 * side if flat else 0.75 * shaft + 0.62 * up + 0.95 * side,
+        "iso": shaft if flat else 0.75 * shaft + 0.62 * up + 0.95 * side,
     }[preset]
     if preset == "top":
         up = -shaft if flat else -side

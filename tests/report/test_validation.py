@@ -67,3 +67,16 @@ def test_a_case_without_steps_is_told_by_a_still_and_its_paths(tmp_path):
         "yoke_curve.svg",
     }
     assert results["mechanisms"]["yoke"]["steps"] == 0
+
+
+def test_the_page_tells_of_several_drivers(tmp_path):
+    from mechsim.report.validation import write_validation_report
+    from mechsim.studies.validate import validate
+    from mechsim.subjects.subject import load
+
+    case = validate(load("five_bar"))
+    results = {"passed": True, "mechanisms": {"five_bar": case.as_dict()}}
+    write_validation_report(tmp_path, {"five_bar": case}, results)
+    page = (tmp_path / "index.html").read_text()
+    assert "left, right" in page
+    assert "step: drive: left" in page
