@@ -159,6 +159,18 @@ def test_programs_that_begin_where_the_loops_cannot_go_are_refused_with_the_plac
         simulate(mechanism, programs=moves)
 
 
+def test_a_joint_that_would_leave_its_range_is_named_with_the_time():
+    text = """<mujoco><worldbody><body><joint name="left" axis="0 0 1"/><geom size=".01"/><body pos=".1 0 0">
+    <joint name="right" axis="0 0 1" range="-30 30"/><geom size=".01" pos=".05 0 0"/><site name="P"/>
+    </body></body></worldbody></mujoco>"""
+    arms = {"left": waving(0.0, 0.3, 1.0), "right": steady(0.0, 1.0)}
+    moves = programs(replace(five_bar(), counted={}), arms, 2.0)
+    with pytest.raises(
+        AssemblyError, match=r"'right' would stand at 2 rad, .* at 2 s; widen the range or move"
+    ):
+        simulate(text, programs=moves)
+
+
 def test_what_is_asked_for_twice_or_not_at_all_is_refused():
     mechanism, moves = CASES["five-bar"]()
     with pytest.raises(InputError, match="both programs and a crank's motion"):

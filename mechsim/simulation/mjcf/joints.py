@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mechsim.model.joints import COLUMN, KINDS, Axis, Kind, displaced
+from mechsim.model.joints import COLUMN, KINDS, Axis, Kind, KindName, displaced
 from mechsim.model.mechanism import End, Joint, Mechanism, Pose, joint_coordinate
 
 CRANK = "crank"
+# the kind by which a link is joined to what stands in for it
+FIXED: KindName = "fixed"
 
 
 @dataclass(frozen=True, slots=True)

@@ -83,7 +83,8 @@ def cut_loops(
     refused = [
         joint
         for joint in cuts
-        if joint.name in needed or not (_cuttable(KINDS[joint.kind]) or (splits and joint.kind == "fixed"))
+        if joint.name in needed
+        or not (_cuttable(KINDS[joint.kind]) or (splits and not KINDS[joint.kind].freedoms))
     ]
     if refused and splits:
         names = {joint.name for joint in refused}

@@ -4,6 +4,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from mechsim.model.mechanism import End, Joint, Link, Mechanism
+from mechsim.simulation.mjcf.joints import FIXED
 
 # between the names of a joint and of the link that its stand-in stands for
 STANDS = "@"
@@ -27,5 +28,5 @@ def split(mechanism: Mechanism, names: Collection[str]) -> Mechanism:
         name = stand_in(joint)
         links.append(Link(name))
         own: End = replace(joint.b, link=name)
-        joints += [replace(joint, b=own), Joint(name, "fixed", own, joint.b)]
+        joints += [replace(joint, b=own), Joint(name, FIXED, own, joint.b)]
     return replace(mechanism, links=tuple(links), joints=tuple(joints))
