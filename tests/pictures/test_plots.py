@@ -131,3 +131,20 @@ def test_plotting_touches_no_global_state(motion):
     plots.drawn(plots.motion_plot(motion))
     assert "matplotlib.pyplot" not in sys.modules or not matplotlib.pyplot.get_fignums()
     assert dict(matplotlib.rcParams) == before
+
+
+def test_curves_of_assemblies_are_cut_at_a_turn_unless_they_swing_over_more_than_one():
+    arc = np.linspace(0.0, 2.0 * np.pi, 73)
+    swing = 7.0 * np.sin(arc)
+    table = plots.AssemblyTable(
+        [{"arc": arc, "turn": arc + 1.0, "swing": swing, "P.x": np.cos(arc)}],
+        {"arc": "", "turn": "rad", "swing": "rad", "P.x": "m"},
+    )
+    line = plots.assembly_plot(table, ("turn", "swing")).axes[0].get_lines()[0]
+    x, y = line.get_xdata(), line.get_ydata()
+    assert np.isnan(x).sum() == 1
+    assert 0.0 <= np.nanmin(x) < np.nanmax(x) <= 360.0
+    assert np.nanmax(y) == pytest.approx(np.rad2deg(7.0))
+    assert plots.assembly_plot(table, ("turn", "swing", "P.x")).axes[0].name == "3d"
+    with pytest.raises(InputError, match="1 coordinates to plot over"):
+        plots.assembly_plot(table, ("turn",))

@@ -4,7 +4,7 @@
 
 Truths: the closed form of a mechanism of the catalogue, in all its assemblies, at every pose that is not
 within 1e-3 of a singular one; for the gallery the rows of all joints, which share nothing with the tree in
-whose coordinates curves are walked, and what gears ask for at the turns that the curve counts. A pose
+whose coordinates curves are walked, and what couplings ask for at the turns that the curve counts. A pose
 farther off than 1e-10 of the size is wrong. Random four-bars with change points must meet there and nowhere
 else; near ones, which miss a change point by 1e-12 to 1e-3 of a length, must meet nowhere and keep the
 sign of their assembly all the way.
@@ -47,21 +47,23 @@ class Row:
 
 
 def subjects() -> Iterator[tuple[str, Form]]:
-    """Yield the catalogue, as it stands, with cranks that swing, and laid flat; then the gallery."""
+    """Yield the catalogue, as it stands, with cranks that swing, and laid flat; then the gallery's cranks."""
     for name, kind in catalog.DRIVES.items():
         own = catalog.make(name)
         for case, changed in {"": {}, " swinging": kind.swinging, **kind.laid_flat}.items():
             if changed or not case:
                 yield f"{name} {case}".replace("  ", " ").strip(), replace(own, **changed)
     for name, path in gallery.files().items():
-        yield name, load(str(path))
+        form = load(str(path))
+        if len(form.mechanism.drivers) == 1:
+            yield name, form
 
 
 def gap(drive: Form, curve: AssemblyCurve) -> float:
     """Return how far the poses of a curve are from the truth, in parts of the size."""
     poses, size = curve.samples(SAMPLES + 1), drive.mechanism.size
-    # with several turns of a wheel on a crank's, poses alone do not tell what a gear asks for
-    gaps, turned = closure.residual_norms(replace(drive.mechanism, gears=()), poses.poses, None)
+    # with several turns of a wheel on a crank's, poses alone do not tell what a coupling asks for
+    gaps, turned = closure.residual_norms(replace(drive.mechanism, gears=(), couplings=()), poses.poses, None)
     worst = max(float(gaps.max()) / size, float(turned.max()), *off_laws(curve, poses))
     if isinstance(drive, ClosedForm):
         clear = closure.conditioning(drive.mechanism, poses.poses) > CLEAR
@@ -76,12 +78,19 @@ def gap(drive: Form, curve: AssemblyCurve) -> float:
 
 
 def off_laws(curve: AssemblyCurve, poses: CurvePoses) -> list[float]:
-    """Return how far the joints are from what each gear asks for, in [rad]."""
+    """Return how far the joints are from what each coupling asks for, in [rad] or parts of the size."""
+    values = {column.coordinate: poses.joints[column.name] for column in curve.joints.columns}
     found = [0.0]
-    for gear in curve.mechanism.gears:
-        first, second = (poses.joints[f"{name}.q"] for name in (gear.driver, gear.driven))
-        off = (second - gear.ratio * first - gear.phase) / TURN
-        found.append(TURN * float(np.abs(off - np.round(off)).max()))
+    for law in curve.mechanism.laws:
+        left, right = (
+            sum(weight * values[name] for name, weight in terms.items())
+            for terms in (law.left_terms, law.right_terms)
+        )
+        off = left - law.zeros[0] - law.polynomial(np.asarray(right))[0]
+        if law.turns:
+            off = off - TURN * np.round(off / TURN)
+        slides = any(curve.mechanism.unit(name) == "m" for name in law.left_terms)
+        found.append(float(np.abs(off).max()) / (curve.mechanism.size if slides else 1.0))
     return found
 
 

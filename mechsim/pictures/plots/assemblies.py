@@ -91,6 +91,10 @@ class _Scale:
         self.name = name
         values = np.concatenate([curve[name] for curve in table.curves])
         self.turned = table.units[name] == "rad"
+        # what swings over more than a turn and comes back, as a pinion on its rack, is drawn as it is counted
+        gains = [abs(float(curve[name][-1] - curve[name][0])) for curve in table.curves]
+        wide = max(float(np.ptp(curve[name])) for curve in table.curves) > TURN
+        self.cut = self.turned and not (wide and max(gains) < np.pi)
         self.label, self.low = ("crank angle", 0.0) if name == "angle" else (name, 0.0)
         if self.turned:
             self.factor, self.unit, self.low = np.pi / 180.0, "°", _cut(values)
@@ -100,7 +104,7 @@ class _Scale:
 
     def drawn(self, values: Array) -> Array:
         """Return values as they stand on the axis."""
-        if self.turned:
+        if self.cut:
             # what is a rounding error below the cut is no turn away
             values = self.low + np.mod(values - self.low + ROUNDING, TURN) - ROUNDING
         return values / self.factor
@@ -110,7 +114,7 @@ class _Scale:
         from matplotlib.ticker import MaxNLocator
 
         spread = float(np.ptp(self.every))
-        if self.turned and spread > 90.0:
+        if self.cut and spread > 90.0:
             return locator((90.0 if sparse else 60.0) if spread > 200.0 else 30.0)
         return MaxNLocator(4) if sparse else None
 
