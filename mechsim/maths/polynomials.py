@@ -38,5 +38,5 @@ def integral(x: Array, values: Array) -> Array:
     """
     half = 0.5 * (x[-1] - x[0])
     scaled = (x - x[0]) / half - 1.0
-    whole = chebyshev.chebint(fitted(scaled, values[:, None]), lbnd=-1.0)
+    whole = np.asarray(chebyshev.chebint(fitted(scaled, values[:, None]), lbnd=-1.0), dtype=np.float64)
     return half * value(whole, scaled)[:, 0]
