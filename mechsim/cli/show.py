@@ -6,13 +6,16 @@ from typing import Annotated, Any
 import typer
 
 from mechsim import units
-from mechsim.cli.options import Json, Model, Sets, form_of
+from mechsim.cli.declared_options import spread
+from mechsim.cli.options import DriveOptions, Json, Model, Sets, form_of
 from mechsim.cli.output import print_json, print_table
 from mechsim.report.facts import OWN, facts
 
 
+@spread
 def show(
     model: Model,
+    driven: DriveOptions,
     sets: Sets = None,
     angle: Annotated[
         str | None, typer.Option(help="List the assemblies at this crank angle; a bare number is rad.")
@@ -23,7 +26,7 @@ def show(
     as_json: Json = False,
 ) -> None:
     """Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups."""
-    drive = form_of(model, sets)
+    drive = form_of(model, sets, driven)
     at = None if angle is None else units.parse_angle(angle, "the crank angle")
     found = facts(drive, at, driver)
     if as_json:
@@ -37,8 +40,19 @@ def _print_facts(found: dict[str, Any]) -> None:
     print_table(f"{found['name']}: {found['about']}", ("parameter", "value", "unit", "meaning"), rows)
     joints = [(j["name"], j["kind"], f"{j['links'][0]} - {j['links'][1]}") for j in found["joints"]]
     print_table("Joints", ("joint", "kind", "links"), joints)
+    if found["couplings"]:
+        rows = [(one["name"], _sum(one["driven"]), _polynomial(one)) for one in found["couplings"]]
+        print_table("Couplings", ("coupling", "driven", "as a function"), rows)
     lines = [(line,) for line in found["mobility_explained"]]
-    print_table(f"Mobility W = {found['mobility']}", ("why",), lines)
+    counted = found["mobility"]
+    freedoms = counted["freedoms"] if isinstance(counted, dict) else counted
+    print_table(f"Mobility W = {freedoms}", ("why",), lines)
+    for name, program in found.get("programs", {}).items():
+        typer.echo(f"program of {name}: {program}")
+    if "crank_range" not in found:
+        if found["duration"] is not None:
+            typer.echo(f"the programs run for {found['duration']:.6g} s")
+        return
     reach = found["crank_range"]
     if reach != "full turn":
         arcs = found["crank_ranges"]
@@ -80,6 +94,18 @@ def _print_change_points(found: dict[str, Any]) -> None:
     )
     if found["turns_to_come_round"] > 1:
         typer.echo(f"it stands as before after {found['turns_to_come_round']} turns of the crank")
+
+
+def _sum(terms: dict[str, float]) -> str:
+    return " + ".join(name if weight == 1.0 else f"{weight:.9g} {name}" for name, weight in terms.items())
+
+
+def _polynomial(coupling: dict[str, Any]) -> str:
+    """Return p(x) in words, x being the driver's side."""
+    x = _sum(coupling["driver"])
+    powers = ["", *(f" ({x})" if k == 1 else f" ({x})^{k}" for k in range(1, 6))]
+    parts = zip(coupling["coefficients"], powers, strict=False)
+    return " + ".join(f"{value:.9g}{power}" for value, power in parts if value) or "0"
 
 
 def _number(value: Any) -> str:

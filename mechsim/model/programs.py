@@ -68,6 +68,11 @@ class Programs:
         value, rate, acceleration = self.state(angle / self.pace)
         return value, rate / self.pace, acceleration / self.pace**2
 
+    @property
+    def by_name(self) -> Mapping[str, State]:
+        """Driver -> its program."""
+        return dict(zip(self.drivers, self.states, strict=True))
+
     @cached_property
     def first(self) -> Mapping[str, float]:
         """Where the drivers stand at time zero."""

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.closure.settled import settled
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
 from mechsim.analytic.forms import Form
 from mechsim.maths.angles import TURN
@@ -20,6 +22,8 @@ OWN = "a mechanism of one's own, by its loop equations"
 def facts(drive: Form, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:
     """Return all that is known of a mechanism without simulating it, as plain data.
 
+    Of one that no crank alone settles, what does not ask for a crank.
+
     Args:
         drive: the mechanism.
         angle: crank angle at which assemblies are listed, in [rad]; None takes where assembly starts.
@@ -27,6 +31,11 @@ def facts(drive: Form, angle: float | None = None, driver: str | None = None) ->
     """
     from mechsim.theory import structure
 
+    found = _described(drive)
+    if isinstance(drive, LoopForm):
+        found |= _mobility(drive)
+        if not drive.mechanism.has_crank or drive.programs is not None or found["outcome"] != "determined":
+            return found
     mechanism = drive.mechanism
     arcs = drive.crank_range()
     at = arcs.start() if angle is None else angle
@@ -38,16 +47,8 @@ def facts(drive: Form, angle: float | None = None, driver: str | None = None) ->
         apart = structure.assur_groups(mechanism, driver)
         groups, explained = apart.as_dicts(), apart.lines()
     return {
-        "name": drive.name,
-        "about": (type(drive).__doc__ or "").splitlines()[0] if isinstance(drive, ClosedForm) else OWN,
-        "parameters": _parameters(drive),
-        "points": list(mechanism.points),
-        "links": [link.name for link in mechanism.links],
-        "joints": [
-            {"name": joint.name, "kind": joint.kind, "links": [joint.a.link, joint.b.link]}
-            for joint in mechanism.joints
-        ],
         "mobility": freedom.actual,
+        **found,
         "mobility_explained": freedom.lines(),
         "crank_range": "full turn" if arcs.full else ranges[0] if len(ranges) == 1 else ranges,
         "crank_ranges": ranges,
@@ -60,6 +61,73 @@ def facts(drive: Form, angle: float | None = None, driver: str | None = None) ->
         "assur_groups": groups,
         "assur_explained": explained,
     }
+
+
+def _described(drive: Form) -> dict[str, Any]:
+    """Return what a mechanism is made of."""
+    mechanism = drive.mechanism
+    return {
+        "name": drive.name,
+        "about": (type(drive).__doc__ or "").splitlines()[0] if isinstance(drive, ClosedForm) else OWN,
+        "parameters": _parameters(drive),
+        "points": list(mechanism.points),
+        "links": [link.name for link in mechanism.links],
+        "joints": [
+            {"name": joint.name, "kind": joint.kind, "links": [joint.a.link, joint.b.link]}
+            for joint in mechanism.joints
+        ],
+        "couplings": [
+            {
+                "name": law.name,
+                "driven": dict(law.left_terms),
+                "driver": dict(law.right_terms),
+                "coefficients": list(law.coefficients),
+            }
+            for law in mechanism.laws
+        ],
+        "holds": dict(mechanism.holds),
+    }
+
+
+def _mobility(drive: LoopForm) -> dict[str, Any]:
+    """Return what the drivers of a mechanism settle, and how they go; in words too."""
+    mechanism = drive.mechanism
+    found = settled(mechanism)
+    lines = [
+        f"{_several(found.freedoms, 'freedom')} by the rank of the loop Jacobian, "
+        f"{_several(found.redundant, 'redundant constraint')}",
+        f"driven: {', '.join(found.drivers)}",
+    ]
+    if mechanism.holds:
+        lines.append(f"held: {', '.join(mechanism.holds)}")
+    if found.open:
+        lines.append(f"undetermined: {', '.join(found.open)} can still move; drive, hold or couple them")
+    if found.superfluous:
+        lines.append(f"overdriven: {', '.join(found.superfluous)} asked for beside what others settle")
+    counts = {
+        "freedoms": found.freedoms,
+        "drivers": list(found.drivers),
+        "open": list(found.open),
+        "superfluous": list(found.superfluous),
+        "redundant": found.redundant,
+    }
+    programs = drive.programs
+    told = {} if programs is None else {name: _text(one) for name, one in programs.by_name.items()}
+    return {
+        "mobility": counts,
+        "mobility_explained": lines,
+        "outcome": found.outcome,
+        "programs": told,
+        "duration": None if programs is None else programs.duration,
+    }
+
+
+def _text(program: object) -> str:
+    return getattr(program, "text", "a function of time")
+
+
+def _several(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _parameters(drive: Form) -> dict[str, dict[str, Any]]:

@@ -76,7 +76,7 @@ def prescribed(
     if mechanism is form.mechanism and not (asked.drive or programs) and asked.duration is None:
         return form
     before = own.programs
-    given: dict[str, Given] = {} if before is None else dict(zip(before.drivers, before.states, strict=True))
+    given: dict[str, Given] = {} if before is None else dict(before.by_name)
     given |= programs or {}
     given = {name: one for name, one in given.items() if name in mechanism.drivers} | dict(asked.drive)
     if duration is None and before is not None:

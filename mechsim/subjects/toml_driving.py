@@ -33,7 +33,7 @@ def driving_lines(form: LoopForm) -> Iterator[str]:
 def _programs(programs: Programs) -> Iterator[str]:
     yield f"duration = {number(programs.duration)}"
     yield from ("", "[programs]")
-    for name, state in zip(programs.drivers, programs.states, strict=True):
+    for name, state in programs.by_name.items():
         if not isinstance(state, Program):
             raise InputError(f"the program of {name} is a function, which no text says; give it as text")
         text = state.text

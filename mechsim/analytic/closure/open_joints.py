@@ -27,15 +27,7 @@ def require_determined(loops: TreeLoops, start: Coordinates) -> None:
     Raises:
         MobilityError: with the joints and points left open, no more of them than there are freedoms.
     """
-    solver = loop_solver(loops, start)
-    if not solver.open:
-        return
-    names: list[str] = []
-    for name in _open(loops, solver, start):
-        if len(names) == LISTED:
-            names.append("others")
-            break
-        names += [name] if name not in names else []
+    names = open_names(loops, start)
     floating = {joint.name for joint in loops.tree.mechanism.joints if KINDS[joint.kind].floats}
     if names:
         listed = " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
@@ -46,6 +38,17 @@ def require_determined(loops: TreeLoops, start: Coordinates) -> None:
             f"{'them' if len(names) > 1 else 'it'}{base}, or run it with --method step",
             "undetermined",
         )
+
+
+def open_names(loops: TreeLoops, start: Coordinates) -> list[str]:
+    """Return what can move though all that is prescribed is held, no more of it than there are freedoms."""
+    solver = loop_solver(loops, start)
+    names: list[str] = []
+    for name in _open(loops, solver, start) if solver.open else ():
+        if len(names) == LISTED:
+            return [*names, "others"]
+        names += [name] if name not in names else []
+    return names
 
 
 def _open(loops: TreeLoops, solver: LoopSolver, start: Coordinates) -> Iterator[str]:

@@ -21,7 +21,7 @@ def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
         AssemblyError: where they do not close; names the gap that is left.
     """
     loops, rough = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
-    at = _closed(loops, rough)
+    at = closed(loops, rough)
     _require_axes_alike(loops, at)
     return loops, at
 
@@ -36,7 +36,12 @@ def with_holds(driven: Array, held: Array) -> Array:
     return np.vstack([driven, np.broadcast_to(held[:, None], (len(held), driven.shape[1]))])
 
 
-def _closed(loops: TreeLoops, at: Coordinates) -> Coordinates:
+def closed(loops: TreeLoops, at: Coordinates) -> Coordinates:
+    """Return the coordinates in which the loops close nearest to some, what is prescribed standing still.
+
+    Raises:
+        AssemblyError: where they do not close; names the gap that is left.
+    """
     before = gap = np.inf
     for _ in range(MOST_STEPS):
         residual, slope, _ = loops.linearise(at)
