@@ -6,7 +6,18 @@ import typer
 
 from mechsim import files
 from mechsim.analytic import catalog
-from mechsim.cli.options import Output, Sets, folder_for, form_of, scene_of, writable
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.cli.declared_options import spread
+from mechsim.cli.options import (
+    DriveOptions,
+    Output,
+    Sets,
+    folder_for,
+    forces_of,
+    form_of,
+    scene_of,
+    writable,
+)
 from mechsim.cli.output import progress
 from mechsim.errors import InputError
 from mechsim.pictures.render.exported_scene import exported
@@ -14,11 +25,13 @@ from mechsim.simulation import mjcf
 from mechsim.subjects.toml_writer import toml_of
 
 
+@spread
 def export(
     model: Annotated[
         str | None,
         typer.Argument(metavar="[MODEL]", help="A catalogue name, FILE.toml or FILE.py:OBJECT."),
     ] = None,
+    *,
     every: Annotated[
         str | None, typer.Option("--all", metavar="DIR", help="Export every mechanism into this folder.")
     ] = None,
@@ -27,6 +40,7 @@ def export(
     form: Annotated[
         str, typer.Option("--format", metavar="xml|toml", help="A MuJoCo model, or the mechanism itself.")
     ] = "xml",
+    driven: DriveOptions,
     sets: Sets = None,
     output: Output = None,
 ) -> None:
@@ -39,8 +53,8 @@ def export(
     if (model is None) == (every is None):
         raise InputError("export takes either one MODEL or --all DIR; give one of them")
     if every is not None:
-        if sets or output or cut:
-            raise InputError("--all exports every mechanism as it is; leave out --set, --cut and -o")
+        if sets or output or cut or driven != DriveOptions():
+            raise InputError("--all exports every mechanism as it is; leave out --set, --drive, --cut and -o")
         folder = folder_for(every)
         with progress("export", len(catalog.DRIVES)) as tick:
             for one in catalog.DRIVES:
@@ -52,8 +66,11 @@ def export(
         return
     assert model is not None
     place = None if output is None else writable(output, f".{form}")
-    mechanism = form_of(model, sets).mechanism
-    text = toml_of(mechanism) if form == "toml" else mjcf.to_xml(exported(mechanism, wanted))
+    moved = form_of(model, sets, driven)
+    if form == "toml":
+        text = toml_of(moved if isinstance(moved, LoopForm) else moved.mechanism)
+    else:
+        text = mjcf.to_xml(exported(moved.mechanism, scene_of(scene, cut, forces_of(moved))))
     if place is None:
         typer.echo(text, nl=False)
         return

@@ -13,7 +13,9 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
 from mechsim.cli.endings import tell
 from mechsim.errors import InputError, OutputError
-from mechsim.model.scene import Scene
+from mechsim.model.forces import Forces
+from mechsim.model.programs import Programs
+from mechsim.model.scene import GRAVITY, Scene
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.subject import load
 from mechsim.units import option
@@ -31,6 +33,10 @@ Sets = Annotated[
     typer.Option("--set", metavar="NAME=VALUE", help="Change a parameter: crank=13mm, pivot=43,-10,-24mm."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+SPEED = "600rpm"
+SpeedIfAny = Annotated[
+    str | None, typer.Option("--speed", help=f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
+]
 Speed = Annotated[str, typer.Option(help="Crank speed; a bare number is rad/s.")]
 File = Annotated[str, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
 Output = Annotated[str | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
@@ -135,6 +141,16 @@ def moving(form: Form) -> Form:
     return form
 
 
+def programs_of(form: Form) -> Programs | None:
+    """Return the programs of what moves; None where a crank turns."""
+    return form.programs if isinstance(form, LoopForm) else None
+
+
+def forces_of(form: Form) -> Forces | None:
+    """Return what acts on a mechanism, as its file says; None where that is not said."""
+    return form.forces if isinstance(form, LoopForm) else None
+
+
 def speed_of(text: str) -> float:
     """Return a crank speed in [rad/s], of a size that a run can have."""
     speed = units.parse_speed(text, "the crank speed")
@@ -146,9 +162,10 @@ def speed_of(text: str) -> float:
     return speed
 
 
-def scene_of(level: str, cut: str | None = None) -> Scene:
-    """Return a scene of a level, with loops cut at named joints."""
-    return Scene(level=level, cut=tuple(cut.split(",")) if cut else None)  # pyright: ignore[reportArgumentType]
+def scene_of(level: str, cut: str | None = None, forces: Forces | None = None) -> Scene:
+    """Return a scene of a level, with loops cut at named joints, and forces where they are known."""
+    joints = tuple(cut.split(",")) if cut else None
+    return Scene(level=level, cut=joints, forces=forces or GRAVITY)  # pyright: ignore[reportArgumentType]
 
 
 def writable(path: str, *extensions: str) -> Path:

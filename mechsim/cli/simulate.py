@@ -9,7 +9,22 @@ import typer
 from mechsim import files, simulation, units
 from mechsim.analytic.forms import Form
 from mechsim.cli.declared_options import spread
-from mechsim.cli.options import Json, Model, Output, Sets, Speed, form_of, scene_of, speed_of, writable
+from mechsim.cli.options import (
+    SPEED,
+    DriveOptions,
+    Json,
+    Model,
+    Output,
+    Sets,
+    SpeedIfAny,
+    forces_of,
+    form_of,
+    moving,
+    programs_of,
+    scene_of,
+    speed_of,
+    writable,
+)
 from mechsim.cli.output import print_json, progress
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.crank_profile import arc_around
@@ -22,8 +37,8 @@ Asked = Annotated[Mapping[str, Any], Settings]
 def simulate(
     model: Model,
     *,
-    speed: Speed = "600rpm",
-    turns: Annotated[float, typer.Option(help="Turns of the crank.")] = 1.0,
+    speed: SpeedIfAny = None,
+    turns: Annotated[float | None, typer.Option(help="Turns of the crank. [default: 1]")] = None,
     tolerance: Annotated[
         str | None,
         typer.Option(
@@ -45,21 +60,33 @@ def simulate(
         str | None, typer.Option(metavar="FILE", help="Crank angle over time: .csv or .npz with time, angle.")
     ] = None,
     every: Annotated[str | None, typer.Option(help="Crank angle between records, as in 5deg.")] = None,
+    samples: Annotated[
+        int | None, typer.Option(help="Rows, both ends included; about 72 a turn if left out.")
+    ] = None,
     scene: Annotated[str, typer.Option(help="pose, motion, dynamics or picture.")] = "motion",
+    driven: DriveOptions,
     sets: Sets = None,
     output: Output = None,
     as_json: Json = False,
 ) -> None:
-    """Run a mechanism in MuJoCo under a driven crank."""
+    """Run a mechanism in MuJoCo under a driven crank, or under programs of its drivers."""
     place = None if output is None else writable(output, ".csv", ".npz")
-    drive = form_of(model, sets)
+    drive = moving(form_of(model, sets, driven))
     wanted = None if tolerance is None else units.parse_length(tolerance, "the tolerance")
-    steady = speed_of(speed)
-    motion = _profile(profile) if profile else _turned(drive, steady, turns)
+    programs = programs_of(drive)
+    if programs is None:
+        steady = speed_of(speed or SPEED)
+        motion = _profile(profile) if profile else _turned(drive, steady, 1.0 if turns is None else turns)
+    else:
+        _require_no_crank(speed=speed, turns=turns, profile=profile, every=every)
+        motion = programs.clock
     settings = _settings(motion, timestep, asked)
     if wanted is not None and (timestep or "steps_per_turn" in asked):
         raise InputError("--tolerance chooses the step by itself; leave out --timestep and --steps-per-turn")
-    samples = None
+    if samples is not None:
+        if every is not None or samples < 2:
+            raise InputError(f"--samples is {samples}; give 2 or more, and leave out --every")
+        samples -= 1
     if every is not None:
         spacing = units.parse_angle(every, "the angle between records")
         whole = round(motion.turns * simulation.TURN / abs(spacing)) if spacing else 0
@@ -69,12 +96,13 @@ def simulate(
     with progress("simulate", None) as tick:
         run = simulation.simulate(
             drive,
-            profile=motion,
+            profile=motion if programs is None else None,
+            programs=programs,
             tolerance=wanted,
             settings=settings,
             method=method,  # pyright: ignore[reportArgumentType]
             samples=samples,
-            scene=scene_of(scene),
+            scene=scene_of(scene, forces=forces_of(drive)),
             watch=tick,
         )
     if place is not None:
@@ -96,6 +124,13 @@ def _found(run: Run) -> str:
     if run.outcome == "diverged":
         return run.motion.broken
     return f"places within {run.estimate:.3g} m of the solved poses (bound {run.tolerance:.3g} m)"
+
+
+def _require_no_crank(**given: object) -> None:
+    """Refuse what is said of a crank beside programs."""
+    for name, value in given.items():
+        if value is not None:
+            raise InputError(f"--{name} is of a crank without a program; leave it out, and give --duration")
 
 
 def _turned(drive: Form, speed: float, turns: float) -> CrankProfile:

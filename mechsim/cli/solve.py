@@ -10,10 +10,10 @@ import typer
 
 from mechsim import files, units
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
 from mechsim.cli.declared_options import spread
 from mechsim.cli.options import (
+    SPEED,
     DriveOptions,
     Json,
     Model,
@@ -23,6 +23,7 @@ from mechsim.cli.options import (
     form_of,
     moving,
     passed,
+    programs_of,
     speed_of,
     writable,
 )
@@ -38,7 +39,7 @@ from mechsim.units import option
 PART = 1 << 17
 # bytes held for each number that is written as .npz, and as JSON
 PACKED, AS_JSON = 40.0, 160.0
-ANGLES, SPEED, SAMPLES = "0:360:5deg", "600rpm", 73
+ANGLES, SAMPLES = "0:360:5deg", 73
 MOST_SAMPLES = 10_000_000
 
 
@@ -57,8 +58,7 @@ class SolveOptions:
 
     def check(self, drive: Form) -> None:
         """Refuse what does not go together."""
-        programmed = isinstance(drive, LoopForm) and drive.programs is not None
-        if (self.angles or self.speed) and (programmed or self.at):
+        if (self.angles or self.speed) and (programs_of(drive) or self.at):
             what = "--angles" if self.angles else "--speed"
             raise InputError(f"{what} is of a crank without a program; leave it out with --drive and --at")
         if not 2 <= self.samples <= MOST_SAMPLES:
@@ -83,8 +83,8 @@ def solve(
         _told(drive, poses_at(drive, files.read(asked.at), asked.at), place, as_json)
         return
     moving(drive)
-    if isinstance(drive, LoopForm) and drive.programs is not None:
-        programs = drive.programs
+    programs = programs_of(drive)
+    if programs is not None:
         times = np.linspace(0.0, programs.duration, asked.samples)
         motion = drive.solve(programs.pace * times, programs.pace)
         _told(drive, motion, place, as_json)
