@@ -5,11 +5,25 @@ from typing import Annotated
 import typer
 
 from mechsim.cli.declared_options import spread
-from mechsim.cli.options import File, Model, Sets, Speed, form_of, speed_of, writable
+from mechsim.cli.options import (
+    DriveOptions,
+    File,
+    Model,
+    Sets,
+    Speed,
+    form_of,
+    moving,
+    programs_of,
+    speed_of,
+    writable,
+)
 from mechsim.cli.output import progress
 from mechsim.errors import InputError
 from mechsim.pictures import plots
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
+
+# the kinds that show a motion over time as well
+TIMED = ("motion", "curve", "space")
 
 
 @spread
@@ -19,6 +33,8 @@ def plot(
     asked: PlotOptions,
     kind: Annotated[str, typer.Option(help=f"One of {', '.join(PLOTS)}.")] = "motion",
     speed: Speed = "600rpm",
+    *,
+    driven: DriveOptions,
     sets: Sets = None,
 ) -> None:
     """Plot motions, curves, transmission, errors, velocity plans, dynamics or studies: .svg, .pdf or .png.
@@ -30,7 +46,11 @@ def plot(
     place = writable(output)
     if kind not in PLOTS:
         raise InputError(f"there is no plot {kind!r}; known are {', '.join(PLOTS)}")
-    drive = form_of(model, sets)
+    drive = moving(form_of(model, sets, driven))
+    if programs_of(drive) is not None and kind not in TIMED:
+        raise InputError(
+            f"plot {kind!r} is of a crank without a program; under programs known are {', '.join(TIMED)}"
+        )
     with progress("plot", None) as tick:
         source = PlotSource(drive=drive, speed=speed_of(speed), asked=asked, done=tick)
         figure = PLOTS[kind].draw(source)

@@ -7,9 +7,20 @@ from typing import Any
 import numpy as np
 import typer
 
+from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
 from mechsim.cli.declared_options import spread
-from mechsim.cli.options import File, Model, Sets, form_of, speed_of, writable
+from mechsim.cli.options import (
+    DriveOptions,
+    File,
+    Model,
+    Sets,
+    form_of,
+    moving,
+    programs_of,
+    speed_of,
+    writable,
+)
 from mechsim.cli.output import progress
 from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
@@ -39,10 +50,16 @@ class FilmOptions:
         "Go round the curve of assemblies at an even pace, through dead centres, as `mechsim trace`.",
     )
 
-    def samples(self, duration: float, picture: bool, positions: int) -> float:
-        """Return how many samples of a motion of some seconds are drawn."""
+    def samples(self, duration: float, picture: bool, positions: int, *, timed: bool) -> float:
+        """Return how many samples of a motion of some seconds are drawn, a timed one in its own time."""
         if self.slow is not None:
             return self._slowed(duration, self.slow)
+        if timed and not picture:
+            if self.turns != 1.0 or self.frames_per_turn is not None:
+                raise InputError(
+                    "--turns and --frames-per-turn are of a crank without a program; leave them out"
+                )
+            return max(1.0, self._slowed(duration, 1.0))
         # for a still the samples only shape the paths; with positions each sample is a position
         usual = positions if positions > 1 else 360 if picture else 72
         asked = None if positions > 1 else self.frames_per_turn
@@ -62,28 +79,34 @@ class FilmOptions:
 
 
 @spread
-def render(model: Model, output: File, film: FilmOptions, look: Look, sets: Sets = None) -> None:
+def render(
+    model: Model, output: File, film: FilmOptions, look: Look, driven: DriveOptions, sets: Sets = None
+) -> None:
     """Draw a mechanism without a screen: .png, .mp4, .webm, .gif, or a new folder of .png files.
 
-    Whole turns of a crank that turns fully play in a loop without a seam: no frame is shown twice.
+    Whole turns of a crank that turns fully play in a loop without a seam: no frame is shown twice. Motions
+    under programs are filmed in their own time.
     """
     picture = output.endswith(".png")
     place = writable(output, ".png", ".mp4", ".webm", ".gif", "")
     _check(output, film, look)
     at = None if film.angle is None else parse_angle(film.angle, "the crank angle")
-    drive = form_of(model, sets)
+    drive = moving(form_of(model, sets, driven))
     if film.trace:
         _round(place, drive, film, look, picture)
         return
     profile = profile_of(drive, film.speed, film.turns, at)
-    samples = film.samples(profile.duration, picture, look.overlay)
+    programmed = programs_of(drive) is not None
+    samples = film.samples(profile.duration, picture, look.overlay, timed=programmed)
     motion = motion_of(drive, "simulated" if film.road == "both" else film.road, profile, samples)
     beside: dict[str, Any] = {}
     said = [] if film.slow is None else [film.pace]
     if {"force", "moment"} & set(look.arrows):
         beside |= joint_loads(drive, film.road, profile, motion)
         said.append("joint loads as they act on the driven link")
-    if film.road == "both":
+    if film.road == "both" and isinstance(drive, LoopForm):
+        beside["exact"] = drive.solve_as(motion)
+    elif film.road == "both":
         beside["exact"] = drive.solve(motion.angle, motion.speed, motion.acceleration)
     look = replace(look, caption="; ".join(said))
     if picture:
@@ -92,7 +115,7 @@ def render(model: Model, output: File, film: FilmOptions, look: Look, sets: Sets
         typer.echo(f"wrote {output}")
         return
     rounds = film.turns * TURN / drive.period
-    whole = abs(rounds - round(rounds)) < 1e-9 and drive.crank_range().full
+    whole = not programmed and abs(rounds - round(rounds)) < 1e-9 and drive.crank_range().full
     look = replace(look, paths="tail" if look.paths and whole else look.paths)
     count = _write_film(place, drive, motion, whole, look, {"fps": film.fps, **beside})
     typer.echo(f"wrote {count} frames to {output}")

@@ -74,6 +74,8 @@ def joint_loads(drive: Form, road: str, profile: CrankProfile, motion: Motion) -
 
     They act on the link b of each joint; links are rods of steel and weigh, as `mechsim dynamics` has it.
     """
+    if motion.drivers:
+        raise InputError(f"{drive.name}: arrows of joint loads are drawn for a crank without programs only")
     machine = dynamics.machine(drive, WEIGHT)
     if road == "simulated":
         run = driven(machine.mechanism, machine.forces, profile=profile, samples=len(motion) - 1)

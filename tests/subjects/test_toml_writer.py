@@ -10,6 +10,7 @@ import pytest
 
 from mechsim.analytic import catalog
 from mechsim.cli import main
+from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.subjects.schema import schema
@@ -81,3 +82,198 @@ def test_the_schema_has_every_key_of_the_reader(monkeypatch, capsys):
     with pytest.raises(SystemExit):
         main()
     assert json.loads(capsys.readouterr().out)["properties"]["joints"]["additionalProperties"]["required"]
+
+
+MACHINE = """
+name = "press"
+units = { length = "mm", angle = "deg" }
+drivers = ["crank", "sleeve.way"]
+start = { crank = 20, sleeve.way = "5 mm", rack = 3 }
+duration = "500 ms"
+[parameters]
+lift = 12
+[programs]
+crank = "20 + lift*sin(2*pi*t)"
+sleeve.way = "5 + lift*t**2"
+[joints.crank]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "wheel" }
+[joints.rack]
+kind = "prismatic"
+a = { link = "ground", at = [0, 30, 0], axis = [1, 0, 0] }
+b = { link = "bar", axis = [1, 0, 0] }
+[joints.nut]
+kind = "screw"
+lead = "4 mm"
+a = { link = "ground", at = [100, 0, 0] }
+b = { link = "nut" }
+[joints.sleeve]
+kind = "cylindrical"
+a = { link = "ground", at = [150, 0, 0], axis = [0, 1, 0] }
+b = { link = "sleeve", axis = [0, 1, 0] }
+[joints.second]
+kind = "revolute"
+a = { link = "ground", at = [200, 0, 0] }
+b = { link = "pinion" }
+[joints.table]
+kind = "planar"
+a = { link = "ground", at = [300, 0, 0] }
+b = { link = "table" }
+[joints.weld]
+kind = "fixed"
+a = { link = "table" }
+b = { link = "clamp" }
+[couplings.mesh]
+driver = "crank"
+driven = "second"
+ratio = -2
+phase = 75
+[couplings.feed]
+driver = "crank"
+driven = "rack"
+travel = "36 mm"
+phase = 2
+[couplings.lift]
+driver = "rack"
+driven = "nut.turn"
+coefficients = ["15 deg", 2, 0.1, 0, 1e-4]
+zeros = [3, "1 cm"]
+[couplings.sum]
+driver = { rack = 1, "sleeve.way" = -0.5 }
+driven = "table.x"
+coefficients = [0, 1]
+[couplings.twin]
+driver = "crank"
+driven = "sleeve.turn"
+coefficients = [0, 3]
+turns = true
+[holds]
+"table.y" = 7
+table.turn = "10 deg"
+[links.wheel]
+outline = [[0, 0, 0], [40, 0, 0]]
+[links.bar]
+inertia = { mass = "400 g", centre = [1, 2, 3], moments = [1e-6, 2e-6, 3e-6] }
+[links.nut]
+[links.sleeve]
+[links.pinion]
+[links.clamp]
+[points]
+rim = { link = "wheel", at = [40, 0, 0] }
+end = { link = "bar", at = [25, 0, 0] }
+[forces]
+gravity = [0, 0, -9.81]
+flywheel = "2e4 g mm^2"
+motor = { kind = "line", stall = "300 N mm", no_load = "600rpm", gear = -3 }
+crank_torque = "-20 N mm"
+[forces.friction]
+crank = { viscous = "1e-3 N m s/rad", coulomb = 0.002 }
+sleeve = { viscous = "2 N s/m", viscous_turn = 1e-4 }
+[forces.springs.back]
+a = "end"
+b = { link = "ground", at = [80, 30, 0] }
+stiffness = "5 N/mm"
+rest = 40
+[forces.dampers.oil]
+a = "rim"
+b = "end"
+damping = 3
+[forces.joint_springs]
+rack = { stiffness = "2 N/mm", rest = 4 }
+second = { stiffness = 0.3, rest = 30 }
+[forces.loads.push]
+at = "end"
+force = ["20 N", 0, 0]
+[forces.couples]
+wheel = [0, 0, "5 N mm"]
+[formula]
+python = "press.py:law"
+"""
+
+
+@pytest.fixture
+def press(tmp_path):
+    path = tmp_path / "press.toml"
+    path.write_text(MACHINE)
+    return load(str(path))
+
+
+def test_couplings_are_what_their_keys_say_in_si(press):
+    mechanism = press.mechanism
+    (mesh,) = mechanism.gears
+    assert (mesh.driver, mesh.driven, mesh.ratio, mesh.phase) == ("crank", "second", -2, np.deg2rad(75))
+    feed, lift, both, twin = mechanism.couplings
+    assert (feed.left, feed.right) == ("rack", "crank")
+    np.testing.assert_allclose(feed.coefficients, [0.002, 0.036 / (2 * np.pi)], rtol=1e-15)
+    # an angle in degrees over a length in millimetres
+    x = 0.0173
+    wanted = np.deg2rad(15 + 2 * 7.3 + 0.1 * 7.3**2 + 1e-4 * 7.3**4)
+    np.testing.assert_allclose(lift.polynomial(np.array([x]))[0], [wanted], rtol=1e-12)
+    np.testing.assert_allclose(lift.zeros, [np.deg2rad(3), 0.01])
+    assert (both.left, both.right) == ("table.x", {"rack": 1.0, "sleeve.way": -0.5})
+    assert (twin.coefficients, twin.turns) == ((0.0, 3.0), True)
+    assert mechanism.joint("nut").lead == 0.004
+
+
+def test_starts_and_holds_are_in_the_file_s_units(press):
+    mechanism = press.mechanism
+    assert mechanism.counted == {"crank": np.deg2rad(20), "sleeve.way": 0.005, "rack": 0.003}
+    assert mechanism.holds == {"table.y": 0.007, "table.turn": pytest.approx(np.deg2rad(10))}
+
+
+def test_programs_of_a_file_are_in_its_units_and_its_parameters(press):
+    time = np.linspace(0.0, 0.5, 7)
+    crank, sleeve = press.programs.state(time)[0]
+    np.testing.assert_allclose(crank, np.deg2rad(20 + 12 * np.sin(2 * np.pi * time)), rtol=1e-14)
+    np.testing.assert_allclose(sleeve, (5 + 12 * time**2) / 1000, rtol=1e-14)
+    assert press.programs.duration == 0.5
+
+
+def test_everything_comes_back_to_the_last_bit(press, tmp_path):
+    path = tmp_path / "again.toml"
+    path.write_text(toml_of(press))
+    again = load(str(path))
+    assert alike(again.mechanism, press.mechanism)
+    assert again.programs.duration == press.programs.duration
+    time = np.linspace(0.0, 0.5, 11)
+    np.testing.assert_allclose(again.programs.state(time), press.programs.state(time), rtol=1e-14)
+    assert Path(again.formula).name == Path(press.formula).name
+    # loads hold functions: what they give at an instant stands for them
+    for found, wanted in zip(again.forces.courses, press.forces.courses, strict=True):
+        assert np.array_equal(found.at([0.0]), wanted.at([0.0]))
+    bare = [replace(one.forces, loads=(), couples=(), crank_torque=None) for one in (again, press)]
+    assert bare[0] == bare[1]
+    assert toml_of(again) == toml_of(press)
+
+
+def test_forces_of_a_file_are_in_si(press):
+    forces = press.forces
+    assert forces.gravity == (0.0, 0.0, -9.81)
+    assert forces.flywheel == pytest.approx(2e-5)
+    assert forces.motor.ratio == -3
+    assert forces.motor.motor.stall == pytest.approx(0.3)
+    assert forces.motor.motor.no_load == pytest.approx(20 * np.pi)
+    spring, oil = forces.springs
+    assert (spring.stiffness, spring.rest) == (pytest.approx(5000), pytest.approx(0.04))
+    assert (spring.a, spring.b[0]) == ("end", "ground")
+    assert (oil.stiffness, oil.damping) == (0.0, 3.0)
+    assert [one.rest for one in forces.joint_springs] == pytest.approx([0.004, np.deg2rad(30)])
+    assert forces.friction[1].viscous_turn == 1e-4
+
+
+def test_a_program_that_is_a_function_cannot_be_written():
+    def state(time):
+        return time, np.ones_like(time), np.zeros_like(time)
+
+    form = load("four_bar", drive={"crank": state})
+    with pytest.raises(InputError, match="no text says"):
+        toml_of(form)
+
+
+def test_the_schema_takes_what_the_reader_takes_and_no_more(press):
+    made = schema()["properties"]
+    assert made["joints"]["additionalProperties"]["properties"]["kind"]["enum"].count("screw") == 1
+    assert set(made["couplings"]["additionalProperties"]["properties"]) >= {"ratio", "travel", "coefficients"}
+    assert {"programs", "holds", "duration", "forces"} <= made.keys()
+    assert made["forces"]["properties"]["motor"]["properties"]["kind"]["enum"] == ["constant", "line", "dc"]

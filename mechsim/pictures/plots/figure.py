@@ -132,9 +132,17 @@ def chosen(motion: Motion, points: Sequence[str] | None) -> list[str]:
     return names
 
 
-def degrees(motion: Motion) -> Array:
-    """Return the crank angles of a motion, (n,) in degrees."""
-    return np.rad2deg(motion.angle)
+def abscissa(motion: Motion) -> Array:
+    """Return the crank angles of a motion, (n,) in degrees; under programs its times in seconds."""
+    return motion.time if motion.drivers and motion.time is not None else np.rad2deg(motion.angle)
+
+
+def motion_axis(ax: "Axes", motion: Motion) -> None:
+    """Make the horizontal axis one of crank angles, under programs of time."""
+    if motion.drivers:
+        ax.set_xlabel("time [s]")
+    else:
+        angle_axis(ax)
 
 
 def angle_axis(ax: "Axes") -> None:

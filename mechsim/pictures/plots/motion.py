@@ -11,11 +11,12 @@ from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import (
     COLOURS,
     STYLES,
+    abscissa,
     angle_axis,
     blank,
     chosen,
     decades,
-    degrees,
+    motion_axis,
     styled,
 )
 
@@ -28,7 +29,7 @@ FLOOR = 1e-18
 
 @styled()
 def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> "Figure":
-    """Draw displacement, velocity and acceleration of points over the crank angle.
+    """Draw displacement, velocity and acceleration of points over the crank angle, under programs over time.
 
     Args:
         motion: what to draw.
@@ -42,12 +43,12 @@ def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> "Figure"
             ax, values = axes[row, column], getattr(motion.points[name], attribute)
             factor, unit = readable(values, ("m", "m/s", "m/s²")[row])
             for i, part in enumerate("xyz"):
-                ax.plot(degrees(motion), values[:, i] / factor, color=COLOURS[i], ls=STYLES[i], label=part)
+                ax.plot(abscissa(motion), values[:, i] / factor, color=COLOURS[i], ls=STYLES[i], label=part)
             ax.set_ylabel(f"{label} [{unit}]")
             # one line for all labels of a column; finding the line costs a third of the plot
             ax.yaxis.set_label_coords(-0.19, 0.5)
         axes[0, column].set_title(name)
-        angle_axis(axes[2, column])
+        motion_axis(axes[2, column], motion)
     lines = axes[0, 0].get_lines()
     figure.legend(handles=lines, ncols=3, loc="outside upper right", handlelength=1.6)
     return figure

@@ -136,8 +136,10 @@ def draw(drawn: DrawnModel, backend: backends.Backend) -> Generator[Picture]:
             trace.put(drawing.scene, frame)
             picture = drawing.render()
             labels = {name: path[frame] for name, path in drawn.frames.points.items()} if look.labels else {}
-            angle = float(drawn.frames.angle[frame]) if look.overlay == 1 else None
-            yield written(picture, drawn.camera, labels, clear, notes, angle) if labels or notes else picture
+            instant = drawn.frames.instant(frame) if look.overlay == 1 else ""
+            yield (
+                written(picture, drawn.camera, labels, clear, notes, instant) if labels or notes else picture
+            )
 
 
 def _legend(drawn: DrawnModel) -> tuple[tuple[str, Ink], ...]:

@@ -28,6 +28,7 @@ class FramePoses:
         vectors: "velocity", "acceleration" and, if given, "force" and "moment" -> point or joint ->
             vector in each frame, (n, 3) in SI.
         starts: point or joint -> where its arrows start in each frame, (n, 3) in [m].
+        time: of each frame where programs drive, (n,) in [s]; else None.
     """
 
     angle: Array
@@ -37,9 +38,16 @@ class FramePoses:
     passed: NDArray[np.intp]
     vectors: Mapping[str, Mapping[str, Array]]
     starts: Mapping[str, Array]
+    time: Array | None = None
 
     def __len__(self) -> int:
         return len(self.angle)
+
+    def instant(self, frame: int) -> str:
+        """Return what a frame is called: by its crank angle, under programs by its time."""
+        if self.time is not None:
+            return f"{self.time[frame]:.3f} s"
+        return f"crank {np.rad2deg(self.angle[frame]) % 360.0:5.1f}°"
 
     @property
     def closed(self) -> bool:
@@ -107,7 +115,9 @@ def frame_poses(
         for name, (link, local) in {**joints, **mechanism.points}.items()
     }
     points = {name: starts[name] for name in mechanism.points}
-    return FramePoses(wanted, poses, points, paths, passed, vectors, starts)
+    timed = motion.drivers and motion.time is not None
+    time = np.interp(wanted, motion.angle, motion.time) if timed else None
+    return FramePoses(wanted, poses, points, paths, passed, vectors, starts, time)
 
 
 def _vectors(

@@ -40,7 +40,7 @@ def written(
     labels: dict[str, Array],
     clear: float,
     notes: Notes | None,
-    angle: float | None,
+    instant: str,
 ) -> Picture:
     """Return a picture with labels at points and, if there are notes, name, scale bar and crank angle.
 
@@ -50,13 +50,13 @@ def written(
         labels: name of a point -> its place, (3,) in [m].
         clear: how far labels keep off their points, in [m].
         notes: what stands at the edges; None for nothing.
-        angle: of the crank in [rad]; None where the picture shows many.
+        instant: that it shows, in words; empty where it shows many.
     """
     image = Image.fromarray(picture)
     edge = max(10, round(camera.size[1] / 34))
     _labels(image, camera, labels, 0.7 * clear * camera.scale + 0.3 * edge, edge)
     if notes:
-        _notes(image, camera, notes, angle, edge)
+        _notes(image, camera, notes, instant, edge)
     return np.asarray(image)
 
 
@@ -72,12 +72,12 @@ def _labels(image: Image.Image, camera: Camera, labels: dict[str, Array], off: f
         _text(image, at, name, edge, "rs" if left else "ls")
 
 
-def _notes(image: Image.Image, camera: Camera, notes: Notes, angle: float | None, edge: int) -> None:
+def _notes(image: Image.Image, camera: Camera, notes: Notes, instant: str, edge: int) -> None:
     width, height = camera.size
     pad = round(0.8 * edge)
     _text(image, (pad, pad), notes.name.replace("_", "-"), edge, "la")
-    if angle is not None:
-        _text(image, (width - pad, pad), f"crank {np.rad2deg(angle) % 360.0:5.1f}°", edge, "ra")
+    if instant:
+        _text(image, (width - pad, pad), instant, edge, "ra")
     length, text = scale_bar(camera)
     pixels = length * camera.scale
     y = height - pad
