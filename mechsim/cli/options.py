@@ -30,7 +30,11 @@ Model = Annotated[
 ]
 Sets = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Change a parameter: crank=13mm, pivot=43,-10,-24mm."),
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Change a parameter: crank=13mm, pivot=43,-10,-24mm; a bare number is SI.",
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 SPEED = "600rpm"

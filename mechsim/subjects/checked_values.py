@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeGuard
 
 from mechsim import units
 from mechsim.errors import InputError
@@ -72,7 +72,7 @@ class Values:
         return value
 
     def _number(self, value: Any, unit: Unit, path: KeyPath) -> float:
-        if isinstance(value, str) and _QUANTITY.match(value):
+        if is_quantity(value):
             with self.source.about(path):
                 return units.parse(value, unit, ".".join(str(part) for part in path))
         bare = self.bare(value, path)
@@ -101,12 +101,16 @@ class Values:
         own: dict[Unit, str] = {"m": self.length, "rad": self.angle}
         return units.in_si(value, own.get(unit, unit), unit)
 
-    def with_parameters(self, given: Any, changed: Mapping[str, str]) -> "Values":
+    def with_parameters(
+        self, given: Any, changed: Mapping[str, str], units_of: Mapping[str, Unit]
+    ) -> "Values":
         """Return the same with parameters, each reckoned from those before it.
 
         Args:
             given: the file's table.
-            changed: name -> text that stands for what the file has.
+            changed: name -> text that stands for what the file has; a bare number of a length or an angle
+                is in SI.
+            units_of: parameter -> "m" or "rad", of those whose use tells.
         """
         table = self._table(given, ("parameters",))
         for name in changed:
@@ -117,13 +121,29 @@ class Values:
             path = ("parameters", name)
             if not name.isidentifier() or name in (*FUNCTIONS, "pi"):
                 raise self.source.refusal(path, "is no name for a parameter; use letters, digits and _")
-            number = found.parameter(changed.get(name, value), path)
+            if name in changed:
+                number = found.changed(name, changed[name], value, units_of)
+            else:
+                number = found.parameter(value, path)
             found = replace(found, parameters={**found.parameters, name: number})
         return found
 
+    def changed(self, name: str, text: str, before: Any, units_of: Mapping[str, Unit]) -> float:
+        """Return a parameter that `--set` gives: a bare number in SI where its unit is known."""
+        path = ("parameters", name)
+        unit = units_of.get(name)
+        if unit is None and is_quantity(before):
+            with self.source.about(path):
+                unit = units.of_any_kind(before, f"parameter {name}")[1]
+        try:
+            bare = float(text)
+        except ValueError:
+            return self.parameter(text, path)
+        return self.bare(bare, path) / (1.0 if unit is None else self.in_si(1.0, unit))
+
     def parameter(self, value: Any, path: KeyPath) -> float:
         """Return a parameter, a length or an angle in the file's unit."""
-        if not (isinstance(value, str) and _QUANTITY.match(value)):
+        if not is_quantity(value):
             return self.bare(value, path)
         with self.source.about(path):
             number, unit = units.of_any_kind(value, f"parameter {path[-1]}")
@@ -156,6 +176,11 @@ class Values:
         if not isinstance(value, dict):
             raise self.source.refusal(path, f"is {shown(value)}; give a table")
         return value
+
+
+def is_quantity(value: object) -> TypeGuard[str]:
+    """Whether a value is text that begins as a number with a unit does."""
+    return isinstance(value, str) and _QUANTITY.match(value) is not None
 
 
 def _fits(key: Key, value: Any) -> bool:

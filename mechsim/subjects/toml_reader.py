@@ -14,6 +14,7 @@ from mechsim.model.inertia import Inertia
 from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
 from mechsim.subjects.checked_values import Values
 from mechsim.subjects.key_kinds import Keys
+from mechsim.subjects.parameter_units import parameter_units
 from mechsim.subjects.toml_couplings import couplings_of
 from mechsim.subjects.toml_drivers import (
     FileProgram,
@@ -58,7 +59,8 @@ def read_toml(
     """
     source = read_source(path)
     document = {name: one for name, one in source.document.items() if name not in ("parameters", "units")}
-    values = _units(source).with_parameters(source.document.get("parameters", {}), changed or {})
+    told = parameter_units(source.document) if changed else {}
+    values = _units(source).with_parameters(source.document.get("parameters", {}), changed or {}, told)
     read = values.checked(ROOT, document, ())
     of = coordinates_of(values, read["joints"])
     with source.about(()):

@@ -50,7 +50,7 @@ def test_a_mechanism_of_the_gallery_meets_every_bound_in_steps(shown):
 
 def test_the_law_condemns_a_dimension_a_thousandth_off(shown):
     law, name = formula_of(shown), next(iter(shown.parameters))
-    wrong = load(shown.name, {name: repr(1.001 * shown.parameters[name])})
+    wrong = load(shown.name, {name: f"1.001*{shown.parameters[name]!r}"})
     assert against_formula(moved(shown), law, shown).passed
     assert against_formula(moved(wrong), law, wrong).outcome == "missed"
 

@@ -75,7 +75,9 @@ def test_lengths_angles_and_expressions_become_a_mechanism_that_moves_as_its_clo
     assert np.diag(coupler.inertia.matrix).tolist() == [1e-6, 3e-6, 3e-6]
 
 
-@pytest.mark.parametrize(("text", "crank"), [("35mm", 0.035), ("35", 0.035), ("ground/4", 0.025)])
+@pytest.mark.parametrize(
+    ("text", "crank"), [("35mm", 0.035), ("0.035", 0.035), ("35*1", 0.035), ("ground/4", 0.025)]
+)
 def test_a_parameter_is_changed_as_if_the_file_had_it_so(file, text, crank):
     read = load(file(FOUR_BAR), {"crank": text})
     np.testing.assert_allclose(read.positions([0.0])["A"], [[crank, 0.0, 0.0]], rtol=1e-14)
@@ -83,7 +85,7 @@ def test_a_parameter_is_changed_as_if_the_file_had_it_so(file, text, crank):
 
 def test_a_crank_that_only_swings_has_the_range_of_the_closed_form(file):
     read = load(
-        file(FOUR_BAR.replace("start = 10", "start = 70").replace("cos(10)", "cos(70)")), {"crank": "100"}
+        file(FOUR_BAR.replace("start = 10", "start = 70").replace("cos(10)", "cos(70)")), {"crank": "100 mm"}
     )
     exact = catalog.make("four_bar", ground=0.1, crank=0.1, coupler=0.15, rocker=0.09)
     np.testing.assert_allclose(read.crank_range().arcs, exact.crank_range().arcs[:1], atol=1e-9)

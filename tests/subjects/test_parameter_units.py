@@ -1,0 +1,73 @@
+"""What parameters measure is told by where a file uses them; bare numbers of --set are then in SI."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from mechsim.subjects.parameter_units import parameter_units
+from mechsim.subjects.subject import load
+
+FILE = """
+name = "arm"
+units = { length = "mm", angle = "deg" }
+[parameters]
+crank = 30
+half = "crank/2"
+rod = "2*sqrt(half**2 + crank**2)"
+ratio = 3
+reach = "ratio*crank"
+bend = 20
+tilt = "bend + asin(half/reach)"
+teeth = 18
+unused = 4
+span = "3 cm"
+spread = "teeth/ratio"
+[joints.crank]
+kind = "revolute"
+a = { link = "ground", at = ["reach", "rod*sin(tilt)", 0] }
+b = { link = "arm" }
+[links.arm]
+outline = [[0, 0, 0], ["crank*cos(bend)", "-span", 0]]
+[points]
+tip = { link = "arm", at = ["crank", 0, 0] }
+"""
+
+
+def test_lengths_angles_and_plain_numbers_are_told_apart():
+    found = parameter_units(tomllib.loads(FILE))
+    lengths = {name for name, unit in found.items() if unit == "m"}
+    angles = {name for name, unit in found.items() if unit == "rad"}
+    assert lengths == {"crank", "half", "rod", "reach", "span"}
+    assert angles == {"bend", "tilt"}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "value"),
+    [
+        ("crank", "0.035", 35.0),
+        ("crank", "35 mm", 35.0),
+        ("crank", "half*0 + 35", None),
+        ("bend", "0.5", np.rad2deg(0.5)),
+        ("ratio", "4", 4.0),
+        ("teeth", "20", 20.0),
+        ("unused", "20", 20.0),
+        ("span", "0.04", 40.0),
+        ("reach", "0.1", 100.0),
+    ],
+)
+def test_a_bare_number_is_si_where_it_is_a_length_or_an_angle(tmp_path, name, text, value):
+    path = tmp_path / "arm.toml"
+    path.write_text(FILE)
+    if value is None:
+        with pytest.raises(Exception, match="given before"):
+            load(str(path), {name: text})
+        return
+    assert load(str(path), {name: text}).parameters[name] == pytest.approx(value, rel=1e-15)
+    if text.replace(".", "").isdigit():
+        assert load(str(path), {name: float(text)}).parameters[name] == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize("document", [{}, {"parameters": 3}, {"parameters": {"a": [1]}, "joints": 4}])
+def test_a_file_that_is_not_right_tells_nothing(document):
+    assert parameter_units(document) == {}
