@@ -1,7 +1,7 @@
 """What the parameters of a TOML file measure, told by where the file uses them."""
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from mechsim.errors import InputError
@@ -25,7 +25,7 @@ def parameter_units(document: Mapping[str, Any]) -> dict[str, Unit]:
     given: dict[str, Any] = (
         document.get("parameters", {}) if isinstance(document.get("parameters"), dict) else {}
     )
-    found = _Found(dict.fromkeys(given))
+    found = _Found(given)
     uses = list(_uses(ROOT, {key: one for key, one in document.items() if key != "parameters"}))
     own = {name: tree for name, text in given.items() if (tree := _tree(text)) is not None}
     for _ in range(len(given) + 1):
@@ -36,6 +36,8 @@ def parameter_units(document: Mapping[str, Any]) -> dict[str, Unit]:
             unit = found.units[name]
             if unit is not None:
                 found.told(tree, unit)
+            elif (made := found.of(tree)) in _OWN:
+                found.units[name] = made
         if found.units == before:
             break
     return {name: unit for name, unit in found.units.items() if unit in _OWN}
@@ -78,8 +80,8 @@ def _tree(value: Any) -> ast.expr | None:
 class _Found:
     """What is known of the parameters, and how expressions tell more."""
 
-    def __init__(self, units: dict[str, Unit | None]):
-        self.units = units
+    def __init__(self, names: Iterable[str]):
+        self.units: dict[str, Unit | None] = dict.fromkeys(names)
 
     def told(self, node: ast.expr, unit: Unit) -> None:
         """Take in that an expression measures something."""
@@ -120,9 +122,8 @@ class _Found:
             case ast.UnaryOp(operand=operand):
                 return self.of(operand)
             case ast.BinOp(left=left, op=ast.Add() | ast.Sub(), right=right):
-                return next(
-                    (one for one in map(self.of, (left, right)) if one not in (None, "1")), self.of(left)
-                )
+                first, second = self.of(left), self.of(right)
+                return second if first in (None, "1") else first
             case ast.BinOp(left=left, op=ast.Mult(), right=right):
                 both = self.of(left), self.of(right)
                 return both[0] if both[1] == "1" else both[1] if both[0] == "1" else None

@@ -1,0 +1,125 @@
+"""Commands on mechanisms whose drivers go by programs: tables, poses, and one line for what is wrong."""
+
+import csv
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from mechsim import files
+from mechsim.cli import main
+
+ARM = """
+name = "arm"
+drivers = ["lift", "turn"]
+[joints.lift]
+kind = "prismatic"
+a = { link = "ground" }
+b = { link = "carriage" }
+[joints.turn]
+kind = "revolute"
+a = { link = "carriage" }
+b = { link = "arm" }
+[links.arm]
+[points]
+hand = { link = "arm", at = [0.3, 0, 0] }
+"""
+DRIVE = ["--drive", "lift=20mm/s", "--drive", "turn=0.5*sin(3*t)"]
+
+
+@pytest.fixture
+def mechsim(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.toml").write_text(ARM)
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["mechsim", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return int(ended.value.code or 0), said.out, said.err
+
+    return call
+
+
+@pytest.mark.parametrize("command", ["solve", "simulate"])
+def test_both_roads_go_as_the_programs_say(mechsim, command):
+    code, _, said = mechsim(
+        command, "arm.toml", *DRIVE, "--duration", "2s", "--samples", "11", "-o", "out.csv"
+    )
+    assert code == 0, said
+    table = files.read("out.csv")
+    time = np.linspace(0.0, 2.0, 11)
+    np.testing.assert_allclose(table["t"], time, atol=1e-15)
+    np.testing.assert_allclose(table["lift"], 0.02 * time, atol=1e-12)
+    turn = 0.5 * np.sin(3 * time)
+    np.testing.assert_allclose(table["hand.x"], 0.3 * np.cos(turn), atol=1e-12)
+    np.testing.assert_allclose(table["hand.vz"], 0.02, atol=1e-9)
+    np.testing.assert_allclose(table["turn.a"], -4.5 * np.sin(3 * time), atol=1e-6)
+
+
+def test_poses_are_read_row_by_row(mechsim, tmp_path):
+    (tmp_path / "rows.csv").write_text("turn,lift\n0.5,0.1\n-0.2,0.3\n")
+    code, out, _ = mechsim("solve", "arm.toml", "--at", "rows.csv")
+    assert code == 0
+    head, *rows = csv.reader(out.splitlines())
+    assert head == ["lift", "turn", "hand.x", "hand.y", "hand.z", "lift.q", "turn.q"]
+    found = np.array(rows, dtype=float)
+    np.testing.assert_allclose(found[:, 2], 0.3 * np.cos([0.5, -0.2]), atol=1e-15)
+    np.testing.assert_allclose(found[:, 4], [0.1, 0.3], atol=1e-15)
+
+
+def test_show_answers_whatever_is_driven(mechsim):
+    def told(*words):
+        code, out, _ = mechsim("show", "arm.toml", "--json", *words)
+        assert code == 0
+        return json.loads(out)["mobility"]
+
+    plain = told()
+    assert (plain["freedoms"], plain["drivers"], plain["open"], plain["redundant"]) == (
+        2,
+        ["lift", "turn"],
+        [],
+        0,
+    )
+    assert told("--hold", "lift")["freedoms"] == 1
+
+
+WRONG = {
+    "no programs": (["solve", "arm.toml"], ["lift, turn move", "--drive JOINT=PROGRAM"]),
+    "one program": (["solve", "arm.toml", *DRIVE[:2]], ["turn moves", "--drive JOINT=PROGRAM"]),
+    "an angle for a slide": (["solve", "arm.toml", "--drive", "lift=3deg*t"], ["is an angle; give a length"]),
+    "no equals sign": (["solve", "arm.toml", "--drive", "lift"], ["--drive NAME=VALUE"]),
+    "twice": (["solve", "arm.toml", "--drive", "lift=1", "--drive", "lift=2"], ["lift twice"]),
+    "angles": (["solve", "arm.toml", *DRIVE, "--angles", "0:1:1"], ["--angles is of a crank"]),
+    "turns": (["simulate", "arm.toml", *DRIVE, "--turns", "2"], ["--turns is of a crank"]),
+    "one row": (["solve", "arm.toml", *DRIVE, "--samples", "1"], ["--samples is 1"]),
+    "no time": (["solve", "arm.toml", *DRIVE, "--duration", "0s"], ["above 0"]),
+    "a keyframe": (["solve", "arm.toml", "--key", "home"], ["no keyframes"]),
+    "a plot of a crank": (
+        ["plot", "arm.toml", *DRIVE, "--kind", "torque", "-o", "a.svg"],
+        ["under programs"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_cannot_be_is_said_in_one_line(mechsim, case):
+    words, wanted = WRONG[case]
+    code, out, said = mechsim(*words)
+    assert (code, out) == (2, "")
+    assert len(said.strip().splitlines()) == 1
+    for word in wanted:
+        assert word in said
+
+
+def test_what_is_exported_under_programs_solves_alike(mechsim):
+    assert mechsim("export", "arm.toml", *DRIVE, "--format", "toml", "-o", "again.toml")[0] == 0
+    tables = []
+    for model in (["arm.toml", *DRIVE], ["again.toml"]):
+        assert mechsim("solve", *model, "--samples", "5", "-o", "out.csv")[0] == 0
+        tables.append(files.read("out.csv"))
+    assert tables[0].keys() == tables[1].keys()
+    for name, column in tables[0].items():
+        np.testing.assert_allclose(tables[1][name], column, atol=1e-14)
