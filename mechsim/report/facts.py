@@ -43,7 +43,8 @@ def facts(drive: Form, angle: float | None = None, driver: str | None = None) ->
     freedom = structure.mobility(mechanism)
     groups: list[dict[str, Any]] = []
     explained: list[str] = []
-    if freedom.planar or driver is not None:
+    # racks and polynomials have no place among Assur's groups
+    if (freedom.planar and not mechanism.couplings) or driver is not None:
         apart = structure.assur_groups(mechanism, driver)
         groups, explained = apart.as_dicts(), apart.lines()
     return {

@@ -80,3 +80,11 @@ def test_the_page_tells_of_several_drivers(tmp_path):
     page = (tmp_path / "index.html").read_text()
     assert "left, right" in page
     assert "step: drive: left" in page
+
+
+def test_what_has_a_rack_is_told_without_assur_groups():
+    from mechsim.report.facts import facts
+    from mechsim.subjects.subject import load
+
+    assert facts(load("rack_steering"))["assur_explained"] == []
+    assert facts(load("klann"))["assur_explained"]
