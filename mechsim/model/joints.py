@@ -120,6 +120,10 @@ KINDS: dict[KindName, Kind] = {
     "floating": Kind(slides=("x", "y", "z"), turns=("x", "y", "z")),
 }
 
+# the kinds that leave nothing and everything free
+FIXED: KindName = "fixed"
+FLOATING: KindName = "floating"
+
 
 def kinds_that(rule: Callable[[Kind], bool]) -> str:
     """Return the names of the kinds for which a rule holds, as "revolute or prismatic"."""

@@ -10,6 +10,7 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import number
+from mechsim.model.joints import FIXED, FLOATING
 from mechsim.model.mechanism import GROUND, ORIGIN, End, Joint, Mechanism, Vector
 from mechsim.model.programs import Programs, State
 from mechsim.model.programs import programs as all_programs
@@ -226,12 +227,12 @@ def _base_held(mechanism: Mechanism) -> Mechanism:
     joints: list[Joint] = []
     for joint in mechanism.joints:
         a, b = joint.a, joint.b
-        if joint.kind == "floating" and GROUND in (a.link, b.link):
+        if joint.kind == FLOATING and GROUND in (a.link, b.link):
             far = b if a.link == GROUND else a
             pose, frame = poses[far.link], poses[far.link].rotation @ far.frame
             point = pose.point(far.point)
             near = End(GROUND, _vector(point), _vector(frame[:, 2]), _vector(frame[:, 0]))
-            joint = Joint(joint.name, "fixed", near, far)
+            joint = Joint(joint.name, FIXED, near, far)
         joints.append(joint)
     if all(one is before for one, before in zip(joints, mechanism.joints, strict=True)):
         raise InputError(f"{mechanism.name} has no link that floats; leave out --hold-base")

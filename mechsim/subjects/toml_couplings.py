@@ -5,6 +5,7 @@ from typing import Any
 
 from mechsim.maths.angles import TURN
 from mechsim.model.couplings import Coupling, Gear
+from mechsim.model.joints import KINDS
 from mechsim.subjects.key_kinds import Number
 from mechsim.subjects.toml_drivers import FileCoordinates
 from mechsim.subjects.toml_source import KeyPath
@@ -60,7 +61,7 @@ def _coupling(of: FileCoordinates, name: str, one: Mapping[str, Any], path: KeyP
     if told[0] == "ratio":
         if units[0] != units[1]:
             raise source.refusal(path, "is between a turn and a displacement; give radius or travel")
-        if of.kinds[driver] == of.kinds[driven] == "revolute":
+        if KINDS[of.kinds[driver]].hinge and KINDS[of.kinds[driven]].hinge:
             return Gear(driver, driven, one["ratio"], phase)
         return Coupling(name, driven, driver, (phase, one["ratio"]), turns=units[0] == "rad")
     if units[0] == units[1]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from mechsim import files
 from mechsim.errors import InputError
-from mechsim.model.joints import KINDS, kinds_that
+from mechsim.model.joints import KINDS, KindName, kinds_that
 from mechsim.subjects.checked_values import Values
 from mechsim.subjects.key_kinds import Number
 from mechsim.subjects.program_text import Program, Start, program
@@ -29,7 +29,7 @@ class FileCoordinates:
     """
 
     values: Values
-    kinds: Mapping[str, str]
+    kinds: Mapping[str, KindName]
     units: Mapping[str, Unit]
 
     def require(self, name: str, path: KeyPath) -> None:
@@ -61,7 +61,7 @@ class FileCoordinates:
 
 def coordinates_of(values: Values, joints: Mapping[str, Any]) -> FileCoordinates:
     """Return the coordinates of joints as read."""
-    kinds: dict[str, str] = {}
+    kinds: dict[str, KindName] = {}
     units: dict[str, Unit] = {}
     for name, one in joints.items():
         kind = KINDS[one["kind"]]
@@ -91,7 +91,7 @@ def start_of(
 ) -> tuple[float, dict[str, float]]:
     """Return the crank angle of the guess in [rad], and what other coordinates are counted from."""
     given = read.get("start", 0.0)
-    crank = driver if isinstance(driver, str) and of.kinds[driver] == "revolute" else None
+    crank = driver if isinstance(driver, str) and KINDS[of.kinds[driver]].hinge else None
     if not isinstance(given, dict):
         if not isinstance(driver, str):
             if "start" in read:

@@ -11,7 +11,7 @@ from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Mechanism
 from mechsim.model.motion_plane import plane_normals
 from mechsim.simulation.mjcf.generator import FLYWHEEL
-from mechsim.simulation.mjcf.loop_cuts import cut_loops
+from mechsim.simulation.mjcf.loop_cuts import cut_loops, joints_of
 
 MOTOR = "crank@motor"
 # what the names of the sites at the ends of a length end with
@@ -70,7 +70,8 @@ def rod_of(mechanism: Mechanism) -> str | None:
     tree = cut_loops(mechanism)
     parents = {branch.parent.link for branch in tree.branches}
     planar = plane_normals(mechanism) is not None
-    fixed = {mechanism.driver, *(name for gear in mechanism.gears for name in (gear.driver, gear.driven))}
+    coupled = [name for law in mechanism.laws for name in law.coordinates]
+    fixed = joints_of(mechanism, [*mechanism.drivers, *mechanism.holds, *coupled])
     cuts = {joint.name for joint in tree.cuts}
     for link in mechanism.links:
         joints = [joint for joint in mechanism.joints if link.name in (joint.a.link, joint.b.link)]
