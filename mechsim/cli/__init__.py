@@ -25,7 +25,10 @@ COMMANDS = {
     "solve": ("solve.solve", "Solve a mechanism in closed form; write .csv or .npz, or print a table."),
     "export": ("export.export", "Write the MuJoCo model of a mechanism, or the mechanism as TOML."),
     "schema": ("schema.schema", "Print the JSON Schema of mechanisms in TOML."),
-    "simulate": ("simulate.simulate", "Run a mechanism in MuJoCo under a driven crank."),
+    "simulate": (
+        "simulate.simulate",
+        "Run a mechanism in MuJoCo under a driven crank, or under programs of its drivers.",
+    ),
     "validate": (
         "validate.validate",
         "Check closed form, loop equations, formulas and MuJoCo against each other; the main job.",
@@ -36,7 +39,7 @@ COMMANDS = {
     ),
     "dynamics": (
         "dynamics.dynamics",
-        "Drive torque, joint reactions and energy of a prescribed crank; free running under a motor.",
+        "What drives and joints carry as prescribed, and the energies; free running under a motor.",
     ),
     "render": (
         "render.render",
@@ -49,7 +52,7 @@ COMMANDS = {
     ),
     "trace": (
         "trace.trace",
-        "Trace all assemblies as closed curves, past every dead centre; where they turn back and meet.",
+        "Trace all assemblies of a mechanism with one freedom as closed curves, past every dead centre.",
     ),
     "synthesize": (
         "synthesize.synthesize",
