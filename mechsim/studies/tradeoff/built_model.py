@@ -4,15 +4,19 @@ import time as clock
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import mujoco
 import numpy as np
 
+from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.simulation import CrankProfile, Settings, closed_model, constant
 from mechsim.simulation.closed_model import ClosedModel, Model
 from mechsim.simulation.driven_run import first_state
+from mechsim.simulation.mjcf import compiled
 from mechsim.simulation.mjcf.alternatives import LENGTH, MOTOR, inertia_felt
+from mechsim.simulation.mjcf_reader.driven_joints import driven
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recorded_motion import evaluate
 from mechsim.simulation.stepping import Steps, step
@@ -123,7 +127,8 @@ def build_model(
     began = clock.process_time()
     build = build or Build()
     spec = build.made(source, variants)
-    closed = closed_model.of_spec(spec, closed_model.tracked_points(source, spec))
+    points = closed_model.tracked_points(source, spec)
+    closed = closed_model.of_spec(spec, points, _crank(source, spec))
     profile = profile or constant(speed, 1.0, closed.angle)
     if build.rod is None:
         start = first_state(closed, profile)
@@ -131,6 +136,23 @@ def build_model(
         start = _started_as(build_model(source, profile, speed), closed)
     servo = _servo(closed, start, build.gain) if build.drive == "servo" else None
     return BuiltModel(build, closed, profile, start, servo, clock.process_time() - began)
+
+
+def _crank(source: Model, spec: mujoco.MjSpec) -> str:
+    """Return the driven hinge of a model.
+
+    Raises:
+        InputError: for a model of one's own in which several joints are driven.
+    """
+    if isinstance(source, Mechanism):
+        return closed_model.CRANK
+    names = driven(compiled(spec.copy()), (), ())
+    if len(names) > 1:
+        raise InputError(
+            f"{', '.join(names)} are driven by the file's actuators, and a trade-off is measured under one "
+            "crank; leave it one actuator"
+        )
+    return next(iter(names))
 
 
 def _started_as(whole: BuiltModel, closed: ClosedModel) -> tuple[Array, Array]:
