@@ -9,8 +9,9 @@ import typer
 
 from mechsim.analytic import catalog
 from mechsim.analytic.forms import Form
+from mechsim.cli.declared_options import spread
 from mechsim.cli.endings import tell
-from mechsim.cli.options import Json, Sets, Speed, folder_for, form_of, speed_of
+from mechsim.cli.options import DriveOptions, Json, Sets, Speed, folder_for, form_of, moving, speed_of
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.report.validation import write_validation_report
@@ -20,14 +21,16 @@ from mechsim.subjects.formula import Formula, formula_file, formula_of
 from mechsim.verdict.checks import HEAD
 
 
+@spread
 def validate(
     models: Annotated[
         list[str] | None,
         typer.Argument(
             metavar="[MODEL]...",
-            help="Names, FILE.toml, FILE.py:OBJECT; none: the catalogue, and the gallery, not stepped.",
+            help="Names, FILE.toml, .xml, FILE.py:OBJECT; none: the catalogue, and the gallery, not stepped.",
         ),
     ] = None,
+    *,
     whole_gallery: Annotated[
         bool, typer.Option("--gallery", help="The gallery in full, beside what is named or the catalogue.")
     ] = False,
@@ -35,6 +38,7 @@ def validate(
         str | None, typer.Option(metavar="DIR", help="Write plots, pictures, videos and a page here.")
     ] = None,
     speed: Speed = "600rpm",
+    driven: DriveOptions,
     sets: Sets = None,
     as_json: Json = False,
 ) -> None:
@@ -48,7 +52,9 @@ def validate(
         wanted += shown
     if sets and len(wanted) != 1:
         raise InputError("--set changes one mechanism; name it")
-    drives = _told_apart({model: form_of(model, sets) for model in wanted})
+    if driven != DriveOptions() and len(wanted) != 1:
+        raise InputError("--drive, --hold, --key and --track are of one mechanism; name it")
+    drives = _told_apart({model: moving(form_of(model, sets, driven)) for model in wanted})
     asked = speed_of(speed)
     folder = None if report is None else folder_for(report)
     formulas = _formulas(drives)
