@@ -15,6 +15,7 @@ from mechsim.verdict.quantities import (
     EFFORTS,
     FREE,
     MOTION,
+    PROGRAMMED,
     QUANTITIES,
     Quantity,
     efforts_scales,
@@ -26,7 +27,9 @@ from mechsim.verdict.tolerances import Asked, Bound, Tolerance
 ANGLES, SPEED = np.linspace(0.1, 5.9, 31), 20.0
 GRAVITY = Forces(gravity=(0.3, -9.81, 0.5), friction=(Friction("crank", 1e-3, 1e-2),))
 MACHINE = dynamics.machine(catalog.make("warp_knitter"), GRAVITY)
-EXACT = dynamics.prescribed(MACHINE, ANGLES, SPEED).efforts
+FOUND = dynamics.prescribed(MACHINE, ANGLES, SPEED).efforts
+# as of a driver under a program
+EXACT = replace(FOUND, drives={"crank": FOUND.torque})
 RUN = dynamics.free_run(dynamics.machine(catalog.make("four_bar"), GRAVITY), speed=SPEED, duration=0.2)
 
 
@@ -85,6 +88,8 @@ def spoiled_efforts(kind):
     }
     if kind in fields:
         return replace(EXACT, **{fields[kind]: getattr(EXACT, fields[kind]) + 1e-2})
+    if kind == "driver effort":
+        return replace(EXACT, drives={name: effort + 1e-2 for name, effort in EXACT.drives.items()})
     if kind == "gear torque":
         return replace(EXACT, gears={name: torque + 1e-3 for name, torque in EXACT.gears.items()})
     wrong = {kind: getattr(EXACT.reactions["A"], kind) + 1.0}
@@ -166,7 +171,7 @@ def test_a_longer_free_run_and_one_asked_for_less_have_wider_bounds():
 
 def test_every_quantity_has_a_scale_and_a_reason_for_each_of_its_bounds():
     known = {*motion_scales(1.0, 1.0), *efforts_scales(EXACT), "energy"}
-    assert len(QUANTITIES) == len(MOTION) + len(DRIVE) + len(EFFORTS) + len(FREE)
+    assert len(QUANTITIES) == len(MOTION) + len(DRIVE) + len(PROGRAMMED) + len(EFFORTS) + len(FREE)
     for row in QUANTITIES.values():
         assert row.scale in known
         assert row.bounds

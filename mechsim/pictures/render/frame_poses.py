@@ -115,8 +115,9 @@ def frame_poses(
         for name, (link, local) in {**joints, **mechanism.points}.items()
     }
     points = {name: starts[name] for name in mechanism.points}
-    timed = motion.drivers and motion.time is not None
-    time = np.interp(wanted, motion.angle, motion.time) if timed else None
+    time = None
+    if motion.drivers and motion.time is not None:
+        time = np.interp(wanted, motion.angle, motion.time)
     return FramePoses(wanted, poses, points, paths, passed, vectors, starts, time)
 
 
