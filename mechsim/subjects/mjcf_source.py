@@ -87,6 +87,7 @@ def read_mjcf(
     exact = corrected(read.mechanism)
     return MjcfForm(
         _held(exact.mechanism),
+        forces=read.forces,
         source=read,
         facts=(*read.remarks, *_gaps(read, exact)),
         corrected=(exact.moved, exact.turned),

@@ -43,9 +43,12 @@ class Machine:
             AssemblyError: where the loops do not close.
         """
         asked = np.atleast_1d(np.asarray(angles, dtype=np.float64))
-        if as_run is None or not as_run.drivers or not isinstance(self.drive, LoopForm):
+        if not isinstance(self.drive, LoopForm):
             return from_motion(self.mechanism, self.drive.solve(asked, 1.0, 0.0))
-        return from_motion(self.mechanism, self.drive.solve_as(at_unit_speed(as_run)))
+        # as `LoopForm` has it: with the links that a record of a user's file leaves out
+        if as_run is None or not as_run.drivers:
+            return from_motion(self.mechanism, LoopForm.solve(self.drive, asked, 1.0, 0.0))
+        return from_motion(self.mechanism, LoopForm.solve_as(self.drive, at_unit_speed(as_run)))
 
     def with_forces(self, forces: Forces) -> "Machine":
         """Return the same mechanism under other forces."""

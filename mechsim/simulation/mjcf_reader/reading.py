@@ -9,6 +9,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
+from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import facts
@@ -20,6 +21,7 @@ from mechsim.simulation.mjcf_reader.kinds import SLIDE
 from mechsim.simulation.mjcf_reader.named_parts import name_parts
 from mechsim.simulation.mjcf_reader.parsed_file import compiled_whole, parsed
 from mechsim.simulation.mjcf_reader.tracked_points import Place, tracked
+from mechsim.simulation.mjcf_reader.weights import acting, weighed
 
 Held = float | None | Callable[[Literal["m", "rad"]], float]
 
@@ -38,6 +40,7 @@ class MjcfModel:
         limits: joint -> its range in [m] or [rad].
         actuators: actuator -> the joints on which it acts.
         remarks: sentences on what was left out or changed.
+        forces: gravity, and what acts in its hinges and slides.
     """
 
     path: str
@@ -48,6 +51,7 @@ class MjcfModel:
     limits: Mapping[str, tuple[float, float]]
     actuators: Mapping[str, Sequence[str]]
     remarks: tuple[str, ...]
+    forces: Forces = Forces()
 
 
 @quiet()
@@ -107,6 +111,7 @@ def read_model(
         holds=fixed,
         counted=values,
     )
+    mechanism = replace(mechanism, links=weighed(model, mechanism.links, carried, mechanism.size))
     if mechanism.has_crank:
         mechanism = replace(mechanism, start=values[drives[0]])
     _add_sites(spec, points)
@@ -119,6 +124,7 @@ def read_model(
         facts.limits(model),
         facts.actuators(model),
         (*remarks, *said.remarks),
+        acting(model),
     )
 
 

@@ -1,0 +1,87 @@
+"""What the links of a file weigh and what acts in its joints: gravity, dampers, springs, dry friction."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from mechsim.maths.arrays import Array
+from mechsim.model.forces import Forces, Friction, JointSpring
+from mechsim.model.inertia import Inertia
+from mechsim.model.mechanism import GROUND, Link
+from mechsim.simulation.mjcf_reader.kinds import DRIVABLE
+from mechsim.simulation.mjcf_reader.link_places import Carrier, rotation, vector
+
+# part of the heaviest link's mass that one without any is given: nothing beside it, but no nought
+WEIGHTLESS = 1e-12
+
+
+def weighed(
+    model: mujoco.MjModel, links: Sequence[Link], carriers: Sequence[Carrier], size: float
+) -> tuple[Link, ...]:
+    """Return links with the inertias of all bodies that are part of them.
+
+    Args:
+        model: compiled.
+        links: the moving links.
+        carriers: of each body, the world first.
+        size: of the mechanism in [m], by which a link without mass gets moments.
+    """
+    found = {link.name: _together(model, link.name, carriers) for link in links}
+    heaviest = max((mass for mass, _, _ in found.values()), default=0.0)
+    if not heaviest > 0.0:
+        return tuple(links)
+    least = WEIGHTLESS * heaviest
+
+    def inertia(mass: float, centre: Array, moments: Array) -> Inertia:
+        if mass > 0.0 and np.linalg.eigvalsh(moments)[0] > 0.0:
+            rows = (vector(moments[0]), vector(moments[1]), vector(moments[2]))
+            return Inertia(mass, vector(centre), rows)
+        small = least * size**2
+        return Inertia(
+            mass or least, vector(centre), ((small, 0.0, 0.0), (0.0, small, 0.0), (0.0, 0.0, small))
+        )
+
+    return tuple(replace(link, inertia=inertia(*found[link.name])) for link in links)
+
+
+def _together(model: mujoco.MjModel, link: str, carriers: Sequence[Carrier]) -> tuple[float, Array, Array]:
+    """Return mass, centre (3,) and moments about it (3, 3) of all bodies on a link, in its frame."""
+    bodies = [i for i, carrier in enumerate(carriers) if carrier.link == link and link != GROUND]
+    masses = np.array([model.body_mass[i] for i in bodies])
+    centres = np.array([carriers[i].point(model.body_ipos[i]) for i in bodies]).reshape(-1, 3)
+    whole = float(masses.sum())
+    if not whole > 0.0:
+        return 0.0, np.zeros(3), np.zeros((3, 3))
+    centre, moments = masses @ centres / whole, np.zeros((3, 3))
+    for i, mass, at in zip(bodies, masses, centres, strict=True):
+        axes = carriers[i].at.rotation @ rotation(model.body_iquat[i])
+        arm = at - centre
+        moments += axes @ np.diag(model.body_inertia[i]) @ axes.T
+        moments += mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return whole, centre, 0.5 * (moments + moments.T)
+
+
+def acting(model: mujoco.MjModel) -> Forces:
+    """Return gravity, and the dampers, springs and dry friction of hinges and slides."""
+    friction: list[Friction] = []
+    springs: list[JointSpring] = []
+    for j in range(model.njnt):
+        if int(model.jnt_type[j]) not in DRIVABLE:
+            continue
+        name, dof, place = model.joint(j).name, model.jnt_dofadr[j], model.jnt_qposadr[j]
+        viscous, dry = _first(model.dof_damping[dof]), float(model.dof_frictionloss[dof])
+        if viscous or dry:
+            friction.append(Friction(name, viscous, dry))
+        stiffness = _first(model.jnt_stiffness[j])
+        if stiffness:
+            springs.append(JointSpring(name, stiffness, float(model.qpos_spring[place])))
+    off = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    gravity = (0.0, 0.0, 0.0) if off else vector(model.opt.gravity)
+    return Forces(gravity=gravity, friction=tuple(friction), joint_springs=tuple(springs))
+
+
+def _first(value: Array | float) -> float:
+    """Return the linear part of a stiffness or damping, which may be a polynomial."""
+    return float(np.ravel(value)[0])

@@ -1,0 +1,78 @@
+"""What a file's links weigh and what acts in its joints: inverse dynamics against MuJoCo's own."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from mechsim.analytic import dynamics
+from mechsim.model.programs import programs
+from mechsim.subjects.mjcf_source import read_mjcf
+
+ARM = """
+<mujoco model="arm">
+  <option gravity="0.5 -9.81 0.3"/>
+  <worldbody>
+    <body name="upper" pos="0.1 0 0.2">
+      <joint name="shoulder" axis="0.1 0.2 1" damping="0.3" stiffness="2" springref="20"
+        frictionloss="{dry}"/>
+      <joint name="yaw" axis="0 1 0.1" damping="0.1"/>
+      <geom type="capsule" fromto="0 0 0 .3 0 .05" size=".02"/>
+      <body name="tool" pos="0.3 0 0.05" euler="20 30 10">
+        <geom type="box" size=".05 .02 .01" pos="0.02 0.01 0"/>
+        <body name="lower" pos="0.05 0 0">
+          <joint name="rail" type="slide" axis="1 0 0.3" damping="1.5" stiffness="40"/>
+          <inertial pos="0.01 0.02 0" mass="0.4" diaginertia="1e-3 2e-3 2.5e-3" euler="10 0 40"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+NAMES = ("shoulder", "yaw", "rail")
+MIDDLES, REACHES, RATES = (0.2, -0.3, 0.02), (0.4, 0.3, 0.05), (3.0, 2.0, 5.0)
+
+
+def waving(middle, reach, rate):
+    def state(time):
+        turned = rate * time
+        return (
+            middle + reach * np.sin(turned),
+            reach * rate * np.cos(turned),
+            -reach * rate**2 * np.sin(turned),
+        )
+
+    return state
+
+
+def test_the_drives_of_an_arm_are_those_of_mujoco_s_inverse_dynamics(tmp_path):
+    file = tmp_path / "arm.xml"
+    file.write_text(ARM.format(dry=0.0))
+    form = read_mjcf(str(file), drivers=NAMES)
+    states = dict(zip(NAMES, map(waving, MIDDLES, REACHES, RATES), strict=True))
+    moves = programs(form.mechanism, states, 1.0)
+    bound = type(form)(form.mechanism, forces=form.forces, source=form.source, programs=moves)
+    clock = moves.pace * np.linspace(0.0, 1.0, 7)
+    found = dynamics.prescribed(dynamics.machine(bound, form.forces), clock, moves.pace).efforts
+    model = mujoco.MjModel.from_xml_path(str(file))
+    data = mujoco.MjData(model)
+    value, rate, second = moves.state(clock / moves.pace)
+    for i in range(len(clock)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = value[:, i], rate[:, i], second[:, i]
+        mujoco.mj_inverse(model, data)
+        mine = [found.drives[name][i] for name in NAMES]
+        assert mine == pytest.approx(data.qfrc_inverse, rel=1e-9, abs=1e-12)
+
+
+def test_dry_friction_of_a_file_is_read_and_a_link_without_mass_is_no_nought(tmp_path):
+    file = tmp_path / "arm.xml"
+    file.write_text(ARM.format(dry=0.2))
+    form = read_mjcf(str(file), drivers=NAMES)
+    assert form.forces is not None
+    friction = {one.joint: one for one in form.forces.friction}
+    assert (friction["shoulder"].viscous, friction["shoulder"].coulomb) == (0.3, 0.2)
+    assert form.forces.gravity == (0.5, -9.81, 0.3)
+    masses = [link.inertia.mass for link in form.mechanism.links if link.inertia is not None]
+    assert len(masses) == len(form.mechanism.links)
+    assert min(masses) > 0.0
+    model = mujoco.MjModel.from_xml_path(str(file))
+    assert sum(masses) == pytest.approx(model.body_mass.sum(), rel=1e-9)
