@@ -9,8 +9,10 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.closure.assembly import crank_angles
 from mechsim.analytic.closure.checked_start import checked_start
 from mechsim.analytic.closure.followed_path import FollowedPath
+from mechsim.analytic.closure.loop_solver import loop_solver
 from mechsim.analytic.closure.motion import crank_rate, joint_motion, point_on
 from mechsim.analytic.closure.tree_assembly import held_values, with_holds
+from mechsim.analytic.closure.tree_motion import placed, twists
 from mechsim.analytic.closure.tree_rates import Instants, LoopMotion, loop_motion
 from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN, other_laps
@@ -19,6 +21,8 @@ from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Mechanism, Pose, described
 from mechsim.model.motion import JointMotion, Motion, Through
 
+# part of the quickest turn of any link along an idle freedom at which another turns with it
+SPINS = 1e-6
 # a gear ratio times turns of the crank is a whole number to this
 WHOLE = 1e-12
 
@@ -140,6 +144,21 @@ def _counted(path: FollowedPath, laps: int) -> FollowedPath | None:
     return FollowedPath(loops, path.drive, replace(path.start, values=start), begin, path.passing)
 
 
+def spinning(path: FollowedPath) -> frozenset[str]:
+    """Return the links that turn while all that is driven, and every tracked point, stands: as rods spin."""
+    tree = path.loops.tree
+    solvers = [cell.solver for cells in path.cells.values() for cell in cells]
+    solver = min(solvers or [loop_solver(path.loops, path.start)], key=lambda one: one.open)
+    here = placed(tree, solver.pinned)
+    found: set[str] = set()
+    for freedom in solver.gauge:
+        rates = np.zeros((tree.count, 1))
+        rates[path.loops.unknown, 0] = freedom
+        turning = np.abs(twists(tree, here, rates * path.loops.units[:, None])[:, 3:]).max((1, 2))
+        found |= {name for name, i in tree.links.items() if turning[i] > SPINS * turning.max()}
+    return frozenset(found)
+
+
 def recorded(
     path: FollowedPath, found: LoopMotion, angle: Array, speed: Array, acceleration: Array
 ) -> Motion:
@@ -172,4 +191,5 @@ def recorded(
         links=links,
         joints=joints,
         conditioning=found.conditioning,
+        spinning=spinning(path),
     )
