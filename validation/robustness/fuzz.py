@@ -427,10 +427,9 @@ def interrupts(count: int, seed: int = 1) -> list[str]:
             said = process.communicate()[1]
             # as if by Ctrl-C, whose exit code is that of a refusal
             ended = 2 if process.returncode == 128 + number else process.returncode
-            faults = [
-                *_unclear(ended, said),
-                *_untidy(Path(place), Case(words), process.returncode),
-            ]
+            # before a command listens and after it is done the system ends the process, and nothing is said
+            unclear = [] if process.returncode == -number else _unclear(ended, said)
+            faults = [*unclear, *_untidy(Path(place), Case(words), process.returncode)]
         found += [f"ended by {number.name}: {fault}  <-  {' '.join(words)}" for fault in faults]
     return found
 

@@ -146,6 +146,8 @@ def _crank(source: Model, spec: mujoco.MjSpec) -> str:
     """
     if isinstance(source, Mechanism):
         return closed_model.CRANK
+    if any(joint.name == closed_model.CRANK for joint in spec.joints):
+        return closed_model.CRANK
     names = driven(compiled(spec.copy()), (), ())
     if len(names) > 1:
         raise InputError(
