@@ -71,7 +71,8 @@ def test_unit_vector_keeps_both_angles_and_its_side(v1, v2, first, second, sign)
     bound = 32 * EPS / between
     assert abs(np.linalg.norm(p) - 1.0) <= bound / between
     for v, angle in ((v1, angle1), (v2, angle2)):
-        assert abs(p @ v / np.linalg.norm(v) - np.cos(angle)) <= bound
+        # Cramer's rule for two equations whose determinant is the square of the sine between the axes
+        assert abs(p @ v / np.linalg.norm(v) - np.cos(angle)) <= bound / between
     assert sign * (p @ np.cross(v1, v2)) >= -bound * np.linalg.norm(v1) * np.linalg.norm(v2)
 
 
