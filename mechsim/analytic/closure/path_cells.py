@@ -44,7 +44,13 @@ class Cell:
         gap = s[:, None] - self.nodes
         hit = gap == 0.0
         part = np.where(hit.any(1)[:, None], hit, self.weights / np.where(hit, 1.0, gap))
-        return (part / part.sum(1, keepdims=True)) @ self.states
+        whole = part.sum(1, keepdims=True)
+        # so far beyond the nodes that their parts cancel, the nearest node tells as much
+        lost = whole[:, 0] == 0.0
+        if lost.any():
+            part[lost] = np.eye(len(self.nodes))[np.abs(gap[lost]).argmin(1)]
+            whole[lost] = 1.0
+        return (part / whole) @ self.states
 
     def derivative(self) -> "Cell":
         """Return the polynomial's derivative, through the same nodes."""
