@@ -94,10 +94,10 @@ def solve(
         speed_of(asked.speed or SPEED),
     )
     if as_json or (place is not None and place.suffix.lower() == ".npz"):
-        numbers = len(angles) * (1.0 + 9.0 * len(drive.mechanism.points))
+        numbers = len(angles) * (1.0 + 9.0 * len(drive.mechanism.points) + 3.0 * len(drive.mechanism.joints))
         what = f"{len(angles):,} crank angles"
         require_room(what, numbers, AS_JSON if as_json else PACKED, "write .csv, which needs no memory")
-        _told(drive, _solved(drive, angles, speed), place, as_json)
+        _told(drive, drive.solve(angles, speed), place, as_json)
         return
     # loop equations are followed from the first angle to the last, a closed form is not
     each = PART if isinstance(drive, ClosedForm) else len(angles)
@@ -128,14 +128,8 @@ def _told(drive: Form, found: Motion | Poses, place: Path | None, as_json: bool)
 def _parts(drive: Form, angles: Array, speed: float, each: int, tick: Tick) -> Iterator[Motion]:
     """Yield the motion part by part."""
     for first in range(0, len(angles), each):
-        yield _solved(drive, angles[first : first + each], speed)
+        yield drive.solve(angles[first : first + each], speed)
         tick()
-
-
-def _solved(drive: Form, angles: Array, speed: float) -> Motion:
-    if isinstance(drive, ClosedForm):
-        return drive.solve(angles, speed, links=False)
-    return drive.solve(angles, speed)
 
 
 def _print(parts: Iterator[Motion | Poses]) -> None:

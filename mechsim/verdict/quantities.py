@@ -196,7 +196,8 @@ DRIVE = (
 )
 
 HELD_FORCE = (
-    "does not enter the errors, taken where the drivers were; a force held over a step errs by its square"
+    "does not enter the errors, taken where the drivers were; a force held over a step errs by its square: "
+    "measured 2.4e-4 at 100 steps a turn"
 )
 # of drivers beside their programs
 PROGRAMMED = (
@@ -205,16 +206,16 @@ PROGRAMMED = (
         "rad",
         errors.of_joints("rad"),
         "rad",
-        {"pose": Bound(PLACED, 10.0 * PLACED_TO), "step": Bound(HELD_FORCE, 1e-2)},
+        {"pose": Bound(PLACED, 10.0 * PLACED_TO), "step": Bound(HELD_FORCE, 1e-3)},
         over=errors.drivers,
         text="drive: {}",
     ),
     Quantity(
-        "driver way",
+        "driver displacement",
         "m",
         errors.of_joints("m"),
         "reach",
-        {"pose": Bound(PLACED, 10.0 * PLACED_TO), "step": Bound(HELD_FORCE, 1e-2)},
+        {"pose": Bound(PLACED, 10.0 * PLACED_TO), "step": Bound(HELD_FORCE, 1e-3)},
         over=errors.drivers,
         text="drive: {}",
     ),

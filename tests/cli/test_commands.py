@@ -205,7 +205,9 @@ def test_solve_writes_the_columns_of_the_contract_in_si(
     table = files.read(tmp_path / f"out{extension}")
     points = ("P2", "P3")
     wanted = [f"{p}.{k}{axis}" for p in points for k in ("", "v", "a") for axis in "xyz"]
-    assert list(table) == ["angle", *wanted]
+    joints = [f"{j}.{k}" for j in ("crank", "rocker") for k in "qva"]
+    assert list(table) == ["angle", *wanted, *joints]
+    np.testing.assert_allclose(table["crank.v"], 20.0 * np.pi, rtol=1e-14)
     assert len(table["angle"]) == 73
     np.testing.assert_allclose(np.hypot(table["P2.y"], table["P2.z"]), 0.014, rtol=1e-15)
     np.testing.assert_allclose(np.hypot(table["P2.vy"], table["P2.vz"]), 0.014 * 20.0 * np.pi, rtol=1e-14)

@@ -62,11 +62,11 @@ PROMISED = {
     },
     "driver angle": {
         "pose": (20000 * EPS, 0.0, 0, 0),
-        "step": (0.01, 0.0, 0, 0),
+        "step": (0.001, 0.0, 0, 0),
     },
-    "driver way": {
+    "driver displacement": {
         "pose": (20000 * EPS, 0.0, 0, 0),
-        "step": (0.01, 0.0, 0, 0),
+        "step": (0.001, 0.0, 0, 0),
     },
     "drive torque": {
         "pose": (1e-10, 0.0, 0, 0),
