@@ -1,6 +1,7 @@
 """What all tests share: floating-point trouble is an error, random mechanisms are the same every time."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,3 +23,15 @@ def floating_point_trouble_raises() -> Iterator[None]:
     before = np.seterr(over="raise", divide="raise", invalid="raise")
     yield
     np.seterr(**before)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Callable[[str], str]:
+    """Return a function that writes the text of a model, MJCF or TOML, and says where."""
+
+    def written(text: str) -> str:
+        path = tmp_path / ("model.xml" if text.lstrip().startswith("<") else "model.toml")
+        path.write_text(text)
+        return str(path)
+
+    return written

@@ -11,6 +11,7 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import number, numbers, units_remedy
+from mechsim.maths.quintic_spline import quintic_spline
 from mechsim.model.mechanism import Mechanism
 
 # a crank that cannot turn fully swings over this part of its range
@@ -85,25 +86,15 @@ def table(time: ArrayLike, angle: ArrayLike) -> CrankProfile:
         time: rising, from 0, (n,) in [s], at least 6 values.
         angle: unwrapped, (n,) in [rad].
     """
-    from scipy.interpolate import make_interp_spline
-
-    time, angle = numbers(time), numbers(angle)
-    if time.shape != angle.shape or time.ndim != 1 or len(time) < 6:
-        raise InputError(
-            f"a crank profile of {time.shape} times and {angle.shape} angles; give two columns of equal "
-            "length, at least 6 rows"
-        )
-    if not (np.isfinite(time).all() and np.isfinite(angle).all()):
-        raise InputError("a crank profile holds NaN or infinite values; give finite numbers")
-    if time[0] != 0.0 or not (np.diff(time) > 0.0).all():
-        raise InputError("the times of a crank profile must begin at 0 and rise from row to row")
-    spline = make_interp_spline(time, angle, k=5)
-    speed, acceleration = spline.derivative(1), spline.derivative(2)
+    state = quintic_spline("a crank profile", time, angle)
+    time = numbers(time)
+    if time[0] != 0.0:
+        raise InputError(f"the times of a crank profile begin at {time[0]:g} s; begin at 0")
     fine = np.linspace(0.0, time[-1], 20 * len(time))
-    fastest = float(np.abs(speed(fine)).max())
+    fastest = float(np.abs(state(fine)[1]).max())
     if not fastest > 0.0:
         raise InputError("the crank profile stands still; give angles that change")
-    return CrankProfile(float(time[-1]), fastest, lambda t: (spline(t), speed(t), acceleration(t)))
+    return CrankProfile(float(time[-1]), fastest, state)
 
 
 def swing(middle: float, reach: float, fastest: float) -> CrankProfile:

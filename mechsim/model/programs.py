@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
-from mechsim.maths.given import number, numbers
+from mechsim.maths.given import number
+from mechsim.maths.quintic_spline import quintic_spline
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.mechanism import Mechanism
 
@@ -144,19 +145,4 @@ def tabled(name: str, time: ArrayLike, value: ArrayLike) -> State:
         time: rising, (n,) in [s], at least 6 values.
         value: (n,) in [m] or [rad].
     """
-    from scipy.interpolate import make_interp_spline
-
-    time, value = numbers(time), numbers(value)
-    if time.shape != value.shape or time.ndim != 1 or len(time) < 6:
-        raise InputError(
-            f"the program of {name} has {time.shape} times and {value.shape} values; give two columns of "
-            "equal length, at least 6 rows"
-        )
-    if not (np.isfinite(time).all() and np.isfinite(value).all() and (np.diff(time) > 0.0).all()):
-        raise InputError(
-            f"the program of {name} holds numbers that are not finite, or times that do not rise; "
-            "mend the table"
-        )
-    spline = make_interp_spline(time, value, k=5)
-    rate, acceleration = spline.derivative(1), spline.derivative(2)
-    return lambda t: (spline(t), rate(t), acceleration(t))
+    return quintic_spline(f"the program of {name}", time, value)

@@ -2,13 +2,11 @@
 
 import csv
 import json
-import sys
 
 import numpy as np
 import pytest
 
 from mechsim import files
-from mechsim.cli import main
 
 ARM = """
 name = "arm"
@@ -25,22 +23,14 @@ b = { link = "arm" }
 [points]
 hand = { link = "arm", at = [0.3, 0, 0] }
 """
-DRIVE = ["--drive", "lift=20mm/s", "--drive", "turn=0.5*sin(3*t)"]
 
 
-@pytest.fixture
-def mechsim(monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(autouse=True)
+def arm(tmp_path):
     (tmp_path / "arm.toml").write_text(ARM)
 
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["mechsim", *words])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        said = capsys.readouterr()
-        return int(ended.value.code or 0), said.out, said.err
 
-    return call
+DRIVE = ["--drive", "lift=20mm/s", "--drive", "turn=0.5*sin(3*t)"]
 
 
 @pytest.mark.parametrize("command", ["solve", "simulate"])

@@ -3,35 +3,12 @@ import sys
 import xml.etree.ElementTree as ET
 
 import pytest
+from drawing import draws
 
-from mechsim.cli import main
-from mechsim.errors import MissingToolError
-from mechsim.pictures.render import gl_backend
 from mechsim.report import plot_table
 from mechsim.studies.extremes import scaled, stability_map
 
-try:
-    gl_backend.choose()
-except MissingToolError as missing:
-    WHY = str(missing)
-else:
-    WHY = ""
-draws = pytest.mark.skipif(bool(WHY), reason=WHY or "OpenGL works")
 SMALL = ("--size", "96x72")
-
-
-@pytest.fixture
-def mechsim(monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["mechsim", *words])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        said = capsys.readouterr()
-        return ended.value.code or 0, said.out, said.err
-
-    return run
 
 
 @draws

@@ -1,39 +1,15 @@
 import json
-import sys
 
 import numpy as np
 import pytest
+from drawing import draws
 
 from mechsim import files
-from mechsim.cli import main
-from mechsim.errors import MissingToolError
-from mechsim.pictures.render import gl_backend
 from mechsim.subjects import gallery
 
-try:
-    gl_backend.choose()
-except MissingToolError as missing:
-    WHY = str(missing)
-else:
-    WHY = ""
-draws = pytest.mark.skipif(bool(WHY), reason=WHY or "OpenGL works")
 SWINGS = ("four_bar", "--set", "crank=90mm", "--starts", "20")
 FLAT = ("four_bar", "--set", "crank=50mm", "--set", "rocker=50mm", "--set", "coupler=100mm")
 FLAT = (*FLAT, "--set", "ground=100mm", "--starts", "20")
-
-
-@pytest.fixture
-def mechsim(monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["mechsim", *words])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        said = capsys.readouterr()
-        return ended.value.code or 0, said.out, said.err
-
-    return run
 
 
 @pytest.fixture

@@ -1,28 +1,10 @@
 """`mechsim validate` and the gallery: what is judged, what code is run, how results are told apart."""
 
 import json
-import sys
 
-import pytest
-
-from mechsim.cli import main
 from mechsim.subjects import gallery
 
 YOKE = gallery.files()["scotch_yoke"]
-
-
-@pytest.fixture
-def mechsim(monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["mechsim", *words])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        said = capsys.readouterr()
-        return int(ended.value.code or 0), said.out, said.err
-
-    return call
 
 
 def judged(text):

@@ -2,9 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drawing import draws
 
 from mechsim import catalog
-from mechsim.errors import InputError, MissingToolError
+from mechsim.errors import InputError
 from mechsim.model.mechanism import Pose
 from mechsim.model.motion import Motion
 from mechsim.pictures import render
@@ -20,14 +21,6 @@ from mechsim.studies.motion_source import joint_loads, motion_of, profile_of
 TURN = np.linspace(0.0, 2.0 * np.pi, 25)
 SIZE = (320, 240)
 NONE: frozenset[str] = frozenset()
-
-try:
-    gl_backend.choose()
-except MissingToolError as missing:
-    WHY = str(missing)
-else:
-    WHY = ""
-draws = pytest.mark.skipif(bool(WHY), reason=WHY or "OpenGL works")
 
 
 @pytest.fixture(scope="module")

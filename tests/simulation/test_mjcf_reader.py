@@ -39,16 +39,6 @@ TREE = """
 </mujoco>"""
 
 
-@pytest.fixture
-def file(tmp_path):
-    def written(text, name="model.xml"):
-        path = tmp_path / name
-        path.write_text(text)
-        return str(path)
-
-    return written
-
-
 def random_state(model, seed):
     """Return coordinates over several turns, quaternions of unit length."""
     random = np.random.default_rng(seed)

@@ -57,16 +57,6 @@ def five_bar(gap=3e-3, rod=0.09):
     return text
 
 
-@pytest.fixture
-def file(tmp_path):
-    def written(text, name="model.xml"):
-        path = tmp_path / name
-        path.write_text(text)
-        return str(path)
-
-    return written
-
-
 def opening(form, motion):
     """Return MuJoCo's own residuals of the file's equalities at our poses, the worst."""
     model = form.source.spec.copy().compile()

@@ -1,7 +1,6 @@
 """What is asked of a subject: drivers under programs, holds, points, poses row by row."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -72,16 +71,6 @@ boom = { turn = { axis = [0, 0, 1], angle = 60 } }
 barrel = { at = [300, -200, 0], turn = { axis = [0, 0, 1], angle = 100 } }
 rod = { at = [200, 350, 0], turn = { axis = [0, 0, 1], angle = 100 } }
 """
-
-
-@pytest.fixture
-def file(tmp_path: Path):
-    def written(text: str) -> str:
-        path = tmp_path / "model.toml"
-        path.write_text(text)
-        return str(path)
-
-    return written
 
 
 def two_circles(left, right, arm=0.05, rod=0.09, ground=0.1):

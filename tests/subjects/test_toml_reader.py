@@ -1,7 +1,6 @@
 """A mechanism in a TOML file: what it becomes, and how what it may not hold is refused."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -45,16 +44,6 @@ B = { link = "rocker", at = ["rocker", 0, 0] }
 coupler = { at = ["crank*cos(10)", "crank*sin(10)", 0], turn = { axis = [0, 0, 1], angle = 45 } }
 rocker = { at = ["ground", 0, 0], turn = { axis = [0, 0, 1], angle = 80 } }
 """
-
-
-@pytest.fixture
-def file(tmp_path: Path):
-    def written(text: str) -> str:
-        path = tmp_path / "bar.toml"
-        path.write_text(text)
-        return str(path)
-
-    return written
 
 
 def test_lengths_angles_and_expressions_become_a_mechanism_that_moves_as_its_closed_form_does(file):
@@ -227,7 +216,7 @@ def test_what_a_file_may_not_hold_is_refused_in_one_line_with_its_place(file, ca
         load(path)
     said = str(error.value)
     assert "\n" not in said
-    assert "bar.toml" in said
+    assert "model.toml" in said
     for word in words:
         assert re.search(re.escape(word), said), said
 

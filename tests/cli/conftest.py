@@ -1,0 +1,24 @@
+"""The command line, called in this process."""
+
+import sys
+from pathlib import Path
+
+import pytest
+from typed_call import Answer, Call
+
+from mechsim.cli import main
+
+
+@pytest.fixture
+def mechsim(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Call:
+    """Return a function that types a command in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*words: str) -> Answer:
+        monkeypatch.setattr(sys, "argv", ["mechsim", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return Answer(int(ended.value.code or 0), said.out, said.err)
+
+    return call
