@@ -1,0 +1,37 @@
+"""What was found: of a scene before it runs, or of a difference that is to be explained."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One thing that was found, with its size.
+
+    Attributes:
+        kind: one word for it.
+        what: the part, parameter or quantity it is of.
+        by: its size, in the unit that `say` names.
+        explains: part of a difference that it explains, 0 to 1; 0 where nothing was compared.
+        say: one sentence for people.
+        remedy: what mends it; empty where nothing needs to be mended.
+        line: of the file it is in; None where it is in none, or in no single line.
+    """
+
+    kind: str
+    what: str
+    by: float
+    explains: float
+    say: str
+    remedy: str = ""
+    line: int | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the finding as JSON has it."""
+        return asdict(self)
+
+    @property
+    def told(self) -> str:
+        """The finding in one line: where, what, remedy."""
+        where = "" if self.line is None else f"line {self.line}: "
+        return f"{where}{self.say}" + (f"; {self.remedy}" if self.remedy else "")
