@@ -1,0 +1,80 @@
+"""Options of commands that run a user's own MJCF file as it is: what is prescribed, fed, followed, how long."""
+
+from dataclasses import dataclass
+
+from mechsim.cli.endings import tell
+from mechsim.cli.options import pair_of
+from mechsim.errors import InputError
+from mechsim.model.mechanism import Vector
+from mechsim.model.programs import State
+from mechsim.studies.scenes import UserScene, scene_of
+from mechsim.subjects.actuator_programs import actuator_programs
+from mechsim.subjects.mjcf_source import MjcfForm
+from mechsim.subjects.prescription import lasting
+from mechsim.subjects.subject import load
+from mechsim.units import option
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneOptions:
+    """What a user's scene is put through, and which points count."""
+
+    drive: tuple[tuple[str, str], ...] = option(
+        (),
+        "Prescribe a joint: 600rpm or 20mm/s (steady), 30deg*sin(2*pi*0.6*t) (of t in s; bare numbers are "
+        "SI), FILE.csv (columns t, value).",
+        read=pair_of("--drive", "--drive left=30deg*sin(2*pi*t)"),
+        many=True,
+        metavar="JOINT=PROGRAM",
+    )
+    ctrl: tuple[tuple[str, str], ...] = option(
+        (),
+        "Feed an actuator: a number, 255*(0.5-0.5*cos(2*pi*t)) (of t in s, in the control's own unit), FILE.csv.",
+        read=pair_of("--ctrl", "--ctrl servo=0.3*sin(2*pi*t)"),
+        many=True,
+        metavar="ACTUATOR=PROGRAM",
+    )
+    key: str | None = option(None, "Start from this keyframe.", metavar="NAME")
+    track: tuple[str, ...] = option(
+        (),
+        "Follow this point; all body origins if left out.",
+        read=str,
+        many=True,
+        metavar="NAME[,BODY@X,Y,Z]",
+    )
+    duration: float | None = option(
+        None, "Of the motion; as long as a table lasts, else 1 s, if left out.", unit="s"
+    )
+
+
+def user_scene(path: str, asked: SceneOptions) -> UserScene:
+    """Return the scene of an MJCF file and the motion it is put through; what was changed is told on stderr.
+
+    Raises:
+        InputError: for what is no MJCF file, or a joint, actuator, keyframe or point that is not there.
+        AssemblyError: where its loops do not close where programs begin.
+    """
+    if not path.lower().endswith(".xml"):
+        raise InputError(f"{path!r} is no MJCF file; name FILE.xml (`mechsim export NAME -o FILE.xml`)")
+    for what, pairs in (("--drive", asked.drive), ("--ctrl", asked.ctrl)):
+        names = [name for name, _ in pairs]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise InputError(f"{what} names {twice} twice; give it once")
+    form = load(path, drive=dict(asked.drive), key=asked.key, track=asked.track)
+    assert isinstance(form, MjcfForm)
+    assert form.source is not None
+    for fact in form.facts:
+        tell(f"{form.name}: {fact}")
+    drive = {} if form.programs is None else dict(form.programs.by_name)
+    ctrl = actuator_programs(dict(asked.ctrl))
+    states: dict[str, State] = {**drive, **ctrl}
+    points: dict[str, tuple[str, Vector]] | None = dict(form.mechanism.points) if asked.track else None
+    return scene_of(
+        form.source,
+        form.mechanism,
+        drive=drive,
+        ctrl=ctrl,
+        duration=lasting(asked.duration, None, states),
+        points=points,
+        key=asked.key,
+    )

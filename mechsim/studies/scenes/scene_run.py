@@ -1,0 +1,133 @@
+"""A scene stepped in plain MuJoCo over its motion, the steps in C, and what was recorded of it."""
+
+import time as clock
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from mujoco import batch
+
+from mechsim.maths.arrays import Array
+from mechsim.simulation.mjcf.silence import quiet
+from mechsim.studies.scenes.user_scene import UserScene
+
+# steps in one call into C
+BLOCK = 4096
+TIME = int(mujoco.mjtState.mjSTATE_TIME)
+CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+# instants recorded after the first where nothing else is asked
+RECORDS = 400
+
+
+@dataclass(frozen=True)
+class SceneRun:
+    """What was recorded of a run.
+
+    Attributes:
+        scene: that was run.
+        model: with which it was.
+        time: of the records in [s], (n,); time zero is the first.
+        qpos: (n, nq).
+        qvel: (n, nv).
+        seconds: processor time of the steps.
+        steps: taken.
+        broken: why the run is none, in words; empty where it is one.
+    """
+
+    scene: UserScene
+    model: mujoco.MjModel
+    time: Array
+    qpos: Array
+    qvel: Array
+    seconds: float
+    steps: int
+    broken: str = ""
+
+    @property
+    def seconds_per_second(self) -> float:
+        """Processor time of a simulated second; infinite where it broke."""
+        return np.inf if self.broken else self.seconds / (self.steps * float(self.model.opt.timestep))
+
+    @cached_property
+    def points(self) -> Array:
+        """The tracked points, (n, k, 3) in [m]."""
+        sims = batch.Batch(self.model, len(self.qpos), 1)
+        position, matrix = sims.bind("xpos"), sims.bind("xmat")
+        sims.bind("qpos")[:] = self.qpos
+        with quiet():
+            sims.forward(stage=int(mujoco.mjtStage.mjSTAGE_POS))
+        matrix = matrix.reshape(*matrix.shape[:2], 3, 3)
+        places = self.scene.places.values()
+        found = [position[:, body] + matrix[:, body] @ local for body, local in places]
+        return np.stack(found, 1) if found else np.empty((len(self.qpos), 0, 3))
+
+    @cached_property
+    def efforts(self) -> Array:
+        """Forces of the actuators, then what prescribes each joint, (n, nu + driven) in [N m] and [N]."""
+        model, scene = self.model, self.scene
+        data, dofs = mujoco.MjData(model), scene.driven_dofs
+        controls, forces = scene.prescribed(self.time)
+        out = np.empty((len(self.time), model.nu + len(dofs)))
+        moved, own = np.empty(model.nv), np.array([scene.wheels[name][1] for name in scene.drive])
+        with quiet():
+            for i, row in enumerate(out):
+                data.qpos[:], data.qvel[:] = self.qpos[i], self.qvel[i]
+                data.ctrl[:], data.qfrc_applied[:] = controls[i], forces[i]
+                mujoco.mj_forward(model, data)
+                row[: model.nu] = data.actuator_force
+                if len(dofs):
+                    mujoco.mj_rne(model, data, 1, moved)
+                    given = data.qfrc_passive + data.qfrc_constraint + data.qfrc_actuator
+                    row[model.nu :] = (moved - given)[dofs] + own * data.qacc[dofs]
+        return out
+
+
+@quiet()
+def stepped(
+    scene: UserScene,
+    model: mujoco.MjModel | None = None,
+    *,
+    records: int | None = RECORDS,
+    duration: float | None = None,
+    held: float = 0.0,
+) -> SceneRun:
+    """Step a scene over its motion.
+
+    Args:
+        scene: to run.
+        model: its model with other settings; None for that of the scene.
+        records: about so many are kept after the first; None keeps every step.
+        duration: in [s], in place of the scene's.
+        held: when in a step a control is its program's value, 0 to 1; as a loop in Python has it, 0.
+    """
+    model = scene.model if model is None else model
+    timestep = float(model.opt.timestep)
+    total = max(1, int(np.ceil((duration or scene.duration) / timestep - 1e-6)))
+    stride = 1 if records is None else max(1, total // records)
+    sims = batch.Batch(model, 1, 1)
+    start = mujoco.MjData(model)
+    if scene.key is not None:
+        mujoco.mj_resetDataKeyframe(model, start, model.key(scene.key).id)
+        for name in ("act", "mocap_pos", "mocap_quat"):
+            sims.bind(name)[:] = getattr(start, name)
+    sims.bind("qpos")[:], sims.bind("qvel")[:] = scene.start
+    kept: list[tuple[Array, Array, Array]] = [(np.zeros(1), scene.start[0][None], scene.start[1][None])]
+    done, spent, broken = 0, 0.0, ""
+    while done < total and not broken:
+        count = min(BLOCK, total - done)
+        control = scene.controls(model, done, count, held)[None]
+        begin = clock.process_time()
+        out = sims.rollout(count, control=control, control_spec=CONTROL, record=("qpos", "qvel", TIME))
+        spent += clock.process_time() - begin
+        number = np.arange(done + 1, done + count + 1)
+        rows = np.flatnonzero((number % stride == 0) | (number == total))
+        number, (qpos, qvel, time) = number[rows], (values[0, rows] for values in out.values())
+        # MuJoCo sets a bad state back to time zero
+        good = np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1) & (time[:, 0] > timestep * (number - 0.5))
+        kept.append((np.asarray(timestep * number[good], dtype=np.float64), qpos[good], qvel[good]))
+        if not good.all() or sims.warning[..., 1].any():
+            broken = f"MuJoCo's state went bad after {kept[-1][0][-1:].max(initial=timestep * done):.6g} s"
+        done += count
+    time, qpos, qvel = (np.concatenate(parts) for parts in zip(*kept, strict=True))
+    return SceneRun(scene, model, time, qpos, qvel, spent, done, broken)

@@ -1,0 +1,178 @@
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from scene_texts import FINGER
+
+from mechsim.errors import AssemblyError, InputError
+from mechsim.studies.scenes import errors_of, limit_of, scene_of, step_times, stepped
+from mechsim.studies.scenes.scene_limit import hardened, interpolated
+from mechsim.subjects.actuator_programs import actuator_programs
+from mechsim.subjects.subject import load
+
+FED, DRIVEN = {"servo": "0.5*sin(2*pi*t)"}, {"knuckle": "0.5*sin(2*pi*t)"}
+
+
+def scene(folder, *, ctrl=None, drive=None, text=FINGER, duration=0.5):
+    path = folder / "finger.xml"
+    path.write_text(text)
+    form = load(str(path), drive=drive)
+    programs = {} if form.programs is None else form.programs.by_name
+    fed = actuator_programs(ctrl or {})
+    return scene_of(form.source, form.mechanism, drive=programs, ctrl=fed, duration=duration)
+
+
+@pytest.fixture(scope="module")
+def fed(tmp_path_factory):
+    return scene(tmp_path_factory.mktemp("fed"), ctrl=FED)
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    return scene(tmp_path_factory.mktemp("driven"), drive=DRIVEN)
+
+
+def test_a_run_is_what_a_loop_in_python_gets_of_the_file(fed):
+    model = mujoco.MjModel.from_xml_path(fed.path)
+    data, states = mujoco.MjData(model), []
+    for _ in range(250):
+        data.ctrl[0] = 0.5 * np.sin(2 * np.pi * data.time)
+        mujoco.mj_step(model, data)
+        states.append(data.qpos.copy())
+    run = stepped(fed, records=None)
+    assert np.abs(run.qpos[1:] - states).max() < 1e-12
+    assert run.time[-1] == pytest.approx(0.5)
+
+
+def test_the_closure_of_a_closed_state_is_that_state_and_of_one_that_is_open_by_a_little_as_far(fed):
+    closure = fed.closure
+    assert closure.drivers == ("knuckle",)
+    state = closure.brought(fed.start[0], {"knuckle": 0.4})
+    run = replace(stepped(fed, records=2), qpos=state[None])
+    assert closure.errors(run.qpos, run.points).max() < 1e-14
+    aside = run.qpos.copy()
+    aside[0, 2] += 1e-4  # the lever turns 0.05 m off its point, and the rod with it
+    moved = replace(run, qpos=aside)
+    assert 1e-6 < closure.errors(moved.qpos, moved.points).max() < 1e-5
+
+
+def test_a_state_that_no_closed_pose_is_near_is_infinitely_wrong(fed):
+    far = fed.start[0][None] + np.array([3.0, 0.0, 0.0, 0.0])
+    run = replace(stepped(fed, records=2), qpos=far)
+    assert fed.closure.errors(run.qpos, run.points).max() > 1e-2
+
+
+def test_points_that_drivers_leave_open_belong_where_they_are(fed):
+    state = fed.closure.brought(fed.start[0], {"knuckle": 0.2})
+    swung = state + np.array([0.0, 0.0, 0.0, 0.7])
+    run = replace(stepped(fed, records=2), qpos=swung[None])
+    assert fed.closure.errors(run.qpos, run.points).max() < 1e-14
+
+
+def test_a_prescribed_joint_is_where_its_program_is_and_starts_closed_with_its_rates(driven):
+    run = stepped(driven)
+    assert errors_of(run).drive < 1e-9
+    qpos, qvel = driven.start
+    assert qvel[0] == pytest.approx(np.pi)
+    model, step = driven.model, 1e-6
+    later = qpos.copy()
+    mujoco.mj_integratePos(model, later, qvel, step)
+    run = replace(run, qpos=later[None])
+    assert driven.closure.errors(run.qpos, run.points).max() < 1e-10  # the square of the step
+
+
+def test_harder_loops_and_smaller_steps_err_less_and_tend_to_the_limit(driven):
+    limit = limit_of(driven, 1e-8)
+    assert not limit.broken
+    assert limit.bars[0] < 1e-8
+    assert 1.5 < limit.order < 2.5
+    published = errors_of(stepped(driven), limit)
+    hard = errors_of(stepped(driven, hardened(driven.model, 1e-4, "RK4")), limit)
+    assert hard.closure < 1e-3 * published.closure
+    assert hard.trajectory < 1e-2 * published.trajectory
+    assert hard.torque < 0.1 * published.torque
+
+
+def test_the_torque_of_a_drive_does_the_work_that_energy_and_dampers_take(tmp_path):
+    text = FINGER.replace('damping="0.002"', 'damping="0"').replace('damping="0.001"', 'damping="0"')
+    text = text.replace('<position name="servo" joint="knuckle" kp="0.5" kv="0.02"/>', "")
+    scene_ = scene(tmp_path, text=text, drive=DRIVEN)
+    run = stepped(scene_, hardened(scene_.model, 5e-5, "RK4"), records=2000)
+    energies = []
+    plain = mujoco.MjModel.from_xml_string(text)
+    plain.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    data = mujoco.MjData(plain)
+    for qpos, qvel in zip(run.qpos, run.qvel, strict=True):
+        data.qpos[:], data.qvel[:] = qpos, qvel
+        mujoco.mj_forward(plain, data)
+        energies.append(data.energy.sum())
+    power = run.efforts[:, 0] * run.qvel[:, 0]
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(run.time))])
+    change = np.array(energies) - energies[0]
+    assert np.abs(work - change).max() < 1e-5 * np.abs(change).max()
+
+
+def test_what_breaks_is_said_and_never_a_number(driven):
+    model = hardened(driven.model, 0.02, "Euler")
+    model.eq_solref[:] = -1e9, -1.0
+    run = stepped(driven, model)
+    assert "state went bad" in run.broken
+    errors = errors_of(run)
+    assert np.isinf([errors.closure, errors.trajectory, errors.torque]).all()
+    assert np.isinf(run.seconds_per_second)
+
+
+def test_a_tracked_point_on_a_body_is_where_mujoco_has_it(fed):
+    run = stepped(fed, records=4)
+    data = mujoco.MjData(fed.model)
+    data.qpos[:] = run.qpos[3]
+    mujoco.mj_kinematics(fed.model, data)
+    for name, point in zip(fed.places, run.points[3], strict=True):
+        assert data.body(name).xpos == pytest.approx(point, abs=1e-15)
+
+
+def test_a_finer_step_costs_more_a_simulated_second(fed):
+    fine = hardened(fed.model, 1e-4, "RK4")
+    coarse, dear = step_times([(fed, fed.model), (fed, fine)], 2)
+    assert 0.0 < coarse < dear  # eighty times as many evaluations
+
+
+def test_cubics_meet_between_known_instants():
+    known = np.linspace(0.0, 1.0, 21)
+    values = np.stack([known**3, 1.0 - known**2], 1)
+    time = np.array([0.0, 0.013, 0.5, 0.987, 1.0])
+    assert interpolated(known, values, time) == pytest.approx(
+        np.stack([time**3, 1.0 - time**2], 1), abs=1e-14
+    )
+
+
+def test_an_actuator_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"--ctrl names 'motor'; actuators of the model are servo"):
+        scene(tmp_path, ctrl={"motor": "1"})
+
+
+def test_programs_that_begin_where_no_loop_closes_are_refused(tmp_path):
+    with pytest.raises(AssemblyError, match="on the way to where the programs begin"):
+        scene(tmp_path, drive={"pivot": "3 + t"})
+
+
+def test_balls_and_free_bodies_are_closed_in_their_own_coordinates(tmp_path):
+    text = """<mujoco><option gravity="0 0 -1"/><worldbody>
+      <body name="crank"><joint name="crank" axis="1 0 0"/>
+        <geom type="capsule" fromto="0 0 0 0 .02 0" size=".002"/>
+        <body name="rod" pos="0 .02 0"><joint name="ball" type="ball"/>
+          <geom type="capsule" fromto="0 0 0 .05 .01 .03" size=".002"/></body></body>
+      <body name="slider" pos=".05 .03 .03"><joint name="slide" type="slide" axis="1 .2 0"/>
+        <geom size=".004"/></body>
+      <body name="loose" pos="0 1 0"><freejoint name="free"/><geom size=".01"/></body>
+      </worldbody><equality><connect name="end" body1="rod" body2="slider" anchor=".05 .01 .03"/></equality>
+      <contact><exclude body1="rod" body2="slider"/></contact></mujoco>"""
+    one = scene(tmp_path, text=text, drive={"crank": "0.5 + 3*t"}, duration=0.1)
+    run = stepped(one, hardened(one.model, 1e-4, "RK4"), records=100)
+    assert errors_of(run).closure < 1e-8
+    qpos, qvel = one.start
+    later = qpos.copy()
+    mujoco.mj_integratePos(one.model, later, qvel, 1e-6)
+    moved = replace(run, qpos=later[None])
+    assert one.closure.errors(moved.qpos, moved.points).max() < 1e-10

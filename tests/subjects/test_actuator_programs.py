@@ -1,0 +1,37 @@
+import numpy as np
+import pytest
+
+from mechsim.errors import InputError
+from mechsim.subjects.actuator_programs import actuator_program
+
+T = np.linspace(0.0, 1.0, 5)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("2", 2.0 + 0 * T),
+        ("-0.5", -0.5 + 0 * T),
+        ("20deg", np.deg2rad(20.0) + 0 * T),
+        ("30rpm", np.pi + 0 * T),
+        ("255*(0.5-0.5*cos(2*pi*t))", 127.5 * (1.0 - np.cos(2 * np.pi * T))),
+        ("30deg*sin(t)", np.pi / 6 * np.sin(T)),
+        ("4mm*t", 0.004 * T),
+    ],
+)
+def test_a_control_is_a_constant_or_an_expression_in_its_own_unit(text, value):
+    assert actuator_program(text, "servo")(T)[0] == pytest.approx(value)
+
+
+def test_a_control_is_read_from_a_table(tmp_path):
+    path = tmp_path / "control.csv"
+    path.write_text("t,value\n" + "".join(f"{t},{2 * t}\n" for t in np.linspace(0, 1, 9)))
+    found = actuator_program(str(path), "servo")
+    assert found(T)[0] == pytest.approx(2 * T)
+    assert found.lasts == 1.0
+
+
+@pytest.mark.parametrize("text", ["fast", "3*kg*t", "t +", ""])
+def test_a_control_that_says_nothing_is_refused_by_name(text):
+    with pytest.raises(InputError, match="actuator servo"):
+        actuator_program(text, "servo")
