@@ -5,6 +5,7 @@ angle, as arrays of doubles rounded from 50 digits.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from mpmath import mp
@@ -18,43 +19,45 @@ DIGITS = 50
 
 
 def rssr_p3(drive: Rssr, f: float) -> Derivatives:
-    """P3 by the swing t of the rocker: |P4 + r (x cos t + y sin t) - P2| = l is A cos t + B sin t = K."""
+    """P3 with its derivatives by the crank angle."""
     with mp.workdps(DIGITS):
-        g1, g2 = mp.mpf(drive.gamma1), mp.mpf(drive.gamma2)
-        x = [mp.cos(g1), mp.mpf(0), -mp.sin(g1)]
-        y = [mp.sin(g1) * mp.sin(g2), mp.cos(g2), mp.cos(g1) * mp.sin(g2)]
-        pivot = [mp.mpf(value) for value in drive.pivot]
-        r, rod, c = mp.mpf(drive.rocker), mp.mpf(drive.coupler), mp.mpf(drive.crank)
+        return _derivatives(lambda angle: rssr_p3_place(drive, angle), f)
 
-        def p3(angle: mp.mpf) -> list[mp.mpf]:
-            d = [p - q for p, q in zip([0, c * mp.cos(angle), c * mp.sin(angle)], pivot, strict=True)]
-            a, b = (2 * r * mp.fdot(d, u) for u in (x, y))
-            k = mp.fdot(d, d) + r * r - rod * rod
-            # the rocker lies ahead of P4P2 by less than half a turn where P4P3 . (P4P2 x axis) < 0
-            t = mp.atan2(b, a) - drive.branch * mp.acos(k / mp.hypot(a, b))
-            return [p + r * (u * mp.cos(t) + v * mp.sin(t)) for p, u, v in zip(pivot, x, y, strict=True)]
 
-        return _derivatives(p3, f)
+def rssr_p3_place(drive: Any, angle: mp.mpf) -> list[mp.mpf]:
+    """P3 by the swing t of the rocker: |P4 + r (x cos t + y sin t) - P2| = l is A cos t + B sin t = K."""
+    g1, g2 = mp.mpf(drive.gamma1), mp.mpf(drive.gamma2)
+    x = [mp.cos(g1), mp.mpf(0), -mp.sin(g1)]
+    y = [mp.sin(g1) * mp.sin(g2), mp.cos(g2), mp.cos(g1) * mp.sin(g2)]
+    pivot = [mp.mpf(value) for value in drive.pivot]
+    r, rod, c = mp.mpf(drive.rocker), mp.mpf(drive.coupler), mp.mpf(drive.crank)
+    d = [p - q for p, q in zip([0, c * mp.cos(angle), c * mp.sin(angle)], pivot, strict=True)]
+    a, b = (2 * r * mp.fdot(d, u) for u in (x, y))
+    k = mp.fdot(d, d) + r * r - rod * rod
+    # the rocker lies ahead of P4P2 by less than half a turn where P4P3 . (P4P2 x axis) < 0
+    t = mp.atan2(b, a) - drive.branch * mp.acos(k / mp.hypot(a, b))
+    return [p + r * (u * mp.cos(t) + v * mp.sin(t)) for p, u, v in zip(pivot, x, y, strict=True)]
 
 
 def four_bar_b(drive: FourBar, f: float) -> Derivatives:
-    """B by the half-angle roots of Freudenstein's equation."""
+    """B with its derivatives by the crank angle."""
     with mp.workdps(DIGITS):
-        g, a = mp.mpf(drive.ground), mp.mpf(drive.crank)
-        rod, r = mp.mpf(drive.coupler), mp.mpf(drive.rocker)
+        return _derivatives(lambda angle: four_bar_b_place(drive, angle), f)
 
-        def b(angle: mp.mpf) -> list[mp.mpf]:
-            ax, ay = a * mp.cos(angle) - g, a * mp.sin(angle)
-            # p cos t + q sin t = k for the rocker angle t
-            p, q, k = 2 * r * ax, 2 * r * ay, ax * ax + ay * ay + r * r - rod * rod
-            root = mp.sqrt(p * p + q * q - k * k)
-            t = min(
-                (2 * mp.atan2(q + sign * root, p + k) for sign in (1, -1)),
-                key=lambda t: -drive.branch * r * (mp.cos(t) * ay - mp.sin(t) * ax),
-            )
-            return [g + r * mp.cos(t), r * mp.sin(t), mp.mpf(0)]
 
-        return _derivatives(b, f)
+def four_bar_b_place(drive: Any, angle: mp.mpf) -> list[mp.mpf]:
+    """B by the half-angle roots of Freudenstein's equation."""
+    g, a = mp.mpf(drive.ground), mp.mpf(drive.crank)
+    rod, r = mp.mpf(drive.coupler), mp.mpf(drive.rocker)
+    ax, ay = a * mp.cos(angle) - g, a * mp.sin(angle)
+    # p cos t + q sin t = k for the rocker angle t
+    p, q, k = 2 * r * ax, 2 * r * ay, ax * ax + ay * ay + r * r - rod * rod
+    root = mp.sqrt(p * p + q * q - k * k)
+    t = min(
+        (2 * mp.atan2(q + sign * root, p + k) for sign in (1, -1)),
+        key=lambda t: -drive.branch * r * (mp.cos(t) * ay - mp.sin(t) * ax),
+    )
+    return [g + r * mp.cos(t), r * mp.sin(t), mp.mpf(0)]
 
 
 def slider_crank_b(drive: SliderCrank, f: float) -> Derivatives:

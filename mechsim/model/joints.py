@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 
 from mechsim.maths.arrays import Array
+from mechsim.maths.complex_step import turn_of
 
 Axis = Literal["a", "b", "x", "y", "z"]
 KindName = Literal[
@@ -145,7 +146,7 @@ def coordinates(kind: Kind, gap: Array, frame_a: Array, frame_b: Array, cross_an
         columns += _crossed_angles(cross_angle, frame_a, frame_b)
     elif not kind.ball and kind.turns:
         mark = (np.swapaxes(frame_a, -1, -2) @ frame_b[..., :1])[..., 0]  # b's mark seen from a
-        columns.append(np.arctan2(mark[..., 1], mark[..., 0]))
+        columns.append(turn_of(mark[..., 1], mark[..., 0]))
     return np.stack(columns, -1) if columns else np.empty((*gap.shape[:-1], 0))
 
 
@@ -175,14 +176,14 @@ def crossed_at_zero(cross_angle: float) -> Array:
 
 def _crossed_angles(cross_angle: float, frame_a: Array, frame_b: Array) -> tuple[Array, Array]:
     relative = np.swapaxes(frame_a, -1, -2) @ frame_b
-    first = np.arctan2(relative[..., 1, 2], relative[..., 0, 2])
+    first = turn_of(relative[..., 1, 2], relative[..., 0, 2])
     c, s = np.cos(first), np.sin(first)
     back = np.zeros_like(relative)  # undo the turn about a's axis
     back[..., 0, 0], back[..., 0, 1] = c, s
     back[..., 1, 0], back[..., 1, 1] = -s, c
     back[..., 2, 2] = 1.0
     rest = crossed_at_zero(cross_angle).T @ back @ relative
-    return first, np.arctan2(rest[..., 1, 0], rest[..., 0, 0])
+    return first, turn_of(rest[..., 1, 0], rest[..., 0, 0])
 
 
 def _about_z(angle: float) -> Array:

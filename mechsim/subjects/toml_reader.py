@@ -60,7 +60,7 @@ def read_toml(
     source = read_source(path)
     document = {name: one for name, one in source.document.items() if name not in ("parameters", "units")}
     told = parameter_units(source.document) if changed else {}
-    values = _units(source).with_parameters(source.document.get("parameters", {}), changed or {}, told)
+    values = values_of(source).with_parameters(source.document.get("parameters", {}), changed or {}, told)
     read = values.checked(ROOT, document, ())
     of = coordinates_of(values, read["joints"])
     with source.about(()):
@@ -95,7 +95,7 @@ def _formula(path: str, read: Mapping[str, Any]) -> str:
     return os.path.join(os.path.dirname(path), given) if given else ""
 
 
-def _units(source: TomlSource) -> Values:
+def values_of(source: TomlSource) -> Values:
     """Return what reads values, with the file's units and no parameters yet."""
     bare = Values(source, "m", "rad", {})
     words = Keys({"units": ROOT.keys["units"]}, "")

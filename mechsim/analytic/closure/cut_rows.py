@@ -46,7 +46,7 @@ class Cut:
         """(i, j, c): column i of a's frame and column j of b's have the scalar product c."""
         kind = KINDS[self.joint.kind]
         if kind.crossed:
-            return [(2, 2, float(np.cos(self.joint.cross_angle)))]
+            return [(2, 2, np.cos(self.joint.cross_angle))]
         if not kind.aligned:
             return []
         return [(0, 2, 0.0), (1, 2, 0.0), *([] if kind.turns else [(0, 1, 0.0)])]
@@ -72,7 +72,11 @@ class Cut:
         point_a, frame_a, point_b, frame_b = self.frames(here)
         screws = here.screws[self.columns] * self.sense[:, None, None]
         n = screws.shape[2]
-        residual, slope = np.empty((self.rows, n)), np.empty((self.rows, len(self.columns), n))
+        number = screws.dtype
+        residual, slope = (
+            np.empty((self.rows, n), number),
+            np.empty((self.rows, len(self.columns), n), number),
+        )
         gap = (point_b - point_a) / self.size
         spin = screws[:, 3:]
         swing = cross(spin.transpose(1, 0, 2), point_b[:, None]).transpose(1, 0, 2)
@@ -103,7 +107,7 @@ class Cut:
         ]
         # as seen from side a
         seen = acceleration[1] - acceleration[0] - 2.0 * cross(wa, velocity[1] - velocity[0])
-        out = np.empty((self.rows, twist.shape[2]))
+        out = np.empty((self.rows, twist.shape[2]), twist.dtype)
         k = 0
         for i in self.lengths:
             out[k] = (frame_a[:, i] * seen).sum(0) / self.size

@@ -63,7 +63,8 @@ class Stack:
         self.bias: list[Array] = []
 
     def _add(self, residual: Array, bias: Array, parts: list[tuple[int | None, Array, Array]]) -> None:
-        row = np.zeros((self.n, 6 * self.links))
+        number = np.result_type(*(one for _, *both in parts for one in both))
+        row = np.zeros((self.n, 6 * self.links), number)
         for slot, linear, angular in parts:
             if slot is not None:
                 row[:, 6 * slot : 6 * slot + 3] += linear
@@ -167,7 +168,7 @@ def add_joint(stack: Stack, joint: Joint, a: Side, b: Side) -> None:
             if i not in free:
                 stack.distance_along(a, i, b, 0.0)
     if kind.crossed:
-        stack.angle_between(a, 2, b, 2, float(np.cos(joint.cross_angle)))
+        stack.angle_between(a, 2, b, 2, np.cos(joint.cross_angle))
     elif kind.aligned:
         stack.angle_between(a, 0, b, 2, 0.0)
         stack.angle_between(a, 1, b, 2, 0.0)

@@ -78,7 +78,7 @@ class LoopSolver:
         """Return the loops about n sets of coordinates."""
         residual, slope, here = self.loops.linearise(at)
         n, u, r = len(at), len(self.loops.unknown), len(self.rows)
-        matrix, right = np.empty((n, u, u)), np.empty((n, u))
+        matrix, right = np.empty((n, u, u), slope.dtype), np.empty((n, u), slope.dtype)
         matrix[:, :r] = slope[self.rows][:, self.loops.unknown].transpose(2, 0, 1)
         right[:, :r] = residual[self.rows].T
         if self.open:
@@ -102,7 +102,7 @@ class LoopSolver:
 
     def step(self, matrix: Array, right: Array) -> Array:
         """Return the step of all coordinates, (count, n), that closes rows open by `right`, (n, u)."""
-        out = np.zeros((self.loops.tree.count, len(right)))
+        out = np.zeros((self.loops.tree.count, len(right)), right.dtype)
         out[self.loops.unknown] = -np.linalg.solve(matrix, right[..., None])[..., 0].T
         return out
 

@@ -10,6 +10,7 @@ from mechsim.analytic.closure.rank import least_norm
 from mechsim.analytic.vector_method.rotations import cross, dot
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
+from mechsim.maths.complex_step import unwrapped
 from mechsim.maths.given import numbers
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, joint_coordinate
@@ -80,7 +81,7 @@ def rates(
 
 def point_on(link: LinkMotion, local: ArrayLike) -> PointMotion:
     """Return the motion of a point fixed in a moving link."""
-    arm = link.rotation @ np.asarray(local, dtype=np.float64)
+    arm = link.rotation @ np.asarray(local)
     swing = cross(link.angular_velocity, arm)
     bend = cross(link.angular_acceleration, arm) + cross(link.angular_velocity, swing)
     return PointMotion(link.position + arm, link.velocity + swing, link.acceleration + bend)
@@ -104,7 +105,7 @@ def joint_motion(joint: Joint, links: Mapping[str, LinkMotion]) -> JointMotion:
         # the links turn against each other about the axis, which a rate of the axis is square to
         spin = b.angular_velocity - a.angular_velocity
         return JointMotion(
-            np.unwrap(value), dot(axis, spin), dot(axis, b.angular_acceleration - a.angular_acceleration)
+            unwrapped(value), dot(axis, spin), dot(axis, b.angular_acceleration - a.angular_acceleration)
         )
     ends = point_on(a, joint.a.point), point_on(b, joint.b.point)
     gap = ends[1].position - ends[0].position

@@ -78,9 +78,14 @@ def solve_programmed(
     Raises:
         AssemblyError: at the time beyond which the loops cannot close in this assembly.
     """
+    return solve_prescribed(path, programs, clock_instants(programs, clock, speed, acceleration))
+
+
+def clock_instants(programs: Programs, clock: Array, speed: Array, acceleration: Array) -> Instants:
+    """Return where programs have their drivers at angles of their clock, at its rates, (n,) each."""
     value, first, second = programs.by_clock(clock)
     rate, bend = first * speed, first * acceleration + second * speed**2
-    return solve_prescribed(path, programs, Instants(clock, speed, acceleration, value, rate, bend))
+    return Instants(clock, speed, acceleration, value, rate, bend)
 
 
 def solve_prescribed(path: FollowedPath, programs: Programs, instants: Instants) -> Motion:
@@ -89,12 +94,17 @@ def solve_prescribed(path: FollowedPath, programs: Programs, instants: Instants)
     Raises:
         AssemblyError: as `solve_programmed`.
     """
+    whole = held_too(path, instants)
+    found = recorded(path, loop_motion(path, whole), whole.at, whole.speed, whole.acceleration)
+    return replace(found, time=instants.at / programs.pace, drivers=programs.drivers)
+
+
+def held_too(path: FollowedPath, instants: Instants) -> Instants:
+    """Return instants of which only the drivers are told, with what is held."""
     held = held_values(path.loops.tree.mechanism)
-    whole = replace(
+    return replace(
         instants,
         value=with_holds(instants.value, held),
         rate=with_holds(instants.rate, 0.0 * held),
         second=with_holds(instants.second, 0.0 * held),
     )
-    found = recorded(path, loop_motion(path, whole), whole.at, whole.speed, whole.acceleration)
-    return replace(found, time=instants.at / programs.pace, drivers=programs.drivers)

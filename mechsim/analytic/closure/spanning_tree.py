@@ -135,7 +135,7 @@ class SpanningTree:
         Raises:
             InputError: where couplings and drivers alone close a loop of joints, so that one is a cut.
         """
-        weights = np.zeros(self.count)
+        weights = np.zeros(self.count, np.result_type(float, *terms.values()))
         for name, weight in terms.items():
             if name not in self.places:
                 raise InputError(

@@ -64,7 +64,9 @@ class TreeLoops:
         """Return residuals (rows, n), slopes by coordinates in units (rows, count, n), and the links."""
         here = placed(self.tree, at)
         n = len(at)
-        residual, slope = np.empty((self.rows, n)), np.zeros((self.rows, self.tree.count, n))
+        number = at.values.dtype
+        residual = np.empty((self.rows, n), number)
+        slope = np.zeros((self.rows, self.tree.count, n), number)
         k = 0
         for cut in self.cuts:
             part = slice(k, k + cut.rows)

@@ -17,7 +17,7 @@ class Coordinates:
     """Coordinates of a tree at n instants.
 
     Attributes:
-        values: (count, n) in [m] and [rad]; those of a ball are not read.
+        values: (count, n) in [m] and [rad]; those of a ball are not read. Complex where dimensions are.
         turns: of each ball, side b's frame in side a's, (balls, 3, 3, n).
     """
 
@@ -47,8 +47,9 @@ class Placed:
 def placed(tree: SpanningTree, at: Coordinates) -> Placed:
     """Return where coordinates put the links."""
     n, links = len(at), len(tree.branches)
-    position, rotation = np.empty((links, 3, n)), np.empty((links, 3, 3, n))
-    screws = np.zeros((tree.count, 6, n))
+    kind = at.values.dtype
+    position, rotation = np.empty((links, 3, n), kind), np.empty((links, 3, 3, n), kind)
+    screws = np.zeros((tree.count, 6, n), kind)
     ball = 0
     for branch in tree.branches:
         fixed = tree.constants[branch.far]
@@ -100,7 +101,7 @@ def _turned(branch: TreeJoint, frame: Array, values: Array) -> Array:
 def _about_z(frame: Array, angle: Array) -> Array:
     """Return frames (3, 3, n) turned about their own third axis."""
     c, s = np.cos(angle), np.sin(angle)
-    out = np.empty((3, 3, len(angle)))
+    out = np.empty((3, 3, len(angle)), np.result_type(frame, angle))
     x, y = frame[:, 0], frame[:, 1]
     np.add(c * x, s * y, out=out[:, 0])
     np.subtract(c * y, s * x, out=out[:, 1])
@@ -146,7 +147,7 @@ def _centre(tree: SpanningTree, branch: TreeJoint, here: Placed) -> Array:
 
 def _summed(tree: SpanningTree, of: Array) -> Array:
     """Return for each link the sum over the coordinates that move it, (links, 6, n)."""
-    total = np.empty((len(tree.branches), *of.shape[1:]))
+    total = np.empty((len(tree.branches), *of.shape[1:]), of.dtype)
     for branch in tree.branches:
         if not branch.kind.freedoms:
             total[branch.far] = 0.0 if branch.near < 0 else total[branch.near]
@@ -166,7 +167,7 @@ def product(a: Array, b: Array) -> Array:
 def cross(a: Array, b: Array) -> Array:
     """Return vector products, (3, n) or with more axes between."""
     first = a[1] * b[2] - a[2] * b[1]
-    out = np.empty((3, *first.shape))
+    out = np.empty((3, *first.shape), first.dtype)
     out[0] = first
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]

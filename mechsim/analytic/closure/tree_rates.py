@@ -1,5 +1,6 @@
 """Places, rates and accelerations of many poses together, along a path that was followed."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -88,17 +89,45 @@ def loop_motion(path: FollowedPath, instants: Instants) -> LoopMotion:
     Raises:
         AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
     """
-    found: list[LoopMotion] = []
-    order: list[NDArray[np.intp]] = []
+    return in_order([(part.index, rated(path, part)) for part in closed_parts(path, instants)])
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedPart:
+    """Some instants of a motion, closed together.
+
+    Attributes:
+        solver: what closed them.
+        index: which instants they are, (k,).
+        instants: themselves.
+        at: coordinates of the tree there.
+        loops: about them.
+    """
+
+    solver: LoopSolver
+    index: NDArray[np.intp]
+    instants: Instants
+    at: Coordinates
+    loops: Linearised
+
+
+def closed_parts(path: FollowedPath, instants: Instants) -> Iterator[ClosedPart]:
+    """Yield the instants in parts, each closed to rounding.
+
+    Raises:
+        AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
+    """
     for solver, index, rows in path.parts(instants.at):
         for i in range(0, len(index), CHUNK):
             some = index[i : i + CHUNK]
             here = instants.some(some)
-            at, loops = _closed(path, solver, here, rows[i : i + CHUNK])
-            found.append(_rated(path, solver, at, loops, here))
-            order.append(some)
-    back = np.argsort(np.concatenate(order))
-    parts = {field.name: [getattr(one, field.name) for one in found] for field in fields(LoopMotion)}
+            yield ClosedPart(solver, some, here, *_closed(path, solver, here, rows[i : i + CHUNK]))
+
+
+def in_order(found: Sequence[tuple[NDArray[np.intp], LoopMotion]]) -> LoopMotion:
+    """Return parts of a motion put together by which instants they are."""
+    back = np.argsort(np.concatenate([index for index, _ in found]))
+    parts = {field.name: [getattr(one, field.name) for _, one in found] for field in fields(LoopMotion)}
     return LoopMotion(**{name: np.concatenate(part)[back] for name, part in parts.items()})
 
 
@@ -131,17 +160,17 @@ def _regular(matrix: Array, blind: NDArray[np.bool_]) -> Array:
     return np.where(blind[:, None, None], np.eye(matrix.shape[1]), matrix) if blind.any() else matrix
 
 
-def _rated(
-    path: FollowedPath, solver: LoopSolver, at: Coordinates, found: Linearised, instants: Instants
-) -> LoopMotion:
-    loops, blind = path.loops, path.blind(instants.at)
+def rated(path: FollowedPath, part: ClosedPart) -> LoopMotion:
+    """Return places, rates and accelerations of instants that are closed."""
+    solver, at, found, instants = part.solver, part.at, part.loops, part.instants
+    loops, blind = solver.loops, path.blind(instants.at)
     tree, units, driven = loops.tree, loops.units[:, None], list(loops.driven)
     matrix = _regular(found.matrix, blind)
     first, bend = _along(path, instants.at[blind]) if blind.any() else (None, None)
 
     def solved(asked: Array, bias: Array) -> Array:
         """Return the coordinates' rates of one order, in their units."""
-        ahead = np.zeros((tree.count, len(at)))
+        ahead = np.zeros((tree.count, len(at)), at.values.dtype)
         ahead[driven] = asked / units[driven]
         right = np.zeros_like(found.right)
         opened = np.einsum("rkn,kn->rn", found.slope[:, driven], ahead[driven]) + bias

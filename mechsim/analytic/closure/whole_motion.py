@@ -62,7 +62,7 @@ def follow(mechanism: Mechanism, angles: ArrayLike) -> dict[str, Pose]:
     """
     mechanism = described(mechanism)
     asked = crank_angles(mechanism, angles)
-    path, found = _moved(mechanism, asked, np.zeros_like(asked), np.zeros_like(asked))
+    path, found = moved_along(mechanism, asked, np.zeros_like(asked), np.zeros_like(asked))
     return {
         name: Pose(found.position[:, i], found.rotation[:, i]) for name, i in path.loops.tree.links.items()
     }
@@ -100,22 +100,15 @@ def solve(
     asked = crank_angles(mechanism, angles)
     rate = crank_rate(mechanism, "speed", speed, len(asked))
     second = crank_rate(mechanism, "acceleration", acceleration, len(asked))
-    return recorded(*_moved(mechanism, asked, rate, second, through), asked, rate, second)
+    return recorded(*moved_along(mechanism, asked, rate, second, through), asked, rate, second)
 
 
-def _moved(
+def moved_along(
     mechanism: Mechanism, angle: Array, speed: Array, acceleration: Array, through: Through = "smooth"
 ) -> tuple[FollowedPath, LoopMotion]:
     """Return the motion and its path, of a crank that only swings on whatever lap it is asked for."""
-    path, held = followed(mechanism, through), held_values(mechanism)
-    instants = Instants(
-        angle,
-        speed,
-        acceleration,
-        path.drive(angle),
-        with_holds(speed[None], 0.0 * held),
-        with_holds(acceleration[None], 0.0 * held),
-    )
+    path = followed(mechanism, through)
+    instants = crank_instants(path, angle, speed, acceleration)
     try:
         return path, loop_motion(path, instants)
     except AssemblyError:
@@ -125,6 +118,13 @@ def _moved(
                 with suppress(AssemblyError):
                     return other, loop_motion(other, instants)
         raise
+
+
+def crank_instants(path: FollowedPath, angle: Array, speed: Array, acceleration: Array) -> Instants:
+    """Return instants at crank angles (n,) in [rad] along a path, with the crank's rates (n,)."""
+    still = 0.0 * held_values(path.loops.tree.mechanism)
+    rates = with_holds(speed[None], still), with_holds(acceleration[None], still)
+    return Instants(angle, speed, acceleration, path.drive(angle), *rates)
 
 
 def _counted(path: FollowedPath, laps: int) -> FollowedPath | None:
@@ -160,11 +160,19 @@ def spinning(path: FollowedPath) -> frozenset[str]:
 
 
 def recorded(
-    path: FollowedPath, found: LoopMotion, angle: Array, speed: Array, acceleration: Array
+    path: FollowedPath,
+    found: LoopMotion,
+    angle: Array,
+    speed: Array,
+    acceleration: Array,
+    dimensions: Mechanism | None = None,
 ) -> Motion:
-    """Return the motion of points, links and joints as a record; the angle is the path's parameter."""
+    """Return the motion of points, links and joints as a record; the angle is the path's parameter.
+
+    The dimensions are the path's own, or those of a mechanism like it.
+    """
     tree = path.loops.tree
-    mechanism = tree.mechanism
+    mechanism = dimensions or tree.mechanism
     links = {name: found.link(i) for name, i in tree.links.items()}
     joints: dict[str, JointMotion] = {}
     for joint in mechanism.joints:

@@ -10,7 +10,7 @@ NOUGHT = 1e-40
 
 def skew(v: Array) -> Array:
     """Return the matrices of v x, (..., 3) -> (..., 3, 3)."""
-    out = np.zeros((*v.shape, 3))
+    out = np.zeros((*v.shape, 3), v.dtype)
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
     out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
     return out
@@ -24,7 +24,7 @@ def dot(a: Array, b: Array) -> Array:
 def cross(a: Array, b: Array) -> Array:
     """Return vector products, (..., 3) and (..., 3) -> (..., 3)."""
     # np.cross spends ten times longer on moving axes than on multiplying
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
     return out

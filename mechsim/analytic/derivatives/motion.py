@@ -1,0 +1,171 @@
+"""Derivatives of a motion by dimensions, at the same values of the drivers."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.analytic.closure.assembly import crank_angles
+from mechsim.analytic.closure.cut_rows import cuts_of
+from mechsim.analytic.closure.followed_path import FollowedPath
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.closure.motion import crank_rate
+from mechsim.analytic.closure.programmed_motion import clock_instants, followed_under, held_too
+from mechsim.analytic.closure.spanning_tree import SpanningTree
+from mechsim.analytic.closure.tree_loops import TreeLoops
+from mechsim.analytic.closure.tree_motion import Coordinates
+from mechsim.analytic.closure.tree_rates import (
+    ClosedPart,
+    Instants,
+    LoopMotion,
+    closed_parts,
+    in_order,
+    rated,
+)
+from mechsim.analytic.closure.whole_motion import crank_instants, moved_along, recorded
+from mechsim.analytic.derivatives.numbers import GivenMechanism, numbers_of, with_numbers
+from mechsim.analytic.forms import Form
+from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.arrays import Array
+from mechsim.maths.complex_step import STEP, change_of, stepped
+from mechsim.model.motion import Motion, Through
+
+# how far loops that repeat each other may be torn open by a dimension, as parts of the change of the loops
+TORN = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class MotionDerivatives:
+    """A motion and its derivatives by dimensions.
+
+    Attributes:
+        motion: by loop equations.
+        by: dimension -> derivatives of all that the motion holds, in its SI units per SI unit of the
+            dimension: of places, rates and accelerations, the drivers held as they are.
+    """
+
+    motion: Motion
+    by: Mapping[str, Motion]
+
+
+def motion_derivatives(
+    form: Form,
+    change: Mapping[str, Array],
+    angles: ArrayLike,
+    speed: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+) -> MotionDerivatives:
+    """Return a motion and its exact derivatives by dimensions, by the loop equations.
+
+    Args:
+        form: what moves.
+        change: dimension -> derivatives of the mechanism's numbers, as `changes` gives them.
+        angles: of the crank, or of the clock of programs, (n,) in [rad].
+        speed: of it, scalar or (n,) in [rad/s].
+        acceleration: of it, scalar or (n,) in [rad/s2].
+
+    Raises:
+        AssemblyError: where the loops do not close, where two assemblies meet, for derivatives have no bound
+            there, or where a dimension changed alone would leave loops open that repeat each other.
+
+    Accuracy: about 1e-15 times the condition of the loops, as the rates have it.
+    """
+    angle = crank_angles(form.mechanism, angles)
+    rates = [
+        crank_rate(form.mechanism, what, value, len(angle))
+        for what, value in (("speed", speed), ("acceleration", acceleration))
+    ]
+    path, instants = _followed(form, angle, *rates)
+    parts = list(closed_parts(path, instants))
+    blind = path.blind(angle)
+    if blind.any():
+        where = path.words.instant(float(angle[np.argmax(blind)]))
+        raise AssemblyError(
+            f"{form.name}: at {where} two assemblies meet, and derivatives by dimensions have no bound; "
+            "keep away from it"
+        )
+    nominal = numbers_of(form.mechanism)
+    real = in_order([(part.index, rated(path, part)) for part in parts])
+    found: dict[str, Motion] = {}
+    for name, slope in change.items():
+        mechanism = with_numbers(form.mechanism, stepped(nominal, _fitting(name, slope, nominal)))
+        given = STEP * np.abs(slope).max() * min(1.0, 1.0 / mechanism.size)
+        moved = in_order([(part.index, _changed(path, part, mechanism, name, given)) for part in parts])
+        found[name] = _imaginary(_record(path, moved, instants, mechanism, form))
+    return MotionDerivatives(_record(path, real, instants, None, form), found)
+
+
+def _fitting(name: str, slope: Array, nominal: Array) -> Array:
+    if slope.shape != nominal.shape or not np.isfinite(slope).all():
+        raise InputError(
+            f"the change by {name!r} has shape {slope.shape} or is not finite; the mechanism has "
+            f"{len(nominal)} numbers: take what `changes` gives"
+        )
+    return slope
+
+
+def _followed(form: Form, angle: Array, speed: Array, acceleration: Array) -> tuple[FollowedPath, Instants]:
+    """Return the path of what moves, and instants along it."""
+    programs = form.programs if isinstance(form, LoopForm) else None
+    through: Through = getattr(form, "through", "smooth")
+    if programs is not None:
+        path = followed_under(form.mechanism, programs, through)
+        return path, held_too(path, clock_instants(programs, angle, speed, acceleration))
+    path, _ = moved_along(form.mechanism, angle, speed, acceleration, through)
+    return path, crank_instants(path, angle, speed, acceleration)
+
+
+def _changed(
+    path: FollowedPath, part: ClosedPart, mechanism: GivenMechanism, name: str, given: float
+) -> LoopMotion:
+    """Return the motion of some instants with complex numbers, their imaginary parts at most as given."""
+    loops = _with(part.solver.loops, mechanism)
+    solver = replace(part.solver, loops=loops)
+    at = Coordinates(part.at.values.astype(complex), part.at.turns.astype(complex))
+    for held, value in mechanism.holds.items():
+        at.values[loops.tree.places[held]] += 1j * np.imag(value)
+    before = solver.linearise(at)
+    at = loops.moved(at, solver.step(before.matrix, before.right))
+    found = solver.linearise(at)
+    torn = np.abs(found.residual.imag).max(initial=0.0)
+    opened = np.abs(before.residual.imag).max(initial=0.0)
+    if not torn <= TORN * max(opened, given):
+        raise AssemblyError(
+            f"{mechanism.name}: changed alone, {name} leaves the loops open, for joints repeat what "
+            "others hold (as out of the plane of a flat linkage); change what goes with it, too"
+        )
+    return rated(path, replace(part, solver=solver, at=at, loops=found))
+
+
+def _with(loops: TreeLoops, mechanism: GivenMechanism) -> TreeLoops:
+    """Return the same loops of a mechanism with other numbers."""
+    old = loops.tree
+    branches = tuple(replace(branch, joint=mechanism.joint(branch.joint.name)) for branch in old.branches)
+    tree = SpanningTree(mechanism, branches, tuple(mechanism.joint(cut.name) for cut in old.cuts))
+    return replace(loops, tree=tree, cuts=cuts_of(tree))
+
+
+def _record(
+    path: FollowedPath, moved: LoopMotion, instants: Instants, mechanism: GivenMechanism | None, form: Form
+) -> Motion:
+    of = path.loops.tree.mechanism if mechanism is None else mechanism
+    found = recorded(path, moved, instants.at, instants.speed, instants.acceleration, of)
+    if mechanism is not None:
+        found = replace(found, conditioning=None)
+    programs = form.programs if isinstance(form, LoopForm) else None
+    if programs is None:
+        return found
+    return replace(found, time=instants.at / programs.pace, drivers=programs.drivers)
+
+
+def _imaginary(record: Any) -> Any:
+    """Return a record's imaginary parts per step; instants and what is no number as they are."""
+    if isinstance(record, np.ndarray):
+        return change_of(record) if np.iscomplexobj(record) else record
+    if isinstance(record, Mapping):
+        return {key: _imaginary(value) for key, value in record.items()}
+    if is_dataclass(record) and not isinstance(record, type):
+        return replace(record, **{one.name: _imaginary(getattr(record, one.name)) for one in fields(record)})
+    return record

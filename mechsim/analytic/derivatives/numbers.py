@@ -1,0 +1,159 @@
+"""All numbers of a mechanism in a row, and the mechanism that has others, complex ones too."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from mechsim.maths.arrays import Array
+from mechsim.model.couplings import Coupling
+from mechsim.model.inertia import Inertia
+from mechsim.model.mechanism import End, Joint, Link, Mechanism
+
+
+class Unchecked:
+    """What is made of numbers that no check of its kind has seen, as complex ones."""
+
+    def __post_init__(self) -> None: ...
+
+
+@dataclass(frozen=True)
+class GivenEnd(Unchecked, End):
+    """A side of a joint whose frame is given, (3, 3); axis and mark are columns of it."""
+
+    columns: Array = field(default_factory=lambda: np.eye(3))
+
+    @property
+    def frame(self) -> Array:
+        """The joint's frame in the link's, (3, 3)."""
+        return self.columns
+
+
+@dataclass(frozen=True)
+class GivenJoint(Unchecked, Joint):
+    """A joint of given numbers."""
+
+
+@dataclass(frozen=True)
+class GivenCoupling(Unchecked, Coupling):
+    """A coupling of given numbers."""
+
+
+@dataclass(frozen=True)
+class GivenInertia(Unchecked, Inertia):
+    """An inertia of given numbers."""
+
+
+@dataclass(frozen=True)
+class GivenMechanism(Unchecked, Mechanism):
+    """A mechanism of given numbers; its size and its couplings are given too."""
+
+    given_size: float = 1.0
+    given_laws: tuple[Coupling, ...] = ()
+
+    @property
+    def size(self) -> float:
+        """The size it counts by, in [m]."""
+        return self.given_size
+
+    @property
+    def laws(self) -> tuple[Coupling, ...]:
+        """All couplings, those of gears and screws too."""
+        return self.given_laws
+
+
+def numbers_of(mechanism: Mechanism) -> Array:
+    """Return all numbers of a mechanism that its motion and its efforts depend on, (k,) in SI.
+
+    The guess is none of them, nor is where coordinates are counted from.
+    """
+    rows = [np.atleast_1d(np.asarray(one, dtype=np.float64)).ravel() for one in _numbers(mechanism)]
+    return np.concatenate(rows)
+
+
+def _numbers(mechanism: Mechanism) -> Iterator[object]:
+    for joint in mechanism.joints:
+        for end in (joint.a, joint.b):
+            yield from (end.point, end.frame)
+        yield joint.cross_angle
+    for law in mechanism.laws:
+        yield from (law.coefficients, law.zeros, [*law.left_terms.values()], [*law.right_terms.values()])
+    yield [*mechanism.holds.values()]
+    for _, local in mechanism.points.values():
+        yield local
+    for link in mechanism.links:
+        if link.inertia is not None:
+            yield from (link.inertia.mass, link.inertia.centre, link.inertia.moments)
+
+
+class _Taker:
+    """Takes numbers from a row, some at a time."""
+
+    def __init__(self, row: Array):
+        self.row, self.at = row, 0
+
+    def some(self, count: int) -> Array:
+        """Return the next numbers."""
+        self.at += count
+        return self.row[self.at - count : self.at]
+
+    def tuple(self, count: int) -> tuple[float, ...]:
+        """Return the next numbers as a tuple."""
+        return tuple(self.some(count).tolist())
+
+    def terms(self, given: Mapping[str, float]) -> dict[str, float]:
+        """Return the next numbers by the names of a table."""
+        return dict(zip(given, self.some(len(given)).tolist(), strict=True))
+
+
+def with_numbers(mechanism: Mechanism, numbers: Array) -> GivenMechanism:
+    """Return a mechanism with other numbers, (k,) in the order of `numbers_of`, complex or not.
+
+    Its lengths are still counted in units of the size that it had.
+    """
+    take = _Taker(numbers)
+    joints = tuple(_joint(joint, take) for joint in mechanism.joints)
+    laws = tuple(_coupling(law, take) for law in mechanism.laws)
+    holds = take.terms(mechanism.holds)
+    points = {name: (link, take.tuple(3)) for name, (link, _) in mechanism.points.items()}
+    links = tuple(_link(link, take) for link in mechanism.links)
+    own = {one.name: getattr(mechanism, one.name) for one in fields(mechanism)}
+    own |= {
+        "joints": joints,
+        "links": links,
+        "points": points,
+        "holds": holds,
+        "gears": (),
+        "couplings": laws,
+    }
+    own |= {"given_size": mechanism.size, "given_laws": laws}
+    return GivenMechanism(**own)
+
+
+def _end(end: End, take: _Taker) -> GivenEnd:
+    point, frame = take.tuple(3), take.some(9).reshape(3, 3)
+    return GivenEnd(end.link, _three(point), _three(frame[:, 2]), _three(frame[:, 0]), frame)
+
+
+def _joint(joint: Joint, take: _Taker) -> GivenJoint:
+    a, b = _end(joint.a, take), _end(joint.b, take)
+    return GivenJoint(joint.name, joint.kind, a, b, take.some(1)[0], joint.lead)
+
+
+def _coupling(law: Coupling, take: _Taker) -> GivenCoupling:
+    coefficients, zeros = take.tuple(len(law.coefficients)), take.tuple(2)
+    left, right = take.terms(law.left_terms), take.terms(law.right_terms)
+    return GivenCoupling(law.name, left, right, coefficients, (zeros[0], zeros[1]), law.turns)
+
+
+def _link(link: Link, take: _Taker) -> Link:
+    if link.inertia is None:
+        return link
+    mass, centre, moments = take.some(1)[0], take.tuple(3), take.some(9).reshape(3, 3).tolist()
+    a, b, c = (_three(row) for row in moments)
+    return Link(link.name, link.outline, GivenInertia(mass, _three(centre), (a, b, c)))
+
+
+def _three(values: Sequence[float] | Array) -> tuple[float, float, float]:
+    x, y, z = values
+    return x, y, z

@@ -1,0 +1,74 @@
+"""A subject as one of a family: the dimensions it is made from, and how others are made."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from mechsim import units
+from mechsim.analytic import catalog
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.derivatives.catalog_family import catalog_family
+from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
+from mechsim.analytic.derivatives.joint_places import placed_family
+from mechsim.analytic.forms import Form
+from mechsim.model.mechanism import Mechanism
+from mechsim.subjects import gallery
+from mechsim.subjects.checked_values import is_quantity
+from mechsim.subjects.parameter_units import parameter_units
+from mechsim.subjects.subject import is_file, load
+from mechsim.subjects.toml_reader import values_of
+from mechsim.subjects.toml_source import read_source
+
+
+def family(
+    model: str | Form | Mechanism, set: Mapping[str, str | float] | None = None, **asked: Any
+) -> DesignFamily:
+    """Return the family of a subject: its dimensions as they stand, in SI, and what makes others.
+
+    Of a mechanism of the catalogue and of a TOML file these are the parameters, those of a place by parts,
+    as pivot.x; of any other subject the places of joints, as JOINT.at.x (see `joint_places`).
+
+    Args:
+        model: as `load` takes it, or what moves itself.
+        set: parameter -> its value, as `load` takes it.
+        asked: what else `load` takes.
+
+    Raises:
+        InputError: as `load`.
+    """
+    if not isinstance(model, str):
+        form = LoopForm(model) if isinstance(model, Mechanism) else model
+        return catalog_family(form) if isinstance(form, ClosedForm) else placed_family(form)
+    given = {name: str(value) for name, value in (set or {}).items()}
+    form, path = load(model, given, **asked), _toml(model)
+    if isinstance(form, ClosedForm):
+        return catalog_family(form)
+    found = {} if path is None else {one.name: one for one in _parameters(path, given)}
+    if not found:
+        return placed_family(form)
+
+    def make(values: Mapping[str, float]) -> Form:
+        changed = {name: repr(float(value)) for name, value in values.items()}
+        return load(model, given | changed, **asked) if values else form
+
+    return DesignFamily(form.name, found, lambda values: make(values).mechanism, make)
+
+
+def _toml(model: str) -> str | None:
+    """Return the TOML file that a model is read from; None where it is none."""
+    if is_file(model):
+        return model if model.lower().endswith(".toml") else None
+    place = gallery.files().get(model)
+    return None if place is None or model in catalog.DRIVES else str(place)
+
+
+def _parameters(path: str, changed: Mapping[str, str]) -> Iterator[Dimension]:
+    """Yield the parameters of a file; one whose use does not tell what it measures as the file has it."""
+    source = read_source(path)
+    given, told = source.document.get("parameters", {}), parameter_units(source.document)
+    values = values_of(source).with_parameters(given, changed, told)
+    for name, value in values.parameters.items():
+        unit, written = told.get(name), given[name]
+        if unit is None and is_quantity(written):
+            unit = units.of_any_kind(written)[1]
+        yield Dimension(name, value if unit is None else values.in_si(value, unit), unit or "1")

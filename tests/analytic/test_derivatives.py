@@ -1,0 +1,140 @@
+"""Derivatives of motions by dimensions: against 50 digits, against motions beside, and where none are."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from exact import DIGITS, four_bar_b_place, rssr_p3_place
+from mpmath import mp
+
+from mechsim.analytic import catalog
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
+from mechsim.analytic.derivatives.catalog_family import catalog_family
+from mechsim.analytic.derivatives.joint_places import placed_family
+from mechsim.errors import AssemblyError, InputError
+from mechsim.subjects.families import family
+
+SPEED = 7.0
+ANGLES = np.array([0.3, 1.1, 2.9, 4.4])
+
+
+def in_digits(place, drive, parameter, angle):
+    """Derivatives by a parameter of place, velocity and acceleration at constant speed, with 50 digits."""
+    whole, _, axis = parameter.partition(".")
+
+    def places(value, at):
+        own = {one: getattr(drive, one) for one in drive.__dataclass_fields__}
+        own[whole] = value
+        if axis:
+            own[whole] = list(getattr(drive, whole))
+            own[whole]["xyz".index(axis)] = value
+        return place(SimpleNamespace(**own), at)
+
+    def value(of, order):
+        return [mp.diff(lambda v, t, i=i: places(v, t)[i], of, (1, order)) for i in range(3)]
+
+    with mp.workdps(DIGITS):
+        begin = getattr(drive, whole)
+        of = (mp.mpf(begin["xyz".index(axis)] if axis else begin), mp.mpf(float(angle)))
+        return [np.array([float(one) for one in value(of, k)]) * SPEED**k for k in range(3)]
+
+
+@pytest.mark.parametrize(
+    ("name", "point", "place", "parameters"),
+    [
+        ("rssr", "P3", rssr_p3_place, ["crank", "coupler", "rocker", "pivot.y", "gamma1", "gamma2"]),
+        ("four_bar", "B", four_bar_b_place, ["ground", "crank", "coupler", "rocker"]),
+    ],
+)
+def test_derivatives_of_places_and_rates_agree_with_50_digits(name, point, place, parameters):
+    drive = catalog.make(name)
+    found = motion_derivatives(drive, changes(catalog_family(drive), parameters), ANGLES, SPEED)
+    for parameter in parameters:
+        moved = found.by[parameter].points[point]
+        for i, angle in enumerate(ANGLES[:2]):
+            told = moved.position[i], moved.velocity[i], moved.acceleration[i]
+            for own, exact in zip(told, in_digits(place, drive, parameter, angle), strict=True):
+                assert np.abs(own - exact).max() <= 2e-12 * np.abs(exact).max()
+
+
+def differences(of: DesignFamily, name, angles, speed, part=1e-5):
+    """Motions beside one, and the step between them, for a difference of fourth order."""
+    value = of.dimensions[name].value
+    step = part * max(abs(value), 0.01)
+    return [of.make({name: value + k * step}).solve(angles, speed) for k in (-2, -1, 1, 2)], step
+
+
+@pytest.mark.parametrize(
+    ("model", "given", "names"),
+    [
+        ("warp_knitter", {}, ["rod3", "phase", "gear_ratio", "base_k.y"]),
+        ("looper", {}, ["frame_angle", "axis_z"]),
+        ("bennett", {}, ["twist0"]),
+        ("rsur", {}, ["rocker", "z"]),
+        ("rack_steering", {"drive": {"pinion": "40deg*sin(2*pi*t)"}}, ["radius", "arm", "inward"]),
+        ("humanoid_ankle", {"drive": dict.fromkeys(("left", "right"), "9deg*sin(2*pi*t)")}, ["crank"]),
+    ],
+)
+def test_derivatives_are_those_of_the_motions_of_mechanisms_beside(model, given, names):
+    of = family(model, **given)
+    form = of.make({})
+    turning = form.mechanism.has_crank and not given
+    angles = form.mechanism.start + ANGLES[:3] if turning else ANGLES[:2] / 10.0 * form.programs.pace
+    speed = SPEED if turning else form.programs.pace
+    found = motion_derivatives(form, changes(of, names), angles, speed)
+    kinds = {"points": ("position", "velocity", "acceleration"), "joints": ("value", "rate")}
+    for name in names:
+        beside, step = differences(of, name, angles, speed)
+        for kind, part in ((kind, part) for kind, parts in kinds.items() for part in parts):
+            told = {one: getattr(moved, part) for one, moved in getattr(found.by[name], kind).items()}
+            # a closed form does not tell joints of several coordinates
+            shared = [one for one in told if one in getattr(beside[0], kind)]
+            size = max(0.1, *(np.abs(told[one]).max() for one in shared))
+            for one in shared:
+                a, b, c, d = (getattr(getattr(motion, kind)[one], part) for motion in beside)
+                assert np.abs((a - 8 * b + 8 * c - d) / (12 * step) - told[one]).max() <= 1e-7 * size
+
+
+def test_a_shift_of_both_sides_of_a_joint_is_that_of_one_link_seen_from_the_other():
+    drive = catalog.make("rssr")
+    of = placed_family(LoopForm(drive.mechanism))
+    own = changes(of, ["P3.b.at.x"])
+    found = motion_derivatives(drive, own, ANGLES)
+    by_rocker = motion_derivatives(drive, changes(catalog_family(drive), ["rocker"]), ANGLES)
+    # the tracked point P3 is of the rocker's length too: the joint's angle tells both alike
+    told = found.by["P3.b.at.x"].joints["rocker"].value
+    assert np.abs(told - by_rocker.by["rocker"].joints["rocker"].value).max() <= 1e-12 * np.abs(told).max()
+
+
+def test_a_dimension_that_tears_loops_which_repeat_each_other_is_refused():
+    drive = catalog.make("four_bar")
+    of = placed_family(drive)
+    motion_derivatives(drive, changes(of, ["A.a.at.x"]), ANGLES)
+    with pytest.raises(AssemblyError, match=r"changed alone, A\.a\.at\.z leaves the loops open"):
+        motion_derivatives(drive, changes(of, ["A.a.at.z"]), ANGLES)
+
+
+def test_there_are_no_derivatives_where_assemblies_meet():
+    drive = catalog.make("four_bar", ground=0.1, coupler=0.1, crank=0.04, rocker=0.04)
+    change = changes(catalog_family(drive), ["coupler"])
+    with pytest.raises(AssemblyError, match="two assemblies meet, and derivatives"):
+        motion_derivatives(drive, change, [1.0, np.pi - 1e-6])
+
+
+def test_a_kink_in_a_description_is_no_derivative():
+    drive = catalog.make("four_bar")
+    plain = catalog_family(drive)
+    bent = replace(
+        plain, describe=lambda v: plain.describe({"arm": abs(v.get("crank", 0.032) - 0.032) + 0.05})
+    )
+    with pytest.raises(InputError, match=r"no derivative by crank at 0\.032: it has a kink"):
+        changes(bent, ["crank"])
+
+
+def test_numbers_of_another_mechanism_are_refused():
+    drive = catalog.make("four_bar")
+    other = changes(catalog_family(catalog.make("rssr")), ["crank"])
+    with pytest.raises(InputError, match="has shape"):
+        motion_derivatives(drive, other, ANGLES)
