@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from mechsim.pictures import plots, render
     from mechsim.report.notebook import show
     from mechsim.simulation import Run, Settings, simulate
+    from mechsim.studies.agreement.agreement import Agreement, validate
     from mechsim.subjects.subject import load
     from mechsim.theory.continuation import trace
     from mechsim.verdict.checks import Check, Verdict
@@ -46,6 +47,7 @@ _MODULES = {
     "units": "units",
 }
 _HOMES = _MODULES | {
+    "Agreement": "studies.agreement.agreement",
     "AssemblyError": "errors",
     "Check": "verdict.checks",
     "End": "model.mechanism",
@@ -75,9 +77,11 @@ _HOMES = _MODULES | {
     "show": "report.notebook",
     "simulate": "simulation",
     "trace": "theory.continuation",
+    "validate": "studies.agreement.agreement",
 }
 
 __all__ = [
+    "Agreement",
     "AssemblyError",
     "Check",
     "Coupling",
@@ -118,6 +122,7 @@ __all__ = [
     "simulation",
     "trace",
     "units",
+    "validate",
 ]
 
 

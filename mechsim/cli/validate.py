@@ -9,6 +9,7 @@ import typer
 
 from mechsim.analytic import catalog
 from mechsim.analytic.forms import Form
+from mechsim.cli.against import held_against
 from mechsim.cli.declared_options import spread
 from mechsim.cli.endings import tell
 from mechsim.cli.options import DriveOptions, Json, Sets, Speed, folder_for, form_of, moving, speed_of
@@ -34,6 +35,16 @@ def validate(
     whole_gallery: Annotated[
         bool, typer.Option("--gallery", help="The gallery in full, beside what is named or the catalogue.")
     ] = False,
+    against: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE.py:FUNC|FILE.csv",
+            help="Hold one model against a function of your own, which is run, or a table.",
+        ),
+    ] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Print every quantity, not the tightest only.")
+    ] = False,
     report: Annotated[
         str | None, typer.Option(metavar="DIR", help="Write plots, pictures, videos and a page here.")
     ] = None,
@@ -46,6 +57,18 @@ def validate(
 
     The formula that a file names is code, and is run.
     """
+    if against is not None:
+        if models is None or len(models) != 1 or whole_gallery:
+            raise InputError("--against is of one model; name it, and no others")
+        held_against(
+            models[0],
+            form_of(models[0], sets, driven),
+            against,
+            speed_of(speed),
+            everything=everything,
+            as_json=as_json,
+        )
+        return
     shown = list(gallery.files())
     wanted = list(models or catalog.DRIVES)
     if whole_gallery or not models:

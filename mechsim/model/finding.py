@@ -16,6 +16,7 @@ class Finding:
         say: one sentence for people.
         remedy: what mends it; empty where nothing needs to be mended.
         line: of the file it is in; None where it is in none, or in no single line.
+        sure: whether a difference that was compared is gone once this is mended.
     """
 
     kind: str
@@ -25,6 +26,7 @@ class Finding:
     say: str
     remedy: str = ""
     line: int | None = None
+    sure: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """Return the finding as JSON has it."""

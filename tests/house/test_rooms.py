@@ -23,7 +23,17 @@ MAY = {
     "theory": {"maths", "model", "analytic"},
     "pictures": {"maths", "model", "shapes", "simulation", "files", "units"},
     "subjects": {"maths", "model", "analytic", "simulation", "units", "files"},
-    "studies": {"maths", "model", "analytic", "simulation", "verdict", "pictures", "files", "units"},
+    "studies": {
+        "maths",
+        "model",
+        "analytic",
+        "simulation",
+        "subjects",
+        "verdict",
+        "pictures",
+        "files",
+        "units",
+    },
     "report": {"maths", "model", "analytic", "theory", "verdict", "pictures", "studies", "files", "units"},
     "cli": {"maths", "model", "analytic", "simulation", "verdict", "shapes", "theory", "pictures", "studies"}
     | {"subjects", "report", "files", "units"},

@@ -1,0 +1,1 @@
+"""A model held against a user's own formula or table: whether they agree, and why not."""

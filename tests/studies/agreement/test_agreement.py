@@ -1,0 +1,139 @@
+"""A model held against a function or a table: what is met, what is missed, what is refused in one line."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim import files
+from mechsim.cli import main
+
+
+def slider(angle):
+    x, y = 0.05 * np.cos(angle), 0.05 * np.sin(angle)
+    b = x + np.sqrt(0.2**2 - (0.01 - y) ** 2)
+    return {"A": np.column_stack([x, y, 0 * x]), "B": np.column_stack([b, 0.01 + 0 * b]), "slide": b}
+
+
+def changed(**parts):
+    return lambda angle: slider(angle) | {name: one(slider(angle)) for name, one in parts.items()}
+
+
+def test_a_right_formula_of_points_in_a_plane_and_of_a_joint_is_met():
+    found = ms.validate("slider_crank", against=slider)
+    assert found.passed, found.why
+    assert {claim.named.kind for claim in found.claims} == {"position", "joint"}
+    assert not found.findings
+
+
+def test_a_formula_a_thousandth_off_is_missed():
+    found = ms.validate("slider_crank", against=changed(B=lambda one: one["B"] * 1.001))
+    assert not found.passed
+    assert "position of B" in found.why
+    assert [check.passed for check in found.checks] == [True, False, True]
+
+
+def test_what_a_table_of_ours_says_of_itself_is_met(tmp_path):
+    model = ms.catalog.make("rssr")
+    path = tmp_path / "own.csv"
+    files.write(path, model.solve(np.linspace(0, 6, 30), 20 * np.pi))
+    assert ms.validate(model, against=path).passed
+
+
+def test_velocities_accelerations_and_efforts_have_names():
+    model = ms.load("four_bar")
+    machine = ms.dynamics.machine(model)
+
+    def own(angle, speed):
+        motion = model.solve(angle, speed)
+        efforts = ms.dynamics.prescribed(machine, angle, speed).efforts
+        return {
+            "B.v": motion.points["B"].velocity,
+            "B.a.xy": motion.points["B"].acceleration[:, :2],
+            "B.vx": motion.points["B"].velocity[:, 0],
+            "torque:crank": efforts.torque,
+            "force:A": efforts.reactions["A"].force,
+            "A.q": motion.joints["A"].value,
+            "A.v": motion.joints["A"].rate,
+        }
+
+    found = ms.validate(model, against=own)
+    assert found.passed, found
+    assert [check.unit for check in found.checks] == ["m/s", "m/s2", "m/s", "N m", "N", "rad", "rad/s"]
+
+
+def test_several_drivers_come_by_name():
+    def tool(drivers):
+        left = -0.03 + 0.06 * np.exp(1j * drivers["left"])
+        right = 0.03 + 0.06 * np.exp(1j * drivers["right"])
+        half = (right - left) / 2
+        up = np.sqrt(0.08**2 / abs(half) ** 2 - 1)
+        at = left + half * (1 + 1j * up)
+        return {"P": np.column_stack([at.real, at.imag])}
+
+    assert ms.validate("five_bar", against=tool).passed
+    assert not ms.validate("five_bar", against=lambda d: {"P": 1.001 * tool(d)["P"]}).passed
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        (lambda angle: 1 / 0, "ends in ZeroDivisionError: division by zero"),
+        (lambda angle: [1], "gives a list; give a dictionary"),
+        (lambda angle: {"C": angle}, "gives 'C', which is nothing of slider_crank"),
+        (lambda angle: {"crnak": angle}, "did you mean 'crank'"),
+        (lambda angle: {"torque:crnak": angle}, "has no drive 'crnak'; did you mean 'crank'"),
+        (lambda angle: {"B": angle[:3]}, r"gives 'B' of shape \(3,\)"),
+        (lambda angle: {"B.xz": np.zeros((len(angle), 3))}, "give "),
+        (lambda angle: {"A": slider(angle)["A"] * np.nan}, "no finite value for 'A' at crank angle = 0;"),
+        (lambda angle: {"A": slider(angle)["A"] * 1j}, "gives complex numbers for 'A'"),
+        (lambda angle: {"A": "here"}, "gives no numbers for 'A'"),
+    ],
+)
+def test_what_is_no_formula_is_refused_in_one_line(function, said):
+    with pytest.raises(ms.InputError, match=said) as refused:
+        ms.validate("slider_crank", against=function)
+    assert "\n" not in str(refused.value)
+
+
+def test_points_by_two_numbers_in_space_name_their_plane():
+    drive = ms.catalog.make("rssr")
+
+    def own(angle):
+        return {"P3.yz": drive.solve(angle).points["P3"].position[:, 1:]}
+
+    assert ms.validate(drive, against=own).passed
+    with pytest.raises(ms.InputError, match=r"name the plane, as in 'P3\.xy'"):
+        ms.validate(drive, against=lambda angle: {"P3": own(angle)["P3.yz"]})
+
+
+def told(monkeypatch, capsys, *words):
+    monkeypatch.setattr("sys.argv", ["mechsim", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = capsys.readouterr()
+    return int(ended.value.code or 0), said.out, said.err
+
+
+def test_the_command_says_that_it_runs_code_and_keeps_to_eighty_columns(monkeypatch, capsys, tmp_path):
+    (tmp_path / "own.py").write_text(
+        "import numpy as np\ndef f(a):\n    return {'A': 0.05 * np.column_stack([np.cos(a), np.sin(a)])}\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    code, out, err = told(monkeypatch, capsys, "validate", "slider_crank", "--against", "own.py:f")
+    assert not code
+    assert "runs own.py: a formula is code" in err
+    assert all(len(line) <= 80 for line in out.splitlines())
+    code, out, _ = told(
+        monkeypatch,
+        capsys,
+        "validate",
+        "slider_crank",
+        "--set",
+        "crank=51mm",
+        "--against",
+        "own.py:f",
+        "--json",
+    )
+    assert code == 1
+    assert '"attribution"' in out
+    assert '"findings"' in out
