@@ -117,10 +117,10 @@ def test_an_incomplete_guess_is_completed_by_the_joints():
 
 
 FACE = """
-    AssemblyError Check Coupling End Forces Friction Gear Inertia InputError Joint JointSpring Link Load
+    Agreement AssemblyError Check Coupling End Forces Friction Gear Inertia InputError Joint JointSpring Link Load
     Mechanism MechsimError Motion Pose Programs Run Scene Settings Spring Tolerance Verdict __version__
     catalog closure course crosscheck dynamics load motors plots render rods show simulate simulation
-    trace units
+    trace units validate
 """
 NAMES = FACE.split()
 
