@@ -19,7 +19,7 @@ from mechsim.model.programs import State
 from mechsim.studies.agreement.claim import Claim, claimed
 from mechsim.studies.agreement.comparison import check, scales_of
 from mechsim.studies.agreement.named_quantities import names_of
-from mechsim.studies.agreement.situation import Situation, situation_of
+from mechsim.studies.agreement.situation import Comparand, situation_of
 from mechsim.studies.agreement.table_claims import claims_of_table, read_table, tabled_situation
 from mechsim.studies.motion_source import programs_of
 from mechsim.subjects.python_object import object_of
@@ -52,7 +52,7 @@ class Agreement:
     checks: tuple[Check, ...]
     findings: tuple[Finding, ...] = ()
     attribution: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    situation: Situation
+    situation: Comparand
     claims: tuple[Claim, ...]
     exact: tuple[Array, ...]
     reason: str = ""
@@ -121,7 +121,7 @@ def validate(
 
 
 def agreement(
-    situation: Situation, claims: list[Claim], source: str, tolerance: float | None = None
+    situation: Comparand, claims: list[Claim], source: str, tolerance: float | None = None
 ) -> Agreement:
     """Return whether claims agree with the exact motion of a situation."""
     exact = situation.all([claim.named for claim in claims])
@@ -161,7 +161,7 @@ def _form(
     )
 
 
-def _claims(form: Form, against: Against | None, speed: float) -> tuple[str, Situation, list[Claim]]:
+def _claims(form: Form, against: Against | None, speed: float) -> tuple[str, Comparand, list[Claim]]:
     """Return what is held against a form: its name, the instants, and what it says there."""
     if against is None:
         against = form.formula if isinstance(form, LoopForm) else ""

@@ -9,8 +9,8 @@ import numpy as np
 
 from mechsim.errors import InputError, MechsimError
 from mechsim.maths.arrays import Array
-from mechsim.studies.agreement.named_quantities import Named, Names
-from mechsim.studies.agreement.situation import Situation, asked_of
+from mechsim.studies.agreement.named_quantities import NamedQuantity, Names
+from mechsim.studies.agreement.situation import Comparand, asked_of
 
 # second arguments by which a function asks for more than places of drivers
 BY_NAME = {
@@ -33,14 +33,14 @@ class Claim:
         uncertainty: half-width of what was measured, (n, k) in SI; None where none is told.
     """
 
-    named: Named
+    named: NamedQuantity
     values: Array
     uncertainty: Array | None = None
 
 
 def claimed(
     function: Callable[..., Any],
-    situation: Situation,
+    situation: Comparand,
     names: Names,
     who: str,
     parameters: Mapping[str, float] | None = None,
@@ -122,7 +122,7 @@ def _copied(asked: Array | Mapping[str, Array]) -> Array | dict[str, Array]:
 
 
 def _more(
-    function: Callable[..., Any], situation: Situation, parameters: Mapping[str, float] | None
+    function: Callable[..., Any], situation: Comparand, parameters: Mapping[str, float] | None
 ) -> dict[str, Any]:
     """Return the arguments a function takes beside the coordinates of the drivers."""
     try:

@@ -7,8 +7,8 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.studies.agreement.claim import Claim
-from mechsim.studies.agreement.named_quantities import Kind, Named
-from mechsim.studies.agreement.situation import Situation
+from mechsim.studies.agreement.named_quantities import Kind, NamedQuantity
+from mechsim.studies.agreement.situation import Comparand
 from mechsim.verdict.checks import Check, check_of
 from mechsim.verdict.quantities import efforts_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import Tolerance
@@ -49,7 +49,7 @@ class Scales:
     force: float = 1.0
     torque: float = 1.0
 
-    def of(self, named: Named) -> float:
+    def of(self, named: NamedQuantity) -> float:
         """Return the scale of a quantity in its unit."""
         length = 1.0 if named.unit.startswith("rad") else self.length
         return {
@@ -65,7 +65,7 @@ class Scales:
         }[named.kind]
 
 
-def scales_of(situation: Situation, claims: Sequence[Claim]) -> Scales:
+def scales_of(situation: Comparand, claims: Sequence[Claim]) -> Scales:
     """Return the scales of a situation; those of efforts only where some are claimed."""
     motion = situation.motion
     length, stroke = reach_of(motion), stroke_of(motion)
@@ -76,7 +76,7 @@ def scales_of(situation: Situation, claims: Sequence[Claim]) -> Scales:
     return Scales(length, stroke, rate, found["force"] or 1.0, found["torque"] or 1.0)
 
 
-def errors(named: Named, found: Array, exact: Array) -> Array:
+def errors(named: NamedQuantity, found: Array, exact: Array) -> Array:
     """Return the differences of values (n, k), of angles by the shorter turn."""
     gap = found - exact
     return gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi)) if named.angle else gap
@@ -98,7 +98,7 @@ def bound_of(claim: Claim, scales: Scales, asked: float | None) -> Tolerance:
     return Tolerance(part * scale, named.unit, WHY.format(part=part, scale=scale, unit=named.unit), power)
 
 
-def check(claim: Claim, exact: Array, situation: Situation, scales: Scales, asked: float | None) -> Check:
+def check(claim: Claim, exact: Array, situation: Comparand, scales: Scales, asked: float | None) -> Check:
     """Return how far one claim is from what is exact (n, k)."""
     gap = errors(claim.named, claim.values, exact)
     tolerance, conditioning = bound_of(claim, scales, asked), situation.motion.conditioning
@@ -114,7 +114,7 @@ def check(claim: Claim, exact: Array, situation: Situation, scales: Scales, aske
     return check_of(kind, "", size, situation.angle, tolerance, conditioning)
 
 
-def _said(named: Named) -> str:
+def _said(named: NamedQuantity) -> str:
     if named.kind in ("position", "velocity", "acceleration"):
         axes = f", {named.axes}" if len(named.axes) < 3 else ""
         return f"{named.kind} of {named.subject}{axes}"

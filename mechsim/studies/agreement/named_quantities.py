@@ -34,7 +34,7 @@ AXES = "xyz"
 
 
 @dataclass(frozen=True, slots=True)
-class Named:
+class NamedQuantity:
     """A quantity of a subject.
 
     Attributes:
@@ -75,7 +75,7 @@ class Names:
     coordinates: Mapping[str, str]
     plane: str = ""
 
-    def read(self, name: str, width: int | None, who: str) -> Named:
+    def read(self, name: str, width: int | None, who: str) -> NamedQuantity:
         """Return the quantity that a name and the number of values at each instant mean.
 
         Args:
@@ -98,15 +98,15 @@ class Names:
             if coordinate is not None and scalar:
                 unit = self.coordinates[coordinate]
                 per = {"v": "/s", "a": "/s2"}.get(rate, "")
-                return Named(name, OF_JOINT[rate], coordinate, "", unit + per)
+                return NamedQuantity(name, OF_JOINT[rate], coordinate, "", unit + per)
             if subject in self.mechanism.points and rate != "q" and not part:
                 unit = "m" + {"v": "/s", "a": "/s2"}.get(rate, "")
-                return Named(name, OF_POINT[rate], subject, self._axes(name, axes, width, who), unit)
+                return NamedQuantity(name, OF_POINT[rate], subject, self._axes(name, axes, width, who), unit)
         raise InputError(
             f"{who} gives {name!r}, which is nothing of {self.mechanism.name}{self._nearest(name)}"
         )
 
-    def _effort(self, name: str, kind: Kind, rest: str, width: int | None, who: str) -> Named:
+    def _effort(self, name: str, kind: Kind, rest: str, width: int | None, who: str) -> NamedQuantity:
         joint, _, axes = rest.partition(".")
         if rest in self.coordinates or rest in {one.name for one in self.mechanism.joints}:
             joint, axes = rest, ""
@@ -118,8 +118,10 @@ class Names:
                 f"{joint!r}{nearest(joint, known)}"
             )
         if kind == "torque":
-            return Named(name, kind, joint, "", "N" if self.coordinates.get(joint) == "m" else "N m")
-        return Named(name, kind, joint, self._axes(name, axes, width, who), "N" if kind == "force" else "N m")
+            return NamedQuantity(name, kind, joint, "", "N" if self.coordinates.get(joint) == "m" else "N m")
+        return NamedQuantity(
+            name, kind, joint, self._axes(name, axes, width, who), "N" if kind == "force" else "N m"
+        )
 
     def _drives(self) -> list[str]:
         return [*self.mechanism.drivers, *self.mechanism.holds]

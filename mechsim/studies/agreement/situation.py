@@ -16,7 +16,7 @@ from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Efforts
 from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion
-from mechsim.studies.agreement.named_quantities import Named
+from mechsim.studies.agreement.named_quantities import NamedQuantity
 from mechsim.studies.motion_source import profile_of, programs_of
 
 INSTANTS = 73
@@ -25,7 +25,7 @@ EFFORTS = ("torque", "force", "moment")
 
 
 @dataclass(frozen=True)
-class Situation:
+class Comparand:
     """What moves, and at which instants it is asked.
 
     Attributes:
@@ -79,7 +79,7 @@ class Situation:
         rate, bend = first * self.speed, first * self.acceleration + second * self.speed**2
         return {name: (value[i], rate[i], bend[i]) for i, name in enumerate(programs.drivers)}
 
-    def exact(self, named: Named) -> Array:
+    def exact(self, named: NamedQuantity) -> Array:
         """Return what a quantity is, (n, k) in SI.
 
         Raises:
@@ -106,7 +106,7 @@ class Situation:
         drives = self.efforts.drives
         return (drives[subject] if drives else self.efforts.torque)[:, None]
 
-    def at(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> "Situation":
+    def at(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> "Comparand":
         """Return some of the instants."""
         time = None if self.time is None else self.time[rows]
         return replace(
@@ -117,7 +117,7 @@ class Situation:
             time=time,
         )
 
-    def all(self, named: Sequence[Named]) -> list[Array]:
+    def all(self, named: Sequence[NamedQuantity]) -> list[Array]:
         """Return what quantities are, (n, k) each in SI."""
         return [self.exact(one) for one in named]
 
@@ -127,7 +127,7 @@ def acting(form: Form) -> Forces | None:
     return form.forces if isinstance(form, LoopForm) else None
 
 
-def situation_of(form: Form, speed: float, samples: int = INSTANTS) -> Situation:
+def situation_of(form: Form, speed: float, samples: int = INSTANTS) -> Comparand:
     """Return a form over its range: a turn, a swing, or its programs from begin to end, evenly in time.
 
     Args:
@@ -137,10 +137,10 @@ def situation_of(form: Form, speed: float, samples: int = INSTANTS) -> Situation
     """
     profile = profile_of(form, speed, form.period / TURN)
     time = np.linspace(0.0, profile.duration, samples)
-    return Situation(form, *profile.state(time), time)
+    return Comparand(form, *profile.state(time), time)
 
 
-def asked_of(situation: Situation) -> Array | Mapping[str, Array]:
+def asked_of(situation: Comparand) -> Array | Mapping[str, Array]:
     """Return what a formula is asked at: the crank's angles, or the coordinates of the drivers by name."""
     drivers = {name: state[0] for name, state in situation.drivers().items()}
     if programs_of(situation.form) is None or len(drivers) == 1:

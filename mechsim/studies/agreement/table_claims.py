@@ -16,8 +16,8 @@ from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.programs import Programs, State, programs, tabled
 from mechsim.studies.agreement.claim import Claim
-from mechsim.studies.agreement.named_quantities import AXES, Named, Names, nearest
-from mechsim.studies.agreement.situation import Situation, acting
+from mechsim.studies.agreement.named_quantities import AXES, NamedQuantity, Names, nearest
+from mechsim.studies.agreement.situation import Comparand, acting
 from mechsim.studies.motion_source import programs_of
 
 CLOCKS = ("t", "time")
@@ -115,7 +115,7 @@ def _head(path: str, head: str) -> tuple[str, float]:
 
 def tabled_situation(
     form: Form, table: Mapping[str, Column], speed: float, source: str
-) -> tuple[Situation, list[str]]:
+) -> tuple[Comparand, list[str]]:
     """Return a form at the instants of a table, and the names of the columns that said so.
 
     Columns named like drivers, or `angle` for a crank, say where those stand; `t` says when.
@@ -144,21 +144,21 @@ def tabled_situation(
     one = np.full_like(time, through.pace)
     used = [*names.values(), *(name for driver in names for name in _rates(driver) if name in table)]
     there = through.pace * (time - time[0])
-    return Situation(own, there, one, 0.0 * one, time if clock else None), used + ([clock] if clock else [])
+    return Comparand(own, there, one, 0.0 * one, time if clock else None), used + ([clock] if clock else [])
 
 
-def _of_programs(form: Form, known: Programs, time: Array) -> Situation:
+def _of_programs(form: Form, known: Programs, time: Array) -> Comparand:
     """Return a form under its own programs at the times of a table."""
     last = float(time.max())
     if isinstance(form, LoopForm) and last > known.duration:
         form = replace(form, programs=known.lasting(last))
     one = np.full_like(time, known.pace)
-    return Situation(form, known.pace * time, one, 0.0 * one, time)
+    return Comparand(form, known.pace * time, one, 0.0 * one, time)
 
 
 def _of_crank(
     form: Form, table: Mapping[str, Column], speed: float, source: str, clock: str | None
-) -> tuple[Situation, list[str]]:
+) -> tuple[Comparand, list[str]]:
     crank = form.mechanism.crank.name
     column = "angle" if "angle" in table else _driver_column(crank, table)
     used = [name for name in (column, clock, *_rates(crank)) if name is not None and name in table]
@@ -174,7 +174,7 @@ def _of_crank(
         )
     rate = table[f"{crank}.v"].values if f"{crank}.v" in table else np.full_like(angle, speed)
     second = table[f"{crank}.a"].values if f"{crank}.a" in table else np.zeros_like(angle)
-    return Situation(form, angle, rate, second, time), used
+    return Comparand(form, angle, rate, second, time), used
 
 
 def _driver_column(driver: str, table: Mapping[str, Column]) -> str | None:
@@ -203,7 +203,7 @@ def _rates(driver: str) -> tuple[str, str]:
 
 def claims_of_table(table: Mapping[str, Column], used: list[str], names: Names, source: str) -> list[Claim]:
     """Return what a table says of quantities: those of one point's components together."""
-    found: dict[tuple[str, str], list[tuple[Named, Column]]] = {}
+    found: dict[tuple[str, str], list[tuple[NamedQuantity, Column]]] = {}
     for name, column in table.items():
         if name in used:
             continue
@@ -217,7 +217,7 @@ def claims_of_table(table: Mapping[str, Column], used: list[str], names: Names, 
     return claims
 
 
-def _together(parts: list[tuple[Named, Column]]) -> Claim:
+def _together(parts: list[tuple[NamedQuantity, Column]]) -> Claim:
     parts = sorted(parts, key=lambda part: AXES.find(part[0].axes))
     axes = "".join(named.axes for named, _ in parts)
     first = parts[0][0]
