@@ -9,6 +9,7 @@ from mechsim import units
 from mechsim.cli.declared_options import spread
 from mechsim.cli.options import DriveOptions, Json, Model, Sets, form_of
 from mechsim.cli.output import print_json, print_table
+from mechsim.cli.scene_findings import as_dicts, found_in, print_findings
 from mechsim.report.facts import OWN, facts
 
 
@@ -29,10 +30,12 @@ def show(
     drive = form_of(model, sets, driven)
     at = None if angle is None else units.parse_angle(angle, "the crank angle")
     found = facts(drive, at, driver)
+    scene = found_in(drive)
     if as_json:
-        print_json(found)
+        print_json(found if scene is None else found | {"findings": as_dicts(scene)})
     else:
         _print_facts(found)
+        print_findings(scene)
 
 
 def _print_facts(found: dict[str, Any]) -> None:

@@ -33,7 +33,11 @@ class Finding:
         return asdict(self)
 
     @property
+    def advice(self) -> str:
+        """What was found and what mends it."""
+        return self.say + (f"; {self.remedy}" if self.remedy else "")
+
+    @property
     def told(self) -> str:
         """The finding in one line: where, what, remedy."""
-        where = "" if self.line is None else f"line {self.line}: "
-        return f"{where}{self.say}" + (f"; {self.remedy}" if self.remedy else "")
+        return self.advice if self.line is None else f"line {self.line}: {self.advice}"

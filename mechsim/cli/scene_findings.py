@@ -1,0 +1,47 @@
+"""What is wrong with a scene, as `show` tells it and as it stands at the head of a verdict."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import typer
+
+from mechsim.analytic.forms import Form
+from mechsim.cli.output import print_table
+from mechsim.model.finding import Finding
+from mechsim.model.programs import Programs
+from mechsim.simulation.findings import findings
+from mechsim.subjects.mjcf_source import MjcfForm
+
+
+def found_in(form: Form, programs: Programs | None = None) -> tuple[Finding, ...] | None:
+    """Return what is wrong with the scene of an MJCF file, the gravest first; None of anything else.
+
+    Args:
+        form: what moves.
+        programs: of the drivers; None takes its own.
+    """
+    if not isinstance(form, MjcfForm) or form.source is None:
+        return None
+    return findings(form.source, programs or form.programs)
+
+
+def as_dicts(found: Sequence[Finding] | None) -> list[dict[str, Any]]:
+    """Return findings as JSON has them."""
+    return [one.as_dict() for one in found or ()]
+
+
+def print_findings(found: Sequence[Finding] | None) -> None:
+    """Print findings as a table; a line where there are none, nothing where there is no scene."""
+    if found is None:
+        return
+    if not found:
+        typer.echo("findings: none")
+        return
+    rows = [(one.kind, "" if one.line is None else str(one.line), one.advice) for one in found]
+    print_table("Findings in the file", ("kind", "line", "what; remedy"), rows)
+
+
+def tell_findings(name: str, found: Sequence[Finding] | None) -> None:
+    """Print findings at the head of a verdict, a line each."""
+    for one in found or ():
+        typer.echo(f"{name}: {one.kind}: {one.told}")

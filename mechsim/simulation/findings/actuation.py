@@ -1,0 +1,131 @@
+"""Actuators that fight: each other, the loops, or what the drivers are asked to do."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from mechsim.maths.arrays import Array
+from mechsim.model.finding import Finding
+from mechsim.simulation.findings.inspected import Inspected, line_of, rank
+from mechsim.simulation.findings.predicted_gap import moments
+from mechsim.simulation.findings.swing import Swing, swing
+from mechsim.simulation.mjcf.silence import quiet
+
+# a servo whose target is farther from where its joint starts, in [rad] or parts of the size, kicks
+KICK = 1e-2
+# an effort below this part of the largest that moves the drivers is none
+SLIGHT = 1e-3
+JOINTED = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+
+
+def fighting(scene: Inspected) -> Iterator[Finding]:
+    """Yield actuators that work against what moves."""
+    if not scene.model.nu or scene.model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ACTUATION):
+        return
+    yield from _too_many(scene)
+    yield from _kicking(scene)
+    yield from _against_programs(scene)
+
+
+def _too_many(scene: Inspected) -> Iterator[Finding]:
+    """Yield servos that move what other servos move already, as the loops have it in every pose."""
+    model, lines = scene.model, _lines(scene)
+    servos = [a for a in range(model.nu) if _stiffness(scene, a) > 0.0]
+    held = [slope for slope, _ in scene.slopes]
+    arms = [_directions(scene, qpos) for qpos in scene.stands]
+    for a in servos:
+        wider = [np.vstack([rows, arm[a]]) for rows, arm in zip(held, arms, strict=True)]
+        if any(rank(more) > rank(rows) for more, rows in zip(wider, held, strict=True)):
+            held = wider
+            continue
+        name = str(model.actuator(a).name) or f"actuator{a + 1}"
+        yield Finding(
+            kind="actuator",
+            what=name,
+            by=_stiffness(scene, a),
+            explains=0.0,
+            say=f"actuator {name} moves what other servos move already: they work against each other "
+            "unless their controls agree to the last bit",
+            remedy=f"leave {name} out, or make it a motor",
+            line=lines[a],
+        )
+
+
+def _directions(scene: Inspected, qpos: Array) -> Array:
+    """Return the arms of the actuators, each of length one, (nu, nv)."""
+    arms = moments(scene, qpos)
+    return arms / np.maximum(np.linalg.norm(arms, axis=1, keepdims=True), 1e-300)
+
+
+def _kicking(scene: Inspected) -> Iterator[Finding]:
+    """Yield servos that stand elsewhere than their control asks for; of the reference start only.
+
+    Keyframes bring controls of their own.
+    """
+    model = scene.model
+    if not np.array_equal(scene.read.qpos, model.qpos0):
+        return
+    for a in range(model.nu):
+        kp, force = _stiffness(scene, a), float(scene.started.actuator_force[a])
+        off = force / kp if kp > 0.0 else 0.0
+        if int(model.actuator_trntype[a]) not in JOINTED or abs(off) <= KICK:
+            continue
+        name = str(model.actuator(a).name) or f"actuator{a + 1}"
+        yield Finding(
+            kind="actuator",
+            what=name,
+            by=abs(force),
+            explains=0.0,
+            say=f"actuator {name} is {abs(off):.3g} from what its control of 0 asks for where the scene "
+            f"starts, and begins with an effort of {abs(force):.3g}",
+            remedy="give it the control of the start, in a keyframe or by --ctrl",
+            line=_lines(scene)[a],
+        )
+
+
+def _against_programs(scene: Inspected) -> Iterator[Finding]:
+    """Yield servos whose control stands at 0 while the drivers are asked to move."""
+    motion = None if scene.programs is None else swing(scene)
+    if motion is None:
+        return
+    efforts = _efforts(scene, motion)
+    for a in range(scene.model.nu):
+        most = float(np.abs(efforts[:, a]).max(initial=0.0))
+        if _stiffness(scene, a) <= 0.0 or most <= SLIGHT * float(np.abs(efforts).max()):
+            continue
+        name = str(scene.model.actuator(a).name) or f"actuator{a + 1}"
+        yield Finding(
+            kind="actuator",
+            what=name,
+            by=most,
+            explains=0.0,
+            say=f"actuator {name} fights the drive: with its control at 0 it works against the programs "
+            f"by up to {most:.3g} N or N m",
+            remedy="drive by its own control (--ctrl), or leave it out of the scene",
+            line=_lines(scene)[a],
+        )
+
+
+@quiet()
+def _efforts(scene: Inspected, motion: Swing) -> Array:
+    """Return what the actuators do with controls at rest over a motion, (n, nu)."""
+    data, found = mujoco.MjData(scene.model), list[Array]()
+    for qpos, qvel in zip(motion.qpos, motion.qvel, strict=True):
+        data.qpos[:], data.qvel[:] = qpos, qvel
+        mujoco.mj_fwdPosition(scene.model, data)
+        mujoco.mj_fwdVelocity(scene.model, data)
+        mujoco.mj_fwdActuation(scene.model, data)
+        found.append(data.actuator_force.copy())
+    return np.array(found)
+
+
+def _stiffness(scene: Inspected, actuator: int) -> float:
+    """Return by how much an actuator's effort falls with its own length; 0 for a motor."""
+    if int(scene.model.actuator_biastype[actuator]) != int(mujoco.mjtBias.mjBIAS_AFFINE):
+        return 0.0
+    return -float(scene.model.actuator_biasprm[actuator, 1])
+
+
+def _lines(scene: Inspected) -> list[int | None]:
+    return [line_of(one) for one in scene.read.spec.actuators]

@@ -1,0 +1,68 @@
+"""Freedoms that the drivers of a scene leave open."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mechsim.errors import MechsimError
+from mechsim.maths.arrays import Array
+from mechsim.model.finding import Finding
+from mechsim.simulation import closed_model
+from mechsim.simulation.findings.inspected import Inspected, null_space, rank
+from mechsim.simulation.mjcf import quiet
+from mechsim.simulation.mjcf_reader.held_base import free_bodies
+from mechsim.simulation.model_loops import BALL
+from mechsim.simulation.open_freedoms import standing
+
+# part of a freedom that is a motion of a joint, and no rounding
+MOVES = 1e-6
+# names that are listed
+LISTED = 6
+
+
+def left_open(scene: Inspected) -> Iterator[Finding]:
+    """Yield what the drivers leave open, where something is."""
+    if not _any_open(scene):
+        return
+    model, (slope, _) = scene.model, scene.generic
+    held = [*scene.drivers, *scene.read.mechanism.holds]
+    rows = np.eye(model.nv)[[int(model.joint(name).dofadr[0]) for name in held]]
+    free = null_space(np.vstack([slope, rows]))
+    count, names = _one_each(scene, free)
+    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+    told = ", ".join(names[:LISTED]) + more
+    floats = " or --hold-base" if free_bodies(model) else ""
+    yield Finding(
+        kind="open",
+        what=told,
+        by=count,
+        explains=0.0,
+        say=f"{model.nv - rank(slope)} freedoms, {count} of them open with {', '.join(held)} held: "
+        f"{told} can still move, and only springs, weight, friction and contacts say how",
+        remedy=f"drive, hold or couple them (--drive, --hold{floats})",
+    )
+
+
+def _one_each(scene: Inspected, free: Array) -> tuple[int, list[str]]:
+    """Return how many freedoms of (k, nv) are open, and a joint that moves by each.
+
+    Balls are left out: what they alone let turn is a rod about its own line.
+    """
+    model, chosen, names = scene.model, list[int](), list[str]()
+    for dof in range(model.nv):
+        joint = int(model.dof_jntid[dof])
+        if int(model.jnt_type[joint]) == BALL:
+            continue
+        if np.linalg.matrix_rank(free[:, [*chosen, dof]], tol=MOVES) > len(chosen):
+            chosen.append(dof)
+            names.append(str(model.joint(joint).name))
+    return len(chosen), list(dict.fromkeys(names))
+
+
+def _any_open(scene: Inspected) -> bool:
+    """Say whether anything that matters can move with the drivers held; not where the loops never close."""
+    try:
+        with quiet():
+            return standing(closed_model.of_source(scene.read, drivers=scene.drivers)).open != ()
+    except (MechsimError, np.linalg.LinAlgError):
+        return False

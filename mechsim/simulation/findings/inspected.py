@@ -1,0 +1,199 @@
+"""A scene that is looked over: the compiled model at its start, its loops, and closed states about it."""
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from mechsim.maths.arrays import Array
+from mechsim.model.programs import Programs
+from mechsim.simulation.mjcf.compiling import compiled
+from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf_reader import MjcfModel
+from mechsim.simulation.mjcf_reader.equality_rows import CONNECT, JOINT, TENDON, WELD
+
+EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+OFF = mujoco.mjtDisableBit
+# singular values below this part of the largest count as zero: files are rounded to a millionth
+RANK = 1e-5
+# how far to either side of the start a scene is moved, in [rad] or parts of its size
+ASIDE = 0.1
+# Newton steps that close a scene, and the opening at which it counts as closed, in parts of its size
+STEPS, CLOSED = 30, 1e-10
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """An active equality constraint.
+
+    Attributes:
+        name: of the constraint.
+        number: in the model.
+        kind: of the constraint, as MuJoCo numbers it.
+        bodies: that it joins, for connect and weld; else none.
+        line: in the file.
+    """
+
+    name: str
+    number: int
+    kind: int
+    bodies: tuple[int, ...]
+    line: int | None
+
+    @property
+    def closes(self) -> bool:
+        """Whether it holds points together, not coordinates."""
+        return self.kind in (CONNECT, WELD)
+
+
+@dataclass(frozen=True, eq=False)
+class Inspected:
+    """A scene and what its drivers are asked to do.
+
+    Attributes:
+        read: what was read of the file.
+        programs: of its drivers; None where nothing says how they go.
+    """
+
+    read: MjcfModel
+    programs: Programs | None = None
+
+    @cached_property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model."""
+        with quiet():
+            return compiled(self.read.spec.copy())
+
+    @cached_property
+    def bare(self) -> mujoco.MjModel:
+        """The model with no constraints but its loops."""
+        with quiet():
+            model = compiled(self.read.spec.copy())
+        model.opt.disableflags |= (
+            int(OFF.mjDSBL_CONTACT) | int(OFF.mjDSBL_LIMIT) | int(OFF.mjDSBL_FRICTIONLOSS)
+        )
+        model.opt.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)
+        return model
+
+    @cached_property
+    def started(self) -> mujoco.MjData:
+        """MuJoCo's account of the model at rest where it starts; not to be changed."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = self.read.qpos
+        with quiet():
+            mujoco.mj_forward(self.model, data)
+        return data
+
+    @property
+    def size(self) -> float:
+        """The yardstick of lengths, in [m]."""
+        return self.read.mechanism.size
+
+    @property
+    def drivers(self) -> tuple[str, ...]:
+        """The driven joints."""
+        return self.read.mechanism.drivers
+
+    @cached_property
+    def loops(self) -> tuple[Loop, ...]:
+        """The active equality constraints."""
+        model = self.model
+        if model.opt.disableflags & int(OFF.mjDSBL_EQUALITY):
+            return ()
+        known = (CONNECT, WELD, JOINT, TENDON)
+        lines = [line_of(one) for one in self.read.spec.equalities]
+        return tuple(
+            Loop(model.equality(i).name, i, kind, _bodies(model, i), lines[i])
+            for i in range(model.neq)
+            if model.eq_active0[i] and (kind := int(model.eq_type[i])) in known
+        )
+
+    def opened(self, qpos: Array) -> tuple[Array, Array, Array]:
+        """Return how far the loops stand open, (m,), the Jacobian (m, nv), and the loop of each row, (m,)."""
+        data = mujoco.MjData(self.bare)
+        data.qpos[:] = qpos
+        with quiet():
+            mujoco.mj_fwdPosition(self.bare, data)
+        rows = data.efc_type == EQUALITY
+        slope = data.efc_J.reshape(-1, self.bare.nv)[rows]
+        return data.efc_pos[rows].copy(), slope.copy(), data.efc_id[rows].copy()
+
+    @cached_property
+    def closed(self) -> Array | None:
+        """The closed state nearest to the start, (nq,); None where the loops do not close."""
+        return self.closed_from(self.read.qpos)
+
+    def closed_from(self, qpos: Array) -> Array | None:
+        """Return the closed state nearest to another, (nq,), by Newton's method; None where there is none."""
+        qpos = qpos.copy()
+        for _ in range(STEPS):
+            gap, slope, _ = self.opened(qpos)
+            if np.abs(gap).max(initial=0.0) <= CLOSED * self.size:
+                return qpos
+            step = -np.linalg.pinv(slope, rcond=RANK) @ gap
+            if not np.isfinite(step).all():
+                return None
+            mujoco.mj_integratePos(self.bare, qpos, step, 1.0)
+        return None
+
+    @cached_property
+    def stands(self) -> tuple[Array, ...]:
+        """States about the start, closed if they can be, (nq,) each: a special pose is not the rule."""
+        start = self.read.qpos if self.closed is None else self.closed
+        _, slope, _ = self.opened(start)
+        free = null_space(slope)
+        if not len(free):
+            return (start,)
+        # no freedom is left out, and none counts as much as another
+        order = 1.0 + 0.3 * np.arange(len(free))
+        found = [start]
+        for weights in (order, -order, np.cos(order), -np.cos(order)):
+            direction = weights @ free
+            direction *= ASIDE / max(float(np.abs(direction).max()), 1e-300)
+            rough = start.copy()
+            mujoco.mj_integratePos(self.bare, rough, direction, 1.0)
+            there = rough if self.closed is None else self.closed_from(rough)
+            found += [] if there is None else [there]
+        return tuple(found)
+
+    @cached_property
+    def slopes(self) -> tuple[tuple[Array, Array], ...]:
+        """The Jacobian of the loops in each of `stands`, (m, nv), and the loop of each row, (m,)."""
+        return tuple(self.opened(qpos)[1:] for qpos in self.stands)
+
+    @cached_property
+    def generic(self) -> tuple[Array, Array]:
+        """The Jacobian of the loops where its rank is highest, (m, nv), and the loop of each row, (m,)."""
+        return max(self.slopes, key=lambda one: rank(one[0]))
+
+
+def _bodies(model: mujoco.MjModel, i: int) -> tuple[int, ...]:
+    if int(model.eq_type[i]) not in (CONNECT, WELD):
+        return ()
+    ends = int(model.eq_obj1id[i]), max(int(model.eq_obj2id[i]), 0)
+    if int(model.eq_objtype[i]) == int(mujoco.mjtObj.mjOBJ_SITE):
+        return tuple(int(model.site_bodyid[end]) for end in ends)
+    return ends
+
+
+def line_of(part: mujoco.MjsBody | mujoco.MjsJoint | mujoco.MjsEquality | mujoco.MjsActuator) -> int | None:
+    """Return the line of a part in its file, as MuJoCo has it."""
+    found = re.search(r"line (\d+)", str(part.info))
+    return int(found[1]) if found else None
+
+
+def rank(matrix: Array) -> int:
+    """Return the rank of a Jacobian, (m, n)."""
+    if not matrix.size:
+        return 0
+    values = np.linalg.svd(matrix, compute_uv=False)
+    return int((values > RANK * values.max(initial=0.0)).sum())
+
+
+def null_space(matrix: Array) -> Array:
+    """Return the directions that a Jacobian (m, n) does not see, (k, n)."""
+    if not len(matrix):
+        return np.eye(matrix.shape[1])
+    return np.linalg.svd(matrix)[2][rank(matrix) :]

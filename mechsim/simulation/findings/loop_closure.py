@@ -1,0 +1,111 @@
+"""Loops that do not meet where a scene starts, and loops that say what others say."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mechsim.model.finding import Finding
+from mechsim.simulation.findings.inspected import Inspected, Loop, rank
+from mechsim.simulation.mjcf_reader.equality_rows import CONNECT, WELD
+
+# a loop that stands open by more, in parts of the size or in [rad], was not meant to: digits of CAD exports
+# leave 2e-6
+OPEN = 1e-5
+
+
+def gaps(scene: Inspected) -> Iterator[Finding]:
+    """Yield the loops that stand open where the scene starts."""
+    gap, _, of = scene.opened(scene.read.qpos)
+    for loop in scene.loops:
+        rows = gap[of == loop.number]
+        apart = float(np.linalg.norm(rows[:3] if loop.closes else rows))
+        turned = float(np.linalg.norm(rows[3:])) if loop.kind == WELD else 0.0
+        slides = loop.closes or _slides(scene, loop)
+        if apart > OPEN * (scene.size if slides else 1.0):
+            yield _gap(loop, apart, "m" if slides else "rad", "its two sides")
+        if turned > OPEN:
+            # the rows of a weld are half the angle times its torque scale
+            yield _gap(loop, turned, "rad", "its two frames, turned apart")
+
+
+def _slides(scene: Inspected, loop: Loop) -> bool:
+    """Say whether a coupling's left side is a displacement."""
+    name = str(scene.model.equality(loop.number).name)
+    law = next((one for one in scene.read.mechanism.laws if one.name == name), None)
+    joints = list(law.left_terms) if law else []
+    return bool(joints) and scene.read.mechanism.unit(joints[0]) == "m"
+
+
+def _gap(loop: Loop, by: float, unit: str, what: str) -> Finding:
+    return Finding(
+        kind="gap",
+        what=loop.name,
+        by=by,
+        explains=0.0,
+        say=f"{loop.name} stands open where the scene starts: {what} are {by:.3g} {unit} apart",
+        remedy="MuJoCo snaps it shut in the first steps: move an anchor or start from a closed keyframe",
+        line=loop.line,
+    )
+
+
+def doubled(scene: Inspected) -> Iterator[Finding]:
+    """Yield the loops that another one closes already."""
+    slope, of = scene.generic
+    rows = {loop.number: slope[of == loop.number] for loop in scene.loops}
+    gone: set[int] = set()
+    for i, loop in enumerate(scene.loops):
+        for other in scene.loops[:i]:
+            alone, both = rank(rows[other.number]), np.vstack([rows[other.number], rows[loop.number]])
+            if not alone or other.number in gone or rank(both) != alone:
+                continue
+            gone.add(loop.number)
+            yield Finding(
+                kind="redundant",
+                what=loop.name,
+                by=len(rows[loop.number]),
+                explains=0.0,
+                say=f"{loop.name} says what {other.name} says: the loop is closed twice over, "
+                f"and its {len(rows[loop.number])} rows add no rank",
+                remedy=f"leave out {loop.name}",
+                line=loop.line,
+            )
+            break
+
+
+def repeated(scene: Inspected) -> Iterator[Finding]:
+    """Yield how many rows of the loops repeat others or say nothing, doubled loops left out."""
+    slope, of = scene.generic
+    twice = {one.what for one in doubled(scene)}
+    kept = [loop for loop in scene.loops if loop.name not in twice]
+    slope = slope[np.isin(of, [loop.number for loop in kept])]
+    extra = len(slope) - rank(slope)
+    if not extra:
+        return
+    norms = np.linalg.norm(slope, axis=1)
+    nought = int((norms <= 1e-9 * norms.max(initial=0.0)).sum())
+    idle = [loop for loop in kept if _adds_nothing(scene, loop, [one for one in kept if one is not loop])]
+    names = ", ".join(loop.name for loop in idle)
+    flat = all(loop.kind == CONNECT for loop in kept if loop.closes)
+    say = f"{len(slope)} rows of the loops have rank {len(slope) - extra}: {extra} of them repeat others"
+    if nought == extra:
+        say = (
+            f"{len(slope)} rows of the loops have rank {len(slope) - extra}: the rest, across a plane, are 0"
+        )
+    elif names:
+        say += f"; any one of {names} could go" if len(idle) > 1 else f"; {names} could go"
+    remedy = "leave it so if the linkage is flat or spherical: rows that repeat only share forces unevenly"
+    yield Finding(
+        kind="redundant",
+        what=names or "loops",
+        by=extra,
+        explains=0.0,
+        say=say,
+        remedy="harmless" if nought == extra and flat else remedy,
+    )
+
+
+def _adds_nothing(scene: Inspected, loop: Loop, others: list[Loop]) -> bool:
+    slope, of = scene.generic
+    rest = slope[np.isin(of, [one.number for one in others])]
+    both = slope[np.isin(of, [loop.number, *(one.number for one in others)])]
+    return rank(rest) == rank(both)

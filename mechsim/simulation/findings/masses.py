@@ -1,0 +1,101 @@
+"""Masses and inertias that no body can have."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from mechsim.maths.arrays import Array
+from mechsim.model.finding import Finding
+from mechsim.simulation.findings.inspected import Inspected, line_of
+
+# rounding of the triangle inequality, in parts of the largest moment
+ROUNDED = 1e-9
+# a body whose mass is spread wider than this many sizes of the whole scene, or whose centre lies so far off
+WIDE = 3.0
+# no solid is as dense, in [kg/m3]; osmium has 22,600
+DENSEST = 1e6
+# part of the heaviest moving body's mass below which one is weightless
+WEIGHTLESS = 1e-7
+
+
+def impossible(scene: Inspected) -> Iterator[Finding]:
+    """Yield the moving bodies whose mass or inertia cannot be."""
+    model = scene.model
+    moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
+    heaviest = max((float(model.body_mass[b]) for b in moving), default=0.0)
+    parts = {body.name: body for body in scene.read.spec.bodies}
+    for b in moving:
+        name = str(model.body(b).name)
+        mass, moments = float(model.body_mass[b]), np.sort(model.body_inertia[b])
+        part = parts[name]
+        written = _moments(part) if part.explicitinertial else moments
+        said = _broken(written)
+        if not said and mass > WEIGHTLESS * heaviest:
+            said = _spread(scene, mass, moments, float(np.linalg.norm(model.body_ipos[b])))
+        if not said and model.body_jntnum[b] and model.body_subtreemass[b] <= WEIGHTLESS * heaviest:
+            by = float(model.body_subtreemass[b])
+            said = by, f"with all it carries weighs {by:.2g} kg, nothing beside {heaviest:.2g} kg", "weigh it"
+        if said:
+            by, what, remedy = said
+            yield Finding(
+                kind="inertia",
+                what=name,
+                by=by,
+                explains=0.0,
+                say=f"body {name} {what}",
+                remedy=remedy,
+                line=line_of(part),
+            )
+
+
+def _moments(part: mujoco.MjsBody) -> Array:
+    """Return the principal moments that a file writes of a body, rising, (3,) in [kg m2]."""
+    full = np.array(part.fullinertia)
+    if not np.isfinite(full).all():
+        return np.sort(part.inertia)
+    xx, yy, zz, xy, xz, yz = full
+    return np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _broken(moments: Array) -> tuple[float, str, str] | None:
+    """Return by how much three moments break the triangle inequality, in words; None where they keep it."""
+    low, middle, high = (float(value) for value in moments)
+    told = ", ".join(f"{value:.4g}" for value in (low, middle, high))
+    if not low >= 0.0:
+        return low, f"has a negative moment of inertia ({told} kg m2)", "mend its inertia"
+    if high > (low + middle) * (1.0 + ROUNDED) + 1e-300:
+        return (
+            high / (low + middle) if low + middle else np.inf,
+            f"has moments of inertia {told} kg m2, of which the largest exceeds the sum of the others",
+            "no body has them: look for exchanged or mistyped moments",
+        )
+    return None
+
+
+def _spread(scene: Inspected, mass: float, moments: Array, off: float) -> tuple[float, str, str] | None:
+    """Say what of a body's mass and moments fits no body of the scene's size; None where all does."""
+    radius = float(np.sqrt(moments[2] / mass))
+    size = max(scene.size, off)
+    if radius > WIDE * size:
+        return (
+            radius,
+            f"has its mass spread to a radius of {radius:.3g} m, in a scene of {scene.size:.3g} m",
+            "its inertia looks like kg mm2 or g mm2: write kg m2",
+        )
+    if off > WIDE * 10.0 * scene.size:
+        return (
+            off,
+            f"has its centre of mass {off:.3g} m from its origin, in a scene of {scene.size:.3g} m",
+            "its place looks like mm: write m",
+        )
+    # the ellipsoid of that mass and those moments
+    squares = 2.5 * (moments.sum() - 2.0 * moments) / mass
+    volume = 4.0 / 3.0 * np.pi * float(np.sqrt(np.prod(np.maximum(squares, 0.0))))
+    if volume > 0.0 and mass / volume > DENSEST:
+        return (
+            mass / volume,
+            f"has moments of inertia so small for its mass that it is {mass / volume:.2g} kg/m3 dense",
+            "its mass looks like g, or its inertia like that of another body: write kg and kg m2",
+        )
+    return None

@@ -1,0 +1,131 @@
+"""How far soft loops will open: the gap at which a constraint's own stiffness carries its force.
+
+A constraint asks MuJoCo for the acceleration -b v - k d r of its gap r, gets it but for R f, the force f
+times its softness, and stands still where r = -R f / (k d): b and k come from `solref`, the impedance d and
+R from `solimp`. The forces are those that a motion with closed loops takes. Motions must be slow
+beside the time constant of the loops.
+"""
+
+import mujoco
+import numpy as np
+
+from mechsim.maths.arrays import Array
+from mechsim.simulation.findings.inspected import EQUALITY, Inspected
+from mechsim.simulation.findings.swing import Swing
+from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf_reader.driven_joints import acted_on
+
+# rounds in which the impedance follows the gap
+ROUNDS = 6
+# the hardest impedance that MuJoCo takes
+HARDEST = 0.9999
+# singular values below this part of the largest carry no force
+IDLE = 1e-9
+
+
+def gaps_at_rest(scene: Inspected) -> dict[int, float]:
+    """Return by how much each loop will stand open under what acts at the start, in [m] or [rad]."""
+    data = mujoco.MjData(scene.bare)
+    data.qpos[:] = scene.read.qpos if scene.closed is None else scene.closed
+    with quiet():
+        mujoco.mj_forward(scene.bare, data)
+    rows = data.efc_type == EQUALITY
+    return _of_each(_soft(scene, data, data.efc_force[rows]), data.efc_id[rows])
+
+
+def gaps_in(scene: Inspected, motion: Swing) -> dict[int, float]:
+    """Return the widest gap of each loop over a motion, loop's number -> [m] or [rad]."""
+    widest: dict[int, float] = {}
+    data = mujoco.MjData(scene.bare)
+    inputs = driven_by(scene)
+    for qpos, qvel, qacc in zip(motion.qpos, motion.qvel, motion.qacc, strict=True):
+        data.qpos[:], data.qvel[:] = qpos, qvel
+        with quiet():
+            mujoco.mj_forward(scene.bare, data)
+        rows = data.efc_type == EQUALITY
+        force = loop_forces(scene, data, qacc, inputs)
+        found = _of_each(_soft(scene, data, force), data.efc_id[rows])
+        widest = {loop: max(by, widest.get(loop, 0.0)) for loop, by in found.items()}
+    return widest
+
+
+def driven_by(scene: Inspected) -> Array:
+    """Return in which directions efforts move the drivers, (k, nv): by an actuator's tendon or joint."""
+    model, arms = scene.bare, moments(scene, scene.read.qpos)
+    rows: list[Array] = []
+    for name in (*scene.drivers, *scene.read.mechanism.holds):
+        own = np.zeros(model.nv)
+        own[int(model.joint(name).dofadr[0])] = 1.0
+        acting = [a for a in range(model.nu) if name in acted_on(model, a)]
+        rows.append(arms[acting[0]] if acting else own)
+    return np.array(rows).reshape(-1, model.nv)
+
+
+def moments(scene: Inspected, qpos: Array) -> Array:
+    """Return the arms of the actuators by the freedoms at coordinates (nq,), (nu, nv)."""
+    model = scene.bare
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    dense = np.zeros((model.nu, model.nv))
+    if model.nu:
+        with quiet():
+            mujoco.mj_fwdPosition(model, data)
+        arms = data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
+        mujoco.mju_sparse2dense(dense, *arms)
+    return dense
+
+
+def loop_forces(scene: Inspected, data: mujoco.MjData, qacc: Array, inputs: Array) -> Array:
+    """Return the forces in the rows of the loops that a motion takes, (m,), at a state in `data`.
+
+    Drivers move by what efforts along `inputs` (k, nv) it takes. Rows that repeat others share a force as
+    their softness has it.
+    """
+    model = scene.bare
+    inertia = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, inertia)
+    needed = inertia @ qacc + data.qfrc_bias - data.qfrc_passive - data.qfrc_applied
+    needed += model.dof_frictionloss * np.sign(data.qvel)
+    rows = data.efc_type == EQUALITY
+    slope = data.efc_J.reshape(-1, model.nv)[rows]
+    easy = np.sqrt(data.efc_R[rows])
+    rest = np.linalg.svd(inputs)[2][len(inputs) :] if len(inputs) else np.eye(model.nv)
+    shared = rest @ slope.T / easy
+    return (np.linalg.pinv(shared, rcond=IDLE) @ (rest @ needed)) / easy
+
+
+def _soft(scene: Inspected, data: mujoco.MjData, force: Array) -> Array:
+    """Return where the rows of loops come to rest under forces, (m,), their impedance following the gap."""
+    model, rows = scene.bare, data.efc_type == EQUALITY
+    of = data.efc_id[rows]
+    stiffness, _, now, _ = data.efc_KBIP.reshape(-1, 4)[rows].T
+    diagonal = data.efc_R[rows] * now / (1.0 - now)
+    gap = np.zeros(len(force))
+    for _ in range(ROUNDS):
+        wide = np.array([np.linalg.norm(gap[of == loop]) for loop in of])
+        d = np.array([impedance(model.eq_solimp[i], by) for i, by in zip(of, wide, strict=True)])
+        gap = -force * diagonal * (1.0 - d) / d / (stiffness * d)
+    return gap
+
+
+def impedance(solimp: Array, gap: float) -> float:
+    """Return MuJoCo's impedance of a constraint at a gap, by its five numbers of `solimp`."""
+    low, high, width, middle, power = (float(value) for value in solimp)
+    low, high = min(max(low, 1e-4), HARDEST), min(max(high, 1e-4), HARDEST)
+    if low == high or width <= 1e-15:
+        return 0.5 * (low + high)
+    x = min(abs(gap) / width, 1.0)
+    if x in (0.0, 1.0):
+        return high if x else low
+    power, middle = max(power, 1.0), min(max(middle, 1e-4), 0.9999)
+    if power == 1.0:
+        y = x
+    elif x <= middle:
+        y = (x / middle) ** power * middle
+    else:
+        y = 1.0 - ((1.0 - x) / (1.0 - middle)) ** power * (1.0 - middle)
+    return low + y * (high - low)
+
+
+def _of_each(gap: Array, of: Array) -> dict[int, float]:
+    return {int(loop): float(np.linalg.norm(gap[of == loop][:3])) for loop in np.unique(of)}

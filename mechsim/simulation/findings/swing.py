@@ -1,0 +1,112 @@
+"""The motion that a scene is asked for, or a swing of its drivers, as states of its own coordinates."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+
+from mechsim.errors import MechsimError
+from mechsim.maths.arrays import Array
+from mechsim.model.programs import Programs, State, programs
+from mechsim.simulation import closed_model
+from mechsim.simulation.begun import begun, clock_of
+from mechsim.simulation.drive import CLOCK
+from mechsim.simulation.findings.inspected import Inspected
+from mechsim.simulation.mjcf import quiet
+from mechsim.simulation.open_freedoms import require_determined, standing
+from mechsim.simulation.poses.follow import follow
+
+# of a swing that nobody asked for: reach in [rad] or parts of the size, duration in [s], tries at half of it
+REACH, SLIDE, SECONDS, TRIES = 0.3, 0.1, 1.0, 4
+# states of a motion
+SAMPLES = 101
+
+
+@dataclass(frozen=True, slots=True)
+class Swing:
+    """States of a scene with its loops closed, evenly spaced in time.
+
+    Attributes:
+        time: (n,) in [s].
+        qpos: (n, nq).
+        qvel: (n, nv).
+        qacc: (n, nv).
+        said: what moves, in words.
+    """
+
+    time: Array
+    qpos: Array
+    qvel: Array
+    qacc: Array
+    said: str
+
+
+@lru_cache(maxsize=1)
+def swing(scene: Inspected) -> Swing | None:
+    """Return the motion of a scene under its programs, else a swing of its drivers.
+
+    None where the drivers do not settle one, or the loops let none be.
+    """
+    if scene.programs is not None:
+        with suppress(MechsimError, np.linalg.LinAlgError, FloatingPointError):
+            return _moved(scene, scene.programs, "the programs")
+        return None
+    for half in range(TRIES):
+        far = reaches(scene, 0.5**half)
+        said = f"a swing of {', '.join(f'{name} by {by:.3g}' for name, by in far.items())} in {SECONDS:g} s"
+        with suppress(MechsimError, np.linalg.LinAlgError, FloatingPointError):
+            states = {name: wave(scene.read.mechanism.counted[name], by) for name, by in far.items()}
+            return _moved(scene, programs(scene.read.mechanism, states, SECONDS), said)
+    return None
+
+
+def wave(start: float, reach: float) -> State:
+    """Return the program of one swing from a start by a reach and back."""
+    w = 2.0 * np.pi / SECONDS
+
+    def state(time: Array) -> tuple[Array, Array, Array]:
+        return (
+            start + 0.5 * reach * (1.0 - np.cos(w * time)),
+            0.5 * reach * w * np.sin(w * time),
+            0.5 * reach * w**2 * np.cos(w * time),
+        )
+
+    return state
+
+
+def reaches(scene: Inspected, part: float = 1.0) -> Mapping[str, float]:
+    """Return by how much each driver swings, to where its limits leave room."""
+    mechanism, found = scene.read.mechanism, dict[str, float]()
+    for name in mechanism.drivers:
+        far = part * (REACH if mechanism.unit(name) == "rad" else SLIDE * scene.size)
+        low, high = scene.read.limits.get(name, (-np.inf, np.inf))
+        up, down = high - mechanism.counted[name], mechanism.counted[name] - low
+        found[name] = min(far, up) if up >= min(far, down) else -min(far, down)
+    return found
+
+
+@quiet()
+def _moved(scene: Inspected, asked: Programs, said: str) -> Swing:
+    closed = closed_model.of_source(scene.read, drivers=asked.drivers)
+    require_determined(closed, standing(closed))
+    closed = begun(closed, asked)
+    time = np.linspace(0.0, asked.duration, SAMPLES)
+    angle, speed, _ = clock_of(asked).state(time)
+    states = follow(closed.loops, closed.closed, angle)
+    rates = closed.loops.tangent(closed.loops.linearise(states)[1]) * speed[:, None]
+    qpos, qvel = _in_own(scene.model, closed.model, states, rates)
+    return Swing(time, qpos, qvel, np.gradient(qvel, time, axis=0, edge_order=2), said)
+
+
+def _in_own(
+    model: mujoco.MjModel, clocked: mujoco.MjModel, states: Array, rates: Array
+) -> tuple[Array, Array]:
+    """Return states and rates of a model with a clock as those of the model without."""
+    clock = clocked.joint(CLOCK)
+    qpos = np.delete(states, int(clock.qposadr[0]), axis=1)
+    qvel = np.delete(rates, int(clock.dofadr[0]), axis=1)
+    assert qpos.shape[1] == model.nq
+    return qpos, qvel

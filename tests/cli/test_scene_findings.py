@@ -1,0 +1,31 @@
+"""What `show` says of a file that is wrong, and that it says nothing of one that is not."""
+
+import json
+
+import pytest
+from sound_scene import SOUND, changed
+
+SOFT = changed(('solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"', ""))
+
+
+@pytest.mark.parametrize(("text", "kinds"), [(SOUND, []), (SOFT, ["soft"])])
+def test_show_lists_what_is_wrong_with_a_scene(mechsim, file, text, kinds):
+    code, out, _ = mechsim("show", file(text), "--json")
+    assert code == 0
+    found = json.loads(out)["findings"]
+    assert [one["kind"] for one in found] == kinds
+    for one in found:
+        assert {"kind", "what", "by", "explains", "say", "remedy", "line"} <= set(one)
+        assert 0 <= one["explains"] <= 1
+
+
+def test_show_tells_people_the_line_and_the_remedy(mechsim, file):
+    _, out, _ = mechsim("show", file(SOFT))
+    said = " ".join(out.split())
+    line = 1 + SOFT[: SOFT.index('name="loop"')].count("\n")
+    assert f"│ soft │ {line} │ loop is soft" in said
+    assert "findings: none" in mechsim("show", file(SOUND))[1]
+
+
+def test_a_mechanism_of_the_catalogue_has_no_scene_to_look_over(mechsim):
+    assert "findings" not in json.loads(mechsim("show", "four_bar", "--json")[1])

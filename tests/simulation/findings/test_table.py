@@ -1,0 +1,86 @@
+"""Seeded faults in a scene of our own: each is found, and the sound scene is not accused."""
+
+import pytest
+from sound_scene import changed
+
+from mechsim.simulation.findings import findings
+from mechsim.simulation.mjcf_reader import read_model
+
+
+def seeded(tmp_path, *changes, **asked):
+    """Return what is found in the sound scene with pieces of its text changed, by kind."""
+    path = tmp_path / "scene.xml"
+    path.write_text(changed(*changes))
+    found = {}
+    for one in findings(read_model(str(path), **asked)):
+        found.setdefault(one.kind, one)
+    return found
+
+
+def test_a_sound_scene_is_not_accused(tmp_path):
+    assert seeded(tmp_path) == {}
+
+
+AGAIN = '<connect name="again" body1="coupler" body2="rocker" anchor="0.1 0 0"/>'
+FLAP = '<body name="flap"><joint name="flap"/><geom size="0.001" pos="0 0.3 0"/></body>'
+SOFT = 'solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"'
+ROD, FAT_ROD = (f'fromto="0.008 0 0 0.09 0 0" size="{size}"' for size in (0.003, 0.02))
+# fault -> change of the text; kind, part, and what stands in the line that is to be named
+FAULTS = {
+    "a loop of sites that lie apart": (
+        ('body1="coupler" body2="rocker" anchor="0.1 0 0"', 'site1="B1" site2="B2"'),
+        ("gap", "loop", 'name="loop"'),
+    ),
+    "a loop closed twice over": (
+        ("  </equality>", f"    {AGAIN}\n  </equality>"),
+        ("redundant", "again", 'name="again"'),
+    ),
+    "links that reach into each other at their joint": (
+        (ROD, FAT_ROD),
+        ("collision", "coupler, rocker", 'geom name="coupler"'),
+    ),
+    "a limit that the start breaks": (
+        ('range="-2 2"', 'range="0.2 2"'),
+        ("limit", "rocker", 'joint name="rocker"'),
+    ),
+    "MuJoCo's own softness": ((SOFT, ""), ("soft", "loop", 'name="loop"')),
+    "a time constant of half a step": (
+        ('solref="0.002 1"', 'solref="0.0005 1"'),
+        ("refsafe", "loop", 'name="loop"'),
+    ),
+    "a loop too stiff for the step": (
+        ('solref="0.002 1"', 'solref="-4e6 -4000"'),
+        ("timestep", "loop", 'name="loop"'),
+    ),
+    "an inertia of kg mm2": (
+        ('diaginertia="5e-6 8e-5 8e-5"', 'diaginertia="5 80 80"'),
+        ("inertia", "coupler", 'body name="coupler"'),
+    ),
+    "a mass in g": (('mass="0.06"', 'mass="60000"'), ("inertia", "rocker", 'body name="rocker"')),
+    "a body in mm": (('pos="0.1 0 0.01"', 'pos="100 0 10"'), ("units", "lengths", None)),
+    "a second servo behind the loop": (
+        ("  </actuator>", '    <position name="other" joint="rocker" kp="5"/>\n  </actuator>'),
+        ("actuator", "other", 'name="other"'),
+    ),
+    "a servo away from where it starts": (
+        ('axis="0 0 1" range="-3 3"', 'axis="0 0 1" range="-3 3" ref="0.5"'),
+        ("actuator", "servo", 'name="servo"'),
+    ),
+    "a link that no loop holds": (
+        ('    <body name="rocker"', f'    {FLAP}\n    <body name="rocker"'),
+        ("open", "flap", None),
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_seeded_fault_is_found_with_its_part_its_line_and_a_remedy(fault, tmp_path):
+    change, (kind, what, mark) = FAULTS[fault]
+    found = seeded(tmp_path, change)
+    assert kind in found, {kind: one.told for kind, one in found.items()}
+    assert found[kind].what == what
+    assert found[kind].remedy
+    assert found[kind].by > 0
+    lines = changed(change).splitlines()
+    assert (found[kind].line is None) == (mark is None)
+    assert mark is None or mark in lines[found[kind].line - 1]
