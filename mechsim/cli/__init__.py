@@ -45,6 +45,10 @@ COMMANDS = {
         "render.render",
         "Draw a mechanism without a screen: .png, .mp4, .webm, .gif, or a new folder of .png files.",
     ),
+    "view": (
+        "view.view",
+        "Make a page to turn a mechanism by hand, offline; without -o the browser opens it.",
+    ),
     "plot": (
         "plot.plot",
         "Plot motions, curves, transmission, errors, velocity plans, dynamics or studies: "

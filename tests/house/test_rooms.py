@@ -48,7 +48,7 @@ LIBRARIES = {
     "mujoco": ("mechsim.simulation", "mechsim.pictures.render", "mechsim.studies", "mechsim.cli.doctor"),
     "matplotlib": ("mechsim.pictures", "mechsim.studies.extremes.plot", "mechsim.studies.tradeoff.plot"),
     "mediapy": ("mechsim.pictures.render",),
-    "jinja2": ("mechsim.report",),
+    "jinja2": ("mechsim.report", "mechsim.pictures.view"),
     "typer": ("mechsim.cli",),
     "rich": ("mechsim.cli",),
     "pint": ("mechsim.units",),

@@ -1,0 +1,48 @@
+"""Command `mechsim view`: a page in which a mechanism is turned by hand."""
+
+import os
+import sys
+import tempfile
+import webbrowser
+from contextlib import suppress
+from pathlib import Path
+
+import typer
+
+from mechsim.cli.declared_options import spread
+from mechsim.cli.options import SPEED, DriveOptions, Model, Output, Sets, Speed, form_of, speed_of, writable
+from mechsim.files import written_beside
+from mechsim.pictures.view import page
+from mechsim.report.mechanism_view import mechanism_view
+
+
+@spread
+def view(
+    model: Model, driven: DriveOptions, output: Output = None, speed: Speed = SPEED, sets: Sets = None
+) -> None:
+    """Make a page to turn a mechanism by hand, offline; without -o the browser opens it."""
+    place = None if output is None else writable(output, ".html")
+    form = form_of(model, sets, driven)
+    text = page(mechanism_view(form, speed_of(speed)))
+    browser = None if place is not None else _browser()
+    if place is None:
+        stem = Path(model.split(".py:")[0]).stem
+        name = f"{stem}.view.html"
+        place = Path(tempfile.mkdtemp(prefix="mechsim-")) / name if browser else Path(name)
+    with written_beside(place) as beside:
+        beside.write_text(text, encoding="utf-8")
+    if browser is not None and browser.open(place.resolve().as_uri()):
+        typer.echo(f"opened {place}")
+        return
+    said = "" if output is not None else "no browser to open it in here; "
+    typer.echo(f"{said}wrote {place}")
+
+
+def _browser() -> webbrowser.BaseBrowser | None:
+    """Return the browser of this machine; None where there is no screen to show it on."""
+    screenless = sys.platform.startswith("linux") and not {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys()
+    if screenless and "BROWSER" not in os.environ:
+        return None
+    with suppress(webbrowser.Error):
+        return webbrowser.get()
+    return None

@@ -1,0 +1,20 @@
+"""A mechanism in a page that needs nothing but itself, to turn by hand.
+
+All that moves was solved before: the page interpolates between dense samples and solves nothing.
+"""
+
+from mechsim.pictures.view.gathering import ghost_of, motion_grid
+from mechsim.pictures.view.page import page
+from mechsim.pictures.view.records import GhostTrack, Mark, PoseGrid, Readout, Slider, View
+
+__all__ = [
+    "GhostTrack",
+    "Mark",
+    "PoseGrid",
+    "Readout",
+    "Slider",
+    "View",
+    "ghost_of",
+    "motion_grid",
+    "page",
+]

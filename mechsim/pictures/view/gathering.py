@@ -1,0 +1,121 @@
+"""Records of a page from motions that are already solved."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mechsim.maths.arrays import Array
+from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.motion import JointMotion, Motion
+from mechsim.pictures.render.ghost import errors, factor
+from mechsim.pictures.view.interpolation import interpolated, quaternions
+from mechsim.pictures.view.records import GhostTrack, Mark, PoseGrid, Readout, Slider, Unit
+
+# poses nearer than this part of the size are one: a motion that comes back closes its ring
+SAME = 1e-9
+# cells at whose middles the error between nodes is measured
+PROBES = 48
+
+
+def motion_grid(
+    name: str,
+    mechanism: Mechanism,
+    motion: Motion,
+    *,
+    driver: str,
+    unit: Unit = "rad",
+    nodes: Array | None = None,
+    marks: Sequence[Mark] = (),
+    extra: Sequence[Readout] = (),
+    ghost: GhostTrack | None = None,
+    said: str = "",
+) -> PoseGrid:
+    """Return the grid of a motion along one slider.
+
+    Args:
+        name: as the page offers it.
+        mechanism: what moves.
+        motion: with links, at rising values of the slider.
+        driver: what the slider is called.
+        unit: of its values.
+        nodes: its values, (n,); None takes the crank angles.
+        marks: places with a name.
+        extra: quantities besides places, speeds and joints, (n,) each.
+        ghost: of another road.
+        said: where the motion comes from.
+    """
+    nodes = motion.angle if nodes is None else nodes
+    position = {link.name: motion.links[link.name].position for link in mechanism.links}
+    quaternion = {link.name: quaternions(motion.links[link.name].rotation) for link in mechanism.links}
+    slider = Slider(driver, unit, nodes, _closed(mechanism, motion), float(nodes[0]), tuple(marks))
+    return PoseGrid(
+        name, (slider,), position, quaternion, (*_readouts(mechanism, motion), *extra), ghost, said=said
+    )
+
+
+def ghost_of(
+    name: str, mechanism: Mechanism, shown: Motion, other: Motion, nodes: Array | None = None
+) -> GhostTrack:
+    """Return where another road puts the links, given both motions at the same instants.
+
+    Raises nothing for crank angles that differ: they are to be the same, or the error is of the drive.
+    """
+    spinning = shown.spinning | other.spinning
+    found = errors(mechanism, _poses(mechanism, shown), _poses(mechanism, other), spinning)
+    shift = {link: pair[0] for link, pair in found.items()}
+    turn = {link: pair[1] for link, pair in found.items()}
+    return GhostTrack(name, shown.angle if nodes is None else nodes, shift, turn, factor(mechanism, found))
+
+
+def between(grid: PoseGrid, exact: Motion, at: Array) -> float:
+    """Return the largest error of a tracked or joint place between the nodes of a slider, in [m].
+
+    Args:
+        grid: with one slider.
+        exact: the motion solved at values of the slider.
+        at: these values, (n,).
+    """
+    worst = 0.0
+    for link, moved in exact.links.items():
+        for i, value in enumerate(at):
+            place = interpolated(grid.sliders, grid.position[link], [float(value)])
+            worst = max(worst, float(np.linalg.norm(place - moved.position[i])))
+    return worst
+
+
+def _closed(mechanism: Mechanism, motion: Motion) -> bool:
+    """Whether the last pose is the first again."""
+    if len(motion) < 3:
+        return False
+    size = mechanism.size
+    return all(
+        float(np.abs(moved.position[-1] - moved.position[0]).max()) < SAME * size
+        and float(np.abs(moved.rotation[-1] - moved.rotation[0]).max()) < 1e-6
+        for name, moved in motion.links.items()
+        if name not in motion.spinning
+    )
+
+
+def _poses(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
+    return {
+        link.name: Pose(motion.links[link.name].position, motion.links[link.name].rotation)
+        for link in mechanism.links
+    }
+
+
+def _readouts(mechanism: Mechanism, motion: Motion) -> list[Readout]:
+    """Return places and speeds of the points that move, and the joints' coordinates."""
+    found: list[Readout] = []
+    for name, point in motion.points.items():
+        if name in mechanism.points and mechanism.points[name][0] == GROUND:
+            continue
+        found.append(Readout(name, "m", dict(zip("xyz", point.position.T, strict=True))))
+        speed = np.sqrt((point.velocity**2).sum(1))
+        found.append(Readout(f"{name} speed", "m/s", {"": speed}))
+    for name, joint in motion.joints.items():
+        found.append(Readout(name, joint.unit, {"": _unwound(joint)}))
+    return found
+
+
+def _unwound(joint: JointMotion) -> Array:
+    return np.unwrap(joint.value) if joint.unit == "rad" else joint.value

@@ -1,0 +1,229 @@
+"""The page: records as JSON, three.js from its Python package, and a script that only shows."""
+
+import base64
+import json
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mechsim._version import __version__
+from mechsim.errors import MissingToolError
+from mechsim.maths.arrays import Array
+from mechsim.model.joints import KINDS
+from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.pictures.number_text import prefixed
+from mechsim.pictures.view.interpolation import quaternions
+from mechsim.pictures.view.records import GhostTrack, PoseGrid, Slider, View
+from mechsim.shapes import PALETTE, Shape, free_sides, link_shapes, planar_normals, rod_radius
+from mechsim.shapes import camera as cameras
+from mechsim.shapes.extent import extent, travels
+from mechsim.shapes.walls import stands
+
+TEMPLATES = Path(__file__).parent / "templates"
+LIBRARY, BUILD = "jupyter_threejs_sage", "static/r130/three.min.js"
+# poses that the room a mechanism takes is measured over
+SOME = 360
+
+
+def page(view: View) -> str:
+    """Return the page as HTML text, with all it needs inside.
+
+    Raises:
+        MissingToolError: where the package that brings three.js is not installed.
+    """
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined
+    )
+    data = json.dumps(_data(view), separators=(",", ":"), allow_nan=False)
+    return environment.get_template("view.html").render(
+        title=view.title,
+        version=__version__,
+        facts=view.facts,
+        errors=[(grid.name, prefixed(grid.error, "m")) for grid in view.grids if np.isfinite(grid.error)],
+        # no text of a mechanism may end the element it stands in
+        data=data.replace("<", "\\u003c"),
+        three=three_js(),
+    )
+
+
+def three_js() -> str:
+    """Return the text of three.js, as the package that brings it has it.
+
+    Raises:
+        MissingToolError: where it is not installed.
+    """
+    found = find_spec(LIBRARY)
+    folders = [] if found is None else list(found.submodule_search_locations or ())
+    for folder in folders:
+        if (Path(folder) / BUILD).is_file():
+            return (Path(folder) / BUILD).read_text(encoding="utf-8")
+    raise MissingToolError("no three.js to draw a page with; pip install jupyter-threejs-sage brings it")
+
+
+def _data(view: View) -> dict[str, Any]:
+    mechanism = view.mechanism
+    poses = _some_poses(mechanism, view.grids)
+    shapes = link_shapes(mechanism, travels(mechanism, poses), free_sides(mechanism, poses))
+    radius, floor = rod_radius(mechanism), None
+    balls, radii = extent((poses[link], shapes[link]) for link in shapes)
+    if not planar_normals(mechanism):
+        floor = float((balls[:, 1] - radii).min()) - 2.0 * radius
+        posts = stands(shapes[GROUND], floor, radius)
+        shapes[GROUND].extend(posts)
+        feet, widths = extent([(poses[GROUND], posts)])
+        balls, radii = np.vstack([balls, feet]), np.append(radii, widths)
+    return {
+        "name": mechanism.name,
+        "radius": radius,
+        "bodies": {link: [_solid(shape) for shape in shapes[link]] for link in shapes},
+        "joints": _joints(mechanism),
+        "points": _points(mechanism),
+        "hold": {link.name: mechanism.ends(link.name)[0].point for link in mechanism.links},
+        "cameras": _cameras(mechanism, balls, radii),
+        "planar": planar_normals(mechanism) is not None,
+        "grids": [_grid(grid) for grid in view.grids],
+    }
+
+
+def _some_poses(mechanism: Mechanism, grids: Sequence[PoseGrid]) -> dict[str, Pose]:
+    """Return poses of every link over all grids, as many as tell how much room they take."""
+    found = {GROUND: Pose(np.zeros(3), np.eye(3))}
+    for link in mechanism.links:
+        places = np.concatenate([grid.position[link.name].reshape(-1, 3) for grid in grids])
+        turns = np.concatenate([grid.quaternion[link.name].reshape(-1, 4) for grid in grids])
+        step = max(1, len(places) // SOME)
+        places, turns = places[::step], turns[::step]
+        stand = np.isfinite(places).all(1)
+        found[link.name] = Pose(places[stand], _rotations(turns[stand]))
+    return found
+
+
+def _rotations(q: Array) -> Array:
+    """Return the rotations of unit quaternions, (n, 4) -> (n, 3, 3)."""
+    w, x, y, z = q.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def _solid(shape: Shape) -> dict[str, Any]:
+    return {
+        "kind": shape.kind,
+        "at": _short(shape.centre),
+        "turn": _short(quaternions(shape.frame)),
+        "half": _short(np.array(shape.half_sizes)),
+        "rgba": shape.rgba,
+        "role": shape.role,
+    }
+
+
+def _joints(mechanism: Mechanism) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": joint.name,
+            "link": joint.a.link,
+            "at": joint.a.point,
+            "axis": joint.a.axis if KINDS[joint.kind].units else None,
+            "fixed": GROUND in (joint.a.link, joint.b.link),
+            "driven": joint.name in {driven.name for driven in mechanism.driven_joints},
+        }
+        for joint in mechanism.joints
+    ]
+
+
+def _points(mechanism: Mechanism) -> list[dict[str, Any]]:
+    return [
+        {"name": name, "link": link, "at": local, "colour": PALETTE[i % 6][:3]}
+        for i, (name, (link, local)) in enumerate(mechanism.points.items())
+    ]
+
+
+def _cameras(mechanism: Mechanism, balls: Array, radii: Array) -> list[dict[str, Any]]:
+    """Return the directions to look from; the first is the usual one."""
+    found: list[dict[str, Any]] = []
+    flat = planar_normals(mechanism) is not None
+    usual = {"iso": "straight on" if flat else "corner", "top": "top", "side": "side"}
+    if not flat:
+        usual["shaft"] = "along shaft"
+    for preset, name in usual.items():
+        back, up = cameras.directions(mechanism, preset)
+        framed = cameras.framed(back, up, balls, radii, (1, 1), margin=0.0)
+        right = np.cross(up, back)
+        across = float((balls @ right + radii).max() - (balls @ right - radii).min())
+        over = float((balls @ up + radii).max() - (balls @ up - radii).min())
+        depth = float((balls @ back + radii).max() - (balls @ back - radii).min())
+        centre = framed.position - back * (framed.height + depth / 2.0)
+        found.append(
+            {
+                "name": name,
+                "back": _short(back),
+                "up": _short(up),
+                "centre": _short(centre),
+                "width": across,
+                "height": over,
+                "depth": depth,
+            }
+        )
+    return found
+
+
+def _grid(grid: PoseGrid) -> dict[str, Any]:
+    links = list(grid.position)
+    poses = np.stack(
+        [np.concatenate([grid.position[link], grid.quaternion[link]], -1) for link in links], -2
+    )  # (*shape, links, 7)
+    return {
+        "name": grid.name,
+        "said": grid.said,
+        "sliders": [_slider(slider) for slider in grid.sliders],
+        "links": links,
+        "poses": _packed(poses),
+        "readouts": [
+            {
+                "name": readout.name,
+                "unit": readout.unit,
+                "parts": list(readout.parts),
+                "values": _packed(np.stack(list(readout.parts.values()), -1)),
+            }
+            for readout in grid.readouts
+        ],
+        "ghost": None if grid.ghost is None else _ghost(grid.ghost, links),
+    }
+
+
+def _slider(slider: Slider) -> dict[str, Any]:
+    return {
+        "name": slider.name,
+        "unit": slider.unit,
+        "nodes": [float(f"{node:.15g}") for node in slider.nodes],
+        "ring": slider.ring,
+        "start": slider.start,
+        "marks": [{"at": mark.at, "said": mark.said, "kind": mark.kind} for mark in slider.marks],
+    }
+
+
+def _ghost(ghost: GhostTrack, links: Sequence[str]) -> dict[str, Any]:
+    both = np.stack([np.concatenate([ghost.shift[link], ghost.turn[link]], -1) for link in links], -2)
+    return {
+        "name": ghost.name,
+        "nodes": [float(f"{node:.15g}") for node in ghost.nodes],
+        "by": ghost.by,
+        "values": _packed(both),
+    }
+
+
+def _packed(values: Array) -> str:
+    """Return numbers as little-endian floats of 32 bits in base64: 6e-8 of the value."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
+
+
+def _short(values: Array) -> list[float]:
+    return [float(f"{value:.9g}") for value in np.ravel(values).tolist()]

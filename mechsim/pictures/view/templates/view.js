@@ -1,0 +1,747 @@
+"use strict";
+/* Shows what was solved elsewhere: poses between nodes by cubics, a picture, read-outs and curves. */
+const DATA = JSON.parse(document.getElementById("data").textContent);
+const $ = (id) => document.getElementById(id);
+const SVG = "http://www.w3.org/2000/svg";
+const PALETTE = ["#d55e00", "#0072b2", "#009e73", "#e69f00", "#cc79a7", "#56b4e9"];
+const DEGREE = Math.PI / 180;
+
+/* ---- records ---- */
+
+function floats(text) {
+  const raw = atob(text), bytes = new Uint8Array(raw.length);
+  for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
+  return new Float32Array(bytes.buffer);
+}
+
+for (const grid of DATA.grids) {
+  grid.poses = floats(grid.poses);
+  for (const readout of grid.readouts) readout.values = floats(readout.values);
+  if (grid.ghost) grid.ghost.values = floats(grid.ghost.values);
+}
+
+/* ---- between nodes ---- */
+
+function bracket(nodes, value) {
+  let low = 0, high = nodes.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (nodes[middle] <= value) low = middle; else high = middle;
+  }
+  return low;
+}
+
+function stencil(slider, value, most) {
+  const nodes = slider.nodes, n = nodes.length, low = bracket(nodes, value), count = Math.min(most, n);
+  const back = most > 2 ? 1 : 0, at = [], where = [];
+  if (slider.ring) {
+    const period = nodes[n - 1] - nodes[0];
+    for (let i = low - back; i < low - back + count; i++) {
+      const lap = Math.floor(i / (n - 1)), place = i - lap * (n - 1);
+      at.push(place);
+      where.push(nodes[place] + period * lap);
+    }
+  } else {
+    const first = Math.min(Math.max(low - back, 0), n - count);
+    for (let i = first; i < first + count; i++) { at.push(i); where.push(nodes[i]); }
+  }
+  const weights = where.map((a, j) => where.reduce((w, b, k) => (k === j ? w : w * (value - b) / (a - b)), 1));
+  return { at, weights };
+}
+
+function blend(grid, values, most) {
+  let index = [0], weight = [1];
+  grid.sliders.forEach((slider, i) => {
+    const { at, weights } = stencil(slider, values[i], most), nextIndex = [], nextWeight = [];
+    for (let j = 0; j < index.length; j++)
+      for (let k = 0; k < at.length; k++) {
+        nextIndex.push(index[j] * slider.nodes.length + at[k]);
+        nextWeight.push(weight[j] * weights[k]);
+      }
+    index = nextIndex;
+    weight = nextWeight;
+  });
+  return { index, weight };
+}
+
+function posesAt(grid, values) {
+  return posesFrom(grid, blend(grid, values, 4)) || posesFrom(grid, blend(grid, values, 2));
+}
+
+function posesFrom(grid, { index, weight }) {
+  const width = 7 * grid.links.length, all = grid.poses, out = new Float64Array(width);
+  for (let l = 0; l < grid.links.length; l++) {
+    const o = 7 * l, first = index[0] * width + o;
+    for (let j = 0; j < index.length; j++) {
+      const from = index[j] * width + o;
+      let same = 0;
+      for (let k = 3; k < 7; k++) same += all[from + k] * all[first + k];
+      const sign = same < 0 ? -weight[j] : weight[j];
+      for (let k = 0; k < 3; k++) out[o + k] += weight[j] * all[from + k];
+      for (let k = 3; k < 7; k++) out[o + k] += sign * all[from + k];
+    }
+    const norm = Math.hypot(out[o + 3], out[o + 4], out[o + 5], out[o + 6]);
+    if (!(norm > 0.5) || !Number.isFinite(out[o])) return null;
+    for (let k = 3; k < 7; k++) out[o + k] /= norm;
+  }
+  return out;
+}
+
+function readAt(grid, readout, values) {
+  const width = readout.parts.length;
+  for (const most of [4, 2]) {
+    const { index, weight } = blend(grid, values, most), out = new Array(width).fill(0);
+    for (let j = 0; j < index.length; j++)
+      for (let k = 0; k < width; k++) out[k] += weight[j] * readout.values[index[j] * width + k];
+    if (out.every(Number.isFinite)) return out;
+  }
+  return new Array(width).fill(NaN);
+}
+
+/* ---- what is set ---- */
+
+const state = { grid: DATA.grids[0], values: [], active: 0, playing: new Set(), sense: [], pace: 1, camera: 0,
+  show: { names: true, axes: false, paths: true, ghost: false, joints: true }, magnified: true, poses: null, chosen: [] };
+
+const shownUnit = (unit) => ({ rad: ["°", 1 / DEGREE], m: LENGTH, s: ["s", 1], "m/s": SPEED }[unit] || [unit, 1]);
+let LENGTH = ["mm", 1e3], SPEED = ["m/s", 1];
+
+function text(value, unit) {
+  const [name, by] = shownUnit(unit), shown = value * by;
+  if (!Number.isFinite(shown)) return "–";
+  const size = Math.abs(shown), digits = unit === "rad" ? 2 : size >= 1000 ? 1 : size >= 100 ? 2 : size >= 1 ? 3 : 4;
+  return `${(Math.abs(shown) < 0.5 * 10 ** -digits ? 0 : shown).toFixed(digits)}${name === "°" ? "" : " "}${name}`;
+}
+
+/* ---- picture ---- */
+
+const stage = $("stage"), scene = new THREE.Scene(), bodies = {}, ghosts = {}, pointMarks = [], axisLines = [], pathLines = [];
+let renderer = null, camera = null, controls = null, lamp = null;
+const steels = [];
+
+function geometryOf(solid) {
+  const [a, b, c] = solid.half;
+  if (solid.kind === "box") return new THREE.BoxGeometry(2 * a, 2 * b, 2 * c);
+  if (solid.kind === "sphere") return new THREE.SphereGeometry(a, 32, 20);
+  if (solid.kind === "mesh") {
+    const made = new THREE.BufferGeometry();
+    made.setAttribute("position", new THREE.BufferAttribute(floats(solid.vertices), 3));
+    const flat = made;
+    flat.computeVertexNormals();
+    return flat;
+  }
+  const made = new THREE.CylinderGeometry(a, a, 2 * b, 32);
+  made.rotateX(Math.PI / 2);
+  return made;
+}
+
+function solidsOf(solids, material) {
+  const group = new THREE.Group();
+  for (const solid of solids) {
+    const made = material || new THREE.MeshStandardMaterial({ roughness: 0.6, metalness: 0.05, side: THREE.DoubleSide });
+    if (!material) { made.userData.rgba = solid.rgba; steels.push(made); }
+    const holder = new THREE.Group();
+    holder.add(new THREE.Mesh(geometryOf(solid), made));
+    if (solid.kind === "capsule")
+      for (const end of [-1, 1]) {
+        const cap = new THREE.Mesh(new THREE.SphereGeometry(solid.half[0], 24, 16), made);
+        cap.position.z = end * solid.half[1];
+        holder.add(cap);
+      }
+    holder.position.fromArray(solid.at);
+    holder.quaternion.set(solid.turn[1], solid.turn[2], solid.turn[3], solid.turn[0]);
+    group.add(holder);
+  }
+  return group;
+}
+
+function build() {
+  try {
+    renderer = new THREE.WebGLRenderer({ canvas: $("picture"), antialias: true });
+  } catch (error) {
+    trouble("This browser has no WebGL, so nothing is drawn in three dimensions; names, read-outs and curves still work.");
+  }
+  const size = Math.max(DATA.cameras[0].width, DATA.cameras[0].height);
+  if (size > 2) LENGTH = ["m", 1];
+  camera = new THREE.OrthographicCamera(-1, 1, 1, -1, 0.001, 10);
+  lamp = new THREE.DirectionalLight(0xffffff, 0.62);
+  scene.add(new THREE.HemisphereLight(0xffffff, 0x8890a0, 0.62), lamp, lamp.target);
+  const glass = new THREE.MeshBasicMaterial({ color: 0x3a6ea5, transparent: true, opacity: 0.42, depthWrite: false });
+  for (const [link, solids] of Object.entries(DATA.bodies)) {
+    scene.add(bodies[link] = solidsOf(solids, null));
+    if (link in DATA.hold) { scene.add(ghosts[link] = solidsOf(solids, glass)); ghosts[link].visible = false; }
+  }
+  for (const joint of DATA.joints) if (joint.axis) {
+    const at = new THREE.Vector3(...joint.at), along = new THREE.Vector3(...joint.axis).multiplyScalar(9 * DATA.radius);
+    const made = new THREE.BufferGeometry().setFromPoints([at.clone().sub(along), at.clone().add(along)]);
+    const line = new THREE.Line(made, new THREE.LineDashedMaterial({ color: 0xc02060, dashSize: 1.4 * DATA.radius, gapSize: 0.6 * DATA.radius, depthTest: false }));
+    line.computeLineDistances();
+    line.renderOrder = 4;
+    bodies[joint.link].add(line);
+    axisLines.push(line);
+  }
+  for (const point of DATA.points) {
+    const colour = new THREE.Color(...point.colour);
+    const mark = new THREE.Mesh(new THREE.SphereGeometry(0.75 * DATA.radius, 20, 14), new THREE.MeshBasicMaterial({ color: colour, depthTest: false, transparent: true }));
+    mark.position.fromArray(point.at);
+    mark.renderOrder = 6;
+    bodies[point.link].add(mark);
+    pointMarks.push(mark);
+    const line = new THREE.Line2(new THREE.LineGeometry(), new THREE.LineMaterial({ color: colour.getHex(), linewidth: 2, depthTest: false, transparent: true, opacity: 0.85 }));
+    line.renderOrder = 5;
+    line.frustumCulled = false;
+    scene.add(line);
+    pathLines.push(line);
+  }
+}
+
+function framing(width, height) {
+  const view = DATA.cameras[state.camera];
+  return 0.82 * Math.min(width / view.width, height / view.height);  // pixels a metre
+}
+
+function lookFrom(which) {
+  state.camera = which;
+  const view = DATA.cameras[which], centre = new THREE.Vector3(...view.centre), far = 2 * (view.width + view.height + view.depth);
+  camera.up.fromArray(view.up);
+  camera.position.copy(centre).addScaledVector(new THREE.Vector3(...view.back), far / 2);
+  camera.near = 0.001 * far;
+  camera.far = far;
+  camera.zoom = 1;
+  if (controls) controls.dispose();
+  controls = new THREE.OrbitControls(camera, stage);
+  controls.target.copy(centre);
+  controls.enableDamping = false;
+  controls.enableKeys = false;
+  controls.addEventListener("change", draw);
+  controls.update();
+  resize();
+}
+
+function resize() {
+  const width = stage.clientWidth, height = stage.clientHeight, scale = framing(width, height);
+  camera.left = -width / 2 / scale; camera.right = width / 2 / scale;
+  camera.top = height / 2 / scale; camera.bottom = -height / 2 / scale;
+  camera.updateProjectionMatrix();
+  if (renderer) { renderer.setPixelRatio(window.devicePixelRatio || 1); renderer.setSize(width, height, false); }
+  for (const line of pathLines) line.material.resolution.set(width, height);
+  draw();
+}
+
+function dressed() {
+  const style = getComputedStyle(document.documentElement), dark = document.documentElement.dataset.theme === "dark";
+  scene.background = new THREE.Color(style.getPropertyValue("--sky").trim());
+  for (const made of steels) {
+    const [r, g, b, a] = made.userData.rgba, up = dark && Math.max(r, g, b) < 0.45 ? 0.3 : 0;
+    made.color.setRGB(r + up * (1 - r), g + up * (1 - g), b + up * (1 - b));
+    made.transparent = a < 1; made.opacity = a;
+  }
+  draw();
+}
+
+function place(group, poses, o) {
+  group.position.set(poses[o], poses[o + 1], poses[o + 2]);
+  group.quaternion.set(poses[o + 4], poses[o + 5], poses[o + 6], poses[o + 3]);
+}
+
+function placeGhost(grid, poses) {
+  const ghost = state.show.ghost && grid.ghost;
+  for (const one of Object.values(ghosts)) one.visible = !!ghost;
+  if (!ghost) return;
+  const value = state.values[0], low = Math.min(bracket(ghost.nodes, value), ghost.nodes.length - 2);
+  const share = Math.min(1, Math.max(0, (value - ghost.nodes[low]) / (ghost.nodes[low + 1] - ghost.nodes[low])));
+  const width = 6 * grid.links.length, by = state.magnified ? ghost.by : 1;
+  grid.links.forEach((link, l) => {
+    const d = [];
+    for (let k = 0; k < 6; k++) d.push(by * ((1 - share) * ghost.values[low * width + 6 * l + k] + share * ghost.values[(low + 1) * width + 6 * l + k]));
+    const group = ghosts[link], hold = new THREE.Vector3(...DATA.hold[link]);
+    place(group, poses, 7 * l);
+    const at = hold.clone().applyQuaternion(group.quaternion).add(group.position).add(new THREE.Vector3(d[0], d[1], d[2]));
+    const turn = new THREE.Vector3(d[3], d[4], d[5]), angle = turn.length();
+    if (angle > 0) group.quaternion.premultiply(new THREE.Quaternion().setFromAxisAngle(turn.normalize(), angle));
+    group.position.copy(at.sub(hold.applyQuaternion(group.quaternion)));
+  });
+}
+
+function draw() {
+  if (!camera || !state.poses) return;
+  lamp.position.copy(camera.position).addScaledVector(camera.up, 0.5 * camera.far);
+  lamp.target.position.copy(controls.target);
+  if (renderer) renderer.render(scene, camera);
+  write();
+}
+
+/* ---- names on the picture ---- */
+
+const pen = document.createElement("canvas").getContext("2d"), widths = {}, sides = {};
+function widthOf(said, size) {
+  const key = size + said;
+  if (!(key in widths)) { pen.font = `${size}px system-ui, sans-serif`; widths[key] = pen.measureText(said).width; }
+  return widths[key];
+}
+
+function pixel(at) {
+  const where = at.clone().project(camera);
+  return [(where.x + 1) / 2 * stage.clientWidth, (1 - where.y) / 2 * stage.clientHeight];
+}
+
+function named() {
+  const found = [];
+  DATA.points.forEach((point, i) => found.push({ name: point.name, kind: "point", shown: state.show.names, at: pixel(pointMarks[i].getWorldPosition(new THREE.Vector3())) }));
+  if (state.show.joints) for (const joint of DATA.joints) if (joint.fixed) {
+    const at = new THREE.Vector3(...joint.at).applyMatrix4(bodies[joint.link].matrixWorld);
+    found.push({ name: joint.name, kind: "joint", shown: true, at: pixel(at) });
+  }
+  const groups = [];
+  for (const one of found) {
+    const near = groups.find((group) => Math.hypot(group.at[0] - one.at[0], group.at[1] - one.at[1]) < 2.5);
+    if (near) near.members.push(one); else groups.push({ at: one.at, members: [one] });
+  }
+  return groups;
+}
+
+const AROUND = [[1, -1], [-1, -1], [1, 1], [-1, 1], [1, 0], [-1, 0], [0, -1], [0, 1]];
+
+function spot(at, width, size, side, reach) {
+  const [x, y] = AROUND[side], left = at[0] + x * reach + (x < 0 ? -width : x === 0 ? -width / 2 : 0);
+  const middle = at[1] + y * (reach + (x === 0 ? size / 2 : 2));
+  return { left, right: left + width, top: middle - 0.6 * size, bottom: middle + 0.6 * size, middle };
+}
+
+const apart = (a, b) => a.right + 2 < b.left || b.right + 2 < a.left || a.bottom < b.top || b.bottom < a.top;
+
+function write() {
+  const layer = $("labels"), groups = named(), W = stage.clientWidth, H = stage.clientHeight, pieces = [];
+  const scale = camera.zoom * W / (camera.right - camera.left), reach = 2.4 * DATA.radius * scale * 0.7 + 5;
+  layer.setAttribute("viewBox", `0 0 ${W} ${H}`);
+  stage.dataset.scale = scale;
+  const bar = scaleBar(scale, W), taken = [{ left: 0, right: bar.pixels + 100, top: H - 40, bottom: H }];
+  const dots = groups.map((group) => ({ left: group.at[0] - 4, right: group.at[0] + 4, top: group.at[1] - 4, bottom: group.at[1] + 4 }));
+  groups.forEach((group, g) => {
+    const shown = group.members.filter((one) => one.shown), said = [...new Set(shown.map((one) => one.name))].join(", ");
+    const size = shown.some((one) => one.kind === "point") ? 13 : 12;
+    for (const one of group.members) if (one.kind === "point") pieces.push(make("g", { "data-point": one.name, "data-x": one.at[0].toFixed(3), "data-y": one.at[1].toFixed(3) }));
+    if (!said) return;
+    const width = widthOf(said, size), order = [...AROUND.keys()];
+    if (said in sides) order.unshift(sides[said]);
+    let best = null, least = Infinity;
+    for (let round = 0; round < 4 && least > 0; round++)
+      for (const side of order) {
+        const box = spot(group.at, width, size, side, reach * (1 + 0.7 * round));
+        const off = box.left < 0 || box.right > W || box.top < 0 || box.bottom > H;
+        const hits = taken.filter((other) => !apart(box, other)).length * 3 + dots.filter((dot, k) => k !== g && !apart(box, dot)).length + (off ? 10 : 0);
+        if (hits < least) { least = hits; best = { box, side, round }; }
+        if (!hits) break;
+      }
+    sides[said] = best.side;
+    taken.push(best.box);
+    if (best.round > 0) pieces.push(make("line", { class: "leader", x1: group.at[0], y1: group.at[1], x2: (best.box.left + best.box.right) / 2, y2: best.box.middle }));
+    const word = make("text", { x: best.box.left, y: best.box.middle + 0.35 * size, class: size === 13 ? "" : "joint" });
+    word.textContent = said;
+    pieces.push(word);
+  });
+  pieces.push(make("line", { class: "bar", x1: 14, x2: 14 + bar.pixels, y1: H - 16, y2: H - 16 }));
+  const word = make("text", { x: 20 + bar.pixels, y: H - 12 });
+  word.textContent = bar.said;
+  pieces.push(word);
+  layer.replaceChildren(...pieces);
+}
+
+function scaleBar(scale, width) {
+  const most = Math.min(width, 900) / 5 / scale, power = 10 ** Math.floor(Math.log10(most));
+  const length = [5, 2, 1].map((k) => k * power).find((one) => one <= most * (1 + 1e-9)) || power;
+  const [unit, by] = length >= 1 ? ["m", 1] : length >= 1e-3 ? ["mm", 1e3] : ["µm", 1e6];
+  return { pixels: length * scale, said: `${+(length * by).toPrecision(3)} ${unit}` };
+}
+
+function make(kind, attributes) {
+  const made = document.createElementNS(SVG, kind);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  return made;
+}
+
+/* ---- moving ---- */
+
+function update() {
+  const grid = state.grid, poses = posesAt(grid, state.values);
+  if (poses) { state.poses = poses; trouble(""); }
+  else trouble("It cannot stand here: the loops do not close, or come close to a dead centre; the last pose is shown.");
+  if (state.poses) {
+    grid.links.forEach((link, l) => place(bodies[link], state.poses, 7 * l));
+    placeGhost(grid, state.poses);
+    scene.updateMatrixWorld();
+  }
+  paths();
+  told(!poses);
+  draw();
+}
+
+function trouble(said) { $("trouble").hidden = !said; $("trouble").textContent = said; }
+
+let pathsOf = "";
+function paths() {
+  const grid = state.grid, k = state.active, others = state.values.filter((_, i) => i !== k);
+  const key = [DATA.grids.indexOf(grid), k, state.show.paths, ...others].join();
+  if (key === pathsOf) return;
+  pathsOf = key;
+  const along = sampled(grid, k), fine = along.map((value) => posesAt(grid, state.values.map((v, i) => (i === k ? value : v))));
+  DATA.points.forEach((point, i) => {
+    const l = grid.links.indexOf(point.link), places = [], at = new THREE.Vector3(), turn = new THREE.Quaternion();
+    if (l >= 0 && state.show.paths) for (const poses of fine) if (poses) {
+      turn.set(poses[7 * l + 4], poses[7 * l + 5], poses[7 * l + 6], poses[7 * l + 3]);
+      at.fromArray(point.at).applyQuaternion(turn);
+      places.push(at.x + poses[7 * l], at.y + poses[7 * l + 1], at.z + poses[7 * l + 2]);
+    }
+    pathLines[i].visible = places.length > 3;
+    if (places.length > 3) {
+      pathLines[i].geometry.dispose();
+      pathLines[i].geometry = new THREE.LineGeometry();
+      pathLines[i].geometry.setPositions(places);
+    }
+  });
+}
+
+function sampled(grid, k) {
+  const nodes = grid.sliders[k].nodes;
+  if (grid.sliders.length === 1 && nodes.length >= 120) return nodes;
+  return Array.from({ length: 121 }, (_, i) => nodes[0] + (nodes[nodes.length - 1] - nodes[0]) * i / 120);
+}
+
+function setSlider(i, value) {
+  const slider = state.grid.sliders[i], low = slider.nodes[0], high = slider.nodes[slider.nodes.length - 1];
+  if (slider.ring && (value < low || value > high)) value = low + (((value - low) % (high - low)) + (high - low)) % (high - low);
+  state.values[i] = Math.min(high, Math.max(low, value));
+  state.active = i;
+  const row = $("sliders").children[i], by = shownUnit(slider.unit)[1];
+  row.querySelector("input[type=range]").value = state.values[i] * by;
+  row.querySelector("input[type=range]").setAttribute("aria-valuetext", text(state.values[i], slider.unit));
+  const box = row.querySelector("input[type=number]");
+  if (document.activeElement !== box) box.value = +(state.values[i] * by).toFixed(slider.unit === "rad" ? 2 : 4);
+  update();
+}
+
+let last = 0;
+function step(now) {
+  const gone = Math.min(0.1, (now - last) / 1000) * state.pace;
+  last = now;
+  for (const i of state.playing) {
+    const slider = state.grid.sliders[i], low = slider.nodes[0], high = slider.nodes[slider.nodes.length - 1];
+    let value = state.values[i] + (state.sense[i] || 1) * gone * (high - low) / (slider.ring ? 6 : 4);
+    if (!slider.ring && (value > high || value < low)) { state.sense[i] = value > high ? -1 : 1; value = Math.min(high, Math.max(low, value)); }
+    setSlider(i, value);
+  }
+  if (state.playing.size) requestAnimationFrame(step);
+}
+
+function play(i, on) {
+  if (on) state.playing.add(i); else state.playing.delete(i);
+  const button = $("sliders").children[i].querySelector(".play");
+  button.textContent = on ? "❚❚ pause" : "▶ play";
+  button.setAttribute("aria-pressed", on);
+  if (on && state.playing.size === 1) { last = performance.now(); requestAnimationFrame(step); }
+}
+
+/* ---- panel ---- */
+
+function node(kind, attributes = {}, said = "") {
+  const made = document.createElement(kind);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.textContent = said;
+  return made;
+}
+
+function sliderRow(slider, i) {
+  const row = node("div", { class: "slider" }), head = node("div", { class: "row" }), [unit, by] = shownUnit(slider.unit);
+  const low = slider.nodes[0], high = slider.nodes[slider.nodes.length - 1];
+  head.append(node("label", { for: `slider${i}` }, `${slider.name.replace(/_/g, " ")} [${unit}]`));
+  const box = node("input", { type: "number", step: "any", "aria-label": `${slider.name} in ${unit}` });
+  box.addEventListener("change", () => { if (box.value !== "") setSlider(i, box.valueAsNumber / by); });
+  const button = node("button", { class: "play", type: "button", "aria-pressed": false }, "▶ play");
+  button.addEventListener("click", () => play(i, !state.playing.has(i)));
+  head.append(box, button);
+  const track = node("div", { class: "track" });
+  const range = node("input", { type: "range", id: `slider${i}`, min: low * by, max: high * by, step: "any" });
+  range.addEventListener("input", () => setSlider(i, range.valueAsNumber / by));
+  range.addEventListener("keydown", (event) => {
+    const unitStep = slider.unit === "rad" ? DEGREE : (high - low) / 200, sign = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: 10, PageDown: -10 }[event.key];
+    if (!sign) return;
+    event.preventDefault();
+    setSlider(i, state.values[i] + sign * unitStep * (event.shiftKey ? 0.1 : 1));
+  });
+  track.append(range);
+  const marks = node("div", { class: "marks" });
+  for (const mark of slider.marks) {
+    const said = `${mark.said}: ${text(mark.at, slider.unit)}`;
+    const tick = node("span", { class: `tick ${mark.kind}`, title: said, style: `left: calc(8px + ${(mark.at - low) / (high - low)} * (100% - 16px))` });
+    const go = node("button", { type: "button", class: mark.kind }, said);
+    go.addEventListener("click", () => setSlider(i, mark.at));
+    track.append(tick);
+    marks.append(go);
+  }
+  row.append(head, track, marks);
+  return row;
+}
+
+function choose(which) {
+  for (const i of [...state.playing]) play(i, false);
+  const before = state.values.slice(), old = state.grid;
+  state.grid = DATA.grids[which];
+  state.poses = null;
+  $("sliders").replaceChildren(...state.grid.sliders.map(sliderRow));
+  state.values = state.grid.sliders.map((slider, i) => (old.sliders[i] && old.sliders[i].name === slider.name && before.length ? before[i] : slider.start));
+  state.values = state.grid.sliders.map((slider, i) => Math.min(slider.nodes[slider.nodes.length - 1], Math.max(slider.nodes[0], state.values[i])));
+  state.active = 0;
+  pathsOf = "";
+  for (const button of $("choice").querySelectorAll("button")) button.setAttribute("aria-pressed", +button.dataset.grid === which);
+  tools();
+  curves();
+  state.grid.sliders.forEach((_, i) => setSlider(i, state.values[i]));
+}
+
+function choices() {
+  if (DATA.grids.length < 2) return;
+  const row = node("div", { class: "row", role: "group", "aria-label": "Assemblies and motions" });
+  DATA.grids.forEach((grid, i) => {
+    const button = node("button", { type: "button", "data-grid": i, title: grid.said, "aria-pressed": i === 0 }, grid.name);
+    button.addEventListener("click", () => choose(i));
+    row.append(button);
+  });
+  $("choice").append(row);
+  $("choice").hidden = false;
+}
+
+function flip(what) {
+  state.show[what] = !state.show[what];
+  shown();
+}
+
+function shown() {
+  for (const line of axisLines) line.visible = state.show.axes;
+  for (const mark of pointMarks) mark.visible = true;
+  tools();
+  update();
+}
+
+function tools() {
+  const row = $("tools");
+  const held = document.activeElement && document.activeElement.dataset ? document.activeElement.dataset.tool : null;
+  row.replaceChildren();
+  const add = (tool, said, on, act) => {
+    const button = node("button", { type: "button", "data-tool": tool }, said);
+    if (on !== null) button.setAttribute("aria-pressed", on);
+    button.addEventListener("click", act);
+    row.append(button);
+    if (held === tool) button.focus();
+  };
+  add("names", "names", state.show.names, () => flip("names"));
+  add("joints", "pivots", state.show.joints, () => flip("joints"));
+  add("axes", "axes", state.show.axes, () => flip("axes"));
+  add("paths", "paths", state.show.paths, () => flip("paths"));
+  const ghost = state.grid.ghost;
+  if (ghost) {
+    add("ghost", `ghost: ${ghost.name}`, state.show.ghost, () => flip("ghost"));
+    if (state.show.ghost && ghost.by !== 1) add("by", `difference × ${ghost.by.toExponential(0)}`, state.magnified, () => { state.magnified = !state.magnified; shown(); });
+  }
+  const pick = node("select", { "aria-label": "Look from" });
+  DATA.cameras.forEach((view, i) => pick.append(node("option", { value: i }, view.name)));
+  pick.value = state.camera;
+  pick.addEventListener("change", () => lookFrom(+pick.value));
+  row.append(pick);
+  const pace = node("select", { "aria-label": "Pace" });
+  for (const k of [0.1, 0.25, 0.5, 1, 2, 4]) pace.append(node("option", { value: k }, `pace × ${k}`));
+  pace.value = state.pace;
+  pace.addEventListener("change", () => { state.pace = +pace.value; });
+  row.append(pace);
+  add("theme", "light / dark", null, flipTheme);
+}
+
+/* ---- read-outs and curves ---- */
+
+const allReadouts = () => state.grid.readouts;
+
+function told(lost) {
+  const rows = allReadouts().map((readout) => {
+    const row = node("tr"), values = readAt(state.grid, readout, state.values);
+    row.append(node("td", {}, readout.name.replace(/_/g, " ")));
+    const cell = node("td", {}, lost ? "–" : "");
+    if (!lost) cell.append(...values.map((value, i) => node("span", {}, (readout.parts[i] ? `${readout.parts[i]} ` : "") + text(value, readout.unit))));
+    row.append(cell);
+    return row;
+  });
+  if (state.show.ghost && state.grid.ghost) rows.push(ghostRow());
+  $("readouts").tBodies[0].replaceChildren(...rows);
+  for (const one of state.chosen) one.point();
+}
+
+function ghostRow() {
+  const { ghost, links } = state.grid, value = state.values[0], low = Math.min(bracket(ghost.nodes, value), ghost.nodes.length - 2), width = 6 * links.length;
+  let worst = 0;
+  for (let l = 0; l < links.length; l++) {
+    const o = low * width + 6 * l;
+    worst = Math.max(worst, Math.hypot(ghost.values[o], ghost.values[o + 1], ghost.values[o + 2]));
+  }
+  const row = node("tr");
+  row.append(node("td", {}, `${ghost.name} stands off by`), node("td", {}, `${worst.toExponential(2)} m`));
+  return row;
+}
+
+function ticks(low, high, wanted, degrees) {
+  const span = high - low || 1, rough = span / wanted, power = 10 ** Math.floor(Math.log10(rough));
+  const steps = degrees ? [1, 2, 5, 10, 15, 30, 45, 60, 90, 180, 360] : [1, 2, 5, 10].map((k) => k * power);
+  const size = (degrees && rough >= 1 ? steps.find((s) => s >= rough) : [1, 2, 5, 10].map((k) => k * power).find((s) => s >= rough)) || rough, out = [];
+  for (let t = Math.ceil(low / size - 1e-9) * size; t <= high + 1e-9 * span; t += size) out.push(Math.abs(t) < 1e-9 * size ? 0 : +t.toPrecision(10));
+  return out;
+}
+
+class CurveBox {
+  constructor(which) {
+    this.box = node("div", { class: "curve" });
+    this.pick = node("select", { "aria-label": "Quantity of the curve" });
+    allReadouts().forEach((readout, i) => this.pick.append(node("option", { value: i }, readout.name.replace(/_/g, " "))));
+    this.pick.value = which;
+    this.pick.addEventListener("change", () => { this.key = ""; this.point(); });
+    this.svg = make("svg", { role: "img" });
+    this.legend = node("div", { class: "key" });
+    this.box.append(this.pick, this.svg, this.legend);
+    const drag = (event) => { if (event.buttons) this.go(event); };
+    this.svg.addEventListener("pointerdown", (event) => { this.svg.setPointerCapture(event.pointerId); this.go(event); });
+    this.svg.addEventListener("pointermove", drag);
+  }
+  get readout() { return allReadouts()[+this.pick.value]; }
+  go(event) {
+    const share = (event.clientX - this.svg.getBoundingClientRect().left - this.left) / this.width;
+    const nodes = state.grid.sliders[state.active].nodes;
+    setSlider(state.active, nodes[0] + Math.min(1, Math.max(0, share)) * (nodes[nodes.length - 1] - nodes[0]));
+  }
+  draw() {
+    const grid = state.grid, k = state.active, slider = grid.sliders[k], [name, by] = shownUnit(slider.unit), [unit, up] = shownUnit(this.readout.unit);
+    const along = sampled(grid, k), W = this.svg.clientWidth || 320, H = this.svg.clientHeight || 160;
+    const rows = along.map((value) => readAt(grid, this.readout, state.values.map((v, i) => (i === k ? value : v))).map((v) => v * up));
+    const all = rows.flat().filter(Number.isFinite);
+    let low = Math.min(...all), high = Math.max(...all);
+    const pad = Math.max(0.06 * (high - low), 1e-6 * Math.max(Math.abs(low), Math.abs(high)), 1e-9);
+    low -= pad; high += pad;
+    const yTicks = ticks(low, high, 4, this.readout.unit === "rad");
+    this.left = 10 + Math.max(...yTicks.map((t) => widthOf(String(t), 11)), 10);
+    this.width = W - this.left - 8;
+    const top = 14, bottom = H - 26, a = along[0] * by, b = along[along.length - 1] * by;
+    this.x = (value) => this.left + (value * by - a) / (b - a) * this.width;
+    this.y = (value) => bottom - (value - low) / (high - low) * (bottom - top);
+    const pieces = [], write = (x, y, said, anchor) => { const word = make("text", { x, y, "text-anchor": anchor }); word.textContent = said; pieces.push(word); };
+    for (const t of yTicks) { pieces.push(make("line", { class: "grid", x1: this.left, x2: this.left + this.width, y1: this.y(t), y2: this.y(t) })); write(this.left - 5, this.y(t) + 4, t, "end"); }
+    for (const t of ticks(a, b, 5, slider.unit === "rad")) { const x = this.x(t / by); pieces.push(make("line", { class: "grid", x1: x, x2: x, y1: top, y2: bottom })); write(x, bottom + 13, t, "middle"); }
+    write(this.left - 5, 9, unit, "end");
+    write(this.left + this.width, H - 1, `${slider.name.replace(/_/g, " ")} [${name}]`, "end");
+    for (const mark of slider.marks) pieces.push(make("line", { class: `mark ${mark.kind}`, x1: this.x(mark.at), x2: this.x(mark.at), y1: top, y2: bottom }));
+    this.readout.parts.forEach((_, p) => {
+      let path = "";
+      rows.forEach((row, i) => { if (Number.isFinite(row[p])) path += `${path && Number.isFinite(rows[i - 1][p]) ? "L" : "M"}${this.x(along[i]).toFixed(1)} ${this.y(row[p]).toFixed(1)}`; });
+      pieces.push(make("path", { class: "line", d: path, stroke: PALETTE[p % PALETTE.length] }));
+    });
+    this.here = make("line", { class: "here", y1: top, y2: bottom });
+    this.dots = this.readout.parts.map((_, p) => make("circle", { r: 3.5, fill: PALETTE[p % PALETTE.length] }));
+    this.svg.replaceChildren(...pieces, this.here, ...this.dots);
+    this.svg.setAttribute("aria-label", `${this.readout.name} over ${slider.name}: from ${+Math.min(...all).toPrecision(4)} to ${+Math.max(...all).toPrecision(4)} ${unit}`);
+  }
+  point() {
+    const key = [DATA.grids.indexOf(state.grid), this.pick.value, state.active, this.svg.clientWidth, ...state.values.filter((_, i) => i !== state.active)].join();
+    if (key !== this.key) { this.key = key; this.draw(); }
+    const up = shownUnit(this.readout.unit)[1], values = readAt(state.grid, this.readout, state.values), x = this.x(state.values[state.active]);
+    this.here.setAttribute("x1", x);
+    this.here.setAttribute("x2", x);
+    const words = [];
+    values.forEach((value, p) => {
+      this.dots[p].setAttribute("cx", x);
+      this.dots[p].setAttribute("cy", Number.isFinite(value) ? this.y(value * up) : -99);
+      const word = node("span");
+      word.append(Object.assign(node("i"), { style: `background: ${PALETTE[p % PALETTE.length]}` }), `${this.readout.parts[p]} ${text(value, this.readout.unit)}`);
+      words.push(word);
+    });
+    this.legend.replaceChildren(...words);
+  }
+}
+
+function curves() {
+  const all = allReadouts(), usual = [];
+  const places = all.map((readout, i) => [readout, i]).filter(([readout]) => readout.parts.length === 3);
+  if (places.length) usual.push(places[places.length - 1][1]);
+  const transmission = all.findIndex((readout) => readout.name === "transmission angle");
+  usual.push(transmission >= 0 ? transmission : all.length - 1);
+  const boxes = [...new Set(usual.filter((i) => i >= 0))].map((which) => new CurveBox(which));
+  state.chosen = [];
+  $("curves").replaceChildren(...boxes.map((one) => one.box));
+  $("curves").hidden = !boxes.length;
+  state.chosen = boxes;
+}
+
+/* ---- light and dark, keys, the address ---- */
+
+function flipTheme() {
+  document.documentElement.dataset.theme = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
+  dressed();
+}
+
+function orbit(sideways, upwards) {
+  const off = camera.position.clone().sub(controls.target), right = new THREE.Vector3().crossVectors(camera.up, off).normalize();
+  off.applyAxisAngle(camera.up.clone().normalize(), sideways);
+  const tilted = off.clone().applyAxisAngle(right, upwards);
+  if (Math.abs(tilted.clone().normalize().dot(camera.up)) < 0.995) off.copy(tilted);
+  camera.position.copy(controls.target).add(off);
+  controls.update();
+  draw();
+}
+
+function zoom(by) {
+  camera.zoom = Math.min(200, Math.max(0.05, camera.zoom * by));
+  camera.updateProjectionMatrix();
+  draw();
+}
+
+stage.addEventListener("keydown", (event) => {
+  const turns = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+  if (turns) orbit(6 * DEGREE * turns[0], 6 * DEGREE * turns[1]);
+  else if (event.key === "+" || event.key === "=") zoom(1.2);
+  else if (event.key === "-") zoom(1 / 1.2);
+  else if (event.key === "0") lookFrom(state.camera);
+  else return;
+  event.preventDefault();
+});
+
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  const on = event.target, typing = on.tagName === "SELECT" || (on.tagName === "INPUT" && on.type === "number");
+  if (typing) return;
+  const key = event.key.toLowerCase();
+  if (key === " " && on.tagName !== "BUTTON" && on.tagName !== "SUMMARY") { play(state.active, !state.playing.has(state.active)); event.preventDefault(); }
+  else if (key === "l") flip("names");
+  else if (key === "a") flip("axes");
+  else if (key === "p") flip("paths");
+  else if (key === "g" && state.grid.ghost) flip("ghost");
+  else if (key === "t") flipTheme();
+  else if (key === "c") { lookFrom((state.camera + 1) % DATA.cameras.length); tools(); }
+  else if (/^[1-9]$/.test(key) && DATA.grids[+key - 1]) choose(+key - 1);
+});
+
+function addressed() {
+  const asked = new URLSearchParams(location.hash.slice(1));
+  if (asked.has("theme")) { document.documentElement.dataset.theme = asked.get("theme"); dressed(); }
+  if (asked.has("grid") && DATA.grids[+asked.get("grid")]) choose(+asked.get("grid"));
+  for (const what of Object.keys(state.show)) if (asked.has(what)) { state.show[what] = asked.get(what) !== "off"; shown(); }
+  if (asked.has("camera")) lookFrom(+asked.get("camera"));
+  state.grid.sliders.forEach((slider, i) => { if (asked.has(slider.name)) setSlider(i, parseFloat(asked.get(slider.name)) / shownUnit(slider.unit)[1]); });
+}
+
+const dark = window.matchMedia("(prefers-color-scheme: dark)");
+const follow = () => { document.documentElement.dataset.theme = dark.matches ? "dark" : "light"; dressed(); };
+document.documentElement.dataset.theme = dark.matches ? "dark" : "light";
+build();
+for (const line of axisLines) line.visible = state.show.axes;
+choices();
+lookFrom(0);
+choose(0);
+dressed();
+addressed();
+dark.addEventListener("change", follow);
+window.addEventListener("hashchange", addressed);
+new ResizeObserver(() => { resize(); for (const one of state.chosen) one.point(); }).observe(stage);
+document.documentElement.dataset.ready = "yes";
