@@ -85,7 +85,7 @@ def _data(view: View) -> dict[str, Any]:
         "points": _points(mechanism),
         "hold": {link.name: mechanism.ends(link.name)[0].point for link in mechanism.links},
         "cameras": _cameras(mechanism, balls, radii),
-        "planar": planar_normals(mechanism) is not None,
+        "flat": planar_normals(mechanism) is not None,
         "grids": [_grid(grid) for grid in view.grids],
     }
 
@@ -132,7 +132,7 @@ def _joints(mechanism: Mechanism) -> list[dict[str, Any]]:
             "link": joint.a.link,
             "at": joint.a.point,
             "axis": joint.a.axis if KINDS[joint.kind].units else None,
-            "fixed": GROUND in (joint.a.link, joint.b.link),
+            "pivot": GROUND in (joint.a.link, joint.b.link),
             "driven": joint.name in {driven.name for driven in mechanism.driven_joints},
         }
         for joint in mechanism.joints

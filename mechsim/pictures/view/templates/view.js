@@ -288,7 +288,7 @@ function pixel(at) {
 function named() {
   const found = [];
   DATA.points.forEach((point, i) => found.push({ name: point.name, kind: "point", shown: state.show.names, at: pixel(pointMarks[i].getWorldPosition(new THREE.Vector3())) }));
-  if (state.show.joints) for (const joint of DATA.joints) if (joint.fixed) {
+  if (state.show.joints) for (const joint of DATA.joints) if (joint.pivot) {
     const at = new THREE.Vector3(...joint.at).applyMatrix4(bodies[joint.link].matrixWorld);
     found.push({ name: joint.name, kind: "joint", shown: true, at: pixel(at) });
   }
