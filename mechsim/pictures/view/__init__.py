@@ -4,7 +4,7 @@ All that moves was solved before: the page interpolates between dense samples an
 """
 
 from mechsim.pictures.view.gathering import ghost_of, motion_grid
-from mechsim.pictures.view.page import page
+from mechsim.pictures.view.offline_page import page
 from mechsim.pictures.view.records import GhostTrack, Mark, PoseGrid, Readout, Slider, View
 
 __all__ = [
