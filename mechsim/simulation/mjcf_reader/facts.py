@@ -22,7 +22,7 @@ def coordinate_values(model: mujoco.MjModel, qpos: Array) -> dict[str, float]:
 
 
 def outlined(model: mujoco.MjModel, chained: Chains) -> tuple[Link, ...]:
-    """Return the moving links; with the places of their masses where all joints of each lie in one place."""
+    """Return the moving links; with their masses and geoms where all joints of each lie in one place."""
     ends = [end for joint in chained.joints for end in (joint.a, joint.b)]
     places = {link.name: {end.point for end in ends if end.link == link.name} for link in chained.links}
     if any(len(points) > 1 for points in places.values()):
@@ -30,8 +30,22 @@ def outlined(model: mujoco.MjModel, chained: Chains) -> tuple[Link, ...]:
     held = {link.name: list[Vector]() for link in chained.links}
     for body, carrier in enumerate(chained.carriers):
         if carrier.link in held:
-            held[carrier.link].append(carrier.point(model.body_ipos[body]))
+            places = [model.body_ipos[body], *_corners(model, body)]
+            held[carrier.link] += [carrier.point(place) for place in places]
     return tuple(Link(link.name, tuple(held[link.name])) for link in chained.links)
+
+
+def _corners(model: mujoco.MjModel, body: int) -> list[Array]:
+    """Return two opposite corners of the box about each geom of a body, in the body's frame."""
+    found: list[Array] = []
+    for geom in np.flatnonzero(model.geom_bodyid == body):
+        turn = np.empty(9)
+        mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
+        centre, half = np.split(model.geom_aabb[geom], 2)
+        found += [
+            model.geom_pos[geom] + turn.reshape(3, 3) @ corner for corner in (centre - half, centre + half)
+        ]
+    return found
 
 
 def limits(model: mujoco.MjModel) -> dict[str, tuple[float, float]]:
