@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.closure.loop_solver import LoopSolver, loop_solver
+from mechsim.analytic.closure.loop_solver import Linearised, LoopSolver, loop_solver
 from mechsim.analytic.closure.meeting_cells import folded, meeting_between, through
 from mechsim.analytic.closure.path_cells import Cell, Drive, PathRows, nodes_between
 from mechsim.analytic.closure.tree_loops import TreeLoops
@@ -153,7 +153,7 @@ class FollowedPath(PathRows):
         rough = self._roughness(cell)
         if rough > ROUGH:
             return None, 0.5 * step
-        cell, side = self._told(cell, loops.side())
+        cell, side = self._told(cell, loops)
         flips = np.flatnonzero(np.sign(side[1:]) != np.sign(side[:-1]))
         if len(flips):
             return None, step if self._met(cell, int(flips[0]), sense) else 0.5 * step
@@ -166,17 +166,20 @@ class FollowedPath(PathRows):
         growth = 2.0 if rough < 1e-7 and moved < 1e-3 else 1.4 if rough < 1e-5 and moved < 1e-2 else 1.0
         return cell, min(LONGEST, growth * step)
 
-    def _told(self, cell: Cell, side: Array) -> tuple[Cell, Array]:
+    def _told(self, cell: Cell, closed: Linearised) -> tuple[Cell, Array]:
         """Return a cell solved by rows that tell enough where it is near a singular pose, and its sides.
 
         Rows that repeat others elsewhere may be the ones that count there.
         """
+        side = closed.side()
         if not cell.solver.open and len(cell.solver.rows) == self.loops.rows:
             return cell, side
         # the nearest node may be the singular pose itself
         beside = np.argsort(np.abs(side))[1:2]
         nearest = self.unflat(cell.states[beside], cell.nodes[beside])
-        solver = loop_solver(self.loops, nearest, cell.solver.gauge)
+        solver = loop_solver(self.loops, nearest, cell.solver.gauge, closed.slope[..., beside])
+        if np.array_equal(solver.rows, cell.solver.rows):
+            return cell, side
         own, best = (abs(np.linalg.det(one.linearise(nearest).matrix[0])) for one in (cell.solver, solver))
         if solver.open != cell.solver.open or own > TELLING * best:
             return cell, side

@@ -12,7 +12,7 @@ from mechsim.analytic.closure.followed_path import FollowedPath
 from mechsim.analytic.closure.programmed_motion import followed_under, solve_prescribed, solve_programmed
 from mechsim.analytic.closure.rank import conditioning
 from mechsim.analytic.closure.tree_rates import Instants
-from mechsim.analytic.closure.whole_motion import followed, solve
+from mechsim.analytic.closure.whole_motion import followed, solve_along
 from mechsim.analytic.vector_method.trig_arcs import Arcs
 from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
@@ -74,8 +74,7 @@ class LoopForm:
             AssemblyError: where the loops do not close.
         """
         if self.programs is None:
-            motion = solve(self.mechanism, angles, speed, acceleration, through=self.through)
-            return replace(motion, origin=self)
+            return replace(solve_along(self._path, angles, speed, acceleration), origin=self)
         clock = np.atleast_1d(numbers(angles))
         rates = [np.broadcast_to(numbers(rate), clock.shape) for rate in (speed, acceleration)]
         return replace(solve_programmed(self._path, self.programs, clock, *rates), origin=self)

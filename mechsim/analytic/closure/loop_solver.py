@@ -131,17 +131,20 @@ class LoopSolver:
         return at, found, gone
 
 
-def loop_solver(loops: TreeLoops, at: Coordinates, before: Array | None = None) -> LoopSolver:
+def loop_solver(
+    loops: TreeLoops, at: Coordinates, before: Array | None = None, slope: Array | None = None
+) -> LoopSolver:
     """Return the solver for poses near one.
 
     Args:
         loops: the equations.
         at: one set of closed coordinates, where nothing that the solver must tell is singular.
         before: the gauge so far, which the new one follows.
+        slope: of all rows there, (rows, count, 1), where it is known.
     """
     from scipy.linalg import qr
 
-    matrix = loops.linearise(at)[1][:, loops.unknown, 0]
+    matrix = (loops.linearise(at)[1] if slope is None else slope)[:, loops.unknown, 0]
     if not matrix.size:
         return LoopSolver(loops, np.zeros(0, dtype=np.intp), np.eye(len(loops.unknown)), at)
     _, values, right = np.linalg.svd(matrix)

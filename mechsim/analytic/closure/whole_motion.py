@@ -62,7 +62,7 @@ def follow(mechanism: Mechanism, angles: ArrayLike) -> dict[str, Pose]:
     """
     mechanism = described(mechanism)
     asked = crank_angles(mechanism, angles)
-    path, found = moved_along(mechanism, asked, np.zeros_like(asked), np.zeros_like(asked))
+    path, found = moved_along(followed(mechanism), asked, np.zeros_like(asked), np.zeros_like(asked))
     return {
         name: Pose(found.position[:, i], found.rotation[:, i]) for name, i in path.loops.tree.links.items()
     }
@@ -96,23 +96,29 @@ def solve(
     Accuracy: relative errors of about 1e-15 times the condition of the loops; within 5e-3 rad of a change
         point 1e-12.
     """
-    mechanism = described(mechanism)
+    return solve_along(followed(mechanism, through), angles, speed, acceleration)
+
+
+def solve_along(
+    path: FollowedPath, angles: ArrayLike, speed: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
+) -> Motion:
+    """Return the motion of a mechanism whose path may be known already; else as `solve`."""
+    mechanism = path.loops.tree.mechanism
     asked = crank_angles(mechanism, angles)
     rate = crank_rate(mechanism, "speed", speed, len(asked))
     second = crank_rate(mechanism, "acceleration", acceleration, len(asked))
-    return recorded(*moved_along(mechanism, asked, rate, second, through), asked, rate, second)
+    return recorded(*moved_along(path, asked, rate, second), asked, rate, second)
 
 
 def moved_along(
-    mechanism: Mechanism, angle: Array, speed: Array, acceleration: Array, through: Through = "smooth"
+    path: FollowedPath, angle: Array, speed: Array, acceleration: Array
 ) -> tuple[FollowedPath, LoopMotion]:
     """Return the motion and its path, of a crank that only swings on whatever lap it is asked for."""
-    path = followed(mechanism, through)
     instants = crank_instants(path, angle, speed, acceleration)
     try:
         return path, loop_motion(path, instants)
     except AssemblyError:
-        for laps in other_laps(mechanism.start, angle):
+        for laps in other_laps(path.loops.tree.mechanism.start, angle):
             other = _counted(path, laps)
             if other is not None:
                 with suppress(AssemblyError):

@@ -24,7 +24,7 @@ from mechsim.analytic.closure.tree_rates import (
     in_order,
     rated,
 )
-from mechsim.analytic.closure.whole_motion import crank_instants, moved_along, recorded
+from mechsim.analytic.closure.whole_motion import crank_instants, followed, moved_along, recorded
 from mechsim.analytic.derivatives.numbers import GivenMechanism, numbers_of, with_numbers
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError, InputError
@@ -113,7 +113,7 @@ def _followed(form: Form, angle: Array, speed: Array, acceleration: Array) -> tu
     if programs is not None:
         path = followed_under(form.mechanism, programs, through)
         return path, held_too(path, clock_instants(programs, angle, speed, acceleration))
-    path, _ = moved_along(form.mechanism, angle, speed, acceleration, through)
+    path, _ = moved_along(followed(form.mechanism, through), angle, speed, acceleration)
     return path, crank_instants(path, angle, speed, acceleration)
 
 
