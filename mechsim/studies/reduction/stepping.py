@@ -1,0 +1,165 @@
+"""How a scene is stepped: solver, matrices, integrator and step, what a longer step adds made good."""
+
+from collections.abc import Callable
+from functools import partial
+
+import mujoco
+import numpy as np
+
+from mechsim.studies.reduction.candidate import Candidate, NotThere
+from mechsim.studies.reduction.evidence import Evidence
+
+FAMILY = "stepping"
+EULER, RK4, IMPLICIT, IMPLICITFAST = (
+    mujoco.mjtIntegrator.mjINT_EULER,
+    mujoco.mjtIntegrator.mjINT_RK4,
+    mujoco.mjtIntegrator.mjINT_IMPLICIT,
+    mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+)
+CALLED = {int(EULER): "Euler", int(RK4): "RK4", int(IMPLICIT): "implicit", int(IMPLICITFAST): "implicitfast"}
+# times as long as the scene's own step
+LONGER = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 32, 40, 50, 64, 80, 100)
+# by what part of a step a velocity-dependent force comes early (+) or late (-): of joint dampers, of actuators
+SHIFT = {
+    int(EULER): (0.5, -0.5),
+    int(IMPLICIT): (0.5, 0.5),
+    int(IMPLICITFAST): (0.5, 0.5),
+    int(RK4): (0.0, 0.0),
+}
+# stiffest spring of a row that a step carries, and strongest damper, by the step
+STIFF, DAMPED = 0.5, 1.0
+
+
+def cheaper(seen: Evidence) -> list[Candidate]:
+    """Propose settings by which a step costs less and its result stays what it is."""
+    found: list[Candidate] = []
+    option = seen.spec.option
+    if option.solver != mujoco.mjtSolver.mjSOL_NEWTON:
+        found.append(Candidate(FAMILY, "the solver: Newton", _newton))
+    if option.jacobian != mujoco.mjtJacobian.mjJAC_DENSE and seen.model.nv < 60:
+        found.append(Candidate(FAMILY, "sparse matrices: dense", _dense))
+    if option.enableflags & int(mujoco.mjtEnableBit.mjENBL_ENERGY):
+        found.append(Candidate(FAMILY, "the energy flag", _no_energy))
+    if not option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ISLAND):
+        found.append(Candidate(FAMILY, "looking for islands", _no_islands))
+    for iterations in (1, 2, 3, 5):
+        if iterations < option.iterations:
+            edit = partial(_iterations, number=iterations)
+            found.append(Candidate(FAMILY, f"solver iterations beyond {iterations}", edit))
+    return found
+
+
+def coarser(seen: Evidence) -> list[Candidate]:
+    """Propose longer steps and cheaper integrators, the cheapest first."""
+    own = int(seen.spec.option.integrator)
+    found: list[tuple[float, Candidate]] = []
+    for times in LONGER:
+        for integrator in (IMPLICITFAST, EULER, RK4):
+            for made_good in (True, False):
+                for hard in (True, False):
+                    if times == 1 and (int(integrator) == own or int(integrator) == int(RK4)):
+                        continue
+                    change = partial(
+                        _stepped, times=times, integrator=int(integrator), made_good=made_good, hard=hard
+                    )
+                    cost = (3.3 if int(integrator) == int(RK4) else 1.0) / times
+                    found.append(
+                        (cost, Candidate(FAMILY, _what(seen, times, int(integrator), made_good), change))
+                    )
+    return [one for _, one in sorted(found, key=lambda pair: pair[0])]
+
+
+def _what(seen: Evidence, times: int, integrator: int, made_good: bool) -> str:
+    step = float(seen.spec.option.timestep)
+    said = f"steps of {step:g} s, {CALLED[int(seen.spec.option.integrator)]}: {step * times:g} s, "
+    return said + CALLED[integrator] + (", its damping made good by armature" if made_good else "")
+
+
+def _newton(spec: mujoco.MjSpec) -> None:
+    spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+
+
+def _dense(spec: mujoco.MjSpec) -> None:
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+
+
+def _no_energy(spec: mujoco.MjSpec) -> None:
+    spec.option.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+
+
+def _no_islands(spec: mujoco.MjSpec) -> None:
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+
+
+def _iterations(spec: mujoco.MjSpec, number: int) -> None:
+    spec.option.iterations = number
+
+
+def _stepped(spec: mujoco.MjSpec, times: int, integrator: int, made_good: bool, hard: bool) -> None:
+    """Make steps so many times as long.
+
+    Args:
+        spec: changed in place.
+        times: as long.
+        integrator: of them.
+        made_good: whether armature makes up for dampers that act a part of a step early or late.
+        hard: whether rows keep the stiffness they had; else MuJoCo softens them with the step.
+    """
+    before, after = float(spec.option.timestep), times * float(spec.option.timestep)
+    if made_good:
+        _make_good(spec, int(spec.option.integrator), integrator, before, after)
+    if hard:
+        _keep_stiffness(spec, before, after)
+    spec.option.timestep, spec.option.integrator = after, integrator
+
+
+def _make_good(spec: mujoco.MjSpec, old: int, new: int, before: float, after: float) -> None:
+    """Add the armature by which a damper that acts early or late by a part of a step is as it was.
+
+    A force -c v taken a time s late is -c v + c s a, as if the inertia were less by c s.
+    """
+    late = [one * before - other * after for one, other in zip(SHIFT[old], SHIFT[new], strict=True)]
+    changed = False
+    for part in (*spec.joints, *spec.tendons):
+        damping = float(np.atleast_1d(part.damping)[0])
+        if damping:
+            part.armature += damping * late[0]
+            changed = True
+    for actuator in spec.actuators:
+        strength = -float(actuator.biasprm[2]) if actuator.biastype == mujoco.mjtBias.mjBIAS_AFFINE else 0.0
+        target = _target(spec, actuator)
+        if strength and target is not None:
+            target.armature += strength * float(actuator.gear[0]) ** 2 * late[1]
+            changed = True
+    if not changed:
+        raise NotThere("there is no damper")
+    if any(part.armature < 0.0 for part in (*spec.joints, *spec.tendons)):
+        raise NotThere("the armature would be less than none")
+
+
+def _target(spec: mujoco.MjSpec, actuator: mujoco.MjsActuator) -> "mujoco.MjsJoint | mujoco.MjsTendon | None":
+    if actuator.trntype == mujoco.mjtTrn.mjTRN_TENDON:
+        return spec.tendon(actuator.target)
+    if actuator.trntype in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
+        return spec.joint(actuator.target)
+    return None
+
+
+def _keep_stiffness(spec: mujoco.MjSpec, before: float, after: float) -> None:
+    """Write loops' and limits' softness as stiffness and damping, which MuJoCo does not adapt to the step."""
+    safe = not spec.option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
+    change: Callable[[np.ndarray], np.ndarray] = partial(_direct, before=before, after=after, safe=safe)
+    for equality in spec.equalities:
+        equality.solref = change(np.asarray(equality.solref))
+    for part in (*spec.joints, *spec.tendons):
+        part.solref_limit = change(np.asarray(part.solref_limit))
+
+
+def _direct(solref: np.ndarray, before: float, after: float, safe: bool) -> np.ndarray:
+    """Return the reference of rows as minus stiffness and minus damping, as much as a step carries."""
+    if solref[0] <= 0.0:
+        stiffness, damping = -solref[0], -solref[1]
+    else:
+        constant = max(solref[0], 2.0 * before) if safe else solref[0]
+        stiffness, damping = 1.0 / (constant * solref[1]) ** 2, 2.0 / constant
+    return np.array([-min(stiffness, STIFF / after**2), -min(damping, DAMPED / after)])
