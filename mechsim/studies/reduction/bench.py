@@ -9,7 +9,7 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.simulation.mjcf.silence import quiet
-from mechsim.studies.reduction.lean_scene import LeanScene, lean_scene, started_as
+from mechsim.studies.reduction.lean_scene import LeanScene, lean_scene
 from mechsim.studies.scenes.scene_errors import worst_distance
 from mechsim.studies.scenes.scene_limit import interpolated
 from mechsim.studies.scenes.scene_run import SceneRun, stepped
@@ -60,8 +60,12 @@ class Bench:
     @cached_property
     def full(self) -> LeanScene:
         """The full scene."""
-        made = lean_scene(self.motion, self.spec, self.tracked)
-        return replace(made, start=self.motion.start)
+        return lean_scene(self.motion, self.spec, self.tracked, self.named)
+
+    @cached_property
+    def named(self) -> mujoco.MjModel:
+        """The full scene's model, its parts named."""
+        return self.spec.copy().compile()
 
     @cached_property
     def run(self) -> SceneRun:
@@ -87,7 +91,7 @@ class Bench:
 
     def lean(self, spec: mujoco.MjSpec) -> LeanScene:
         """Return a scene over the same motion, its joints starting as the full one's."""
-        return started_as(lean_scene(self.motion, spec, self.tracked), self.full)
+        return lean_scene(self.motion, spec, self.tracked, self.named)
 
     def errors(self, scene: LeanScene, *, all_of_them: bool = True) -> LeanErrors:
         """Return how far a scene is from the full one.

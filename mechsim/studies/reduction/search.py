@@ -7,11 +7,18 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from mechsim.errors import InputError
+from mechsim.simulation.mjcf import to_xml
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.reduction import table
 from mechsim.studies.reduction.bench import BROKEN, Bench, LeanErrors, time_ratios
 from mechsim.studies.reduction.candidate import Candidate, NotThere, changed
 from mechsim.studies.reduction.evidence import Evidence, evidence
+from mechsim.studies.reduction.lean_scene import LeanScene
+from mechsim.studies.reduction.second_motion import second_motion
+from mechsim.studies.reduction.spelled_out import spelled_out
+from mechsim.studies.reduction.stepping import FAMILY
+from mechsim.studies.scenes import UserScene
 
 By = Literal["trajectory", "torque"]
 # part of the tolerance that what is left out may cost on the motion that chooses
@@ -20,6 +27,8 @@ PART = 0.7
 NOTHING, NOISE = 1e-3, 1.05
 # part of the time that must be saved where leaving out costs accuracy
 WORTH = 0.97
+# steps tried after the best one that are no better
+ENOUGH = 4
 
 Tell = Callable[[str, float], None]
 
@@ -46,7 +55,7 @@ class Reduction:
     """A scene that lacks what is not needed.
 
     Attributes:
-        spec: of what is left.
+        text: of what is left, as MJCF.
         left_out: in order.
         errors: of the whole over the user's motion, and over the second.
         speedup: time of the full scene in parts of that of the whole.
@@ -55,7 +64,7 @@ class Reduction:
         undone: things that were left out and came back, for the whole was beyond the tolerance.
     """
 
-    spec: mujoco.MjSpec
+    text: str
     left_out: Sequence[LeftOut]
     errors: tuple[LeanErrors, LeanErrors]
     speedup: float
@@ -66,17 +75,36 @@ class Reduction:
 
 @quiet()
 def reduced(
-    first: Bench, second: Bench, tolerance: float, by: By = "trajectory", tell: Tell = lambda _, __: None
+    scene: UserScene,
+    spec: mujoco.MjSpec,
+    tolerance: float,
+    *,
+    by: By = "trajectory",
+    tell: Tell = lambda _, __: None,
 ) -> Reduction:
     """Return the smallest scene found that keeps a tolerance.
 
     Args:
-        first: the full scene over the user's motion, by which is chosen.
-        second: the same over another, by which the whole is judged.
+        scene: the full scene and the user's motion, by which is chosen.
+        spec: of its file; not changed.
         tolerance: in [m], or in [N m] or [N] by torque.
         by: what counts.
         tell: told what is tried and what part is done.
+
+    Raises:
+        InputError: for a full scene that diverges or of which nothing is tracked.
     """
+    full = spelled_out(spec)
+    named = full.copy().compile()
+    tracked = {name: (named.body(body).name, place) for name, (body, place) in scene.places.items()}
+    first, second = (Bench(one, full, tracked) for one in (scene, second_motion(scene)))
+    if not tracked:
+        raise InputError(f"nothing of {scene.path} is tracked; name a site or a body by --track")
+    for bench, which in ((first, "its motion"), (second, "a second motion")):
+        if bench.run.broken:
+            raise InputError(
+                f"{scene.path} diverges over {which}: {bench.run.broken}; mend the scene, or ask for less"
+            )
     search = _Search(first, tolerance, by, tell)
     search.go()
     return search.judged(second)
@@ -89,6 +117,8 @@ class _Search:
         self.bench, self.tolerance, self.by, self.tell = bench, tolerance, by, tell
         self.spec, self.error, self.tried = bench.spec, 0.0, 0
         self.left_out: list[LeftOut] = []
+        # ratio of time, steps, error: of steps that keep the tolerance too
+        self.steps: list[tuple[float, Candidate, float]] = []
         self.bodies = frozenset(body for body, _ in bench.tracked.values())
 
     def seen(self, spec: mujoco.MjSpec) -> Evidence:
@@ -103,14 +133,14 @@ class _Search:
         self.coarser()
 
     def together(self, candidate: Candidate) -> None:
-        """Leave a candidate out beside what is left out already, if that keeps the tolerance and saves time."""
+        """Leave a candidate out beside all that is, if that keeps the tolerance and saves time."""
         self.tried += 1
         try:
             spec = changed(self.spec, candidate)
             scene = self.bench.lean(spec)
         except (NotThere, ValueError):
             return
-        error = self.bench.errors(scene, all_of_them=self.by == "torque").by(self.by)
+        error = self.error_of(scene)
         if not error <= PART * self.tolerance:
             return
         ratio = float(time_ratios(self.bench.lean(self.spec), [scene])[0])
@@ -130,9 +160,8 @@ class _Search:
         self.spec, self.error = spec, error
 
     def coarser(self) -> None:
-        """Take the longest steps that keep the tolerance."""
+        """Take the longest steps that keep the tolerance; keep the others that do for where these do not."""
         failed, options = 0, table.LAST(self.seen(self.spec))
-        best: tuple[float, Candidate, mujoco.MjSpec, float] | None = None
         for number, candidate in enumerate(options):
             self.tell(candidate.what, 0.5 + 0.4 * number / len(options))
             self.tried += 1
@@ -141,36 +170,45 @@ class _Search:
                 scene = self.bench.lean(spec)
             except (NotThere, ValueError):
                 continue
-            error = self.bench.errors(scene, all_of_them=self.by == "torque").by(self.by)
+            error = self.error_of(scene)
             if not error <= PART * self.tolerance:
                 continue
             ratio = float(time_ratios(self.bench.lean(self.spec), [scene])[0])
-            if best is None or ratio < best[0]:
-                best, failed = (ratio, candidate, spec, error), 0
-            else:
-                failed += 1
-            if failed >= 4:
+            if ratio < WORTH:
+                self.steps.append((ratio, candidate, error))
+            failed = failed + 1 if ratio > min(one[0] for one in [*self.steps, (np.inf,)]) else 0
+            if failed >= ENOUGH:
                 break
-        if best is not None and best[0] < WORTH:
-            self.take(*best[1:])
+        self.steps.sort(key=lambda one: one[0])
+        self.next_steps()
+
+    def next_steps(self) -> None:
+        """Take the best steps not taken yet, if there are any."""
+        if self.steps:
+            _, candidate, error = self.steps.pop(0)
+            self.take(candidate, changed(self.spec, candidate), error)
 
     def judged(self, second: Bench) -> Reduction:
         """Return the whole, things undone until it keeps the tolerance over both motions."""
         undone: list[str] = []
         while True:
-            spec = self.again()
+            text = self.again()
+            spec = mujoco.MjSpec.from_string(text)
             errors = [self.errors(bench, spec) for bench in (self.bench, second)]
             if all(one.by(self.by) <= self.tolerance for one in errors) or not self.left_out:
                 break
-            steps = np.diff([0.0, *(one.error for one in self.left_out)])
-            undone.append(self.left_out.pop(int(np.argmax(steps))).candidate.what)
-        self.spec = spec
+            gone = int(np.argmax(np.diff([0.0, *(one.error for one in self.left_out)])))
+            undone.append(self.left_out[gone].candidate.what)
+            last = self.left_out.pop(gone).candidate.family == FAMILY
+            if last and gone == len(self.left_out):
+                self.spec = mujoco.MjSpec.from_string(self.again())
+                self.next_steps()
         ratio = float(time_ratios(self.bench.full, [self.bench.lean(spec)], rounds=7)[0])
         taken = self.bench.run.seconds_per_second
-        return Reduction(spec, self.left_out, (errors[0], errors[1]), 1.0 / ratio, taken, self.tried, undone)
+        return Reduction(text, self.left_out, (errors[0], errors[1]), 1.0 / ratio, taken, self.tried, undone)
 
-    def again(self) -> mujoco.MjSpec:
-        """Return the full scene without all that is left out; what does not apply any more comes back."""
+    def again(self) -> str:
+        """Return the text of the scene without all that is left out; what does not apply comes back."""
         spec, kept = self.bench.spec, list[LeftOut]()
         for one in self.left_out:
             try:
@@ -179,7 +217,10 @@ class _Search:
                 continue
             kept.append(one)
         self.left_out = kept
-        return spec
+        return to_xml(spec.copy())
+
+    def error_of(self, scene: LeanScene) -> float:
+        return self.bench.errors(scene, all_of_them=self.by == "torque").by(self.by)
 
     def errors(self, bench: Bench, spec: mujoco.MjSpec) -> LeanErrors:
         try:

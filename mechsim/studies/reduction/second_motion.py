@@ -1,24 +1,34 @@
 """A second motion of the same inputs, which chose nothing: other speeds, other paces, nine tenths as far."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.model.programs import State
+from mechsim.studies.scenes import UserScene
 
 # how far a second motion goes, and by how much its speed differs within it
 REACH, UNEVEN = 0.9, 0.3
 
 
-def second_programs(states: Mapping[str, State], duration: float, first: int = 0) -> dict[str, State]:
-    """Return other programs of the same inputs: from the same start, each at a pace of its own.
+def second_motion(scene: UserScene) -> UserScene:
+    """Return a scene put through a second motion, from the same start."""
+    count = len(scene.drive)
+    drive = _programs(scene.drive, scene.duration, 0)
+    qpos, qvel = scene.start
+    # rates that keep loops closed go with those of the drivers
+    return replace(
+        scene,
+        drive=drive,
+        ctrl=_programs(scene.ctrl, scene.duration, count),
+        start=(qpos, REACH * qvel if count else qvel),
+    )
 
-    Args:
-        states: of the inputs.
-        duration: of the motion in [s], beyond which no program is asked.
-        first: number of the first input, by which paces differ.
-    """
+
+def _programs(states: Mapping[str, State], duration: float, first: int) -> dict[str, State]:
+    """Return other programs of the same inputs, numbered from `first`: each has a pace of its own."""
     return {
         name: _second(state, duration, number) for number, (name, state) in enumerate(states.items(), first)
     }

@@ -1,11 +1,11 @@
 """How a scene is stepped: solver, matrices, integrator and step, what a longer step adds made good."""
 
-from collections.abc import Callable
 from functools import partial
 
 import mujoco
 import numpy as np
 
+from mechsim.maths.arrays import Array
 from mechsim.studies.reduction.candidate import Candidate, NotThere
 from mechsim.studies.reduction.evidence import Evidence
 
@@ -19,7 +19,7 @@ EULER, RK4, IMPLICIT, IMPLICITFAST = (
 CALLED = {int(EULER): "Euler", int(RK4): "RK4", int(IMPLICIT): "implicit", int(IMPLICITFAST): "implicitfast"}
 # times as long as the scene's own step
 LONGER = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 32, 40, 50, 64, 80, 100)
-# by what part of a step a velocity-dependent force comes early (+) or late (-): of joint dampers, of actuators
+# by what part of a step forces that go with rates come early (+) or late (-): of dampers, of actuators
 SHIFT = {
     int(EULER): (0.5, -0.5),
     int(IMPLICIT): (0.5, 0.5),
@@ -27,7 +27,9 @@ SHIFT = {
     int(RK4): (0.0, 0.0),
 }
 # stiffest spring of a row that a step carries, and strongest damper, by the step
-STIFF, DAMPED = 0.5, 1.0
+STIFF, DAMPED = 1.0, 1.0
+# that MuJoCo takes
+IMPEDANCES = (1e-4, 0.9999)
 
 
 def cheaper(seen: Evidence) -> list[Candidate]:
@@ -42,10 +44,6 @@ def cheaper(seen: Evidence) -> list[Candidate]:
         found.append(Candidate(FAMILY, "the energy flag", _no_energy))
     if not option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ISLAND):
         found.append(Candidate(FAMILY, "looking for islands", _no_islands))
-    for iterations in (1, 2, 3, 5):
-        if iterations < option.iterations:
-            edit = partial(_iterations, number=iterations)
-            found.append(Candidate(FAMILY, f"solver iterations beyond {iterations}", edit))
     return found
 
 
@@ -89,10 +87,6 @@ def _no_energy(spec: mujoco.MjSpec) -> None:
 
 def _no_islands(spec: mujoco.MjSpec) -> None:
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
-
-
-def _iterations(spec: mujoco.MjSpec, number: int) -> None:
-    spec.option.iterations = number
 
 
 def _stepped(spec: mujoco.MjSpec, times: int, integrator: int, made_good: bool, hard: bool) -> None:
@@ -146,20 +140,46 @@ def _target(spec: mujoco.MjSpec, actuator: mujoco.MjsActuator) -> "mujoco.MjsJoi
 
 
 def _keep_stiffness(spec: mujoco.MjSpec, before: float, after: float) -> None:
-    """Write loops' and limits' softness as stiffness and damping, which MuJoCo does not adapt to the step."""
+    """Let loops and limits give as much as before under the same load, with steps of another length.
+
+    Left alone MuJoCo softens rows with the step. A row with stiffness s and impedance d gives
+    (1 - d) dmax^2 / (d^2 s) times the acceleration it holds back (computation chapter of MuJoCo's
+    documentation): where a step carries less stiffness, more impedance makes up for it.
+    """
     safe = not spec.option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
-    change: Callable[[np.ndarray], np.ndarray] = partial(_direct, before=before, after=after, safe=safe)
     for equality in spec.equalities:
-        equality.solref = change(np.asarray(equality.solref))
+        # loops stand open by less than the width over which impedance changes
+        equality.solref, equality.solimp = _carried(
+            equality.solref, equality.solimp, equality.solimp[0], before, after, safe
+        )
     for part in (*spec.joints, *spec.tendons):
-        part.solref_limit = change(np.asarray(part.solref_limit))
+        part.solref_limit, part.solimp_limit = _carried(
+            part.solref_limit, part.solimp_limit, part.solimp_limit[1], before, after, safe
+        )
 
 
-def _direct(solref: np.ndarray, before: float, after: float, safe: bool) -> np.ndarray:
-    """Return the reference of rows as minus stiffness and minus damping, as much as a step carries."""
+def _carried(
+    solref: Array, solimp: Array, impedance: float, before: float, after: float, safe: bool
+) -> tuple[Array, Array]:
+    """Return the reference of rows as minus stiffness and damping, which MuJoCo leaves alone, and impedance.
+
+    Args:
+        solref: as the scene has it, (2,).
+        solimp: likewise, (5,).
+        impedance: at which its rows mostly are.
+        before: the step of the scene in [s].
+        after: the step to be, in [s].
+        safe: whether the scene's references are kept from being shorter than two steps.
+    """
     if solref[0] <= 0.0:
-        stiffness, damping = -solref[0], -solref[1]
+        stiffness, damping = -float(solref[0]), -float(solref[1])
     else:
-        constant = max(solref[0], 2.0 * before) if safe else solref[0]
-        stiffness, damping = 1.0 / (constant * solref[1]) ** 2, 2.0 / constant
-    return np.array([-min(stiffness, STIFF / after**2), -min(damping, DAMPED / after)])
+        constant = max(float(solref[0]), 2.0 * before) if safe else float(solref[0])
+        stiffness, damping = 1.0 / (constant * float(solref[1])) ** 2, 2.0 / constant
+    carried = min(stiffness, STIFF / after**2)
+    reference = np.array([-carried, -min(damping, DAMPED / after)])
+    if carried == stiffness:
+        return reference, solimp
+    gives = (1.0 - impedance) * float(solimp[1]) ** 2 / (impedance**2 * stiffness)
+    hard = float(np.clip(1.0 - gives * carried, *IMPEDANCES))
+    return reference, np.array([hard, hard, *solimp[2:]])
