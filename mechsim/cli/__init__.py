@@ -37,6 +37,10 @@ COMMANDS = {
         "tradeoff.tradeoff",
         "Measure how fast and how accurate MuJoCo's settings are on one mechanism; recommend some.",
     ),
+    "reduce": (
+        "reduce.reduce",
+        "Leave out of a scene what is not needed for what is tracked; write what is left.",
+    ),
     "dynamics": (
         "dynamics.dynamics",
         "What drives and joints carry as prescribed, and the energies; free running under a motor.",

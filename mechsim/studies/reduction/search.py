@@ -1,7 +1,7 @@
 """Candidates tried alone and together: what is left out, judged as a whole over two motions."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import mujoco
@@ -62,6 +62,7 @@ class Reduction:
         time: processor time of a simulated second of the full scene, in [s].
         tried: how many candidates.
         undone: things that were left out and came back, for the whole was beyond the tolerance.
+        by: what counted.
     """
 
     text: str
@@ -70,7 +71,12 @@ class Reduction:
     speedup: float
     time: float
     tried: int
-    undone: Sequence[str] = field(default_factory=list[str])
+    undone: Sequence[str]
+    by: By
+
+    def kept(self, tolerance: float) -> bool:
+        """Say whether the whole keeps a tolerance over both motions."""
+        return all(errors.by(self.by) <= tolerance for errors in self.errors)
 
 
 @quiet()
@@ -205,7 +211,9 @@ class _Search:
                 self.next_steps()
         ratio = float(time_ratios(self.bench.full, [self.bench.lean(spec)], rounds=7)[0])
         taken = self.bench.run.seconds_per_second
-        return Reduction(text, self.left_out, (errors[0], errors[1]), 1.0 / ratio, taken, self.tried, undone)
+        return Reduction(
+            text, self.left_out, (errors[0], errors[1]), 1.0 / ratio, taken, self.tried, undone, self.by
+        )
 
     def again(self) -> str:
         """Return the text of the scene without all that is left out; what does not apply comes back."""

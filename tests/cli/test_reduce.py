@@ -1,0 +1,40 @@
+import json
+
+import pytest
+from scene_texts import FINGER
+
+FED = ("--ctrl", "servo=0.5*sin(2*pi*t)", "--duration", "0.3s")
+
+
+@pytest.fixture
+def finger(tmp_path):
+    (tmp_path / "finger.xml").write_text(FINGER)
+    return "finger.xml"
+
+
+def test_reduce_writes_a_scene_and_tells_what_each_thing_left_out_costs(mechsim, finger, tmp_path):
+    said = mechsim("reduce", finger, "--tolerance", "7um", "--track", "pad", *FED, "-o", "out.xml", "--json")
+    assert said.code == 0, said.err
+    told = json.loads(said.out)
+    assert told["error"] <= 7e-6
+    assert {"what", "error", "time_ratio"} <= set(told["left_out"][0])
+    text = (tmp_path / "out.xml").read_text()
+    assert text.startswith("<!--")
+    assert all(one["what"] in text for one in told["left_out"])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--tolerance", "0"), "above 0"),
+        (("--tolerance", "7um", "--by", "closure"), "it can be trajectory, torque"),
+        (("--tolerance", "7um", "--ctrl", "motor=1"), "actuators of the model are servo"),
+        (("--tolerance", "7um", "--track", "nail"), "nail"),
+    ],
+)
+def test_reduce_refuses_in_one_line_and_writes_nothing(mechsim, finger, tmp_path, words, said):
+    answer = mechsim("reduce", finger, *words, "-o", "out.xml")
+    assert answer.code == 2
+    assert said in answer.err
+    assert len(answer.err.strip().splitlines()) == 1
+    assert not (tmp_path / "out.xml").exists()

@@ -1,0 +1,233 @@
+import mujoco
+import numpy as np
+import pytest
+from scene_texts import FINGER
+
+from mechsim.errors import InputError
+from mechsim.studies.reduction import reduced, with_comment
+from mechsim.studies.reduction import apart, contacts, limits, ornaments, springs, stepping, still_joints
+from mechsim.studies.reduction.bench import Bench
+from mechsim.studies.reduction.candidate import Candidate, NotThere, changed
+from mechsim.studies.reduction.evidence import evidence
+from mechsim.studies.reduction.second_motion import REACH, second_motion
+from mechsim.studies.reduction.spelled_out import spelled_out
+from mechsim.studies.scenes import scene_of
+from mechsim.subjects.actuator_programs import actuator_programs
+from mechsim.subjects.subject import load
+
+SIZE = 0.07
+FED = "0.5*sin(2*pi*t)"
+# what a user's scene has beside its mechanism: a fan nothing joins, ornaments, a ball that lies on a table
+CLUTTER = FINGER.replace(
+    "</worldbody>",
+    """<light name="lamp" pos="0 0 1"/>
+    <geom name="table" type="plane" size="1 1 0.1" pos="0 0 -0.1"/>
+    <body name="ball" pos="0.3 0 -0.0905"><freejoint/><geom name="ball" size="0.01" mass="0.01"/></body>
+    <body name="fan" pos="-0.1 0 0"><joint name="fan"/><geom name="blade" size="0.01" mass="0.01"/></body>
+    <body name="shelf" pos="0 0 0.5"><geom name="board" size="0.1 0.1 0.01" type="box"/></body>
+  </worldbody>
+  <sensor><jointpos joint="knuckle"/></sensor>""",
+).replace('<joint name="elbow"/>', '<joint name="elbow" range="-170 170" limited="true"/>')
+
+
+def scene(folder, text, *, ctrl=FED, drive=None, duration=0.5, track=("pad",)):
+    path = folder / "scene.xml"
+    path.write_text(text)
+    form = load(str(path), drive=drive, track=track)
+    programs = {} if form.programs is None else form.programs.by_name
+    fed = actuator_programs({"servo": ctrl} if ctrl else {})
+    made = scene_of(
+        form.source,
+        form.mechanism,
+        drive=programs,
+        ctrl=fed,
+        duration=duration,
+        points=dict(form.mechanism.points),
+    )
+    return made, mujoco.MjSpec.from_file(str(path))
+
+
+def bench(user, spec):
+    full = spelled_out(spec)
+    named = full.copy().compile()
+    return Bench(user, full, {name: (named.body(b).name, at) for name, (b, at) in user.places.items()})
+
+
+def seen(one):
+    return evidence(one.spec, one.full, frozenset(body for body, _ in one.tracked.values()), 1e-4 * SIZE)
+
+
+def path_of(text, body, program, duration):
+    """Return times and places of a body in plain MuJoCo, fed in a loop."""
+    model = mujoco.MjModel.from_xml_string(text)
+    data, servo = mujoco.MjData(model), model.actuator("servo").id
+    found = []
+    while data.time < duration - 0.5 * model.opt.timestep:
+        data.ctrl[servo] = program(data.time)
+        mujoco.mj_step(model, data)
+        mujoco.mj_kinematics(model, data)
+        found.append((data.time, *data.body(body).xpos))
+    return np.array(found)
+
+
+@pytest.fixture(scope="module")
+def cluttered(tmp_path_factory):
+    user, spec = scene(tmp_path_factory.mktemp("cluttered"), CLUTTER)
+    return user, spec, bench(user, spec)
+
+
+def test_a_reduced_scene_keeps_the_tolerance_in_plain_mujoco_over_motions_not_used_to_choose(cluttered):
+    user, spec, _ = cluttered
+    bound = 1e-4 * SIZE
+    found = reduced(user, spec, bound)
+    text = with_comment(found, "scene.xml", bound, "m")
+    assert found.kept(bound)
+    assert found.left_out
+    for program in (lambda t: 0.5 * np.sin(2 * np.pi * t), lambda t: 0.4 * np.sin(9 * t) ** 2):
+        full, lean = (path_of(one, "pad", program, 0.5) for one in (CLUTTER, text))
+        there = [np.interp(lean[:, 0], full[:, 0], full[:, i]) for i in (1, 2, 3)]
+        between = np.abs(np.diff(full[:, 1:], 2, axis=0)).max() / 8.0  # what linear interpolation leaves
+        assert np.linalg.norm(lean[:, 1:] - np.transpose(there), axis=1).max() <= bound + 2.0 * between
+
+
+def test_what_was_left_out_is_told_in_the_file_and_what_is_needed_is_still_there(cluttered):
+    user, spec, _ = cluttered
+    found = reduced(user, spec, 1e-4 * SIZE)
+    text = with_comment(found, "scene.xml", 7e-6, "m")
+    model = mujoco.MjModel.from_xml_string(text)
+    assert [one.candidate.what in text for one in found.left_out] == [True] * len(found.left_out)
+    joints = {model.joint(j).name for j in range(model.njnt)}
+    assert "fan" not in joints
+    assert {"knuckle", "pivot", "elbow", "swing"} <= joints
+    assert model.nsensor == model.nlight == 0
+    assert model.actuator("servo").id == 0
+
+
+def test_geoms_that_touch_stay_and_others_go_with_their_mass_kept(cluttered):
+    _, _, one = cluttered
+    found = seen(one)
+    assert found.touched == {"table", "ball"}
+    (away,) = contacts.propose(found)
+    spec = changed(one.spec, away)
+    assert (spec.geom("blade").contype, spec.geom("ball").contype) == (0, 1)
+    geoms = next(c for c in ornaments.propose(found) if "geoms" in c.what)
+    lean = changed(one.spec, geoms).compile()
+    assert {lean.geom(g).name for g in range(lean.ngeom)} == {"table", "ball"}
+    whole = one.spec.copy().compile()
+    assert np.allclose(lean.body_mass, whole.body_mass, rtol=1e-15)
+
+
+def test_only_what_nothing_joins_is_apart(cluttered):
+    _, _, one = cluttered
+    (away,) = apart.propose(seen(one))
+    lean = changed(one.spec, away).compile()
+    left = {lean.body(b).name for b in range(lean.nbody)}
+    assert left == {"world", "crank", "rod", "lever", "pad", "shelf"}
+
+
+def test_a_limit_that_is_reached_stays(tmp_path):
+    text = CLUTTER.replace('name="knuckle"', 'name="knuckle" range="-15 15" limited="true"')
+    one = bench(*scene(tmp_path, text))
+    (away,) = limits.propose(seen(one))
+    lean = changed(one.spec, away).compile()
+    assert bool(lean.joint("knuckle").limited[0] if hasattr(lean.joint("knuckle"), "limited") else lean.jnt_limited[lean.joint("knuckle").id])
+    assert not lean.jnt_limited[lean.joint("elbow").id]
+
+
+def test_a_spelled_out_scene_is_the_same_scene(cluttered):
+    user, spec, one = cluttered
+    plain, named = spec.copy().compile(), one.spec.copy().compile()
+    states = []
+    for model in (plain, named):
+        data = mujoco.MjData(model)
+        data.ctrl[0] = 0.3
+        mujoco.mj_step(model, data, 200)
+        states.append(data.qpos.copy())
+    assert np.abs(states[0] - states[1]).max() < 1e-12
+
+
+def test_the_bench_condemns_a_scene_that_lacks_what_it_needs(cluttered):
+    _, _, one = cluttered
+    assert one.errors(one.lean(one.spec)).trajectory == 0.0
+    spring = next(c for c in springs.propose(seen(one)) if c.what == "spring of swing")
+    assert one.errors(one.lean(changed(one.spec, spring))).trajectory > 1e-4 * SIZE
+    heavy = Candidate("wrong", "a mass", lambda spec: setattr(spec.body("lever"), "mass", 0.3))
+    wrong = one.errors(one.lean(changed(one.spec, heavy)))
+    assert wrong.trajectory > 1e-4 * SIZE
+    assert wrong.torque > 1e-3
+    assert wrong.energy > 1e-5
+
+
+def test_what_the_motion_needs_cannot_be_left_out(cluttered):
+    _, _, one = cluttered
+    spec = one.spec.copy()
+    spec.delete(spec.actuator("servo"))
+    with pytest.raises(ValueError, match="servo is fed"):
+        one.lean(spec)
+    with pytest.raises(NotThere, match="servo acts on joint knuckle"):
+        still_joints.fuse(one.spec.copy(), "knuckle", 0.0)
+
+
+def test_a_fused_joint_leaves_its_body_where_it_stood(tmp_path):
+    spec = spelled_out(scene(tmp_path, FINGER)[1])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.joint("swing").qpos[0] = 0.3
+    mujoco.mj_kinematics(model, data)
+    pad = data.body("pad").xpos.copy(), data.body("pad").xquat.copy()
+    still_joints.fuse(spec, "swing", 0.3)
+    lean = spec.compile()
+    data = mujoco.MjData(lean)
+    mujoco.mj_kinematics(lean, data)
+    assert np.allclose(data.body("pad").xpos, pad[0], atol=1e-15)
+    assert np.allclose(data.body("pad").xquat, pad[1], atol=1e-15)
+
+
+def test_a_second_motion_starts_as_the_first_and_its_rates_are_its_own(tmp_path):
+    user, _ = scene(tmp_path, FINGER, ctrl="", drive={"knuckle": "0.4*sin(7*t)+0.3*t"})
+    other = second_motion(user)
+    one, two = (of.drive["knuckle"] for of in (user, other))
+    time, h = np.linspace(0.01, 0.49, 40), 1e-6
+    value, rate, acceleration = two(time)
+    assert two(np.zeros(1))[0] == one(np.zeros(1))[0]
+    assert two(np.zeros(1))[1] == pytest.approx(REACH * one(np.zeros(1))[1])
+    assert np.allclose((two(time + h)[0] - two(time - h)[0]) / (2 * h), rate, atol=1e-8)
+    assert np.allclose((two(time + h)[1] - two(time - h)[1]) / (2 * h), acceleration, atol=1e-7)
+    assert np.abs(value - one(time)[0]).max() > 0.05
+    assert np.allclose(other.start[1], REACH * user.start[1])
+
+
+@pytest.mark.parametrize("times", [2, 4, 8])
+def test_a_loop_gives_as_much_under_a_load_whatever_the_step(times):
+    text = """<mujoco><option timestep="0.0005" gravity="0 0 -9.81"/><worldbody><body name="a">
+    <freejoint/><geom size="0.1" mass="2"/></body></worldbody>
+    <equality><connect name="c" body1="a" anchor="0 0 0" solref="0.001 1"/></equality></mujoco>"""
+    sags = []
+    for wanted in (1, times):
+        spec = spelled_out(mujoco.MjSpec.from_string(text))
+        if wanted > 1:
+            stepping._keep_stiffness(spec, 0.0005, 0.0005 * wanted)
+            spec.option.timestep = 0.0005 * wanted
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, 4000 // wanted)
+        sags.append(data.qpos[2])
+    assert sags[0] < -1e-7
+    assert sags[1] == pytest.approx(sags[0], rel=1e-3)
+
+
+def test_an_armature_makes_good_what_a_longer_step_does_to_a_damper(tmp_path):
+    one = bench(*scene(tmp_path, FINGER.replace("0.002", "0.0005", 1), duration=1.0))
+    worst = {}
+    for made_good in (True, False):
+        spec = one.spec.copy()
+        euler = int(mujoco.mjtIntegrator.mjINT_EULER)
+        stepping._stepped(spec, 4, euler, made_good, hard=True)
+        worst[made_good] = one.errors(one.lean(spec)).trajectory
+    assert worst[True] < 0.3 * worst[False]
+
+
+def test_a_scene_that_diverges_is_refused(tmp_path):
+    user, spec = scene(tmp_path, FINGER.replace('kv="0.02"', 'kv="50"'))
+    with pytest.raises(InputError, match="diverges over its motion"):
+        reduced(user, spec, 1e-5)
