@@ -14,7 +14,7 @@ from mechsim.errors import InputError
 from mechsim.simulation.mjcf_reader.parsed_file import parsed
 from mechsim.studies.reduction import By, LeanErrors, LeftOut, Reduction, reduced, with_comment
 
-UNITS: dict[By, str] = {"trajectory": "m", "torque": "N m"}
+UNITS: dict[By, units.Unit] = {"trajectory": "m", "torque": "N m"}
 
 
 @spread

@@ -1,7 +1,7 @@
 """Candidates tried alone and together: what is left out, judged as a whole over two motions."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import mujoco
@@ -23,12 +23,12 @@ from mechsim.studies.scenes import UserScene
 By = Literal["trajectory", "torque"]
 # part of the tolerance that what is left out may cost on the motion that chooses
 PART = 0.7
-# part of the tolerance that is no error, and how much slower a scene may seem that lacks parts for it
-NOTHING, NOISE = 1e-3, 1.05
+# part of the tolerance that is no error
+NOTHING = 1e-3
 # part of the time that must be saved where leaving out costs accuracy
 WORTH = 0.97
-# steps tried after the best one that are no better
-ENOUGH = 4
+# longer steps that keep the tolerance and are timed, those that should be cheapest first
+ENOUGH = 5
 
 Tell = Callable[[str, float], None]
 
@@ -120,7 +120,8 @@ class _Search:
     """The state of a search."""
 
     def __init__(self, bench: Bench, tolerance: float, by: By, tell: Tell):
-        self.bench, self.tolerance, self.by, self.tell = bench, tolerance, by, tell
+        self.bench, self.tolerance, self.tell = bench, tolerance, tell
+        self.by: By = by
         self.spec, self.error, self.tried = bench.spec, 0.0, 0
         self.left_out: list[LeftOut] = []
         # ratio of time, steps, error: of steps that keep the tolerance too
@@ -140,52 +141,50 @@ class _Search:
 
     def together(self, candidate: Candidate) -> None:
         """Leave a candidate out beside all that is, if that keeps the tolerance and saves time."""
+        tried = self.trial(candidate)
+        if tried is None:
+            return
+        spec, scene, error = tried
+        if error - self.error > NOTHING * self.tolerance:
+            ratio = float(time_ratios(self.bench.lean(self.spec), [scene])[0])
+            if ratio > WORTH:
+                return
+        self.take(candidate, spec, error)
+
+    def trial(self, candidate: Candidate) -> tuple[mujoco.MjSpec, LeanScene, float] | None:
+        """Return what is left without a candidate too, and its error; None where that is too large."""
         self.tried += 1
         try:
             spec = changed(self.spec, candidate)
             scene = self.bench.lean(spec)
         except (NotThere, ValueError):
-            return
+            return None
         error = self.error_of(scene)
-        if not error <= PART * self.tolerance:
-            return
-        ratio = float(time_ratios(self.bench.lean(self.spec), [scene])[0])
-        if ratio > (NOISE if error - self.error <= NOTHING * self.tolerance else WORTH):
-            return
-        self.take(candidate, spec, error)
+        return (spec, scene, error) if error <= PART * self.tolerance else None
 
     def take(self, candidate: Candidate, spec: mujoco.MjSpec, error: float) -> None:
-        alone, ratio = BROKEN, np.nan
-        try:
-            scene = self.bench.lean(changed(self.bench.spec, candidate))
-            alone = self.bench.errors(scene)
-            ratio = float(time_ratios(self.bench.full, [scene])[0])
-        except (NotThere, ValueError):
-            pass
-        self.left_out.append(LeftOut(candidate, alone, ratio, error))
+        self.left_out.append(LeftOut(candidate, BROKEN, np.nan, error))
         self.spec, self.error = spec, error
 
     def coarser(self) -> None:
-        """Take the longest steps that keep the tolerance; keep the others that do for where these do not."""
-        failed, options = 0, table.LAST(self.seen(self.spec))
+        """Take the longest steps that keep the tolerance; know the next ones, should these not hold."""
+        kept: list[tuple[Candidate, LeanScene, float]] = []
+        options = table.LAST(self.seen(self.spec))
         for number, candidate in enumerate(options):
             self.tell(candidate.what, 0.5 + 0.4 * number / len(options))
-            self.tried += 1
-            try:
-                spec = changed(self.spec, candidate)
-                scene = self.bench.lean(spec)
-            except (NotThere, ValueError):
-                continue
-            error = self.error_of(scene)
-            if not error <= PART * self.tolerance:
-                continue
-            ratio = float(time_ratios(self.bench.lean(self.spec), [scene])[0])
-            if ratio < WORTH:
-                self.steps.append((ratio, candidate, error))
-            failed = failed + 1 if ratio > min(one[0] for one in [*self.steps, (np.inf,)]) else 0
-            if failed >= ENOUGH:
+            if (tried := self.trial(candidate)) is not None:
+                kept.append((candidate, *tried[1:]))
+            if len(kept) == ENOUGH:
                 break
-        self.steps.sort(key=lambda one: one[0])
+        ratios = time_ratios(self.bench.lean(self.spec), [scene for _, scene, _ in kept]) if kept else []
+        self.steps = sorted(
+            (
+                (float(ratio), candidate, error)
+                for ratio, (candidate, _, error) in zip(ratios, kept, strict=True)
+                if ratio < WORTH
+            ),
+            key=lambda one: one[0],
+        )
         self.next_steps()
 
     def next_steps(self) -> None:
@@ -211,9 +210,23 @@ class _Search:
                 self.next_steps()
         ratio = float(time_ratios(self.bench.full, [self.bench.lean(spec)], rounds=7)[0])
         taken = self.bench.run.seconds_per_second
-        return Reduction(
-            text, self.left_out, (errors[0], errors[1]), 1.0 / ratio, taken, self.tried, undone, self.by
-        )
+        told = self.alone()
+        return Reduction(text, told, (errors[0], errors[1]), 1.0 / ratio, taken, self.tried, undone, self.by)
+
+    def alone(self) -> list[LeftOut]:
+        """Return what is left out, each thing judged and timed alone where it applies alone."""
+        scenes: dict[int, LeanScene] = {}
+        for number, one in enumerate(self.left_out):
+            try:
+                scenes[number] = self.bench.lean(changed(self.bench.spec, one.candidate))
+            except (NotThere, ValueError):
+                continue
+        ratios = time_ratios(self.bench.full, [*scenes.values()]) if scenes else []
+        found = list(self.left_out)
+        for (number, scene), ratio in zip(scenes.items(), ratios, strict=True):
+            errors = self.bench.errors(scene)
+            found[number] = replace(found[number], alone=errors, time_ratio=float(ratio))
+        return found
 
     def again(self) -> str:
         """Return the text of the scene without all that is left out; what does not apply comes back."""

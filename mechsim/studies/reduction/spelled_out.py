@@ -1,6 +1,7 @@
 """A scene spelled out, so that parts of it can be left out: all named, loops closed between sites."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from itertools import count
 from typing import Any
 
 import mujoco
@@ -40,14 +41,9 @@ def _name(parts: Sequence[Any], what: str) -> None:
     taken = {part.name for part in parts}
     for number, part in enumerate(parts, 1):
         if not part.name:
-            part.name = next(
-                name for name in (f"{what}{number}", *_others(what, number)) if name not in taken
-            )
+            names = (f"{what}{number}" if i == 1 else f"{what}{number}_{i}" for i in count(1))
+            part.name = next(name for name in names if name not in taken)
             taken.add(part.name)
-
-
-def _others(what: str, number: int) -> Iterable[str]:
-    return (f"{what}{number}_{i}" for i in range(2, 1_000_000))
 
 
 def _close_between_sites(spec: mujoco.MjSpec) -> None:
