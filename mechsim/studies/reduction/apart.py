@@ -1,11 +1,15 @@
 """Bodies that what is tracked never feels: nothing joins, touches or ties them but the world."""
 
+from typing import TYPE_CHECKING
+
 import mujoco
-import networkx as nx
 
 from mechsim.studies.reduction.candidate import Candidate, NotThere, counted, listed
 from mechsim.studies.reduction.evidence import Evidence
 from mechsim.studies.reduction.still_joints import joints_of
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 FAMILY = "parts apart"
 TENDON, JOINT = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtEq.mjEQ_JOINT
@@ -13,6 +17,8 @@ TENDON, JOINT = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtEq.mjEQ_JOINT
 
 def propose(seen: Evidence) -> list[Candidate]:
     """Propose to leave out all bodies that nothing but the world joins to what is tracked or driven."""
+    import networkx as nx
+
     graph = ties(seen)
     kept = set[str]()
     for name in (*seen.tracked, *needed_bodies(seen)):
@@ -36,6 +42,8 @@ def propose(seen: Evidence) -> list[Candidate]:
 
 def ties(seen: Evidence) -> "nx.Graph[str]":
     """Return which bodies feel each other otherwise than by bodies that cannot move."""
+    import networkx as nx
+
     model = seen.model
     graph: nx.Graph[str] = nx.Graph()
     still = {0}
