@@ -44,7 +44,7 @@ KILLERS: dict[str, list[str]] = {
     "verdict/quantities.py": VERDICT,
     "verdict/record_errors.py": ["verdict/test_error_sizes.py"],
     "verdict/checks.py": VERDICT,
-    "verdict/judge.py": VERDICT,
+    "verdict/judge.py": [*VERDICT, "verdict/test_programmed.py"],
     "verdict/other_assembly.py": ["verdict/test_other_assembly.py"],
     "analytic/closure/joint_rows.py": CLOSURE,
     "analytic/closure/motion.py": CLOSURE,

@@ -9,7 +9,7 @@ from mechanisms import at
 
 from mechsim import closure
 from mechsim.errors import InputError
-from mechsim.model.couplings import Gear
+from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.mechanism import GROUND, Joint, Link, Mechanism, Pose
 
 SPEED, ACCELERATION, STEP = 1.3, -2.1, 2e-3
@@ -84,9 +84,40 @@ def bevel_wheels() -> Mechanism:
     )
 
 
-KINDS = [*mechanisms.everything(), rocking_slide(), bevel_wheels()]
-EVERY = [*KINDS, *(mechanisms.swapped(one) for one in KINDS[:-1])]
-NAMES = [one.name for one in KINDS] + [f"{one.name}, sides swapped" for one in KINDS[:-1]]
+def racks() -> Mechanism:
+    """A rack on a turning arm that goes with the arm, and one on it that goes with the first, not evenly."""
+    names = ("arm", "rack", "second")
+    first, second = (0.3, 1.0, 0.5), (1.0, -0.4, 0.2)
+    return mechanisms._placed(
+        Mechanism(
+            "racks",
+            tuple(Link(name) for name in names),
+            (
+                Joint("shaft", "revolute", at(GROUND, (0.01, 0.0, 0.02)), at("arm")),
+                Joint("rack", "prismatic", at("arm", (0.05, 0.01, 0.0), first), at("rack", axis=first)),
+                Joint(
+                    "second",
+                    "prismatic",
+                    at("rack", (0.0, 0.02, 0.01), second),
+                    at("second", (0.01, 0.0, 0.0), second),
+                ),
+            ),
+            "shaft",
+            {"P": ("second", (0.01, 0.02, 0.005))},
+            couplings=(
+                Coupling("rack", {"rack": 1.0}, {"shaft": 1.0}, (0.01, 0.03, -0.02)),
+                Coupling("second", {"second": 1.0}, {"rack": 1.0}, (0.01, -0.7, 4.0)),
+            ),
+            start=mechanisms.START,
+        ),
+        {name: ((0.01, 0.0, 0.02), (0.0, 0.0, 0.3)) for name in names},
+    )
+
+
+MOVED_ON = [rocking_slide(), bevel_wheels(), racks()]
+KINDS = [*mechanisms.everything(), *MOVED_ON]
+EVERY = [*KINDS, *(mechanisms.swapped(one) for one in KINDS[:-2])]
+NAMES = [one.name for one in KINDS] + [f"{one.name}, sides swapped" for one in KINDS[:-2]]
 cases = pytest.mark.parametrize("mechanism", EVERY, ids=NAMES)
 
 

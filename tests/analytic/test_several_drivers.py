@@ -52,18 +52,6 @@ def test_a_five_bar_goes_where_two_circles_meet():
     require_rates(form)
 
 
-def test_it_is_solved_again_where_the_drivers_really_were():
-    mechanism = five_bar()
-    states = {"left": waving(2.0, 0.3, 6.0), "right": steady(1.0, 0.1)}
-    form = LoopForm(mechanism, programs=programs(mechanism, states, 1.0))
-    motion = at_times(form)
-    left = motion.joints["left"]
-    lagging = replace(motion, joints={**motion.joints, "left": replace(left, value=left.value - 1e-5)})
-    again = form.solve_as(lagging)
-    truth = where_circles_meet(left.value - 1e-5, motion.joints["right"].value)
-    assert again.points["P"].position[:, :2] == pytest.approx(truth, abs=1e-15)
-
-
 def test_what_the_drivers_leave_open_is_named():
     mechanism = replace(five_bar(), driver=("left",), counted={})
     form = LoopForm(mechanism, programs=programs(mechanism, {"left": steady(2.0, 1.0)}, 1.0))

@@ -18,6 +18,8 @@ CHUNK = 1024
 # Newton steps from a polynomial's pose; the longest that cannot lead into another assembly; and one after
 # which rounding is left
 STEPS, LONG, SHORT = 4, 1e-3, 1e-9
+# how far drivers that are not where the path has them go at once, in [rad] or parts of the size
+STRIDE = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,24 +137,48 @@ def _closed(
     path: FollowedPath, solver: LoopSolver, instants: Instants, rows: Array
 ) -> tuple[Coordinates, Linearised]:
     """Return poses closed from those of the polynomials, and the loops there."""
-    at = path.unflat(rows, instants.at, instants.value)
+    at = path.unflat(rows, instants.at)
+    driven = list(path.loops.driven)
+    own = at.values[driven]
+    off = instants.value - own
+    far = float(np.abs(off / path.loops.units[driven, None]).max(initial=0.0))
+    if far > LONG:
+        side = np.sign(solver.linearise(at).side())
+        strides = int(np.ceil(far / STRIDE))
+        for k in range(1, strides + 1):
+            at.values[driven] = own + off * (k / strides)
+            at, found = _newton(path, solver, instants.at, at, 10.0 * STRIDE)
+            crossed = np.sign(found.side()) != side
+            if crossed.any():
+                raise _lost(path, float(instants.at[np.argmax(crossed)]))
+    at.values[driven] = instants.value
+    return _newton(path, solver, instants.at, at, LONG)
+
+
+def _newton(
+    path: FollowedPath, solver: LoopSolver, s: Array, at: Coordinates, most: float
+) -> tuple[Coordinates, Linearised]:
+    """Return poses closed from near ones, by no step that is longer than `most`, and the loops there."""
     found = solver.linearise(at)
-    blind = path.blind(instants.at)
+    blind = path.blind(s)
     for _ in range(STEPS):
         right = np.where(blind[:, None], 0.0, found.right)
         step = solver.step(_regular(found.matrix, blind), right)
         longest = float(np.abs(step).max(initial=0.0))
-        if not longest < LONG:
-            worst = float(instants.at[np.argmax(np.abs(step).max(0))])
-            raise AssemblyError(
-                f"{path.loops.tree.mechanism.name}: the pose at {path.words.instant(worst)} is too near a "
-                "singular one to be told from another assembly; keep away from it"
-            )
+        if not longest < most:
+            raise _lost(path, float(s[np.argmax(np.abs(step).max(0))]))
         at = path.loops.moved(at, step)
         found = solver.linearise(at)
         if longest < SHORT:
             break
     return at, found
+
+
+def _lost(path: FollowedPath, s: float) -> AssemblyError:
+    return AssemblyError(
+        f"{path.loops.tree.mechanism.name}: the pose at {path.words.instant(s)} is too near a singular one to "
+        "be told from another assembly; keep away from it"
+    )
 
 
 def _regular(matrix: Array, blind: NDArray[np.bool_]) -> Array:

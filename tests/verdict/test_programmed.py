@@ -1,0 +1,58 @@
+"""Motions under programs are judged where their drivers were, and the drivers beside their programs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from driven import five_bar, waving
+
+from mechsim import crosscheck
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.model.programs import programs
+
+MOVES = programs(five_bar(), {"left": waving(2.0, 0.3, 6.0), "right": waving(1.0, 0.2, 9.0)}, 1.0)
+FORM = LoopForm(five_bar(), programs=MOVES)
+TIME = np.linspace(0.0, 1.0, 40)
+
+
+def record(form: LoopForm, source: str):
+    """Return a motion as a simulator would have recorded it."""
+    assert form.programs is not None
+    motion = form.solve(form.programs.pace * TIME, form.programs.pace)
+    return replace(motion, source=source, time=TIME, origin=None, closure=np.zeros(len(TIME)))
+
+
+def lagging(by: float) -> LoopForm:
+    late = programs(five_bar(), {"left": waving(2.0, 0.3, 6.0, -by), "right": waving(1.0, 0.2, 9.0)}, 1.0)
+    return LoopForm(five_bar(), programs=replace(late, pace=MOVES.pace))
+
+
+@pytest.mark.parametrize("source", ["pose", "step"])
+def test_a_motion_as_its_programs_have_it_is_met_with_a_line_for_each_driver(source):
+    verdict = crosscheck(record(FORM, source), FORM)
+    assert verdict.passed, verdict
+    told = {check.subject: check.worst for check in verdict.checks if check.kind == "driver angle"}
+    assert told.keys() == {"left", "right"}
+    assert max(told.values()) < 1e-14
+
+
+def test_a_driver_behind_its_program_is_missed_by_what_it_lags_and_nothing_else_is():
+    verdict = crosscheck(record(lagging(0.05), "step"), FORM)
+    assert [check.quantity for check in verdict.checks if not check.passed] == ["drive: left"]
+    worst = next(check.worst for check in verdict.checks if check.quantity == "drive: left")
+    assert worst == pytest.approx(0.3 * 0.05, rel=2e-2)
+
+
+def test_accelerations_are_parts_of_the_quickest_driver_in_radians_or_sizes():
+    found = record(FORM, "pose")
+    off = replace(
+        found,
+        points={
+            "P": replace(found.points["P"], acceleration=found.points["P"].acceleration + 1e-9),
+        },
+    )
+    bound = next(c for c in crosscheck(off, FORM).checks if c.quantity == "acceleration of P").bound
+    quickest = max(np.abs(found.joints[name].acceleration).max() for name in ("left", "right"))
+    reach = max(np.abs(one.position).max() for one in (*found.points.values(), *found.links.values()))
+    eps = np.finfo(np.float64).eps
+    assert np.max(bound) >= 8192 * eps * reach * quickest
