@@ -51,47 +51,51 @@ class Cut:
             return []
         return [(0, 2, 0.0), (1, 2, 0.0), *([] if kind.turns else [(0, 1, 0.0)])]
 
-    @property
+    @cached_property
+    def pairs(self) -> tuple[list[int], list[int], Array]:
+        """The same as columns i, columns j and scalar products, (d, 1)."""
+        i, j, cosine = (list(part) for part in zip(*self.directions, strict=True))
+        return i, j, np.array(cosine)[:, None]
+
+    @cached_property
     def rows(self) -> int:
         """How many equations it is."""
         return len(self.lengths) + len(self.directions)
 
+    @cached_property
+    def ends(self) -> list[tuple[int, Array, Array]]:
+        """Of sides a and b the link, the point and the joint frame, both in the link's."""
+        ends = zip(self.sides, (self.joint.a, self.joint.b), strict=True)
+        return [(link, np.array(end.point), end.frame) for link, end in ends]
+
     def frames(self, here: Placed) -> tuple[Array, Array, Array, Array]:
         """Return points (3, n) and joint frames (3, 3, n) of sides a and b."""
         found: list[Array] = []
-        for end, link in zip((self.joint.a, self.joint.b), self.sides, strict=True):
+        for link, point, frame in self.ends:
             if link < 0:
-                found += [np.array(end.point)[:, None], end.frame[..., None]]
+                found += [point[:, None], frame[..., None]]
             else:
                 turn = here.rotation[link]
-                found += [here.position[link] + np.array(end.point) @ turn, end.frame.T @ turn]
+                found += [here.position[link] + point @ turn, frame.T @ turn]
         return found[0], found[1], found[2], found[3]
 
     def residual_and_slope(self, here: Placed) -> tuple[Array, Array]:
         """Return residuals (m, n), lengths in units of the size, and slopes (m, columns, n)."""
         point_a, frame_a, point_b, frame_b = self.frames(here)
-        screws = here.screws[self.columns] * self.sense[:, None, None]
-        n = screws.shape[2]
-        number = screws.dtype
-        residual, slope = (
-            np.empty((self.rows, n), number),
-            np.empty((self.rows, len(self.columns), n), number),
-        )
-        gap = (point_b - point_a) / self.size
-        spin = screws[:, 3:]
-        swing = cross(spin.transpose(1, 0, 2), point_b[:, None]).transpose(1, 0, 2)
-        speed = (screws[:, :3] + swing) / self.size
-        k = 0
-        for i in self.lengths:
-            u = frame_a[:, i]
-            residual[k] = (u * gap).sum(0)
-            slope[k] = (u * speed).sum(1)
-            k += 1
-        for i, j, cosine in self.directions:
+        screws = (here.screws[self.columns] * self.sense[:, None, None]).transpose(1, 0, 2)
+        n, k, number = screws.shape[2], len(self.lengths), screws.dtype
+        residual = np.empty((self.rows, n), number)
+        slope = np.empty((self.rows, len(self.columns), n), number)
+        gap, spin = (point_b - point_a) / self.size, screws[3:]
+        speed = (screws[:3] + cross(spin, point_b[:, None])) / self.size
+        along = frame_a[:, self.lengths]
+        np.einsum("irn,in->rn", along, gap, out=residual[:k])
+        np.einsum("irn,icn->rcn", along, speed, out=slope[:k])
+        if self.directions:
+            i, j, cosine = self.pairs
             u, v = frame_a[:, i], frame_b[:, j]
-            residual[k] = (u * v).sum(0) - cosine
-            slope[k] = (cross(v, u) * spin).sum(1)
-            k += 1
+            residual[k:] = (u * v).sum(0) - cosine
+            np.einsum("irn,icn->rcn", cross(v, u), spin, out=slope[k:])
         return residual, slope
 
     def bias(self, here: Placed, twist: Array, drift: Array) -> Array:
