@@ -21,7 +21,7 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose
 from mechsim.model.motion import JointMotion, Motion, Through, join
 
 # parameters that say which assembly is meant
@@ -55,6 +55,8 @@ class ClosedForm(ABC):
     gear: ClassVar[str] = ""
     # whether it stands for its kind in runs of many turns
     long_runs: ClassVar[bool] = False
+    # parameters that may be arrays, one number a design, for `many_designs`
+    broadcast: ClassVar[frozenset[str]] = frozenset()
 
     def __post_init__(self) -> None:
         for parameter in fields(self):
@@ -76,6 +78,14 @@ class ClosedForm(ABC):
 
         Frames are NaN where the loop does not close.
         """
+
+    def local_points(self) -> Mapping[str, Sequence[Any]]:
+        """Return the tracked points in their links' frames, in [m]; parts may be (n,) of many designs."""
+        return {name: local for name, (_, local) in self._described.points.items()}
+
+    def side_a(self, joint: Joint) -> Array:
+        """Return the frame of a joint's side a in its link, (3, 3), or (3, 3, n) of many designs."""
+        return joint.a.frame
 
     @abstractmethod
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:

@@ -1,6 +1,6 @@
 """Planar four-bar linkage with a coupler point: its dimensions and its closed form."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.catalog.base import TwoBranchForm
 from mechsim.analytic.catalog.parameter_fields import angle, choice, length
 from mechsim.analytic.vector_method.jets import Values, cos_sin
-from mechsim.analytic.vector_method.link_frames import LinkFrame
+from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, dot, spun
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
@@ -37,6 +37,9 @@ class FourBar(TwoBranchForm):
         "kite": {"ground": 0.1, "rocker": 0.1, "crank": 0.04, "coupler": 0.04},
     }
     long_runs: ClassVar[bool] = True
+    broadcast: ClassVar[frozenset[str]] = frozenset(
+        ("ground", "crank", "coupler", "rocker", "branch", "arm", "arm_angle")
+    )
 
     ground: float = length(0.100, "distance of the pivots O, O4")
     crank: float = length(0.032, "length OA")
@@ -50,7 +53,7 @@ class FourBar(TwoBranchForm):
     def description(self) -> Mechanism:
         tip = (self.crank, 0.0, 0.0)
         on_coupler, on_rocker = (self.coupler, 0.0, 0.0), (self.rocker, 0.0, 0.0)
-        point = (self.arm * float(np.cos(self.arm_angle)), self.arm * float(np.sin(self.arm_angle)), 0.0)
+        point = vector(self.local_points()["C"])
         return Mechanism(
             name=self.name,
             links=(Link("crank"), Link("coupler", outline=(point,)), Link("rocker")),
@@ -63,6 +66,10 @@ class FourBar(TwoBranchForm):
             driver="crank",
             points={"A": ("crank", tip), "B": ("rocker", on_rocker), "C": ("coupler", point)},
         )
+
+    def local_points(self) -> Mapping[str, Sequence[Any]]:
+        across = (self.arm * np.cos(self.arm_angle), self.arm * np.sin(self.arm_angle), 0.0)
+        return {"A": (self.crank, 0.0, 0.0), "B": (self.rocker, 0.0, 0.0), "C": across}
 
     def margin(self, angles: ArrayLike) -> Array:
         """4 r2 d2 - (d2 + r2 - l2)2 for rocker r, coupler l and d = |O4A|."""
@@ -87,7 +94,7 @@ class FourBar(TwoBranchForm):
         ez, pivot = column(EZ), column((self.ground, 0.0, 0.0))
         ahead = spun(column(EX), ez, angle)
         a = self.crank * ahead
-        if self.ground == self.crank and self.coupler == self.rocker:
+        if np.all(self.ground == self.crank) and np.all(self.coupler == self.rocker):
             swing = self._whip(angle)
         else:
             swing = circle_sphere(pivot, ez, self.rocker, a, self.coupler, self.branch, self.across(angle))

@@ -1,6 +1,6 @@
 """RRSRR: spatial five-link crank-rocker, its dimensions and its closed form."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -21,6 +21,7 @@ from mechsim.analytic.vector_method.vectors import (
     norm,
     rotation,
     spun,
+    turned_twice,
 )
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
@@ -58,6 +59,9 @@ class Rrsrr(TwoBranchForm):
     }
     swinging: ClassVar[Mapping[str, Any]] = {"link": 0.055}
     critical: ClassVar[str] = "link"
+    broadcast: ClassVar[frozenset[str]] = frozenset(
+        ("crank", "coupler", "link", "pivot", "gamma1", "gamma2", "branch")
+    )
 
     crank: float = length(0.012, "length of the crank, to C; R1 of the torus")
     coupler: float = length(0.028, "length CS; r1 of the torus")
@@ -70,7 +74,7 @@ class Rrsrr(TwoBranchForm):
     @cached_property
     def rocker_frame(self) -> Array:
         """LinkFrame at P02 whose third column is the rocker axis, (3, 3); T2 of paper 002."""
-        return rotation("y", self.gamma1) @ rotation("x", self.gamma2)
+        return turned_twice(rotation("y", self.gamma1), rotation("x", self.gamma2))
 
     @property
     def description(self) -> Mechanism:
@@ -92,6 +96,12 @@ class Rrsrr(TwoBranchForm):
             driver="crank",
             points={"C": ("crank", at_c), "S": ("coupler", tip)},
         )
+
+    def local_points(self) -> Mapping[str, Sequence[Any]]:
+        return {"C": (0.0, self.crank, 0.0), "S": (self.coupler, 0.0, 0.0)}
+
+    def side_a(self, joint: Joint) -> Array:
+        return self.rocker_frame if joint.name == "rocker" else super().side_a(joint)
 
     def margin(self, angles: ArrayLike) -> Array:
         """A2 + B2 - K2 of the closed form A cos v1 + B sin v1 = K."""

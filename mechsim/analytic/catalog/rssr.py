@@ -1,6 +1,6 @@
 """RSSR: spatial four-bar crank-rocker, its dimensions and its closed form."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -20,6 +20,7 @@ from mechsim.analytic.vector_method.vectors import (
     dot,
     rotation,
     spun,
+    turned_twice,
     unit_at_angles,
 )
 from mechsim.maths.arrays import Array
@@ -53,6 +54,9 @@ class Rssr(TwoBranchForm):
     swinging: ClassVar[Mapping[str, Any]] = {"rocker": 0.009}
     critical: ClassVar[str] = "coupler"
     long_runs: ClassVar[bool] = True
+    broadcast: ClassVar[frozenset[str]] = frozenset(
+        ("crank", "coupler", "rocker", "pivot", "gamma1", "gamma2", "branch")
+    )
 
     crank: float = length(0.013, "length P1P2")
     coupler: float = length(0.046, "length P2P3")
@@ -71,7 +75,7 @@ class Rssr(TwoBranchForm):
     @cached_property
     def rocker_frame(self) -> Array:
         """LinkFrame at P4 whose third column is the rocker axis, (3, 3). Paper 000, eqs (8), (9)."""
-        return rotation("y", self.gamma1) @ rotation("x", self.gamma2)
+        return turned_twice(rotation("y", self.gamma1), rotation("x", self.gamma2))
 
     @property
     def description(self) -> Mechanism:
@@ -98,6 +102,12 @@ class Rssr(TwoBranchForm):
 
     def variants(self) -> dict[str, Self]:
         return {} if self.guide else {"guided": replace(self, guide=True)}
+
+    def local_points(self) -> Mapping[str, Sequence[Any]]:
+        return {"P2": (0.0, self.crank, 0.0), "P3": (self.rocker, 0.0, 0.0)}
+
+    def side_a(self, joint: Joint) -> Array:
+        return self.rocker_frame if joint.name == "rocker" else super().side_a(joint)
 
     def margin(self, angles: ArrayLike) -> Array:
         """4 r2 d2 - (d2 + h2 + r2 - l2)2; rocker r, coupler l, P4P2 with parts d across, h along the axis."""

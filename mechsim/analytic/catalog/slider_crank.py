@@ -1,6 +1,6 @@
 """Offset slider-crank: its dimensions and its closed form."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -31,6 +31,7 @@ class SliderCrank(TwoBranchForm):
     }
     swinging: ClassVar[Mapping[str, Any]] = {"rod": 0.045}
     critical: ClassVar[str] = "rod"
+    broadcast: ClassVar[frozenset[str]] = frozenset(("crank", "rod", "offset", "branch"))
 
     crank: float = length(0.05, "length OA")
     rod: float = length(0.2, "length AB")
@@ -53,6 +54,9 @@ class SliderCrank(TwoBranchForm):
             driver="crank",
             points={"A": ("crank", tip), "B": ("slider", (0.0, 0.0, 0.0))},
         )
+
+    def local_points(self) -> Mapping[str, Sequence[Any]]:
+        return {"A": (self.crank, 0.0, 0.0), "B": (0.0, 0.0, 0.0)}
 
     def margin(self, angles: ArrayLike) -> Array:
         """rod2 - h2 for the height h of the slide above A."""

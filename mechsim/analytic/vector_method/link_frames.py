@@ -3,6 +3,7 @@
 A frame is made of arrays, which gives poses, or of jets, which gives the motion too.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -43,14 +44,14 @@ class LinkFrame:
         i = next(i for i in range(3) if self._given[i] is None)
         return cross(self.axis((i + 1) % 3), self.axis((i + 2) % 3))
 
-    def direction(self, local: Vector) -> Any:
-        """Return a vector given in the link's frame, (3, n)."""
-        parts = [part * self.axis(i) for i, part in enumerate(local) if part]
+    def direction(self, local: Sequence[Any] | Array) -> Any:
+        """Return a vector given in the link's frame, (3, n); its parts are (n,) each for many designs."""
+        parts = [part * self.axis(i) for i, part in enumerate(local) if _counts(part)]
         return sum(parts[1:], parts[0]) if parts else np.zeros((3, 1))
 
-    def point(self, local: Vector) -> Any:
+    def point(self, local: Sequence[Any]) -> Any:
         """Return the place of a point given in the link's frame, (3, n) in [m]."""
-        return self.origin + self.direction(local) if any(local) else self.origin
+        return self.origin + self.direction(local) if any(map(_counts, local)) else self.origin
 
     def rotation(self, n: int) -> Array:
         """Return the matrices whose columns are the axes, (n, 3, 3)."""
@@ -79,11 +80,15 @@ class LinkFrame:
         return 0.5 * np.sum(spin, 0), 0.5 * np.sum(acceleration, 0)
 
 
+def _counts(part: Any) -> bool:
+    return bool(np.any(part))
+
+
 GROUND_FRAME = LinkFrame(np.zeros((3, 1)), column(EX), column(EY), column(EZ))
 
 
-def vector(numbers: Array) -> Vector:
-    """Return three numbers of an array as a plain tuple."""
+def vector(numbers: Array | Sequence[Any]) -> Vector:
+    """Return three numbers as a plain tuple."""
     x, y, z = (float(number) for number in numbers)
     return x, y, z
 
@@ -114,9 +119,13 @@ def link_motion(frame: LinkFrame, n: int) -> LinkMotion:
     )
 
 
-def joint_coordinate(joint: Joint, a: LinkFrame, b: LinkFrame) -> Any:
-    """Return the coordinate of a joint that has one between two frames, (n,) in [m] or in (-pi, pi] rad."""
-    mark, side, axis = (vector(local) for local in joint.a.frame.T)
+def joint_coordinate(joint: Joint, a: LinkFrame, b: LinkFrame, side_a: Array | None = None) -> Any:
+    """Return the coordinate of a joint that has one between two frames, (n,) in [m] or in (-pi, pi] rad.
+
+    The frame of its side a is (3, 3), as the joint has it, or (3, 3, n) of many designs.
+    """
+    frame = joint.a.frame if side_a is None else side_a
+    mark, side, axis = (vector(frame[:, i]) if frame.ndim == 2 else frame[:, i] for i in range(3))
     if KINDS[joint.kind].slides:
         return dot(b.point(joint.b.point) - a.point(joint.a.point), a.direction(axis))
     seen = b.direction(vector(joint.b.frame[:, 0]))

@@ -35,23 +35,34 @@ def norm(a: Values) -> Any:
     return np.sqrt(dot(a, a))
 
 
-def column(v: ArrayLike) -> Array:
-    """Return one vector as a (3, 1) column that broadcasts against (3, n)."""
+def column(v: Any) -> Array:
+    """Return one vector as a (3, 1) column that broadcasts against (3, n); of many designs (3, n)."""
+    if any(isinstance(part, np.ndarray) and part.ndim for part in v):
+        return np.stack(np.broadcast_arrays(*v)).astype(np.float64, copy=False)
     return np.asarray(v, dtype=np.float64).reshape(3, 1)
 
 
-def rotation(axis: Literal["x", "y", "z"], angle: float) -> Array:
-    """Return the matrix T_X, T_Y or T_Z of a turn by `angle` about a coordinate axis, (3, 3).
+def rotation(axis: Literal["x", "y", "z"], angle: Any) -> Array:
+    """Return the matrix T_X, T_Y or T_Z of a turn by `angle` about a coordinate axis, (3, 3) or (3, 3, n).
 
     Source: paper 000, eq. (9).
     """
     c, s = np.cos(angle), np.sin(angle)
     i = "xyz".index(axis)
     j, k = (i + 1) % 3, (i + 2) % 3
-    matrix = np.eye(3)
+    matrix = np.zeros((3, 3, *np.shape(angle)))
+    matrix[i, i] = 1.0
     matrix[j, j] = matrix[k, k] = c
     matrix[k, j], matrix[j, k] = s, -s
     return matrix
+
+
+def turned_twice(first: Array, second: Array) -> Array:
+    """Return the product of two turns, (3, 3) each or (3, 3, n) of many designs."""
+    if first.ndim == second.ndim == 2:
+        return first @ second
+    wide = [one if one.ndim == 3 else one[..., None] for one in (first, second)]
+    return (wide[0][:, :, None] * wide[1][None]).sum(1)
 
 
 def spun(mark: Array, axis: Array, angle: Values) -> Any:

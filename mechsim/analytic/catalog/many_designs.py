@@ -1,0 +1,206 @@
+"""Many designs of one closed form solved together: the formulas of the catalogue on arrays of parameters."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
+from mechsim.analytic.catalog.parameter_fields import HUGE
+from mechsim.analytic.vector_method import link_frames
+from mechsim.analytic.vector_method.jets import Jet
+from mechsim.analytic.vector_method.link_frames import GROUND_FRAME
+from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, TrigPolynomial
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
+from mechsim.model.joints import KINDS
+from mechsim.model.mechanism import GROUND
+from mechsim.model.motion import JointMotion, Motion, PointMotion
+
+AXES = "xyz"
+# places in the turn at which margins are looked at before their lowest are sought, Newton steps to
+# those, and a margin, as a part of the largest harmonic, that may be a change point or the end of a range
+PLACES, NEWTON, CLOSE = 48, 6, 1e-7
+# a polynomial without change points: an array of parameters holds only designs that have none
+PLAIN = SignedRoot(TrigPolynomial(np.array([1.0 + 0.0j])), ())
+
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Turning:
+    """Over which part of the turn designs can stand.
+
+    Attributes:
+        full: whether the crank turns fully, (n,).
+        doubtful: whether margins come so near to nought that only the exact roots tell, (n,).
+        lowest: the crank angle at which each comes nearest to falling apart, or is farthest open, (n,).
+        margins: coefficients of the margins as `numpy.fft` orders them, (n, 2 degree + 1).
+    """
+
+    full: Bools
+    doubtful: Bools
+    lowest: Array
+    margins: NDArray[np.complex128]
+
+
+def can_be_many(form: ClosedForm, varied: Mapping[str, Array]) -> bool:
+    """Whether a closed form takes arrays of these parameters; parts of a place are called pivot.x."""
+    return isinstance(form, TwoBranchForm) and {one.partition(".")[0] for one in varied} <= form.broadcast
+
+
+def allowed(form: ClosedForm, varied: Mapping[str, Array]) -> Bools:
+    """Return which designs have parameters that their declarations allow, (n,)."""
+    rules = {one.name: one.metadata for one in fields(form)}
+    good = np.ones(len(next(iter(varied.values()))), dtype=np.bool_)
+    for name, values in varied.items():
+        rule = rules[name.partition(".")[0]]
+        if "options" in rule:
+            good &= np.isin(values, np.array(rule["options"], dtype=np.float64))
+            continue
+        good &= np.abs(values) < (HUGE if rule["unit"] == "m" else np.inf)
+        if rule.get("positive"):
+            good &= values > 1.0 / HUGE
+    return good
+
+
+def many(form: ClosedForm, varied: Mapping[str, Array], repeat: int) -> ClosedForm:
+    """Return a closed form whose varied parameters are arrays, each number so many times in a row.
+
+    Only its formulas are of use: `frames`, `margin`, `local_points`; nothing is checked.
+    """
+    one = object.__new__(type(form))
+    values = {parameter.name: getattr(form, parameter.name) for parameter in fields(form)}
+    for name, row in varied.items():
+        parameter, dot, axis = name.partition(".")
+        wide = np.repeat(row, repeat)
+        if dot:
+            place = list(values[parameter])
+            place[AXES.index(axis)] = wide
+            values[parameter] = tuple(place)
+        else:
+            values[parameter] = wide
+    for name, value in values.items():
+        object.__setattr__(one, name, value)
+    one.__dict__["_root"] = PLAIN
+    return one
+
+
+def turning(form: TwoBranchForm, varied: Mapping[str, Array]) -> Turning:
+    """Return over which part of the turn designs can stand: by their margins' lowest values.
+
+    A margin is a trigonometric polynomial; each of its minima is found from evenly spread places.
+    """
+    count, n = 2 * form.margin_degree + 1, len(next(iter(varied.values())))
+    at = TURN * np.arange(count) / count
+    with np.errstate(all="ignore"):
+        sampled = many(form, varied, count).margin(np.tile(at, n))  # pyright: ignore[reportAttributeAccessIssue]
+    harmonics = np.fft.fft(sampled.reshape(n, count)) / count
+    order = np.fft.fftfreq(count, 1.0 / count)
+    scale = np.abs(harmonics).max(1)
+    places = TURN * np.arange(PLACES) / PLACES
+    heights = (harmonics @ np.exp(1j * np.outer(order, places))).real
+    minima = (heights <= np.roll(heights, 1, 1)) & (heights <= np.roll(heights, -1, 1))
+    of, which = np.nonzero(minima)
+    found, own = places[which], harmonics[of]
+    for _ in range(NEWTON):
+        turned = own * np.exp(1j * np.outer(found, order))
+        slope, bend = (turned @ (1j * order)).real, (turned @ (1j * order) ** 2).real
+        step = np.divide(-slope, bend, out=np.zeros_like(slope), where=np.abs(bend) > 0.0)
+        found = found + np.clip(step, -TURN / PLACES, TURN / PLACES)
+    low = (own * np.exp(1j * np.outer(found, order))).sum(1).real
+    least = np.full(n, np.inf)
+    np.minimum.at(least, of, low)
+    lowest = np.zeros(n)
+    lowest[of[low == least[of]]] = found[low == least[of]] % TURN
+    known = np.isfinite(least) & (scale > 0.0)
+    doubtful = ~known | (np.abs(least) <= CLOSE * scale)
+    return Turning(known & (least > CLOSE * scale), doubtful, lowest, harmonics)
+
+
+def ranges(found: Turning) -> tuple[Array, NDArray[np.intp]]:
+    """Return over how much of the turn cranks can stand, (n,) in [rad], and how many dead centres end it.
+
+    Those in doubt are as if margins that touch nought did not.
+    """
+    count = found.margins.shape[1]
+    degree = count // 2
+    top = np.fft.fftshift(found.margins, axes=1)[:, ::-1]
+    widest, ends = np.where(found.full, TURN, 0.0), np.zeros(len(top), dtype=np.intp)
+    order = np.arange(-degree, degree + 1.0)
+    for i in np.flatnonzero(~found.full & np.isfinite(top).all(1)):
+        zeros = np.roots(top[i])
+        real = np.sort(np.angle(zeros[np.abs(np.abs(zeros) - 1.0) < CLOSE**0.5]))
+        gaps = np.diff(np.append(real, real[:1] + TURN))
+        middle = (np.exp(1j * np.outer(real + 0.5 * gaps, order)) @ top[i][::-1]).real
+        widest[i], ends[i] = gaps[middle > 0.0].sum(), len(real)
+    return widest, ends
+
+
+def solved(
+    form: ClosedForm, varied: Mapping[str, Array], angles: Array, speed: float, *, rates: bool, joints: bool
+) -> Motion:
+    """Return the motions of designs whose cranks turn fully, one design after another.
+
+    Args:
+        form: what the parameters that do not vary are of.
+        varied: parameter -> (n,) in SI.
+        angles: crank angles, (p,) in [rad].
+        speed: of the crank in [rad/s].
+        rates: False leaves velocities and accelerations nought.
+        joints: whether joints are wanted, too.
+
+    Returns:
+        Points and joints with one coordinate at n p instants; not a number where a loop stands open.
+    """
+    designs = len(next(iter(varied.values())))
+    wide, crank = many(form, varied, len(angles)), np.tile(angles, designs)
+    still, described = np.zeros_like(crank), form.mechanism
+    pace = np.full_like(crank, speed)
+    at = Jet(crank, pace, still) if rates else crank
+    wanted = {link for link, _ in described.points.values()}
+    if joints:
+        wanted |= {link.name for link in described.links}
+    with np.errstate(all="ignore"):
+        frames: dict[str, link_frames.LinkFrame] = {GROUND: GROUND_FRAME}
+        for name, frame in wide.frames(at):
+            frames[name] = frame
+            if wanted <= frames.keys():
+                break
+        points: dict[str, PointMotion] = {}
+        for name, local in wide.local_points().items():
+            place = frames[described.points[name][0]].point(local)
+            points[name] = link_frames.point_motion(place, len(crank))
+        found: dict[str, JointMotion] = {}
+        for joint in described.joints if joints else ():
+            if KINDS[joint.kind].single:
+                coordinate = (
+                    at
+                    if joint.name == described.driver
+                    else link_frames.joint_coordinate(
+                        joint, frames[joint.a.link], frames[joint.b.link], wide.side_a(joint)
+                    )
+                )
+                found[joint.name] = link_frames.joint_motion(joint, coordinate, len(crank))
+    return Motion("closed form", crank, pace, still, points, joints=found)
+
+
+def one_of(form: ClosedForm, varied: Mapping[str, Array], index: int) -> ClosedForm:
+    """Return one design, checked.
+
+    Raises:
+        InputError: for parameters that it cannot have.
+    """
+    changed: dict[str, object] = {}
+    for name, row in varied.items():
+        parameter, dot, axis = name.partition(".")
+        value = float(row[index])
+        if dot:
+            place = list(changed.get(parameter, getattr(form, parameter)))  # pyright: ignore[reportArgumentType]
+            place[AXES.index(axis)] = value
+            changed[parameter] = tuple(place)
+        else:
+            given = getattr(form, parameter)
+            changed[parameter] = type(given)(value) if isinstance(given, int) else value
+    return replace(form, **changed)

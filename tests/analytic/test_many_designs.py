@@ -1,0 +1,89 @@
+"""Many designs by one formula: each as its own closed form has it, and full turns told from swings."""
+
+import numpy as np
+import pytest
+
+from mechsim.analytic import catalog
+from mechsim.analytic.catalog import many_designs as md
+from mechsim.errors import InputError
+
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+VARIED = {
+    "four_bar": ("crank", "coupler", "arm_angle", "ground", "branch"),
+    "slider_crank": ("crank", "rod", "offset"),
+    "rssr": ("crank", "coupler", "pivot.x", "gamma1", "gamma2"),
+    "rrsrr": ("crank", "coupler", "link", "gamma1", "pivot.y"),
+}
+
+
+def designs(name, spread, count=40):
+    """Return a mechanism and random parameters about its own, (count,) each."""
+    form, rng = catalog.make(name), np.random.default_rng(5)
+    own = {}
+    for parameter in VARIED[name]:
+        field, _, axis = parameter.partition(".")
+        value = getattr(form, field)
+        own[parameter] = value["xyz".index(axis)] if axis else value
+    varied = {one: value * (1.0 + spread * rng.uniform(-1.0, 1.0, count)) for one, value in own.items()}
+    if "branch" in varied:
+        varied["branch"] = rng.choice([-1.0, 1.0], count)
+    return form, varied
+
+
+@pytest.mark.parametrize("name", VARIED)
+def test_each_design_moves_as_its_own_closed_form_has_it(name):
+    form, varied = designs(name, 0.3)
+    full = md.turning(form, varied).full
+    varied = {one: values[full] for one, values in varied.items()}
+    together = md.solved(form, varied, ANGLES, 2.0, rates=True, joints=True)
+    assert full.sum() > 5
+    for i in range(full.sum()):
+        alone = md.one_of(form, varied, i).solve(ANGLES, 2.0)
+        rows = slice(i * len(ANGLES), (i + 1) * len(ANGLES))
+        for kind, parts in (
+            ("points", ("position", "velocity", "acceleration")),
+            ("joints", ("value", "rate", "acceleration")),
+        ):
+            for one, exact in getattr(alone, kind).items():
+                for part in parts:
+                    found = getattr(getattr(together, kind)[one], part)[rows]
+                    wanted = getattr(exact, part)
+                    np.testing.assert_allclose(found, wanted, rtol=1e-10, atol=1e-11 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("name", VARIED)
+def test_full_turns_and_ranges_are_those_of_the_exact_roots(name):
+    form, varied = designs(name, 0.8, 60)
+    found = md.turning(form, varied)
+    widths, ends = md.ranges(found)
+    assert 0 < found.full.sum() < 60
+    for i in range(60):
+        alone = md.one_of(form, varied, i)
+        arcs = alone.crank_range()
+        assert arcs.full == found.full[i]
+        assert widths[i] == pytest.approx(sum(high - low for low, high in arcs.arcs), abs=1e-8)
+        assert ends[i] == len(alone.dead_centres())
+
+
+def test_a_linkage_that_can_be_laid_flat_is_in_doubt_and_no_other_is():
+    form = catalog.make("four_bar", ground=0.1, coupler=0.1, crank=0.04, rocker=0.04)
+    found = md.turning(form, {"crank": np.array([0.04, 0.039])})
+    assert found.doubtful.tolist() == [True, False]
+    assert not found.full[0]
+
+
+def test_what_the_declarations_refuse_is_refused_for_each_design():
+    form = catalog.make("four_bar")
+    varied = {
+        "crank": np.array([0.03, -0.03, np.nan, np.inf, 0.03]),
+        "branch": np.array([1.0, 1.0, 1.0, 1.0, 2.0]),
+    }
+    assert md.allowed(form, varied).tolist() == [True, False, False, False, False]
+    for i in (1, 2, 3, 4):
+        with pytest.raises(InputError):
+            md.one_of(form, varied, i)
+
+
+def test_parameters_that_formulas_take_one_by_one_are_not_many():
+    assert not md.can_be_many(catalog.make("rssr"), {"psi1": np.zeros(2)})
+    assert not md.can_be_many(catalog.make("looper"), {"crank": np.ones(2)})

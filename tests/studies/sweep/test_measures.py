@@ -1,0 +1,97 @@
+"""Measures: what their texts mean, and that their numbers are those of the motion."""
+
+import numpy as np
+import pytest
+
+from mechsim.analytic import catalog
+from mechsim.errors import InputError
+from mechsim.studies.sweep.measures import measure, measures, table_of
+from mechsim.studies.sweep.turns import Turns, quantity
+
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
+
+
+@pytest.fixture(scope="module")
+def turns():
+    """Two turns of one mechanism at different speeds, as if they were two designs."""
+    from mechsim.model.motion import join
+
+    form = catalog.make("rssr")
+    motions = [form.solve(ANGLES, speed) for speed in (1.0, 3.0)]
+    motion = join([type(one)(**{k: getattr(one, k) for k in FIELDS}) for one in motions])
+    return Turns(2, len(ANGLES), motion)
+
+
+FIELDS = ("source", "angle", "speed", "acceleration", "points", "joints")
+
+
+def value(text, turns):
+    found = measure(text, catalog.make("rssr").mechanism)
+    return found, table_of((found,), turns, {})[text]
+
+
+def test_measures_are_those_of_the_motion(turns):
+    alone = catalog.make("rssr").solve(ANGLES, 3.0)
+    rocker, p3 = alone.joints["rocker"], alone.points["P3"]
+    apart = np.linalg.norm(p3.position[:, None] - p3.position, axis=2).max()
+    wanted = {
+        "range:rocker": (np.ptp(rocker.value), "rad"),
+        "stroke:P3": (apart, "m"),
+        "max:P3.vx": (p3.velocity[:, 0].max(), "m/s"),
+        "min:rocker.a": (rocker.acceleration.min(), "rad/s2"),
+        "rms:speed:P3": (np.sqrt((p3.velocity**2).sum(1).mean()), "m/s"),
+        "mean:P3.z": (p3.position[:, 2].mean(), "m"),
+        "max:P3.a": (np.linalg.norm(p3.acceleration, axis=1).max(), "m/s2"),
+        "max:acceleration:P3": (np.linalg.norm(p3.acceleration, axis=1).max(), "m/s2"),
+    }
+    for text, (number, unit) in wanted.items():
+        found, values = value(text, turns)
+        assert found.unit == unit
+        assert values[1] == pytest.approx(number, rel=1e-12)
+
+
+def test_angles_are_counted_on_over_the_turn(turns):
+    assert value("range:crank", turns)[1][0] == pytest.approx(ANGLES[-1])
+
+
+def test_a_value_at_an_angle_is_taken_at_its_own_pose(turns):
+    found = measure("at:350deg:rocker", catalog.make("rssr").mechanism)
+    both = table_of((found,), turns, {found.angle: 35})
+    alone = catalog.make("rssr").solve(ANGLES[35:]).joints["rocker"].value[0]
+    assert both[found.name][0] == pytest.approx(alone)
+
+
+def test_a_function_of_a_motion_is_a_measure(turns, tmp_path):
+    path = tmp_path / "own.py"
+    path.write_text("def top(motion):\n    return motion.points['P3'].position[:, 2].max()\n")
+    _, values = value(f"{path}:top", turns)
+    np.testing.assert_array_equal(values, value("max:P3.z", turns)[1])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("rnage:rocker", "range:J"),
+        ("range:rockr", "'rocker'"),
+        ("stroke:P4", "P2, P3"),
+        ("max:P3.w", "P3.x"),
+        ("max:torqe", "'torque'"),
+        ("at:30mm:rocker", "angle"),
+        ("nothing", "known are"),
+    ],
+)
+def test_what_is_no_measure_is_refused_with_the_nearest(text, said):
+    with pytest.raises(InputError, match=said):
+        measure(text, catalog.make("rssr").mechanism)
+
+
+def test_no_measure_at_all_is_refused():
+    with pytest.raises(InputError, match="no measure"):
+        measures([], catalog.make("rssr").mechanism)
+
+
+def test_names_of_forces_are_read():
+    mechanism = catalog.make("rssr").mechanism
+    assert quantity("force:P3", mechanism).unit == "N"
+    assert quantity("torque:crank", mechanism).subject == "torque"
+    assert quantity("P3.mz", mechanism).unit == "N m"
