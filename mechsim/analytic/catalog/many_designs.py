@@ -83,7 +83,9 @@ def many(form: ClosedForm, varied: Mapping[str, Array], repeat: int) -> ClosedFo
             values[parameter] = wide
     for name, value in values.items():
         object.__setattr__(one, name, value)
-    one.__dict__["_root"] = PLAIN
+    # in place of what `cached_property` would find
+    own: dict[str, object] = vars(one)
+    own["_root"] = PLAIN
     return one
 
 

@@ -10,7 +10,7 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, taken
-from mechsim.studies.sweep.turns import Quantity, Turns, joint_units, quantity
+from mechsim.studies.sweep.turns import TurnQuantity, Turns, joint_units, quantity
 from mechsim.subjects.python_object import object_of, tried
 from mechsim.subjects.toml_source import nearest
 
@@ -27,7 +27,7 @@ WORDS = ("range:J", "stroke:P", "max:Q", "min:Q", "rms:Q", "mean:Q", "at:ANGLE:Q
 
 
 @dataclass(frozen=True, slots=True)
-class Measure:
+class TurnMeasure:
     """One number of a design.
 
     Attributes:
@@ -42,7 +42,7 @@ class Measure:
     name: str
     kind: str
     unit: str
-    of: Quantity | None = None
+    of: TurnQuantity | None = None
     subject: str = ""
     angle: float | None = None
 
@@ -89,7 +89,7 @@ class Measure:
         return OVER[self.kind](values)
 
 
-def measure(text: str, mechanism: Mechanism) -> Measure:
+def measure(text: str, mechanism: Mechanism) -> TurnMeasure:
     """Return the measure that a text asks for.
 
     Args:
@@ -102,33 +102,33 @@ def measure(text: str, mechanism: Mechanism) -> Measure:
     """
     word, colon, rest = text.partition(":")
     if text in FACTS:
-        return Measure(text, text, FACTS[text])
+        return TurnMeasure(text, text, FACTS[text])
     if ".py:" in text:
         object_of(text)
-        return Measure(text, "function", "", subject=text)
+        return TurnMeasure(text, "function", "", subject=text)
     if colon and word == "range":
         return _range(text, rest, mechanism)
     if colon and word == "stroke":
         if rest not in mechanism.points:
             raise InputError(f"{mechanism.name} has no point {rest!r}{nearest(rest, mechanism.points)}")
-        return Measure(text, word, "m", subject=rest)
+        return TurnMeasure(text, word, "m", subject=rest)
     if colon and word in OVER:
         of = quantity(rest, mechanism)
-        return Measure(text, word, of.unit, of)
+        return TurnMeasure(text, word, of.unit, of)
     if colon and word == "at":
         angle, _, name = rest.partition(":")
         of = quantity(name, mechanism)
-        return Measure(text, word, of.unit, of, angle=units.parse(angle, "rad", f"the angle of {text}"))
+        return TurnMeasure(text, word, of.unit, of, angle=units.parse(angle, "rad", f"the angle of {text}"))
     said = f"{word}:" if colon else text
     raise InputError(f"there is no measure {text!r}{nearest(said, WORDS)}")
 
 
-def _range(text: str, rest: str, mechanism: Mechanism) -> Measure:
+def _range(text: str, rest: str, mechanism: Mechanism) -> TurnMeasure:
     joints = joint_units(mechanism)
     if rest not in joints and "." not in rest and ":" not in rest:
         raise InputError(f"{mechanism.name} has no joint {rest!r} to range{nearest(rest, joints)}")
     of = quantity(rest, mechanism)
-    return Measure(text, "range", of.unit, of)
+    return TurnMeasure(text, "range", of.unit, of)
 
 
 def _stroke(turns: Turns, point: str) -> Array:
@@ -138,8 +138,8 @@ def _stroke(turns: Turns, point: str) -> Array:
     most = np.zeros(turns.designs)
     for apart in range(1, turns.poses // 2 + 1):
         # each pair once: so many poses apart, round the turn
-        gap = sum((part - np.roll(part, apart, 1)) ** 2 for part in (x, y, z))
-        np.maximum(most, gap.max(1), out=most)
+        dx, dy, dz = (part - np.roll(part, apart, 1) for part in (x, y, z))
+        np.maximum(most, (dx * dx + dy * dy + dz * dz).max(1), out=most)
     return np.sqrt(most)
 
 
@@ -160,7 +160,7 @@ def _number(where: str, given: object) -> float:
         raise InputError(f"{where} returns {type(given).__name__}; return one number") from None
 
 
-def measures(texts: "list[str] | tuple[str, ...]", mechanism: Mechanism) -> tuple[Measure, ...]:
+def measures(texts: "list[str] | tuple[str, ...]", mechanism: Mechanism) -> tuple[TurnMeasure, ...]:
     """Return the measures that texts ask for, each once.
 
     Raises:
@@ -171,7 +171,7 @@ def measures(texts: "list[str] | tuple[str, ...]", mechanism: Mechanism) -> tupl
     return tuple(measure(text, mechanism) for text in dict.fromkeys(texts))
 
 
-def table_of(asked: "tuple[Measure, ...]", turns: Turns, places: Mapping[float, int]) -> dict[str, Array]:
+def table_of(asked: "tuple[TurnMeasure, ...]", turns: Turns, places: Mapping[float, int]) -> dict[str, Array]:
     """Return all measures of designs: name -> (designs,).
 
     Args:

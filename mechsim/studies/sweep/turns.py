@@ -23,7 +23,7 @@ TRANSMISSION = "transmission"
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class TurnQuantity:
     """What is looked at over a turn.
 
     Attributes:
@@ -72,7 +72,7 @@ class Turns:
     transmission: Array | None = None
     facts: Mapping[str, Array] = field(default_factory=dict[str, Array])
 
-    def of(self, quantity: Quantity) -> Array:
+    def of(self, quantity: TurnQuantity) -> Array:
         """Return a quantity, (designs, poses)."""
         shape = (self.designs, self.poses)
         if quantity.kind == "transmission":
@@ -104,7 +104,7 @@ def unwrapped(values: Array) -> Array:
     return out
 
 
-def quantity(name: str, mechanism: Mechanism) -> Quantity:
+def quantity(name: str, mechanism: Mechanism) -> TurnQuantity:
     """Return what a name means.
 
     Known are a joint's coordinate (rocker, rocker.v, rocker.a), a point's (P3.x, P3.vy, P3.az), its speed
@@ -117,7 +117,7 @@ def quantity(name: str, mechanism: Mechanism) -> Quantity:
     """
     found = _joint(name, mechanism) or _point(name, mechanism) or _effort(name, mechanism)
     if found is None and name == TRANSMISSION:
-        found = Quantity(name, "transmission", "", "", "rad")
+        found = TurnQuantity(name, "transmission", "", "", "rad")
     if found is None:
         known = _known(mechanism)
         raise InputError(f"{mechanism.name} has no quantity {name!r}{nearest(name, known)}")
@@ -140,46 +140,46 @@ def _known(mechanism: Mechanism) -> list[str]:
     return [*joint_units(mechanism), *points, *speeds, "torque", TRANSMISSION]
 
 
-def _joint(name: str, mechanism: Mechanism) -> Quantity | None:
+def _joint(name: str, mechanism: Mechanism) -> TurnQuantity | None:
     units = joint_units(mechanism)
     own, dot, part = name.rpartition(".")
     if name in units:
         own, part = name, "q"
     elif not dot or own not in units or part not in ORDERS:
         return None
-    return Quantity(name, "joint", own, part, units[own] + PER[part])
+    return TurnQuantity(name, "joint", own, part, units[own] + PER[part])
 
 
-def _point(name: str, mechanism: Mechanism) -> Quantity | None:
+def _point(name: str, mechanism: Mechanism) -> TurnQuantity | None:
     word, colon, own = name.partition(":")
     if colon and word in ("speed", "acceleration") and own in mechanism.points:
         part = word[0].replace("s", "v")
-        return Quantity(name, "point", own, part, "m" + PER[part])
+        return TurnQuantity(name, "point", own, part, "m" + PER[part])
     own, _, part = name.rpartition(".")
     order = part[:1] if part[:1] in ("v", "a") else ""
     axis = part[len(order) :]
     if own not in mechanism.points or (axis not in AXES if axis else not order) or len(axis) > 1:
         return None
-    return Quantity(name, "point", own, part, "m" + PER[order])
+    return TurnQuantity(name, "point", own, part, "m" + PER[order])
 
 
-def _effort(name: str, mechanism: Mechanism) -> Quantity | None:
+def _effort(name: str, mechanism: Mechanism) -> TurnQuantity | None:
     joints = [joint.name for joint in mechanism.joints]
     if name == "torque":
-        return Quantity(name, "effort", "torque", "", "N m")
+        return TurnQuantity(name, "effort", "torque", "", "N m")
     word, colon, own = name.partition(":")
     if colon and word in WRENCH and own in joints:
-        return Quantity(name, "effort", own, word, "N" if word == "force" else "N m")
+        return TurnQuantity(name, "effort", own, word, "N" if word == "force" else "N m")
     if colon and word == "torque" and own in (*mechanism.drivers, *mechanism.holds):
         single = mechanism.has_crank and own == mechanism.crank.name
         unit = "N" if own in mechanism.straight else "N m"
-        return Quantity(name, "effort", "torque" if single else f"drive {own}", "", unit)
+        return TurnQuantity(name, "effort", "torque" if single else f"drive {own}", "", unit)
     own, _, part = name.rpartition(".")
     if own in joints and any(part in parts for parts in WRENCH.values()):
-        return Quantity(name, "effort", name, "", "N" if part in WRENCH["force"] else "N m")
+        return TurnQuantity(name, "effort", name, "", "N" if part in WRENCH["force"] else "N m")
     return None
 
 
-def names_of(quantities: Sequence[Quantity]) -> list[str]:
+def names_of(quantities: Sequence[TurnQuantity]) -> list[str]:
     """Return the names of quantities."""
     return [one.name for one in quantities]
