@@ -1,14 +1,16 @@
-"""What a wheel holds besides the package: the gallery, of which the sources keep one copy, in models/."""
+"""What a wheel holds besides the package: gallery and reference data, of which the sources keep one copy."""
 
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 
-class WithGallery(BuildHookInterface):
-    """Puts the gallery into wheels; one that is run from its sources finds it there."""
+class WithData(BuildHookInterface):
+    """Puts gallery and reference data into wheels; one that is run from its sources finds them there."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Add the folder, unless the install is editable."""
+        """Add the folders, unless the install is editable."""
         if version != "editable":
             build_data["force_include"]["models/gallery"] = "mechsim/gallery"
+            for part in ("data", "mechanisms", "datapackage.json", "SHA256SUMS", "README.md"):
+                build_data["force_include"][f"reference/{part}"] = f"mechsim/reference/{part}"

@@ -14,6 +14,7 @@ from mechsim.cli.declared_options import spread
 from mechsim.cli.endings import tell
 from mechsim.cli.options import DriveOptions, Json, Sets, Speed, folder_for, form_of, moving, speed_of
 from mechsim.cli.output import print_json, print_table, progress
+from mechsim.cli.validate_reference import validate_by_reference
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.report.validation import write_validation_report
 from mechsim.studies.validate import Case, validate_all
@@ -45,6 +46,10 @@ def validate(
     everything: Annotated[
         bool, typer.Option("--all", help="Print every quantity, not the tightest only.")
     ] = False,
+    reference: Annotated[
+        bool,
+        typer.Option("--reference", help="Judge both roads by the reference data instead: 30 digits."),
+    ] = False,
     report: Annotated[
         str | None, typer.Option(metavar="DIR", help="Write plots, pictures, videos and a page here.")
     ] = None,
@@ -57,6 +62,12 @@ def validate(
 
     The formula that a file names is code, and is run.
     """
+    if reference:
+        if against or sets or report or whole_gallery or driven != DriveOptions():
+            raise InputError(
+                "--reference judges what the data describe; leave out all else but names and --json"
+            )
+        raise typer.Exit(0 if validate_by_reference(models or (), as_json) else 1)
     if against is not None:
         if models is None or len(models) != 1 or whole_gallery:
             raise InputError("--against is of one model; name it, and no others")
