@@ -1,0 +1,38 @@
+"""What `mechsim validate --reference` does: both roads against data of 30 digits."""
+
+from collections.abc import Sequence
+
+import typer
+
+from mechsim.analytic import catalog
+from mechsim.cli.output import print_json, print_table, progress
+from mechsim.studies.reference import ReferenceCase, by_reference
+from mechsim.subjects import reference_data
+from mechsim.subjects.subject import load
+from mechsim.verdict.checks import HEAD
+
+
+def validate_by_reference(models: Sequence[str], as_json: bool) -> bool:
+    """Judge the mechanisms named, or all of the reference data, and print it; return whether all are met.
+
+    Raises:
+        InputError: for a name of which there are no data, or data that are not what their checksum says.
+    """
+    where = reference_data.folder()
+    tables = [reference_data.read(where, name) for name in models or reference_data.names(where)]
+    cases: dict[str, ReferenceCase] = {}
+    with progress("validate", len(tables)) as tick:
+        for table in tables:
+            closed = catalog.make(table.name) if table.name in catalog.DRIVES else None
+            cases[table.name] = by_reference(load(str(table.mechanism)), table, closed)
+            tick(table.name)
+    passed = all(case.passed for case in cases.values())
+    if as_json:
+        print_json({"passed": passed, "mechanisms": {name: case.as_dict() for name, case in cases.items()}})
+        return passed
+    for name, case in cases.items():
+        title = f"{name}: {case.outcome}" + (f" - {case.reason}" if case.reason else "")
+        print_table(title, HEAD, [check.cells for check in case.checks])
+    good = sum(case.passed for case in cases.values())
+    typer.echo(f"{good} of {len(cases)} mechanisms agree with the reference data in {where}")
+    return passed

@@ -1,0 +1,97 @@
+"""The reference data: mechanisms in TOML, tables of their motion to 30 digits; with the package."""
+
+import csv
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
+from mechsim.model.motion import PointMotion
+from mechsim.subjects.gallery import PACKAGE
+
+SUMS = "SHA256SUMS"
+EFFORTS = ("torque:", "force:")
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceTable:
+    """What is known of a mechanism's motion.
+
+    Attributes:
+        name: of the mechanism.
+        mechanism: its TOML file.
+        speed: of the crank in [rad/s]; None where drivers follow programs.
+        first: crank angle in [rad], or under programs time in [s], (n,).
+        points: tracked point -> its motion.
+        efforts: driver -> torque in [N m] or force in [N], (n,).
+    """
+
+    name: str
+    mechanism: Path
+    speed: float | None
+    first: Array
+    points: Mapping[str, PointMotion]
+    efforts: Mapping[str, Array]
+
+
+def folder() -> Path:
+    """Return where the data lie: in an installed package, or beside one that is run from its sources."""
+    inside = PACKAGE / "reference"
+    return inside if inside.is_dir() else PACKAGE.parent / "reference"
+
+
+def names(where: Path) -> list[str]:
+    """Return the mechanisms in a folder of reference data."""
+    return sorted(path.stem for path in (where / "data").glob("*.csv"))
+
+
+def read(where: Path, name: str) -> ReferenceTable:
+    """Return the table of a mechanism.
+
+    Raises:
+        InputError: where it is missing, or is not what its checksum says.
+    """
+    known = names(where)
+    if name not in known:
+        raise InputError(f"there are no reference data of {name!r}; known are {', '.join(known) or 'none'}")
+    sums = _sums(where)
+    paths = {
+        path: where / path for path in (f"data/{name}.csv", f"mechanisms/{name}.toml", "datapackage.json")
+    }
+    for called, path in paths.items():
+        if sums.get(called) != hashlib.sha256(path.read_bytes()).hexdigest():
+            raise InputError(f"{path} is not what its checksum in {SUMS} says; get the reference data anew")
+    with paths[f"data/{name}.csv"].open(encoding="utf-8", newline="") as file:
+        head, *lines = csv.reader(file)
+    columns = dict(zip(head, np.array(lines, dtype=np.float64).T, strict=True))
+    told = json.loads(paths["datapackage.json"].read_text(encoding="utf-8"))
+    speeds = {one["path"]: one["crank_speed"] for one in told["resources"]}
+    speed = speeds[f"data/{name}.csv"]
+    return ReferenceTable(
+        name=name,
+        mechanism=paths[f"mechanisms/{name}.toml"],
+        speed=None if speed is None else float(speed.split()[0]),
+        first=columns[head[0]],
+        points={point: _point(columns, point) for point in _points(head)},
+        efforts={one.partition(":")[2]: column for one, column in columns.items() if one.startswith(EFFORTS)},
+    )
+
+
+def _sums(where: Path) -> dict[str, str]:
+    lines = (where / SUMS).read_text(encoding="utf-8").splitlines()
+    return {path: digest for digest, _, path in (line.partition("  ") for line in lines)}
+
+
+def _points(head: list[str]) -> list[str]:
+    return [one.removesuffix(".ax") for one in head if one.endswith(".ax")]
+
+
+def _point(columns: Mapping[str, Array], name: str) -> PointMotion:
+    return PointMotion(
+        *(np.column_stack([columns[f"{name}.{rate}{axis}"] for axis in "xyz"]) for rate in ("", "v", "a"))
+    )

@@ -1,0 +1,56 @@
+"""Both roads are judged by data of 30 digits, and what is wrong by little is told."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.studies.reference import by_reference
+from mechsim.subjects import reference_data
+
+
+def table_of(name):
+    return reference_data.read(reference_data.folder(), name)
+
+
+@pytest.mark.parametrize("name", ["rssr", "five_bar"])
+def test_all_roads_agree_with_the_data(name):
+    table = table_of(name)
+    closed = ms.catalog.make(name) if name == "rssr" else None
+    case = by_reference(ms.load(str(table.mechanism)), table, closed)
+    assert case.passed, case.reason
+    assert {check.road for check in case.checks} >= {"loop equations", "pose"}
+    assert {check.kind for check in case.checks} >= {"position", "velocity", "acceleration"}
+    assert sum("effort" in check.kind or "torque" in check.kind for check in case.checks) == 2 * len(
+        table.efforts
+    )
+
+
+def test_a_wrong_digit_far_behind_is_missed_on_every_road():
+    table = table_of("slider_crank")
+    point = table.points["B"]
+    changed = replace(point, acceleration=point.acceleration * (1.0 + 1e-10))
+    wrong = replace(table, points={**table.points, "B": changed})
+    case = by_reference(ms.load(str(table.mechanism)), wrong)
+    assert case.outcome == "missed"
+    missed = {(check.road, check.kind) for check in case.checks if not check.passed}
+    assert missed == {("loop equations", "acceleration"), ("pose", "acceleration")}
+
+
+def test_a_mechanism_whose_mass_or_length_is_off_is_missed():
+    table = table_of("slider_crank")
+    heavy = replace(table, efforts={"crank": table.efforts["crank"] * (1.0 + 1e-6)})
+    case = by_reference(ms.load(str(table.mechanism)), heavy)
+    assert {check.kind for check in case.checks if not check.passed} == {"drive torque"}
+    long = ms.load(str(table.mechanism), set={"rod": "200.0001mm"})
+    assert by_reference(long, table).outcome == "missed"
+    assert by_reference(
+        ms.load(str(table.mechanism)), table, ms.catalog.make("slider_crank", rod=0.2001)
+    ).reason
+
+
+def test_data_that_are_no_numbers_are_not_met():
+    table = table_of("four_bar")
+    lost = {"crank": np.full(72, np.nan)}
+    assert by_reference(ms.load(str(table.mechanism)), replace(table, efforts=lost)).outcome != "met"

@@ -1,0 +1,124 @@
+"""The reference data are what their script makes, and meet printed values and their own derivatives."""
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpmath import mp, mpf
+
+from mechsim.errors import InputError
+from mechsim.subjects import gallery, reference_data
+
+ROOT = Path(__file__).resolve().parents[2]
+WHERE = ROOT / "reference"
+NAMES = reference_data.names(WHERE)
+
+
+def rows(name):
+    with (WHERE / "data" / f"{name}.csv").open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def made(name, digits, row):
+    """Return a row that the script computes now, in a process that cannot import mechsim."""
+    told = (
+        "import sys, json; sys.modules['mechsim'] = None; sys.path.insert(0, sys.argv[1]); import make;"
+        "(cell, row), = make.solved(sys.argv[2], int(sys.argv[3]), [int(sys.argv[4])]);"
+        "print(json.dumps({'cell': cell} | {key: make.written(one) for key, one in row.items()}))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", told, str(WHERE), name, str(digits), str(row)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize(("name", "row"), [("rssr", 3), ("bennett", 20), ("five_bar", 5)])
+def test_the_script_makes_the_same_digits_with_another_number_of_them(name, row):
+    again, kept = made(name, 50, row), rows(name)[row]
+    assert again.pop("cell") == next(iter(kept.values()))
+    with mp.workdps(40):
+        for key, one in again.items():
+            exact = mpf(kept[key])
+            assert abs(mpf(one) - exact) <= abs(exact) * mpf(10) ** -29 + mpf(10) ** -36, key
+
+
+def test_the_catalogue_the_gallery_and_two_problems_of_the_iftomm_library_are_there():
+    from mechsim.analytic import catalog
+
+    assert set(NAMES) == {*catalog.DRIVES, *gallery.files(), "spatial_slider_crank", "bricard"}
+    told = json.loads((WHERE / "datapackage.json").read_text())
+    assert [one["path"] for one in told["resources"]] == [f"data/{name}.csv" for name in NAMES]
+    assert told["licenses"][0]["name"] == "CC-BY-4.0"
+    assert sum(one["bytes"] for one in told["resources"]) < 15e6
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_table_has_72_rows_of_30_digits_and_the_sums_of_its_files(name):
+    reference_data.read(WHERE, name)
+    found = rows(name)
+    assert len(found) == 72
+    cells = [cell for row in found for cell in row.values()]
+    assert all(cell == "0" or len(re.sub(r"e.*|[-.]", "", cell)) == 30 for cell in cells)
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rssr", "looper", "klann", "cardan_joint", "stewart_gough"])
+def test_velocities_and_accelerations_are_the_derivatives_of_the_places(name):
+    # a periodic motion, sampled 72 times: its derivative by Fourier series
+    table = reference_data.read(WHERE, name)
+    order = 1j * np.fft.fftfreq(72, 1.0 / 72.0)
+    order[36] = 0.0
+    rate = 2.0 * np.pi if table.speed is None else table.speed
+    for point in table.points.values():
+        velocity, acceleration = (
+            np.fft.ifft((rate * order[:, None]) ** k * np.fft.fft(point.position, axis=0), axis=0).real
+            for k in (1, 2)
+        )
+        for found, exact in ((velocity, point.velocity), (acceleration, point.acceleration)):
+            assert np.abs(found - exact).max() <= 2e-4 * np.abs(exact).max() + 1e-12
+
+
+def test_the_spatial_slider_crank_starts_as_the_library_prints():
+    first = rows("spatial_slider_crank")[0]
+    printed = {"slider.x": "0.2", "slider.vx": "0.24", "rod.vx": "0.12", "rod.vy": "-0.24", "rod.vz": "0"}
+    with mp.workdps(40):
+        for key, value in printed.items():
+            assert abs(mpf(first[key]) - mpf(value)) < mpf(10) ** -29
+
+
+def test_closed_formulas_meet_the_digits():
+    with mp.workdps(45):
+        for row in rows("scotch_yoke"):
+            assert abs(mpf(row["yoke.x"]) - mpf("0.03") * mp.cos(mpf(row["angle"]))) < mpf(10) ** -31
+        for row in rows("slider_crank"):
+            angle, crank, rod, offset = mpf(row["angle"]), mpf("0.05"), mpf("0.2"), mpf("0.01")
+            x = crank * mp.cos(angle) + mp.sqrt(rod**2 - (crank * mp.sin(angle) - offset) ** 2)
+            assert abs(mpf(row["B.x"]) - x) < mpf(10) ** -30
+
+
+def test_the_ten_lines_of_the_folder_run_without_mechsim():
+    block = re.search(r"```python\n(.*?)```", (WHERE / "README.md").read_text(), re.DOTALL).group(1)
+    assert "mechsim" not in re.sub(r"#.*", "", block)
+    assert len(block.strip().splitlines()) <= 10
+    done = subprocess.run([sys.executable, "-c", block], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert float(done.stdout.split()[0]) < 1e-15
+    wrong = block.replace("0.2**2", "0.2001**2")
+    assert subprocess.run([sys.executable, "-c", wrong], cwd=ROOT, capture_output=True).returncode == 1
+
+
+def test_a_table_that_was_changed_is_refused(tmp_path):
+    shutil.copytree(WHERE, tmp_path / "reference")
+    path = tmp_path / "reference" / "data" / "four_bar.csv"
+    path.write_text(path.read_text().replace("1", "2", 1))
+    with pytest.raises(InputError, match="not what its checksum"):
+        reference_data.read(tmp_path / "reference", "four_bar")
+    with pytest.raises(InputError, match="no reference data of 'sundial'"):
+        reference_data.read(WHERE, "sundial")
