@@ -1,5 +1,9 @@
 """Every error mechsim raises on purpose: one sentence with the thing, the value, the bound, the remedy."""
 
+from collections.abc import Generator
+from contextlib import contextmanager
+from importlib.util import find_spec
+
 
 class MechsimError(Exception):
     """Base of all errors a user can mend; the command line prints its text and exits with 2."""
@@ -31,3 +35,33 @@ class OutputError(MechsimError, OSError):
 
 class MissingToolError(MechsimError, RuntimeError):
     """This machine lacks something (OpenGL, ffmpeg); the text names the package that brings it."""
+
+
+@contextmanager
+def needs(extra: str) -> Generator[None]:
+    """Tell of a library that is imported within and not installed, by the extra of mechsim that brings it.
+
+    Raises:
+        MissingToolError: for such a library.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        library = (error.name or "").partition(".")[0]
+        if library in ("", "mechsim"):
+            raise
+        raise MissingToolError(
+            f"{library} is not installed; pip install 'mechsim[{extra}]' brings it"
+        ) from None
+
+
+def require_extra(extra: str, *libraries: str) -> None:
+    """Refuse work that would end without a library, before it begins.
+
+    Raises:
+        MissingToolError: for the first that is not installed; names the extra of mechsim that brings it.
+    """
+    for library in libraries:
+        with needs(extra):
+            if find_spec(library) is None:
+                raise ModuleNotFoundError(name=library)

@@ -14,7 +14,8 @@ FLOOR = re.compile(r"^(?P<name>[\w-]+)(\[[\w,]+\])?>=(?P<version>[\w.]+)$")
 def lowest(project: dict) -> list[str]:
     """Return a pin for every floor of what is needed to use and to test; refuse what has none."""
     extras = project["optional-dependencies"]
-    asked = [*project["dependencies"], *extras["test"], *extras["tables"]]
+    names = [name for name in extras if name not in ("dev", "docs", "peers", "engines")]
+    asked = [*project["dependencies"], *(one for name in names for one in extras[name])]
     pins = []
     for one in asked:
         if not one.startswith(f"{project['name']}["):

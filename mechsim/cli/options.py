@@ -12,7 +12,7 @@ from mechsim import files, units
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
 from mechsim.cli.endings import tell
-from mechsim.errors import InputError, OutputError
+from mechsim.errors import InputError, OutputError, require_extra
 from mechsim.model.forces import Forces
 from mechsim.model.programs import Programs
 from mechsim.model.scene import GRAVITY, Scene
@@ -191,6 +191,7 @@ def writable(path: str, *extensions: str) -> Path:
 
 def folder_for(path: str) -> Path:
     """Return an output folder, made if it was not there, checked before any work is done for it."""
+    require_extra("pictures", "jinja2", "matplotlib", "mediapy")
     folder = Path(path)
     if os.path.exists(folder) and not os.path.isdir(folder):
         raise OutputError(f"cannot write into {path!r}: it is a file; name a folder")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import MissingToolError
+from mechsim.errors import needs
 from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
 
@@ -191,10 +191,8 @@ class Motion:
 
 
 def _library(name: str) -> Any:
-    try:
+    with needs("tables"):
         return import_module(name)
-    except ImportError:
-        raise MissingToolError(f"{name} is not installed; pip install 'mechsim[tables]' brings it") from None
 
 
 def at_unit_speed(motion: Motion) -> Motion:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from mechsim._version import __version__
-from mechsim.errors import OutputError
+from mechsim.errors import OutputError, needs
 from mechsim.files import write_json, written_beside
 from mechsim.pictures.number_text import number
 from mechsim.report.studies import StudyPart
@@ -114,7 +114,8 @@ def render(
     studies: Sequence[StudyPart] = (),
 ) -> str:
     """Return the page as HTML text."""
-    import jinja2
+    with needs("pictures"):
+        import jinja2
 
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),

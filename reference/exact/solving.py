@@ -17,7 +17,8 @@ from exact.loops import Row, State, coordinates, rows
 
 MOST_STEPS = 80
 RANK = 1e-9  # of the largest singular value
-FLOOR, EDGE = 4, 14  # digits at which steps no longer tell anything; digits that what stays of a residual may be off
+FLOOR = 4  # last digits in which steps tell nothing
+EDGE = 14  # last digits that may stay open
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def solved(whole: Any, right: Any, back: Any) -> Any:
         before = most
         answer = answer + _applied(back, left, most)
     terms = (abs(one * answer[j]) for row in nonzero for j, one in row)
-    if most > max(*terms, *(abs(one) for one in right)) * mpf(10) ** (EDGE - mp.dps):
+    if most > max(mpf(1), *terms, *(abs(one) for one in right)) * mpf(10) ** (EDGE - mp.dps):
         raise ArithmeticError(f"linear equations are left open by {mp.nstr(most, 3)}")
     return answer
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, needs
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.pictures.number_text import readable
@@ -111,7 +111,8 @@ class _Scale:
 
     def ticks(self, *, sparse: bool) -> Any:
         """Return what puts the ticks; None leaves it to the axis."""
-        from matplotlib.ticker import MaxNLocator
+        with needs("pictures"):
+            from matplotlib.ticker import MaxNLocator
 
         spread = float(np.ptp(self.every))
         if self.cut and spread > 90.0:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, needs
 from mechsim.files import written_beside
 from mechsim.maths.arrays import Array
 from mechsim.model.motion import Motion
@@ -63,7 +63,8 @@ def form_of(path: str | Path) -> Format:
 @contextmanager
 def styled() -> Generator[None]:
     """Draw with the look of the house; no setting of matplotlib's stays changed."""
-    from matplotlib import rc_context
+    with needs("pictures"):
+        from matplotlib import rc_context
 
     with rc_context(cast(Any, LOOK)), np.errstate(all="ignore"):
         yield
@@ -76,7 +77,8 @@ def blank(
 
     It is a figure of its own: it needs no pyplot, hence no screen and no list of open figures.
     """
-    from matplotlib.figure import Figure
+    with needs("pictures"):
+        from matplotlib.figure import Figure
 
     figure = Figure(figsize=size, layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **options)
@@ -155,14 +157,16 @@ def angle_axis(ax: "Axes") -> None:
 
 def locator(step: float) -> Any:
     """Return what puts ticks so far apart."""
-    from matplotlib.ticker import MultipleLocator
+    with needs("pictures"):
+        from matplotlib.ticker import MultipleLocator
 
     return MultipleLocator(step)
 
 
 def decades(axis: "Axis") -> None:
     """Write powers of ten as plain text: typesetting each as a formula costs more than all the rest."""
-    from matplotlib.ticker import FuncFormatter, NullLocator
+    with needs("pictures"):
+        from matplotlib.ticker import FuncFormatter, NullLocator
 
     def power(value: float, _place: Any = None) -> str:
         exponent = round(float(np.log10(value))) if value > 0.0 else 0

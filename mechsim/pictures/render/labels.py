@@ -4,14 +4,18 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 
+from mechsim.errors import needs
 from mechsim.maths.arrays import Array
 from mechsim.pictures.number_text import prefixed
 from mechsim.shapes.camera import Camera, nice
+
+if TYPE_CHECKING:
+    from PIL import Image, ImageFont
 
 Picture = NDArray[np.uint8]
 
@@ -52,6 +56,8 @@ def written(
         notes: what stands at the edges; None for nothing.
         instant: that it shows, in words; empty where it shows many.
     """
+    with needs("pictures"):
+        from PIL import Image
     image = Image.fromarray(picture)
     edge = max(10, round(camera.size[1] / 34))
     _labels(image, camera, labels, 0.7 * clear * camera.scale + 0.3 * edge, edge)
@@ -60,7 +66,7 @@ def written(
     return np.asarray(image)
 
 
-def _labels(image: Image.Image, camera: Camera, labels: dict[str, Array], off: float, edge: int) -> None:
+def _labels(image: "Image.Image", camera: Camera, labels: dict[str, Array], off: float, edge: int) -> None:
     """Write names beside their points, each off the middle of them all, so that links stay clear."""
     if not labels:
         return
@@ -72,7 +78,7 @@ def _labels(image: Image.Image, camera: Camera, labels: dict[str, Array], off: f
         _text(image, at, name, edge, "rs" if left else "ls")
 
 
-def _notes(image: Image.Image, camera: Camera, notes: Notes, instant: str, edge: int) -> None:
+def _notes(image: "Image.Image", camera: Camera, notes: Notes, instant: str, edge: int) -> None:
     width, height = camera.size
     pad = round(0.8 * edge)
     _text(image, (pad, pad), notes.name.replace("_", "-"), edge, "la")
@@ -81,6 +87,8 @@ def _notes(image: Image.Image, camera: Camera, notes: Notes, instant: str, edge:
     length, text = scale_bar(camera)
     pixels = length * camera.scale
     y = height - pad
+    from PIL import ImageDraw
+
     pen = ImageDraw.Draw(image)
     pen.rectangle((pad - 1, y - edge // 4 - 1, pad + pixels + 1, y + 1), fill=HALO)
     pen.rectangle((pad, y - edge // 4, pad + pixels, y), fill=INK)
@@ -96,7 +104,7 @@ def scale_bar(camera: Camera) -> tuple[float, str]:
 
 
 def _text(
-    image: Image.Image, at: tuple[float, float], text: str, edge: int, anchor: str, ink: Ink = INK
+    image: "Image.Image", at: tuple[float, float], text: str, edge: int, anchor: str, ink: Ink = INK
 ) -> None:
     """Write a text with its left ("l") or right ("r") end at a place, hung ("a") or standing ("s") there."""
     stamp, left, top, right = _stamp(text, edge, anchor[1], ink)
@@ -106,8 +114,10 @@ def _text(
 
 # drawing letters with a halo costs more than all else on a picture, and names stay the same
 @lru_cache(maxsize=256)
-def _stamp(text: str, edge: int, hang: str, ink: Ink) -> tuple[Image.Image, float, float, float]:
+def _stamp(text: str, edge: int, hang: str, ink: Ink) -> tuple["Image.Image", float, float, float]:
     """A text on a clear ground: picture, its left and top from the anchor, its right end."""
+    from PIL import Image, ImageDraw
+
     font = _font(edge)
     left, top, right, bottom = font.getbbox(text, anchor=f"l{hang}", stroke_width=HALO_WIDTH)
     stamp = Image.new("RGBA", (int(np.ceil(right - left)) + 2, int(np.ceil(bottom - top)) + 2), (*HALO, 0))
@@ -118,8 +128,10 @@ def _stamp(text: str, edge: int, hang: str, ink: Ink) -> tuple[Image.Image, floa
 
 
 @cache
-def _font(edge: int) -> ImageFont.FreeTypeFont:
+def _font(edge: int) -> "ImageFont.FreeTypeFont":
     """DejaVu Sans, which matplotlib brings along: Pillow's own font knows neither powers nor Greek."""
+    from PIL import ImageFont
+
     found = find_spec("matplotlib")
     assert found is not None
     assert found.origin is not None

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.errors import InputError, MissingToolError, OutputError
+from mechsim.errors import InputError, MissingToolError, OutputError, needs
 from mechsim.files import written_beside
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
@@ -147,7 +147,8 @@ def _runs(program: str) -> bool:
 def _encode(
     path: Path, pictures: Iterator[Picture], fps: float, ffmpeg: str, done: Callable[[], None]
 ) -> int:
-    import mediapy
+    with needs("pictures"):
+        import mediapy
 
     mediapy.set_ffmpeg(ffmpeg)
     # the first frame is drawn before the encoder starts, so that a refusal leaves no process behind
@@ -195,7 +196,8 @@ def _write_sequence(path: Path, pictures: Iterator[Picture], done: Callable[[], 
 
 
 def _write_png(path: Path, picture: Picture) -> None:
-    from PIL import Image
+    with needs("pictures"):
+        from PIL import Image
 
     Image.fromarray(picture).save(path, optimize=True)
 

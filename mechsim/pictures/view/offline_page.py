@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mechsim._version import __version__
-from mechsim.errors import MissingToolError
+from mechsim.errors import MissingToolError, needs
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Mechanism, Pose
@@ -34,7 +34,8 @@ def page(view: View) -> str:
     Raises:
         MissingToolError: where the package that brings three.js is not installed.
     """
-    import jinja2
+    with needs("pictures"):
+        import jinja2
 
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined
@@ -62,7 +63,7 @@ def three_js() -> str:
     for folder in folders:
         if (Path(folder) / BUILD).is_file():
             return (Path(folder) / BUILD).read_text(encoding="utf-8")
-    raise MissingToolError("no three.js to draw a page with; pip install jupyter-threejs-sage brings it")
+    raise MissingToolError("no three.js to draw a page with; pip install 'mechsim[pictures]' brings it")
 
 
 def _data(view: View) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import math
 from typing import TYPE_CHECKING
 
+from mechsim.errors import needs
 from mechsim.pictures.plots.figure import COLOURS, blank, styled
 
 if TYPE_CHECKING:
@@ -71,7 +72,8 @@ def _panel(ax: "Axes", study: "StabilityMap", name: str, mechanisms: list[str]) 
 
 
 def _legend(figure: "Figure") -> None:
-    from matplotlib.lines import Line2D
+    with needs("pictures"):
+        from matplotlib.lines import Line2D
 
     marks = [
         Line2D([], [], ls="", marker=mark, color=colour, mfc="none", label=outcome)

@@ -1,0 +1,100 @@
+"""The core solves, simulates and judges without what pictures and tables need, and says what brings that."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+OPTIONAL = (
+    "matplotlib",
+    "mediapy",
+    "imageio_ffmpeg",
+    "jinja2",
+    "PIL",
+    "pandas",
+    "xarray",
+    "jupyter_threejs_sage",
+)
+HIDE = f"import sys; sys.modules.update(dict.fromkeys({OPTIONAL!r}));"
+
+
+def core(code, cwd):
+    """Run Python in which nothing optional can be imported."""
+    return subprocess.run(
+        [sys.executable, "-c", HIDE + code], cwd=cwd, capture_output=True, text=True, timeout=120
+    )
+
+
+def commands(lines, cwd):
+    """Run commands one after the other in such a Python; return exit codes and what was said on stderr."""
+    return core(
+        "import contextlib, io, json\n"
+        "from mechsim.cli import main\n"
+        "ends = []\n"
+        f"for line in {lines!r}:\n"
+        "    sys.argv = ['mechsim', *line.split()]\n"
+        "    said = io.StringIO()\n"
+        "    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):\n"
+        "        try:\n            main()\n"
+        "        except SystemExit as end:\n            code = end.code or 0\n"
+        "    ends.append((code, said.getvalue()))\n"
+        "print(json.dumps(ends))",
+        cwd,
+    )
+
+
+def test_the_core_solves_simulates_and_judges(tmp_path):
+    lines = [
+        "solve four_bar --angles 0:360:5deg -o four_bar.csv",
+        "simulate four_bar --turns 0.1 -o run.npz",
+        "show four_bar",
+        "validate slider_crank",
+        "export slider_crank --format toml -o slider.toml",
+        "doctor",
+    ]
+    done = commands(lines, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert [(line, *end) for line, end in zip(lines, json.loads(done.stdout), strict=True) if end[0]] == []
+    assert (tmp_path / "four_bar.csv").stat().st_size > 0
+
+
+def test_what_needs_more_says_so_in_one_line_with_the_command(tmp_path):
+    lines = {
+        "plot four_bar --kind transmission -o plot.svg": "matplotlib",
+        "render four_bar -o picture.png": "PIL",
+        "validate slider_crank --report out": None,
+        "view slider_crank -o view.html": None,
+    }
+    done = commands(list(lines), tmp_path)
+    assert done.returncode == 0, done.stderr
+    for (line, library), (code, said) in zip(lines.items(), json.loads(done.stdout), strict=True):
+        assert code == 2, line
+        told = said.strip().splitlines()[-1]
+        assert told.endswith("pip install 'mechsim[pictures]' brings it"), (line, said)
+        assert library is None or f"{library} is not installed" in told
+        assert "Traceback" not in said
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == []
+
+
+@pytest.mark.parametrize("library", ["pandas", "xarray"])
+def test_a_table_in_python_says_so_too(library, tmp_path):
+    code = (
+        "import mechsim as ms, numpy as np\n"
+        "motion = ms.catalog.make('slider_crank').solve(np.linspace(0.0, 1.0, 3))\n"
+        f"motion.to_{library}()"
+    )
+    done = core(code, tmp_path)
+    assert done.returncode == 1
+    assert f"{library} is not installed; pip install 'mechsim[tables]' brings it" in done.stderr
+
+
+def test_an_import_that_fails_inside_mechsim_is_not_taken_for_a_missing_library():
+    from mechsim.errors import MissingToolError, needs
+
+    with pytest.raises(ModuleNotFoundError), needs("pictures"):
+        import mechsim.nowhere  # noqa: F401
+    with pytest.raises(
+        MissingToolError, match=r"^nowhere is not installed; pip install 'mechsim\[pictures\]'"
+    ), needs("pictures"):
+        import nowhere.at_all  # noqa: F401
