@@ -40,7 +40,7 @@ def test_a_wrong_digit_far_behind_is_missed_on_every_road():
 
 def test_a_mechanism_whose_mass_or_length_is_off_is_missed():
     table = table_of("slider_crank")
-    heavy = replace(table, efforts={"crank": table.efforts["crank"] * (1.0 + 1e-6)})
+    heavy = replace(table, efforts={"crank": table.efforts["crank"] * (1.0 + 1e-9)})
     case = by_reference(ms.load(str(table.mechanism)), heavy)
     assert {check.kind for check in case.checks if not check.passed} == {"drive torque"}
     long = ms.load(str(table.mechanism), set={"rod": "200.0001mm"})
