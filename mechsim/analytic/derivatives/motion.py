@@ -56,6 +56,8 @@ def motion_derivatives(
     angles: ArrayLike,
     speed: ArrayLike = 1.0,
     acceleration: ArrayLike = 0.0,
+    *,
+    torn: bool = False,
 ) -> MotionDerivatives:
     """Return a motion and its exact derivatives by dimensions, by the loop equations.
 
@@ -65,6 +67,7 @@ def motion_derivatives(
         angles: of the crank, or of the clock of programs, (n,) in [rad].
         speed: of it, scalar or (n,) in [rad/s].
         acceleration: of it, scalar or (n,) in [rad/s2].
+        torn: whether dimensions that changed alone would tear the loops are left out without a word.
 
     Raises:
         AssemblyError: where the loops do not close, where two assemblies meet, for derivatives have no bound
@@ -92,7 +95,12 @@ def motion_derivatives(
     for name, slope in change.items():
         mechanism = with_numbers(form.mechanism, stepped(nominal, _fitting(name, slope, nominal)))
         given = STEP * np.abs(slope).max() * min(1.0, 1.0 / mechanism.size)
-        moved = in_order([(part.index, _changed(path, part, mechanism, name, given)) for part in parts])
+        try:
+            moved = in_order([(part.index, _changed(path, part, mechanism, name, given)) for part in parts])
+        except AssemblyError:
+            if torn:
+                continue
+            raise
         found[name] = _imaginary(_record(path, moved, instants, mechanism, form))
     return MotionDerivatives(_record(path, real, instants, None, form), found)
 

@@ -1,6 +1,6 @@
 """Whether a model agrees with somebody else's formula or table, and if not, why."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
@@ -17,13 +18,15 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.outcome import Outcome
 from mechsim.model.programs import State
 from mechsim.studies.agreement.claim import Claim, claimed
-from mechsim.studies.agreement.comparison import check, scales_of
+from mechsim.studies.agreement.comparand import Comparand, comparand_of
+from mechsim.studies.agreement.comparison import bounds, check, scales_of
+from mechsim.studies.agreement.diagnosis import diagnosis
+from mechsim.studies.agreement.miss import Miss
 from mechsim.studies.agreement.named_quantities import names_of
-from mechsim.studies.agreement.situation import Comparand, situation_of
-from mechsim.studies.agreement.table_claims import claims_of_table, read_table, tabled_situation
+from mechsim.studies.agreement.table_claims import claims_of_table, read_table, tabled_comparand
 from mechsim.studies.motion_source import programs_of
+from mechsim.subjects.families import family as dimension_family
 from mechsim.subjects.python_object import object_of
-from mechsim.subjects.subject import load
 from mechsim.verdict.checks import Check, concluded
 
 Against = str | Path | Callable[..., Any]
@@ -41,7 +44,7 @@ class Agreement:
         checks: quantity by quantity.
         findings: what explains the difference, the likeliest first; empty where all is met.
         attribution: parts of the distance between a run in time and the claim; empty where none was run.
-        situation: the instants compared.
+        comparand: the instants compared.
         claims: what was said there.
         exact: what is true there, in the order of the claims.
     """
@@ -52,7 +55,7 @@ class Agreement:
     checks: tuple[Check, ...]
     findings: tuple[Finding, ...] = ()
     attribution: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    situation: Comparand
+    comparand: Comparand
     claims: tuple[Claim, ...]
     exact: tuple[Array, ...]
     reason: str = ""
@@ -115,50 +118,74 @@ def validate(
         InputError: for a model, a function or a table that cannot be used; one sentence.
         AssemblyError: where the loops of the model close nowhere.
     """
-    form = _form(model, set, drive, duration)
-    source, situation, claims = _claims(form, against, speed)
-    return agreement(situation, claims, source, tolerance)
+    found = _family(model, set, drive, duration)
+    source, comparand, claims = _claims(found.make({}), against, speed)
+    function = not (isinstance(against, str | Path) and _is_table(against))
+    return agreement(comparand, claims, source, tolerance, found, function=function)
 
 
 def agreement(
-    situation: Comparand, claims: list[Claim], source: str, tolerance: float | None = None
+    comparand: Comparand,
+    claims: Sequence[Claim],
+    source: str,
+    tolerance: float | None = None,
+    family: DesignFamily | None = None,
+    *,
+    function: bool = True,
 ) -> Agreement:
-    """Return whether claims agree with the exact motion of a situation."""
-    exact = situation.all([claim.named for claim in claims])
-    scales = scales_of(situation, claims)
+    """Return whether claims agree with the exact motion, and what explains it if they do not.
+
+    Args:
+        comparand: what moves, at which instants.
+        claims: what is said of it.
+        source: who says so.
+        tolerance: as in `validate`.
+        family: the mechanism among others with other dimensions; None takes places of joints.
+        function: whether the claims come from a function, which is asked at drivers alone.
+    """
+    exact = tuple(comparand.all([claim.named for claim in claims]))
+    scales = scales_of(comparand, claims)
     checks = tuple(
-        check(claim, true, situation, scales, tolerance) for claim, true in zip(claims, exact, strict=True)
+        check(claim, true, comparand, scales, tolerance) for claim, true in zip(claims, exact, strict=True)
     )
     verdict = concluded(checks)
+    findings: tuple[Finding, ...] = ()
+    if not verdict.passed:
+        wide = tuple(bounds(claim, comparand, scales, tolerance)[1] for claim in claims)
+        among = dimension_family(comparand.form) if family is None else family
+        findings = diagnosis(Miss(comparand, tuple(claims), exact, wide, among, function))
     return Agreement(
-        form=situation.form,
+        form=comparand.form,
         source=source,
         outcome=verdict.outcome,
         checks=checks,
-        situation=situation,
+        findings=findings,
+        comparand=comparand,
         claims=tuple(claims),
-        exact=tuple(exact),
+        exact=exact,
         reason=verdict.reason,
     )
 
 
-def _form(
+def _family(
     model: str | Form | Mechanism,
     set: Mapping[str, str | float] | None,
     drive: Mapping[str, str | State] | None,
     duration: str | float | None,
-) -> Form:
+) -> DesignFamily:
     if isinstance(model, str):
-        return load(model, set, drive=drive, duration=duration)
+        return dimension_family(model, set, drive=drive, duration=duration)
     if set or drive or duration is not None:
         raise InputError("set, drive and duration are of a model given by name; give them where it is loaded")
-    if isinstance(model, Mechanism):
-        return LoopForm(model)
-    if isinstance(model, ClosedForm | LoopForm):  # pyright: ignore[reportUnnecessaryIsInstance]
-        return model
+    if isinstance(model, ClosedForm | LoopForm | Mechanism):  # pyright: ignore[reportUnnecessaryIsInstance]
+        return dimension_family(model)
     raise InputError(
         f"the model is of type {type(model).__name__}; give a name, a file, or what ms.load returns"
     )
+
+
+def _is_table(against: str | Path) -> bool:
+    return str(against).lower().endswith(".csv")
 
 
 def _claims(form: Form, against: Against | None, speed: float) -> tuple[str, Comparand, list[Claim]]:
@@ -170,10 +197,10 @@ def _claims(form: Form, against: Against | None, speed: float) -> tuple[str, Com
                 f"nothing is held against {form.name}; give a function, FILE.py:FUNC or FILE.csv"
             )
     names = names_of(form.mechanism)
-    if isinstance(against, str | Path) and str(against).lower().endswith(".csv"):
+    if isinstance(against, str | Path) and _is_table(against):
         source, table = str(against), read_table(str(against))
-        situation, used = tabled_situation(form, table, speed, source)
-        return source, situation, claims_of_table(table, used, names, source)
+        comparand, used = tabled_comparand(form, table, speed, source)
+        return source, comparand, claims_of_table(table, used, names, source)
     if isinstance(against, str | Path):
         source, function = str(against), object_of(str(against))
     else:
@@ -185,6 +212,6 @@ def _claims(form: Form, against: Against | None, speed: float) -> tuple[str, Com
             f"{form.name}: no program says how {', '.join(form.mechanism.drivers)} move; give each one, as "
             f"drive={{'{form.mechanism.drivers[0]}': '0.3*sin(2*pi*t)'}}"
         )
-    situation = situation_of(form, speed)
+    comparand = comparand_of(form, speed)
     parameters = dict(form.parameters) if isinstance(form, LoopForm) else None
-    return source, situation, claimed(function, situation, names, source, parameters)
+    return source, comparand, claimed(function, comparand, names, source, parameters)

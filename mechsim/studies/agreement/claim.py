@@ -9,8 +9,8 @@ import numpy as np
 
 from mechsim.errors import InputError, MechsimError
 from mechsim.maths.arrays import Array
+from mechsim.studies.agreement.comparand import Comparand, asked_of
 from mechsim.studies.agreement.named_quantities import NamedQuantity, Names
-from mechsim.studies.agreement.situation import Comparand, asked_of
 
 # second arguments by which a function asks for more than places of drivers
 BY_NAME = {
@@ -40,17 +40,17 @@ class Claim:
 
 def claimed(
     function: Callable[..., Any],
-    situation: Comparand,
+    comparand: Comparand,
     names: Names,
     who: str,
     parameters: Mapping[str, float] | None = None,
 ) -> list[Claim]:
-    """Return what a function of the drivers says at the instants of a situation.
+    """Return what a function of the drivers says at the instants of a comparand.
 
     Args:
         function: of the crank's angles (n,), or the coordinates of several drivers by name; arguments called
             speed, acceleration or t get those too, and another second one the parameters of a file.
-        situation: at which instants.
+        comparand: at which instants.
         names: of the subject.
         who: the function, for messages.
         parameters: of the subject's file, as written.
@@ -58,10 +58,10 @@ def claimed(
     Raises:
         InputError: for a function that fails, or gives what is no quantity of the subject; one sentence.
     """
-    asked = asked_of(situation)
+    asked = asked_of(comparand)
     where = asked if isinstance(asked, Mapping) else {"crank angle": asked}
     with np.errstate(all="ignore"):
-        found = tried(who, lambda: function(_copied(asked), **_more(function, situation, parameters)))
+        found = tried(who, lambda: function(_copied(asked), **_more(function, comparand, parameters)))
     if not isinstance(found, Mapping) or not found:
         raise InputError(
             f"{who} gives a {type(found).__name__}; give a dictionary from names to values (n, 3) or (n,)"
@@ -122,7 +122,7 @@ def _copied(asked: Array | Mapping[str, Array]) -> Array | dict[str, Array]:
 
 
 def _more(
-    function: Callable[..., Any], situation: Comparand, parameters: Mapping[str, float] | None
+    function: Callable[..., Any], comparand: Comparand, parameters: Mapping[str, float] | None
 ) -> dict[str, Any]:
     """Return the arguments a function takes beside the coordinates of the drivers."""
     try:
@@ -130,13 +130,13 @@ def _more(
     except (TypeError, ValueError):
         return {}
     given: dict[str, Any] = {}
-    drivers = situation.drivers()
+    drivers = comparand.drivers()
     for place, one in enumerate(taken):
         if one.kind in (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD):
             continue
         what = BY_NAME.get(one.name)
         if what == "time":
-            given[one.name] = situation.time
+            given[one.name] = comparand.time
         elif what is not None:
             of = {name: state[1 if what == "rate" else 2].copy() for name, state in drivers.items()}
             given[one.name] = next(iter(of.values())) if len(of) == 1 else of

@@ -7,8 +7,8 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.studies.agreement.claim import Claim
+from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.named_quantities import Kind, NamedQuantity
-from mechsim.studies.agreement.situation import Comparand
 from mechsim.verdict.checks import Check, check_of
 from mechsim.verdict.quantities import efforts_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import Tolerance
@@ -65,14 +65,14 @@ class Scales:
         }[named.kind]
 
 
-def scales_of(situation: Comparand, claims: Sequence[Claim]) -> Scales:
-    """Return the scales of a situation; those of efforts only where some are claimed."""
-    motion = situation.motion
+def scales_of(comparand: Comparand, claims: Sequence[Claim]) -> Scales:
+    """Return the scales of a comparand; those of efforts only where some are claimed."""
+    motion = comparand.motion
     length, stroke = reach_of(motion), stroke_of(motion)
-    rate = float(np.abs(situation.speed).max())
+    rate = float(np.abs(comparand.speed).max())
     if not any(claim.named.kind in ("torque", "force", "moment") for claim in claims):
         return Scales(length, stroke, rate)
-    found = efforts_scales(situation.efforts)
+    found = efforts_scales(comparand.efforts)
     return Scales(length, stroke, rate, found["force"] or 1.0, found["torque"] or 1.0)
 
 
@@ -87,7 +87,7 @@ def bound_of(claim: Claim, scales: Scales, asked: float | None) -> Tolerance:
 
     Args:
         claim: what is said.
-        scales: of the situation.
+        scales: of the comparand.
         asked: bound on places in [m], other quantities in proportion; None takes the usual part.
     """
     named, scale = claim.named, scales.of(claim.named)
@@ -98,20 +98,39 @@ def bound_of(claim: Claim, scales: Scales, asked: float | None) -> Tolerance:
     return Tolerance(part * scale, named.unit, WHY.format(part=part, scale=scale, unit=named.unit), power)
 
 
-def check(claim: Claim, exact: Array, situation: Comparand, scales: Scales, asked: float | None) -> Check:
-    """Return how far one claim is from what is exact (n, k)."""
+def bounds(
+    claim: Claim, comparand: Comparand, scales: Scales, asked: float | None
+) -> tuple[Tolerance, Array]:
+    """Return how far a claim may be off: as a tolerance, and at each instant, (n, 1) or (n, k)."""
+    tolerance = bound_of(claim, scales, asked)
+    if claim.uncertainty is None:
+        return tolerance, tolerance.widened(comparand.conditioning, len(comparand))[:, None]
+    least = tolerance.bound
+    wide = np.maximum(claim.uncertainty, least)
+    return Tolerance(float(wide.max()), claim.named.unit, MEASURED), wide
+
+
+def check(claim: Claim, exact: Array, comparand: Comparand, scales: Scales, asked: float | None) -> Check:
+    """Return how far one claim is from what is exact (n, k); of what is uncertain, by its worst component."""
     gap = errors(claim.named, claim.values, exact)
-    tolerance, conditioning = bound_of(claim, scales, asked), situation.motion.conditioning
-    if conditioning is None:
-        conditioning = situation.form.conditioning(situation.motion)
-    size = np.sqrt((gap**2).sum(1))
-    if claim.uncertainty is not None:
-        # each component has its own: what is more than uncertain counts
-        wide = np.sqrt((claim.uncertainty**2).sum(1))
-        tolerance = Tolerance(float(wide.max()), claim.named.unit, MEASURED)
-        size = np.where(wide > 0.0, size / np.where(wide > 0.0, wide, 1.0), np.inf) * tolerance.bound
+    tolerance, wide = bounds(claim, comparand, scales, asked)
     kind = _said(claim.named)
-    return check_of(kind, "", size, situation.angle, tolerance, conditioning)
+    if claim.uncertainty is None:
+        size = np.sqrt((gap**2).sum(1))
+        return check_of(kind, "", size, comparand.angle, tolerance, comparand.conditioning)
+    # the component that uses the most of what it may
+    at = np.argmax(np.abs(gap) / wide, axis=1)[:, None]
+    size, allowed = (np.take_along_axis(one, at, 1)[:, 0] for one in (np.abs(gap), wide))
+    worst = int(np.argmax(size / allowed))
+    return Check(
+        kind=kind,
+        unit=claim.named.unit,
+        worst=float(size[worst]),
+        at_angle=float(comparand.angle[worst]),
+        rms=float(np.sqrt(np.mean(size**2))),
+        bound=float(allowed[worst]),
+        why=MEASURED,
+    )
 
 
 def _said(named: NamedQuantity) -> str:

@@ -16,8 +16,8 @@ from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.programs import Programs, State, programs, tabled
 from mechsim.studies.agreement.claim import Claim
+from mechsim.studies.agreement.comparand import Comparand, acting
 from mechsim.studies.agreement.named_quantities import AXES, NamedQuantity, Names, nearest
-from mechsim.studies.agreement.situation import Comparand, acting
 from mechsim.studies.motion_source import programs_of
 
 CLOCKS = ("t", "time")
@@ -113,7 +113,7 @@ def _head(path: str, head: str) -> tuple[str, float]:
     )
 
 
-def tabled_situation(
+def tabled_comparand(
     form: Form, table: Mapping[str, Column], speed: float, source: str
 ) -> tuple[Comparand, list[str]]:
     """Return a form at the instants of a table, and the names of the columns that said so.

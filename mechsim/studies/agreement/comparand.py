@@ -1,6 +1,6 @@
 """The instants at which a model and a claim are compared, and what the exact motion says there."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from mechsim.analytic import dynamics
 from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
 from mechsim.analytic.dynamics import Machine
 from mechsim.analytic.forms import Form
-from mechsim.errors import InputError
+from mechsim.errors import InputError, MechsimError
 from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Efforts
 from mechsim.model.forces import Forces
@@ -55,6 +56,12 @@ class Comparand:
             AssemblyError: where the loops do not close.
         """
         return self.form.solve(self.angle, self.speed, self.acceleration)
+
+    @cached_property
+    def conditioning(self) -> Array:
+        """How far the loops are from a singular pose, (n,), as verdicts have it."""
+        motion = self.motion
+        return self.form.conditioning(motion) if motion.conditioning is None else motion.conditioning
 
     @cached_property
     def _of_loops(self) -> Motion:
@@ -106,6 +113,50 @@ class Comparand:
         drives = self.efforts.drives
         return (drives[subject] if drives else self.efforts.torque)[:, None]
 
+    def change(self, motion: Motion, named: NamedQuantity) -> Array:
+        """Return the derivative of a quantity, (n, k), from the derivatives of a motion; of no effort.
+
+        Raises:
+            KeyError: for what the derivatives do not hold.
+        """
+        if named.kind in EFFORTS:
+            raise KeyError(named.name)
+        if named.kind in ("position", "velocity", "acceleration"):
+            return named.components(getattr(motion.points[named.subject], named.kind))
+        if named.subject in self.form.mechanism.drivers:
+            return np.zeros((len(self), 1))
+        part = {"joint": "value", "joint rate": "rate", "joint acceleration": "acceleration"}[named.kind]
+        return getattr(motion.joints[named.subject], part)[:, None]
+
+    @cached_property
+    def _by_dimension(self) -> dict[tuple[bool, str], Motion]:
+        return {}
+
+    def by_dimension(self, family: DesignFamily, name: str) -> Motion:
+        """Return the derivatives of the motion by a dimension of a family, those of all of it taken at once.
+
+        Raises:
+            KeyError: for one that tears the loops, or beside which nothing can stand.
+        """
+        key = name.count(".at.") + name.count(".tilt.") > 0
+        if (key, "") not in self._by_dimension:
+            self._by_dimension[key, ""] = self.motion
+            for one, motion in _derivatives(self, family).items():
+                self._by_dimension[key, one] = motion
+        return self._by_dimension[key, name]
+
+    @cached_property
+    def _assemblies(self) -> list[tuple[str, Form]]:
+        return []
+
+    def other_assemblies(self, find: Callable[[LoopForm], list[tuple[str, Form]]]) -> list[tuple[str, Form]]:
+        """Return the other assemblies of a form without closed form, looked for once."""
+        if "searched" not in self.__dict__:
+            self.__dict__["searched"] = True
+            if isinstance(self.form, LoopForm):
+                self._assemblies.extend(find(self.form))
+        return self._assemblies
+
     def at(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> "Comparand":
         """Return some of the instants."""
         time = None if self.time is None else self.time[rows]
@@ -122,12 +173,27 @@ class Comparand:
         return [self.exact(one) for one in named]
 
 
+def _derivatives(comparand: Comparand, family: DesignFamily) -> dict[str, Motion]:
+    """Return the derivatives of a motion by all dimensions of a family that can be changed alone."""
+    change: dict[str, Array] = {}
+    for name in family.dimensions:
+        try:
+            change |= changes(family, [name])
+        except (MechsimError, ValueError):
+            continue
+    change = {name: slope for name, slope in change.items() if slope.any()}
+    found = motion_derivatives(
+        comparand.form, change, comparand.angle, comparand.speed, comparand.acceleration, torn=True
+    )
+    return dict(found.by)
+
+
 def acting(form: Form) -> Forces | None:
     """Return what acts on it, as its file says."""
     return form.forces if isinstance(form, LoopForm) else None
 
 
-def situation_of(form: Form, speed: float, samples: int = INSTANTS) -> Comparand:
+def comparand_of(form: Form, speed: float, samples: int = INSTANTS) -> Comparand:
     """Return a form over its range: a turn, a swing, or its programs from begin to end, evenly in time.
 
     Args:
@@ -140,9 +206,9 @@ def situation_of(form: Form, speed: float, samples: int = INSTANTS) -> Comparand
     return Comparand(form, *profile.state(time), time)
 
 
-def asked_of(situation: Comparand) -> Array | Mapping[str, Array]:
+def asked_of(comparand: Comparand) -> Array | Mapping[str, Array]:
     """Return what a formula is asked at: the crank's angles, or the coordinates of the drivers by name."""
-    drivers = {name: state[0] for name, state in situation.drivers().items()}
-    if programs_of(situation.form) is None or len(drivers) == 1:
+    drivers = {name: state[0] for name, state in comparand.drivers().items()}
+    if programs_of(comparand.form) is None or len(drivers) == 1:
         return next(iter(drivers.values()))
     return drivers

@@ -1,0 +1,140 @@
+"""The size of a hypothesis fitted to a miss: least squares, confirmed by solving again with that size."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechsim.errors import MechsimError
+from mechsim.maths.arrays import Array
+from mechsim.studies.agreement.hypotheses.hypothesis import Hypothesis
+from mechsim.studies.agreement.miss import Miss, rms
+
+# steps at the most, and halvings of one
+STEPS, HALVINGS = 14, 8
+# a change of what is left that is worth another step; what is left that is nothing, in parts of bounds and of the miss
+WORTH, NOTHING, OF_MISS = 1e-3, 1e-4, 1e-9
+# a slope that does not halve what is left in so many steps is taken anew
+STALE = 0.7
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A hypothesis with its size.
+
+    Attributes:
+        hypothesis: whose.
+        sizes: fitted, (p,).
+        left: root mean square of the errors that it leaves, in parts of their bounds.
+        worst: largest of them.
+        explains: the part of the miss that goes with it, 0 to 1.
+        count: instants and components compared.
+    """
+
+    hypothesis: Hypothesis
+    sizes: Array
+    left: float
+    worst: float
+    explains: float
+    count: int
+
+
+def fitted(miss: Miss, hypothesis: Hypothesis) -> Fitted | None:
+    """Return a hypothesis with the size that fits best; None where it can stand at no size."""
+    before = rms(miss.errors(miss.exact, hypothesis.rows))
+    if not before > 0.0:
+        return None
+    best: tuple[float, Array] | None = None
+    for start in hypothesis.starts:
+        found = _from(miss, hypothesis, np.array(start, dtype=float), before)
+        if found is not None and (best is None or found[0] < best[0]):
+            best = found
+    if best is None:
+        return None
+    left, sizes = best
+    predicted = hypothesis.predict(sizes)
+    count = len(miss.errors(predicted, hypothesis.rows))
+    worst = miss.worst(predicted, hypothesis.rows)
+    return Fitted(hypothesis, sizes, left, worst, max(0.0, 1.0 - left / before), count)
+
+
+def _errors(miss: Miss, hypothesis: Hypothesis, sizes: Array) -> Array | None:
+    """Return what is left at sizes; None where nothing can stand so."""
+    try:
+        with np.errstate(all="ignore"):
+            found = miss.errors(hypothesis.predict(sizes), hypothesis.rows)
+    except (MechsimError, ValueError, ArithmeticError, np.linalg.LinAlgError):
+        return None
+    return found if np.isfinite(found).all() else None
+
+
+def _from(miss: Miss, hypothesis: Hypothesis, sizes: Array, before: float) -> tuple[float, Array] | None:
+    """Return what is left, and the sizes, from one start."""
+    here = _errors(miss, hypothesis, sizes)
+    if here is None:
+        return None
+    if not len(sizes):
+        return rms(here), sizes
+    slope, fresh = _slope(miss, hypothesis, sizes, here), True
+    for _ in range(STEPS):
+        if slope is None or rms(here) <= max(NOTHING, OF_MISS * before):
+            break
+        step = -np.linalg.lstsq(slope, here, rcond=1e-10)[0]
+        taken = _shortened(miss, hypothesis, sizes, here, step)
+        if taken is None:
+            if fresh:
+                break
+            slope, fresh = _slope(miss, hypothesis, sizes, here), True
+            continue
+        moved, there = taken
+        gone, change = moved - sizes, there - here
+        ratio = rms(there) / rms(here)
+        sizes, here = moved, there
+        if ratio > STALE and not fresh:
+            slope, fresh = _slope(miss, hypothesis, sizes, here), True
+        elif ratio > 1.0 - WORTH:
+            break
+        else:
+            # the slope that this step really had
+            slope = slope + np.outer(change - slope @ gone, gone) / max(float(gone @ gone), 1e-300)
+            fresh = False
+    return rms(here), sizes
+
+
+def _shortened(
+    miss: Miss, hypothesis: Hypothesis, sizes: Array, here: Array, step: Array
+) -> tuple[Array, Array] | None:
+    """Return sizes a step on that leave less, and what they leave; None where none do."""
+    for halving in range(HALVINGS):
+        moved = sizes + step * 0.5**halving
+        there = _errors(miss, hypothesis, moved)
+        if there is not None and rms(there) < rms(here):
+            return moved, there
+        if there is not None and rms(step) < 1e-12:
+            return None
+    return None
+
+
+def _slope(miss: Miss, hypothesis: Hypothesis, sizes: Array, here: Array) -> Array | None:
+    """Return the derivatives of what is left by the sizes, (m, p)."""
+    if hypothesis.slope is not None and not sizes.any() and len(sizes) == 1:
+        at = hypothesis.slope()
+        parts = [-(values / bound).ravel() for values, bound in zip(at, miss.bounds, strict=True)]
+        return np.concatenate(parts)[:, None]
+    columns: list[Array] = []
+    for i, step in enumerate(hypothesis.steps):
+        beside = sizes.copy()
+        beside[i] += step
+        there = _errors(miss, hypothesis, beside)
+        if there is None:
+            beside[i] -= 2.0 * step
+            there, step = _errors(miss, hypothesis, beside), -step
+        if there is None:
+            return None
+        columns.append((there - here) / step)
+    return np.stack(columns, 1)
+
+
+def linearly_explains(miss: Miss, slope: Array) -> float:
+    """Return the part of a miss that goes with slopes (m, p), in the first order."""
+    solution = np.linalg.lstsq(slope, miss.before, rcond=1e-10)[0]
+    return 1.0 - rms(miss.before - slope @ solution) / miss.size

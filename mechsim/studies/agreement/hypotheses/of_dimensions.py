@@ -1,0 +1,231 @@
+"""One dimension different: a parameter, the place of a joint or of a point, a gear's ratio or phase."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
+from mechsim.analytic.derivatives.joint_places import placed_family
+from mechsim.analytic.forms import Form
+from mechsim.errors import MechsimError
+from mechsim.maths.arrays import Array
+from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.studies.agreement.fitting import linearly_explains
+from mechsim.studies.agreement.hypotheses.hypothesis import NAMED, PLACED, Hypothesis
+from mechsim.studies.agreement.miss import Miss, Values
+from mechsim.studies.agreement.named_quantities import AXES
+
+# of all places of joints those that explain most in the first order are solved again
+TRIED = 6
+# a dimension that explains less in the first order explains nothing when solved again
+LEAST = 0.25
+# step of differences, in parts of the size
+STEP = 1e-5
+
+
+def parameters(miss: Miss) -> Iterator[Hypothesis]:
+    """One parameter, or the ratio or the phase of a coupling, different: the likeliest of them."""
+    named = [_hypothesis(miss, miss.family, one, NAMED) for one in miss.family.dimensions.values()]
+    among = [*named, *_of_couplings(miss)]
+    # of efforts no exact derivatives are at hand
+    efforts = any(claim.named.kind in ("torque", "force", "moment") for claim in miss.claims)
+    yield from among if efforts else _likely(miss, among, TRIED + 2)
+
+
+def places(miss: Miss) -> Iterator[Hypothesis]:
+    """One joint or one point in another place: the likeliest of them."""
+    family = placed_of(miss)
+    placed = [
+        _hypothesis(miss, family, one, PLACED)
+        for one in family.dimensions.values()
+        if one.name not in miss.family.dimensions
+    ]
+    points = [_of_point(miss, point, i) for point in miss.comparand.form.mechanism.points for i in range(3)]
+    yield from _likely(miss, [*placed, *points], TRIED)
+
+
+def placed_of(miss: Miss) -> DesignFamily:
+    """Return the mechanism among others whose joints are elsewhere."""
+    return placed_family(miss.comparand.form)
+
+
+def _likely(miss: Miss, among: list[Hypothesis], most: int) -> list[Hypothesis]:
+    """Return the hypotheses that explain most in the first order."""
+    found: list[tuple[float, Hypothesis]] = []
+    for one in among:
+        values = _first_order(one)
+        if values is None:
+            continue
+        parts = [(value / bound).ravel() for value, bound in zip(values, miss.bounds, strict=True)]
+        slope = np.concatenate(parts)
+        if slope.any() and np.isfinite(slope).all():
+            found.append((linearly_explains(miss, slope[:, None]), one))
+    found.sort(key=lambda pair: -pair[0])
+    return [one for explains, one in found[:most] if explains > LEAST]
+
+
+def _first_order(hypothesis: Hypothesis) -> Values | None:
+    """Return derivatives by the size of a hypothesis: exact, or of a parameter by differences; else None."""
+    with suppress(MechsimError, KeyError):
+        if hypothesis.slope is not None:
+            return hypothesis.slope()
+    if hypothesis.tier == NAMED:
+        with suppress(MechsimError, ValueError):
+            ahead, behind = (hypothesis.predict(np.array([sense * STEP])) for sense in (1.0, -1.0))
+            return [(a - b) / (2.0 * STEP) for a, b in zip(ahead, behind, strict=True)]
+    return None
+
+
+def _hypothesis(miss: Miss, family: DesignFamily, dimension: Dimension, tier: float) -> Hypothesis:
+    comparand, size = miss.comparand, miss.comparand.form.mechanism.size
+    scale = _scale(dimension, size)
+
+    def predict(p: Array) -> Values:
+        made = family.make({dimension.name: dimension.value + scale * float(p[0])})
+        return miss.predicted(replace(comparand, form=as_before(made, comparand.form), machine=None))
+
+    def slope() -> Values:
+        motion = comparand.by_dimension(family, dimension.name)
+        return [scale * comparand.change(motion, claim.named) for claim in miss.claims]
+
+    kind = _kind(family, dimension, miss.comparand.form)
+
+    def say(p: Array) -> str:
+        change = scale * float(p[0])
+        unit = "" if dimension.unit == "1" else f" {dimension.unit}"
+        part = f" ({100 * change / dimension.value:+.3g} %)" if abs(dimension.value) > 1e-3 * scale else ""
+        now = dimension.value + change
+        was, now = f"{dimension.value:.6g}", f"{now if abs(now) > 1e-12 * scale else 0.0:.6g}"
+        return f"{dimension.name} is {now}{unit} instead of {was}{unit}{part}"
+
+    return Hypothesis(kind, dimension.name, tier, predict, say, starts=((0.0,),), steps=(STEP,), slope=slope)
+
+
+def as_before(made: Form, before: Form) -> Form:
+    """Return what was made anew with the programs that it had."""
+    if isinstance(made, LoopForm) and isinstance(before, LoopForm):
+        return replace(made, programs=before.programs, through=before.through)
+    return made
+
+
+def _scale(dimension: Dimension, size: float) -> float:
+    whole = size if dimension.unit == "m" else 1.0
+    return abs(dimension.value) if abs(dimension.value) > 1e-3 * whole else whole
+
+
+def _kind(family: DesignFamily, dimension: Dimension, form: Form) -> str:
+    """Return whether a dimension is a gear's ratio, its phase, or one like others."""
+    own = getattr(form, "gear", "")
+    if own:
+        return {own: "gear", "phase": "phase"}.get(dimension.name, "dimension")
+    if not form.mechanism.laws or dimension.unit == "m":
+        return "dimension"
+    try:
+        before, after = (
+            family.describe({dimension.name: dimension.value + change})
+            for change in (0.0, 1e-3 * (abs(dimension.value) or 1.0))
+        )
+    except MechsimError:
+        return "dimension"
+    if before.joints != after.joints or before.points != after.points:
+        return "dimension"
+    slopes = [(law.slope, other.slope) for law, other in zip(before.laws, after.laws, strict=True)]
+    return "gear" if any(one != other for one, other in slopes) else "phase"
+
+
+def _of_point(miss: Miss, point: str, i: int) -> Hypothesis:
+    """Return that a tracked point lies elsewhere on its link."""
+    form = miss.comparand.form
+    link, place = form.mechanism.points[point]
+    size = form.mechanism.size
+
+    def moved(p: Array) -> Mechanism:
+        there = list(place)
+        there[i] += size * float(p[0])
+        return replace(form.mechanism, points={**form.mechanism.points, point: (link, tuple(there))})
+
+    def predict(p: Array) -> Values:
+        own = form if isinstance(form, LoopForm) else LoopForm(form.mechanism)
+        return miss.predicted(replace(miss.comparand, form=replace(own, mechanism=moved(p))))
+
+    def slope() -> Values:
+        links = miss.comparand.motion.links
+        if link == GROUND or link not in links:
+            raise KeyError(link)
+        turn = links[link].rotation[:, :, i]
+        spin, bend = links[link].angular_velocity, links[link].angular_acceleration
+        rate = np.cross(spin, turn)
+        by = {"position": turn, "velocity": rate, "acceleration": np.cross(bend, turn) + np.cross(spin, rate)}
+        return [
+            size * claim.named.components(by[claim.named.kind])
+            if claim.named.subject == point and claim.named.kind in by
+            else np.zeros_like(values)
+            for claim, values in zip(miss.claims, miss.exact, strict=True)
+        ]
+
+    name = f"{point}.at.{AXES[i]}"
+
+    def say(p: Array) -> str:
+        return f"point {point} lies {size * p[0]:.6g} m farther along {AXES[i]} on link {link}"
+
+    return Hypothesis("dimension", name, PLACED, predict, say, starts=((0.0,),), steps=(STEP,), slope=slope)
+
+
+def _of_couplings(miss: Miss) -> list[Hypothesis]:
+    """Return that the ratio or the phase of a coupling is another, where no parameter says so."""
+    form = miss.comparand.form
+    if not isinstance(form, LoopForm):
+        return []
+    found: list[Hypothesis] = []
+    for k, gear in enumerate(form.mechanism.gears):
+        for field, kind in (("ratio", "gear"), ("phase", "phase")):
+            found.append(
+                _coupled(miss, f"gears[{k}]", gear.name, kind, _gear_changed(form, k, field), gear.ratio)
+            )
+    for k, law in enumerate(form.mechanism.couplings):
+        for i, kind in ((1, "gear"), (0, "phase")):
+            if i < len(law.coefficients):
+                change = _coupling_changed(form, k, i)
+                found.append(_coupled(miss, f"couplings[{k}]", law.name, kind, change, law.slope))
+    return found
+
+
+def _gear_changed(form: LoopForm, k: int, field: str):
+    def changed(by: float) -> LoopForm:
+        gears = list(form.mechanism.gears)
+        gears[k] = replace(gears[k], **{field: getattr(gears[k], field) + by})
+        return replace(form, mechanism=replace(form.mechanism, gears=tuple(gears)))
+
+    return changed
+
+
+def _coupling_changed(form: LoopForm, k: int, i: int):
+    def changed(by: float) -> LoopForm:
+        laws = list(form.mechanism.couplings)
+        terms = list(laws[k].coefficients)
+        terms[i] += by
+        laws[k] = replace(laws[k], coefficients=tuple(terms))
+        return replace(form, mechanism=replace(form.mechanism, couplings=tuple(laws)))
+
+    return changed
+
+
+def _coupled(miss: Miss, where: str, name: str, kind: str, changed, ratio: float) -> Hypothesis:
+    scale = (abs(ratio) or 1.0) if kind == "gear" else 1.0
+
+    def predict(p: Array) -> Values:
+        return miss.predicted(replace(miss.comparand, form=changed(scale * float(p[0]))))
+
+    def slope() -> Values:
+        ahead, behind = predict(np.array([1e-5])), predict(np.array([-1e-5]))
+        return [(a - b) / 2e-5 for a, b in zip(ahead, behind, strict=True)]
+
+    def say(p: Array) -> str:
+        if kind == "gear":
+            return f"the ratio of {name} is {ratio + scale * p[0]:.6g} instead of {ratio:.6g}"
+        return f"the phase of {name} is {p[0]:.6g} farther on"
+
+    return Hypothesis(kind, name, NAMED, predict, say, starts=((0.0,),), steps=(STEP,), slope=slope)

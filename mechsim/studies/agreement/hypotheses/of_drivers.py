@@ -1,0 +1,253 @@
+"""Mistakes in what drives: sense, offset, degrees, delay, a program out of phase, drivers swapped."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
+from mechsim.model.programs import Programs, State
+from mechsim.studies.agreement.comparand import Comparand
+from mechsim.studies.agreement.hypotheses.hypothesis import DISCRETE, NAMED, Hypothesis
+from mechsim.studies.agreement.miss import Miss, Values
+from mechsim.studies.motion_source import programs_of
+
+DEG = 180.0 / np.pi
+# most samples of a delay
+LATE = 12
+
+
+def _driven(comparand: Comparand, changes: Mapping[str, Callable[[State], State]]) -> Comparand:
+    """Return a comparand whose drivers go otherwise: name -> what makes a program of a program."""
+    form, programs = comparand.form, programs_of(comparand.form)
+    if programs is None:
+        crank = form.mechanism.crank.name
+        steady = comparand.angle, comparand.speed, comparand.acceleration
+        if crank in changes:
+            steady = changes[crank](lambda _, own=steady: own)(comparand.angle)
+        angle, speed, acceleration = steady
+        return replace(comparand, angle=_near(comparand, angle), speed=speed, acceleration=acceleration)
+    states = tuple(
+        changes[name](state) if name in changes else state
+        for name, state in zip(programs.drivers, programs.states, strict=True)
+    )
+    assert isinstance(form, LoopForm)
+    return replace(comparand, form=replace(form, programs=replace(programs, states=states)))
+
+
+def _near(comparand: Comparand, angle: Array) -> Array:
+    """Return crank angles brought near the start by whole periods, where that changes nothing."""
+    form = comparand.form
+    if not form.crank_range().full:
+        return angle
+    gone = angle - form.mechanism.start
+    return angle if np.abs(gone).max() < 2.5 * form.period else form.mechanism.start + gone % form.period
+
+
+def _linear(scale: float, offset: float) -> Callable[[State], State]:
+    def make(state: State) -> State:
+        def moved(time: Array) -> tuple[Array, Array, Array]:
+            value, rate, second = state(time)
+            return scale * value + offset, scale * rate, scale * second
+
+        return moved
+
+    return make
+
+
+def _late(lag: float) -> Callable[[State], State]:
+    return lambda state: lambda time: state(time - lag)
+
+
+def _unit(miss: Miss, driver: str) -> str:
+    return "m" if miss.comparand.form.mechanism.unit(driver) == "m" else "rad"
+
+
+def driver_senses(miss: Miss) -> Iterator[Hypothesis]:
+    """A driver counted the other way round, from nought or from where it starts."""
+    for driver, state in miss.comparand.drivers().items():
+        first = float(state[0][0])
+        for about in dict.fromkeys((0.0, 2.0 * first)):
+            of = "" if about == 0.0 else f" about {first:.6g} {_unit(miss, driver)}, where it starts"
+
+            def turned(_: Array, driver: str = driver, about: float = about) -> Values:
+                return miss.predicted(_driven(miss.comparand, {driver: _linear(-1.0, about)}))
+
+            yield Hypothesis(
+                "sense",
+                driver,
+                DISCRETE,
+                turned,
+                lambda _, d=driver, of=of: f"{d} goes in the reversed sense{of}",
+                by=lambda _: -1.0,
+            )
+
+
+def driver_degrees(miss: Miss) -> Iterator[Hypothesis]:
+    """A driver's angle taken for degrees, or turned into them."""
+    for driver in miss.comparand.drivers():
+        if _unit(miss, driver) == "m":
+            factors = {1e3: "taken in mm for m", 1e-3: "taken in m for mm"}
+            kind = "units"
+        else:
+            factors = {1.0 / DEG: "taken for degrees", DEG: "turned into degrees, where radians are meant"}
+            kind = "degrees"
+        for factor, said in factors.items():
+
+            def scaled(_: Array, driver: str = driver, factor: float = factor) -> Values:
+                return miss.predicted(_driven(miss.comparand, {driver: _linear(factor, 0.0)}))
+
+            yield Hypothesis(
+                kind,
+                driver,
+                DISCRETE,
+                scaled,
+                lambda _, d=driver, s=said: f"the coordinate of {d} is {s}",
+                by=lambda _, f=factor: f,
+            )
+
+
+def driver_offsets(miss: Miss) -> Iterator[Hypothesis]:
+    """A driver that stands a constant farther on."""
+    for driver in miss.comparand.drivers():
+        unit = _unit(miss, driver)
+        size = miss.comparand.form.mechanism.size if unit == "m" else 1.0
+
+        def moved(p: Array, driver: str = driver) -> Values:
+            return miss.predicted(_driven(miss.comparand, {driver: _linear(1.0, p[0])}))
+
+        def say(p: Array, driver: str = driver, unit: str = unit) -> str:
+            also = f" ({np.rad2deg(p[0]):.4g} deg)" if unit == "rad" else ""
+            return f"{driver} stands {p[0]:.6g} {unit}{also} farther on throughout"
+
+        starts = ((0.0,), *_rolled(miss)) if unit == "rad" else ((0.0,),)
+        yield Hypothesis("offset", driver, NAMED, moved, say, starts=starts, steps=(1e-5 * size,))
+
+
+def _rolled(miss: Miss) -> tuple[tuple[float], ...]:
+    """Return the offset, in samples of a full turn, at which exact values look most like the claims."""
+    comparand = miss.comparand
+    if programs_of(comparand.form) is not None or not comparand.form.crank_range().full:
+        return ()
+    angle, n = comparand.angle, len(comparand) - 1
+    if n < 8 or np.ptp(np.diff(angle)) > 1e-9 or abs(abs(angle[-1] - angle[0]) - TURN) > 1e-9:
+        return ()
+    sizes = [
+        np.sqrt(np.mean(miss.errors([_turned_on(values, k) for values in miss.exact]) ** 2)) for k in range(n)
+    ]
+    best = int(np.argmin(sizes))
+    if best in (0, 1, n - 1):
+        return ()
+    away = (angle[1] - angle[0]) * best
+    return ((float((away + np.pi) % TURN - np.pi),),)
+
+
+def _turned_on(values: Array, k: int) -> Array:
+    once = np.roll(values[:-1], -k, axis=0)
+    return np.concatenate([once, once[:1]])
+
+
+def delays(miss: Miss) -> Iterator[Hypothesis]:
+    """All that is claimed late, by samples or by a time; one program of several late."""
+    yield from _by_samples(miss)
+    comparand, programs = miss.comparand, programs_of(miss.comparand.form)
+    if comparand.time is None or (miss.function and programs is None):
+        return
+    step = float(np.median(np.diff(comparand.time)))
+
+    def late(p: Array) -> Values:
+        pace = comparand.speed if programs is None else programs.pace
+        return miss.predicted(
+            replace(comparand, angle=comparand.angle - pace * p[0], time=comparand.time - p[0])
+        )
+
+    def say(p: Array) -> str:
+        return f"all is late by {p[0]:.6g} s, {p[0] / step:.4g} samples"
+
+    starts = tuple((k * step,) for k in (0.0, 3.0, -3.0))
+    if programs is None or _goes_on(programs):
+        yield Hypothesis("delay", "", NAMED, late, say, starts=starts, steps=(1e-3 * step,))
+    if programs is not None and len(programs.drivers) > 1:
+        for driver in programs.drivers:
+            yield _out_of_phase(miss, driver, programs.duration)
+
+
+def _goes_on(programs: Programs) -> bool:
+    """Whether programs tell of a time before they begin."""
+    with np.errstate(all="ignore"):
+        try:
+            return all(
+                np.isfinite(part).all() for part in programs.state(np.array([-1e-3 * programs.duration]))
+            )
+        except Exception:
+            return False
+
+
+def _by_samples(miss: Miss) -> Iterator[Hypothesis]:
+    n = len(miss.comparand)
+    best: tuple[float, int] | None = None
+    for k in [*range(-LATE, 0), *range(1, LATE + 1)]:
+        if abs(k) > n // 3:
+            continue
+        left = float(np.sqrt(np.mean(miss.errors(_shifted(miss, k), _known(n, k)) ** 2)))
+        if best is None or left < best[0]:
+            best = left, k
+    if best is None:
+        return
+    k = best[1]
+    late = "late" if k > 0 else "early"
+    yield Hypothesis(
+        "delay",
+        "samples",
+        NAMED,
+        lambda _: _shifted(miss, k),
+        lambda _: f"all is {abs(k)} samples {late}",
+        by=lambda _: float(k),
+        rows=_known(n, k),
+    )
+
+
+def _shifted(miss: Miss, k: int) -> Values:
+    return [np.roll(values, k, axis=0) for values in miss.exact]
+
+
+def _known(n: int, k: int) -> Array:
+    rows = np.arange(n)
+    return (rows >= k) & (rows < n + k)  # pyright: ignore[reportReturnType]
+
+
+def _out_of_phase(miss: Miss, driver: str, duration: float) -> Hypothesis:
+    def late(p: Array) -> Values:
+        return miss.predicted(_driven(miss.comparand, {driver: _late(p[0])}))
+
+    return Hypothesis(
+        "phase",
+        driver,
+        NAMED,
+        late,
+        lambda p: f"the program of {driver} is out of phase, late by {p[0]:.6g} s",
+        starts=tuple((k * duration,) for k in (0.0, 0.1, -0.1, 0.25, -0.25, 0.5)),
+        steps=(1e-4 * duration,),
+    )
+
+
+def drivers_swapped(miss: Miss) -> Iterator[Hypothesis]:
+    """Two drivers taken for each other."""
+    programs = programs_of(miss.comparand.form)
+    if programs is None:
+        return
+    for one, other in combinations(programs.drivers, 2):
+        if _unit(miss, one) != _unit(miss, other):
+            continue
+        first, second = programs.by_name[one], programs.by_name[other]
+
+        def taken(
+            _: Array, one: str = one, other: str = other, a: State = first, b: State = second
+        ) -> Values:
+            return miss.predicted(_driven(miss.comparand, {one: lambda _: b, other: lambda _: a}))
+
+        what = f"{one}, {other}"
+        yield Hypothesis("swapped", what, DISCRETE, taken, lambda _, w=what: f"the drivers {w} are swapped")
