@@ -11,8 +11,10 @@ from mechsim.studies.agreement.miss import Miss, rms
 
 # steps at the most, and halvings of one
 STEPS, HALVINGS = 14, 8
-# a change of what is left that is worth another step; what is left that is nothing, in parts of bounds and of the miss
+# a change of what is left that is worth another step; what is nothing, in parts of bounds and of the miss
 WORTH, NOTHING, OF_MISS = 1e-3, 1e-4, 1e-9
+# what leaves more than this part of the miss after so many steps is no cause of it
+SOON, HOPE = 4, 0.7
 # a slope that does not halve what is left in so many steps is taken anew
 STALE = 0.7
 
@@ -43,14 +45,14 @@ def fitted(miss: Miss, hypothesis: Hypothesis) -> Fitted | None:
     before = rms(miss.errors(miss.exact, hypothesis.rows))
     if not before > 0.0:
         return None
-    best: tuple[float, Array] | None = None
-    for start in hypothesis.starts:
-        found = _from(miss, hypothesis, np.array(start, dtype=float), before)
-        if found is not None and (best is None or found[0] < best[0]):
-            best = found
-    if best is None:
+    begun = [
+        (np.array(start, dtype=float), _errors(miss, hypothesis, np.array(start, dtype=float)))
+        for start in hypothesis.starts
+    ]
+    stand = [(start, found) for start, found in begun if found is not None]
+    if not stand:
         return None
-    left, sizes = best
+    left, sizes = _from(miss, hypothesis, *min(stand, key=lambda one: rms(one[1])), before)
     predicted = hypothesis.predict(sizes)
     count = len(miss.errors(predicted, hypothesis.rows))
     worst = miss.worst(predicted, hypothesis.rows)
@@ -67,18 +69,19 @@ def _errors(miss: Miss, hypothesis: Hypothesis, sizes: Array) -> Array | None:
     return found if np.isfinite(found).all() else None
 
 
-def _from(miss: Miss, hypothesis: Hypothesis, sizes: Array, before: float) -> tuple[float, Array] | None:
-    """Return what is left, and the sizes, from one start."""
-    here = _errors(miss, hypothesis, sizes)
-    if here is None:
-        return None
+def _from(
+    miss: Miss, hypothesis: Hypothesis, sizes: Array, here: Array, before: float
+) -> tuple[float, Array]:
+    """Return what is left, and the sizes, from a start and what is left there."""
     if not len(sizes):
         return rms(here), sizes
     slope, fresh = _slope(miss, hypothesis, sizes, here), True
-    for _ in range(STEPS):
+    for number in range(STEPS):
+        if number == SOON and rms(here) > HOPE * before:
+            break
         if slope is None or rms(here) <= max(NOTHING, OF_MISS * before):
             break
-        step = -np.linalg.lstsq(slope, here, rcond=1e-10)[0]
+        step: Array = -np.linalg.lstsq(slope, here, rcond=1e-10)[0].astype(np.float64)
         taken = _shortened(miss, hypothesis, sizes, here, step)
         if taken is None:
             if fresh:

@@ -7,6 +7,7 @@ import numpy as np
 
 from mechsim.analytic.catalog.base import SELECTORS, ClosedForm
 from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.closure.spanning_tree import SpanningTree
 from mechsim.analytic.closure.tree_assembly import closed
 from mechsim.analytic.closure.tree_loops import tree_loops
 from mechsim.analytic.closure.tree_motion import Coordinates, placed
@@ -79,7 +80,7 @@ def _found(form: LoopForm) -> list[tuple[str, Form]]:
     return found
 
 
-def _places(mechanism: Mechanism, tree, at: Coordinates) -> Array:
+def _places(mechanism: Mechanism, tree: SpanningTree, at: Coordinates) -> Array:
     """Return where all joints are, (joints, 3)."""
     here = placed(tree, at)
     found: list[Array] = []
@@ -91,7 +92,7 @@ def _places(mechanism: Mechanism, tree, at: Coordinates) -> Array:
     return np.array(found)
 
 
-def _with_guess(form: LoopForm, tree, at: Coordinates) -> LoopForm | None:
+def _with_guess(form: LoopForm, tree: SpanningTree, at: Coordinates) -> LoopForm | None:
     here = placed(tree, at)
     poses = {
         name: Pose(here.position[i, :, 0].copy(), here.rotation[i, :, :, 0].copy())
@@ -105,7 +106,7 @@ def _with_guess(form: LoopForm, tree, at: Coordinates) -> LoopForm | None:
         return None
 
 
-def _told(mechanism: Mechanism, tree, own: Coordinates, at: Coordinates) -> str:
+def _told(mechanism: Mechanism, tree: SpanningTree, own: Coordinates, at: Coordinates) -> str:
     """Return in words what tells two assemblies apart: the joint that differs most."""
     gap = at.values[:, 0] - own.values[:, 0]
     names = {place: name for name, place in tree.places.items()}

@@ -1,6 +1,6 @@
 """One dimension different: a parameter, the place of a joint or of a point, a gear's ratio or phase."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
@@ -182,18 +182,16 @@ def _of_couplings(miss: Miss) -> list[Hypothesis]:
     found: list[Hypothesis] = []
     for k, gear in enumerate(form.mechanism.gears):
         for field, kind in (("ratio", "gear"), ("phase", "phase")):
-            found.append(
-                _coupled(miss, f"gears[{k}]", gear.name, kind, _gear_changed(form, k, field), gear.ratio)
-            )
+            found.append(_coupled(miss, gear.name, kind, _gear_changed(form, k, field), gear.ratio))
     for k, law in enumerate(form.mechanism.couplings):
         for i, kind in ((1, "gear"), (0, "phase")):
             if i < len(law.coefficients):
                 change = _coupling_changed(form, k, i)
-                found.append(_coupled(miss, f"couplings[{k}]", law.name, kind, change, law.slope))
+                found.append(_coupled(miss, law.name, kind, change, law.slope))
     return found
 
 
-def _gear_changed(form: LoopForm, k: int, field: str):
+def _gear_changed(form: LoopForm, k: int, field: str) -> Callable[[float], LoopForm]:
     def changed(by: float) -> LoopForm:
         gears = list(form.mechanism.gears)
         gears[k] = replace(gears[k], **{field: getattr(gears[k], field) + by})
@@ -202,7 +200,7 @@ def _gear_changed(form: LoopForm, k: int, field: str):
     return changed
 
 
-def _coupling_changed(form: LoopForm, k: int, i: int):
+def _coupling_changed(form: LoopForm, k: int, i: int) -> Callable[[float], LoopForm]:
     def changed(by: float) -> LoopForm:
         laws = list(form.mechanism.couplings)
         terms = list(laws[k].coefficients)
@@ -213,7 +211,9 @@ def _coupling_changed(form: LoopForm, k: int, i: int):
     return changed
 
 
-def _coupled(miss: Miss, where: str, name: str, kind: str, changed, ratio: float) -> Hypothesis:
+def _coupled(
+    miss: Miss, name: str, kind: str, changed: Callable[[float], LoopForm], ratio: float
+) -> Hypothesis:
     scale = (abs(ratio) or 1.0) if kind == "gear" else 1.0
 
     def predict(p: Array) -> Values:

@@ -12,7 +12,7 @@ from mechsim.maths.arrays import Array
 from mechsim.model.programs import Programs, State
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.hypotheses.hypothesis import DISCRETE, NAMED, Hypothesis
-from mechsim.studies.agreement.miss import Miss, Values
+from mechsim.studies.agreement.miss import Miss, Rows, Values
 from mechsim.studies.motion_source import programs_of
 
 DEG = 180.0 / np.pi
@@ -214,9 +214,9 @@ def _shifted(miss: Miss, k: int) -> Values:
     return [np.roll(values, k, axis=0) for values in miss.exact]
 
 
-def _known(n: int, k: int) -> Array:
+def _known(n: int, k: int) -> Rows:
     rows = np.arange(n)
-    return (rows >= k) & (rows < n + k)  # pyright: ignore[reportReturnType]
+    return (rows >= k) & (rows < n + k)
 
 
 def _out_of_phase(miss: Miss, driver: str, duration: float) -> Hypothesis:
