@@ -80,7 +80,7 @@ def motion_derivatives(
         crank_rate(form.mechanism, what, value, len(angle))
         for what, value in (("speed", speed), ("acceleration", acceleration))
     ]
-    path, instants = _followed(form, angle, *rates)
+    path, instants = followed_form(form, angle, *rates)
     parts = list(closed_parts(path, instants))
     blind = path.blind(angle)
     if blind.any():
@@ -101,8 +101,8 @@ def motion_derivatives(
             if torn:
                 continue
             raise
-        found[name] = _imaginary(_record(path, moved, instants, mechanism, form))
-    return MotionDerivatives(_record(path, real, instants, None, form), found)
+        found[name] = _imaginary(record_of(path, moved, instants, mechanism, form))
+    return MotionDerivatives(record_of(path, real, instants, None, form), found)
 
 
 def _fitting(name: str, slope: Array, nominal: Array) -> Array:
@@ -114,7 +114,9 @@ def _fitting(name: str, slope: Array, nominal: Array) -> Array:
     return slope
 
 
-def _followed(form: Form, angle: Array, speed: Array, acceleration: Array) -> tuple[FollowedPath, Instants]:
+def followed_form(
+    form: Form, angle: Array, speed: Array, acceleration: Array
+) -> tuple[FollowedPath, Instants]:
     """Return the path of what moves, and instants along it."""
     programs = form.programs if isinstance(form, LoopForm) else None
     through: Through = getattr(form, "through", "smooth")
@@ -129,7 +131,7 @@ def _changed(
     path: FollowedPath, part: ClosedPart, mechanism: GivenMechanism, name: str, given: float
 ) -> LoopMotion:
     """Return the motion of some instants with complex numbers, their imaginary parts at most as given."""
-    loops = _with(part.solver.loops, mechanism)
+    loops = with_mechanism(part.solver.loops, mechanism)
     solver = replace(part.solver, loops=loops)
     at = Coordinates(part.at.values.astype(complex), part.at.turns.astype(complex))
     for held, value in mechanism.holds.items():
@@ -147,7 +149,7 @@ def _changed(
     return rated(path, replace(part, solver=solver, at=at, loops=found))
 
 
-def _with(loops: TreeLoops, mechanism: GivenMechanism) -> TreeLoops:
+def with_mechanism(loops: TreeLoops, mechanism: GivenMechanism) -> TreeLoops:
     """Return the same loops of a mechanism with other numbers."""
     old = loops.tree
     branches = tuple(replace(branch, joint=mechanism.joint(branch.joint.name)) for branch in old.branches)
@@ -155,9 +157,10 @@ def _with(loops: TreeLoops, mechanism: GivenMechanism) -> TreeLoops:
     return replace(loops, tree=tree, cuts=cuts_of(tree))
 
 
-def _record(
+def record_of(
     path: FollowedPath, moved: LoopMotion, instants: Instants, mechanism: GivenMechanism | None, form: Form
 ) -> Motion:
+    """Return a motion as a record; of a mechanism with other numbers, whose conditioning is not told."""
     of = path.loops.tree.mechanism if mechanism is None else mechanism
     found = recorded(path, moved, instants.at, instants.speed, instants.acceleration, of)
     if mechanism is not None:

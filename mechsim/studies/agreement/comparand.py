@@ -1,6 +1,7 @@
 """The instants at which a model and a claim are compared, and what the exact motion says there."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -10,9 +11,10 @@ from numpy.typing import NDArray
 from mechsim.analytic import dynamics
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
+from mechsim.analytic.derivatives.motion_beside import MotionBeside, motion_beside
 from mechsim.analytic.dynamics import Machine
 from mechsim.analytic.forms import Form
-from mechsim.errors import InputError, MechsimError
+from mechsim.errors import AssemblyError, InputError, MechsimError
 from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Efforts
 from mechsim.model.forces import Forces
@@ -36,6 +38,7 @@ class Comparand:
         acceleration: of it, (n,) in [rad/s2].
         time: (n,) in [s]; None where only angles are known.
         machine: with masses and forces, for efforts; None takes the form's own forces.
+        solved: its motion where that is known; None where it is to be solved.
     """
 
     form: Form
@@ -44,6 +47,7 @@ class Comparand:
     acceleration: Array
     time: Array | None = None
     machine: Machine | None = field(default=None, compare=False)
+    solved: Motion | None = field(default=None, compare=False)
 
     def __len__(self) -> int:
         return len(self.angle)
@@ -55,7 +59,22 @@ class Comparand:
         Raises:
             AssemblyError: where the loops do not close.
         """
+        if self.solved is not None:
+            return self.solved
         return self.form.solve(self.angle, self.speed, self.acceleration)
+
+    @cached_property
+    def _beside(self) -> MotionBeside | None:
+        with suppress(AssemblyError):
+            return motion_beside(self.form, self.angle, self.speed, self.acceleration)
+        return None
+
+    def with_dimensions(self, form: Form) -> "Comparand":
+        """Return the same with what has other dimensions, solved from the motion here where that can be."""
+        if self._beside is None:
+            return replace(self, form=form, machine=None, solved=None)
+        motion = self._beside.of(form.mechanism)
+        return replace(self, form=form, machine=None, solved=replace(motion, origin=None))
 
     @cached_property
     def conditioning(self) -> Array:
@@ -66,7 +85,7 @@ class Comparand:
     @cached_property
     def _of_loops(self) -> Motion:
         """The motion by the loop equations, which know every coordinate."""
-        if isinstance(self.form, LoopForm):
+        if isinstance(self.form, LoopForm) or self.solved is not None:
             return self.motion
         return LoopForm(self.form.mechanism).solve(self.angle, self.speed, self.acceleration)
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
 from mechsim.analytic.derivatives.joint_places import placed_family
@@ -13,6 +14,7 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import MechsimError
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.fitting import linearly_explains
 from mechsim.studies.agreement.hypotheses.hypothesis import NAMED, PLACED, Hypothesis
 from mechsim.studies.agreement.miss import Miss, Values
@@ -85,7 +87,7 @@ def _hypothesis(miss: Miss, family: DesignFamily, dimension: Dimension, tier: fl
 
     def predict(p: Array) -> Values:
         made = family.make({dimension.name: dimension.value + scale * float(p[0])})
-        return miss.predicted(replace(comparand, form=as_before(made, comparand.form), machine=None))
+        return miss.predicted(remade(comparand, as_before(made, comparand.form)))
 
     def slope() -> Values:
         motion = comparand.by_dimension(family, dimension.name)
@@ -102,6 +104,13 @@ def _hypothesis(miss: Miss, family: DesignFamily, dimension: Dimension, tier: fl
         return f"{dimension.name} is {now}{unit} instead of {was}{unit}{part}"
 
     return Hypothesis(kind, dimension.name, tier, predict, say, starts=((0.0,),), steps=(STEP,), slope=slope)
+
+
+def remade(comparand: Comparand, form: Form) -> Comparand:
+    """Return a comparand with what has other dimensions."""
+    if isinstance(form, ClosedForm):
+        return replace(comparand, form=form, machine=None)
+    return comparand.with_dimensions(form)
 
 
 def as_before(made: Form, before: Form) -> Form:
@@ -149,7 +158,7 @@ def _of_point(miss: Miss, point: str, i: int) -> Hypothesis:
 
     def predict(p: Array) -> Values:
         own = form if isinstance(form, LoopForm) else LoopForm(form.mechanism)
-        return miss.predicted(replace(miss.comparand, form=replace(own, mechanism=moved(p))))
+        return miss.predicted(remade(miss.comparand, replace(own, mechanism=moved(p))))
 
     def slope() -> Values:
         links = miss.comparand.motion.links
@@ -217,7 +226,7 @@ def _coupled(
     scale = (abs(ratio) or 1.0) if kind == "gear" else 1.0
 
     def predict(p: Array) -> Values:
-        return miss.predicted(replace(miss.comparand, form=changed(scale * float(p[0]))))
+        return miss.predicted(remade(miss.comparand, changed(scale * float(p[0]))))
 
     def slope() -> Values:
         ahead, behind = predict(np.array([1e-5])), predict(np.array([-1e-5]))

@@ -30,12 +30,15 @@ def _driven(comparand: Comparand, changes: Mapping[str, Callable[[State], State]
             steady = changes[crank](lambda _, own=steady: own)(comparand.angle)
         angle, speed, acceleration = steady
         return replace(comparand, angle=_near(comparand, angle), speed=speed, acceleration=acceleration)
-    states = tuple(
-        changes[name](state) if name in changes else state
-        for name, state in zip(programs.drivers, programs.states, strict=True)
-    )
+    joints = dict(comparand.motion.joints)
+    time = comparand.angle / programs.pace
+    for name, state in programs.by_name.items():
+        if name in changes:
+            value, rate, second = (np.broadcast_to(part, time.shape) for part in changes[name](state)(time))
+            joints[name] = replace(joints[name], value=value, rate=rate, acceleration=second)
     assert isinstance(form, LoopForm)
-    return replace(comparand, form=replace(form, programs=replace(programs, states=states)))
+    motion = form.solve_as(replace(comparand.motion, joints=joints))
+    return replace(comparand, solved=motion)
 
 
 def _near(comparand: Comparand, angle: Array) -> Array:
