@@ -1,5 +1,9 @@
 """Small scenes in MJCF, as users have them: a gripper's finger under a servo, its loop closed softly."""
 
+from mechsim.studies.scenes import scene_of
+from mechsim.subjects.actuator_programs import actuator_programs
+from mechsim.subjects.subject import load
+
 FINGER = """<mujoco model="finger">
   <!-- a four-bar under a position servo, and a pad that swings on it against a spring -->
   <option timestep="0.002"/>
@@ -33,3 +37,13 @@ FINGER = """<mujoco model="finger">
   </actuator>
 </mujoco>
 """
+
+
+def scene(folder, *, ctrl=None, drive=None, text=FINGER, duration=0.5):
+    """Return the scene of a text and its motion."""
+    path = folder / "finger.xml"
+    path.write_text(text)
+    form = load(str(path), drive=drive)
+    programs = {} if form.programs is None else form.programs.by_name
+    fed = actuator_programs(ctrl or {})
+    return scene_of(form.source, form.mechanism, drive=programs, ctrl=fed, duration=duration)

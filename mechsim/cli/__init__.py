@@ -41,6 +41,10 @@ COMMANDS = {
         "reduce.reduce",
         "Leave out of a scene what is not needed for what is tracked; write what is left.",
     ),
+    "tune": (
+        "tune.tune",
+        "Find the cheapest settings with which plain MuJoCo keeps a tolerance on your own scene and motion.",
+    ),
     "dynamics": (
         "dynamics.dynamics",
         "What drives and joints carry as prescribed, and the energies; free running under a motor.",

@@ -1,7 +1,11 @@
-"""Options of commands that run a user's own MJCF file as it is: what is prescribed, fed, followed, how long."""
+"""Options of commands that run a user's own MJCF file as it is: what moves it, how long, what counts."""
 
+import re
 from dataclasses import dataclass
 
+import numpy as np
+
+from mechsim import files
 from mechsim.cli.endings import tell
 from mechsim.cli.options import pair_of
 from mechsim.errors import InputError
@@ -12,6 +16,7 @@ from mechsim.subjects.actuator_programs import actuator_programs
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.prescription import lasting
 from mechsim.subjects.subject import load
+from mechsim.subjects.time_expressions import as_python
 from mechsim.units import option
 
 
@@ -29,7 +34,8 @@ class SceneOptions:
     )
     ctrl: tuple[tuple[str, str], ...] = option(
         (),
-        "Feed an actuator: a number, 255*(0.5-0.5*cos(2*pi*t)) (of t in s, in the control's own unit), FILE.csv.",
+        "Feed an actuator, in its control's own unit: a number, 255*(0.5-0.5*cos(2*pi*t)) (of t in s), "
+        "FILE.csv.",
         read=pair_of("--ctrl", "--ctrl servo=0.3*sin(2*pi*t)"),
         many=True,
         metavar="ACTUATOR=PROGRAM",
@@ -78,3 +84,18 @@ def user_scene(path: str, asked: SceneOptions) -> UserScene:
         points=points,
         key=asked.key,
     )
+
+
+def expressions(scene: UserScene) -> dict[str, str]:
+    """Return what prescribes joints and feeds actuators as Python expressions of t: name -> expression."""
+    return {name: _expression(state) for name, state in {**scene.drive, **scene.ctrl}.items()}
+
+
+def _expression(state: State) -> str:
+    text = getattr(state, "text", "")
+    if text.lower().endswith(files.EXTENSIONS):
+        return f"table({text!r})(t)"
+    if re.search(r"\bt\b", text):
+        return as_python(text)
+    value, rate, _ = (float(part[0]) for part in state(np.zeros(1)))
+    return repr(value) if not rate else f"{value!r} + {rate!r} * t"

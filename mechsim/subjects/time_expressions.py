@@ -191,6 +191,15 @@ def over_time(
     return whole, state
 
 
+def as_python(text: str) -> str:
+    """Return an expression of t that `over_time` takes as Python has it, quantities in SI."""
+
+    def number(match: re.Match[str]) -> str:
+        return repr(float(quantity(f"{match[1]} {match[2]}").value))  # pyright: ignore[reportArgumentType]
+
+    return _QUANTITY.sub(number, text)
+
+
 def quantity(text: str) -> Measure:
     """Return a number with a unit of length, angle or time, in SI."""
     if text.split()[-1] == "Hz":

@@ -3,24 +3,13 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from scene_texts import FINGER
+from scene_texts import FINGER, scene
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.studies.scenes import errors_of, limit_of, scene_of, step_times, stepped
+from mechsim.studies.scenes import errors_of, limit_of, step_times, stepped
 from mechsim.studies.scenes.scene_limit import hardened, interpolated
-from mechsim.subjects.actuator_programs import actuator_programs
-from mechsim.subjects.subject import load
 
 FED, DRIVEN = {"servo": "0.5*sin(2*pi*t)"}, {"knuckle": "0.5*sin(2*pi*t)"}
-
-
-def scene(folder, *, ctrl=None, drive=None, text=FINGER, duration=0.5):
-    path = folder / "finger.xml"
-    path.write_text(text)
-    form = load(str(path), drive=drive)
-    programs = {} if form.programs is None else form.programs.by_name
-    fed = actuator_programs(ctrl or {})
-    return scene_of(form.source, form.mechanism, drive=programs, ctrl=fed, duration=duration)
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ goes with the step, so that the loops stand less open the smaller it is.
 import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from time import perf_counter
 
 import mujoco
 import numpy as np
@@ -18,8 +19,6 @@ from mechsim.studies.scenes.user_scene import UserScene
 
 # steps in the coarsest run, at least; and in the finest, at most; each next has twice as many
 LEAST, MOST = 2000, 400_000
-# no finer run follows one that took as long, in [s]
-ENOUGH = 2.0
 # instants recorded of each
 RECORDED = 2000
 # time constant of the loops in steps, and MuJoCo's hardest impedance
@@ -86,20 +85,25 @@ def hardened(model: mujoco.MjModel, timestep: float, integrator: str) -> mujoco.
 
 
 def limit_of(
-    scene: UserScene, goal: float = 0.0, *, tell: Callable[[str], None] = lambda _: None
+    scene: UserScene,
+    goal: float = 0.0,
+    *,
+    seconds: float = 10.0,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> SceneLimit:
     """Return the limit of a scene.
 
     Args:
         scene: the scene.
         goal: error of its points in [m] that is small enough; else it becomes as fine as is affordable.
+        seconds: about which it may take.
         tell: told what is being done.
     """
     own = scene.duration / float(scene.model.opt.timestep)
     first = int(np.ceil(np.clip(2.0 * own, LEAST, MOST / 4)))
     found: SceneLimit | None = None
     for integrator in ("RK4", "implicitfast"):
-        best = _finer(scene, first, integrator, goal, tell)
+        best = _finer(scene, first, integrator, goal, seconds, tell)
         if found is None or (found.broken and not best.broken) or best.bars[0] < found.bars[0]:
             found = best
         if not found.broken:
@@ -109,16 +113,24 @@ def limit_of(
 
 
 def _finer(
-    scene: UserScene, steps: int, integrator: str, goal: float, tell: Callable[[str], None]
+    scene: UserScene,
+    steps: int,
+    integrator: str,
+    goal: float,
+    seconds: float,
+    tell: Callable[[str], None],
 ) -> SceneLimit:
     """Return the limit by one integrator, finer and finer until it is good enough or dear enough."""
     runs: list[SceneRun] = []
-    found, seconds = SceneLimit(stepped(scene, records=2), (np.inf, np.inf), None, "", "not run"), 0.0
-    while steps <= MOST and seconds < ENOUGH:
+    found = SceneLimit(stepped(scene, records=2), (np.inf, np.inf), None, "", "not run")
+    took, ends = 0.0, perf_counter() + seconds
+    # the next takes twice as long as the last
+    while steps <= MOST and (len(runs) < 3 or perf_counter() + 2.0 * took < ends):
         tell(f"limit: {integrator}, {steps:,} steps")
         model = hardened(scene.model, scene.duration / steps, integrator)
+        began = perf_counter()
         run = stepped(scene, model, records=RECORDED, held=0.5)
-        seconds, steps = max(seconds, run.seconds), 2 * steps
+        took, steps = perf_counter() - began, 2 * steps
         runs = [] if run.broken else [*runs[-2:], run]
         if run.broken:
             found = found if found.broken == "" else SceneLimit(run, (np.inf, np.inf), None, "", run.broken)

@@ -1,0 +1,223 @@
+"""Command `mechsim tune`: the cheapest settings with which plain MuJoCo keeps a tolerance on one scene."""
+
+import difflib
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from mechsim import units
+from mechsim.cli.declared_options import spread
+from mechsim.cli.options import Json, writable
+from mechsim.cli.output import print_json, print_table, progress
+from mechsim.cli.scene_options import SceneOptions, expressions, user_scene
+from mechsim.errors import InputError
+from mechsim.files import written_beside
+from mechsim.studies.scenes import MEASURES, UserScene, errors_of, stepped
+from mechsim.studies.scenes.plain_settings import settings_of
+from mechsim.studies.tuning.run_lines import feeding, python_of
+from mechsim.studies.tuning.search import SECONDS, SceneTrial, Tuned, tuned
+from mechsim.studies.tuning.tuned_file import KEY, changes, tuned_text, written
+
+# rows of the table of what was tried
+ROWS = 14
+
+
+@spread
+def tune(
+    model: Annotated[str, typer.Argument(metavar="FILE.xml", help="An MJCF file that MuJoCo loads.")],
+    *,
+    tolerance: Annotated[
+        str, typer.Option(help="To keep; a bare number is metres, by torque N m (or N of a slide).")
+    ],
+    by: Annotated[
+        str,
+        typer.Option(
+            metavar="closure|trajectory|torque",
+            help="What errs: points against the exact closure at the run's own drivers, points against the "
+            "scene's own limit of small steps and hard loops, or efforts against that limit.",
+        ),
+    ] = "closure",
+    asked: SceneOptions,
+    budget: Annotated[str, typer.Option(help="About how long to search.")] = f"{SECONDS:g}s",
+    output: Annotated[
+        str, typer.Option("-o", "--output", metavar="OUT.xml", help="Where to write the scene.")
+    ],
+    python: Annotated[
+        str | None,
+        typer.Option(
+            metavar="OUT.py", help="Where to write Python that runs it, or reaches what no file can."
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Find the cheapest settings with which plain MuJoCo keeps a tolerance on your own scene and motion."""
+    place = writable(output, ".xml")
+    script = None if python is None else writable(python, ".py")
+    if by not in MEASURES:
+        raise InputError(f"there is no error by {by!r}; known are {', '.join(MEASURES)}")
+    wanted = _tolerance(tolerance, by)
+    seconds = units.parse_time(budget, "the budget")
+    scene = user_scene(model, asked)
+    if place.resolve() == Path(scene.path).resolve():
+        raise InputError(f"-o {output} is the file itself; name another, so that it stays as it is")
+    with progress("tune", None) as tick:
+        found = tuned(scene, wanted, by, seconds=seconds, tell=lambda part, done: tick(done, part))  # pyright: ignore[reportArgumentType]
+    told = _written(found, place, script)
+    if as_json:
+        print_json(told | {"output": output, "python": python})
+    else:
+        _print(found, told, output, python)
+    raise typer.Exit(0 if told["reached"] else 1)
+
+
+def _tolerance(text: str, by: str) -> float:
+    if by == "torque":
+        try:
+            value = float(text.removesuffix("Nm").removesuffix("N"))
+        except ValueError:
+            raise InputError(f"the tolerance is {text!r}; give a number of N m, as in 0.01") from None
+    else:
+        value = units.parse_length(text, "the tolerance")
+    if not 0.0 < value < float("inf"):
+        raise InputError(f"the tolerance is {text}; give a finite one above 0")
+    return value
+
+
+def _written(found: Tuned, place: Path, script: Path | None) -> dict[str, Any]:
+    """Write what was found, run it as plain MuJoCo has it, and return what there is to tell."""
+    best = found.chosen or found.closest
+    scene = replace(found.scene, model=best.settings.applied(found.scene.model))
+    said = expressions(scene)
+    text = tuned_text(found.scene, best.settings, _comment(found, best, scene, said), place.parent)
+    outside = written(found.scene, best.settings, text.after, place)
+    error = _error(outside, found)
+    if script is not None:
+        _write_script(script, found, outside, place, said)
+    return {
+        "mechanism": found.scene.mechanism.name,
+        "by": found.by,
+        "tolerance": found.tolerance,
+        "unit": _unit(found),
+        "reached": error <= found.tolerance,
+        "published": _told(found, found.published),
+        "tuned": {
+            "error": error,
+            "estimate": best.errors.by(found.by) + _bar(found),
+            "ms_per_s": 1e3 * best.seconds,
+            "settings": dict(changes(found.scene, best.settings)),
+            "errors": best.errors.as_dict(),
+        },
+        "by_python": None if found.beyond is None else _told(found, found.beyond),
+        "limit": {
+            "what": found.limit.what,
+            "error": found.limit.bars[0],
+            "effort_error": found.limit.bars[1],
+        },
+        "put_in": list(text.put_in),
+        "diff": _diff(text.before, text.after, found.scene.path, str(place)),
+        "seconds": found.seconds,
+        "tried": [_told(found, one) for one in found.tried],
+    }
+
+
+def _unit(found: Tuned) -> str:
+    return "N m" if found.by == "torque" else "m"
+
+
+def _bar(found: Tuned) -> float:
+    return {"closure": 0.0, "trajectory": found.limit.bars[0], "torque": found.limit.bars[1]}[found.by]
+
+
+def _error(scene: UserScene, found: Tuned) -> float:
+    """Return the error of a scene as its file has it, at every step."""
+    limit = None if found.limit.broken else found.limit
+    errors = errors_of(stepped(scene, records=None), limit, torque=found.by == "torque")
+    return errors.by(found.by) + _bar(found)
+
+
+def _told(found: Tuned, trial: SceneTrial) -> dict[str, Any]:
+    return {
+        "error": trial.errors.by(found.by),
+        "ms_per_s": 1e3 * trial.seconds,
+        "settings": dict(changes(found.scene, trial.settings)),
+        "errors": trial.errors.as_dict(),
+    }
+
+
+def _comment(found: Tuned, best: SceneTrial, scene: UserScene, said: dict[str, str]) -> list[str]:
+    """Return what the file says of itself: what it keeps, and how it is to be stepped."""
+    kept = "keeps" if found.chosen else "does not keep"
+    begun = "from mj_resetData"
+    if scene.drive or scene.key:
+        begun = f"from keyframe {KEY if scene.drive else scene.key}"
+    return [
+        f"mechsim tune: {kept} {found.tolerance:g} {_unit(found)} by {found.by} over {scene.duration:g} s,",
+        f"errs by {best.errors.by(found.by):.2g}, as published by {found.published.errors.by(found.by):.2g};",
+        f"to be stepped {begun}, with before each step, t = data.time, h = {scene.model.opt.timestep:g}:",
+        *([f"  {line}" for line in feeding(scene, said)] or ["  nothing"]),
+        *(f"  where q({name!r}, t) = {said[name]}" for name in scene.drive),
+    ]
+
+
+def _write_script(script: Path, found: Tuned, outside: UserScene, place: Path, said: dict[str, str]) -> None:
+    """Write the lines that run what was found."""
+    scene, changed = outside, {}
+    if found.beyond is not None:
+        best = found.chosen or found.closest
+        known = best.settings.as_dict()
+        changed = {k: v for k, v in found.beyond.settings.as_dict().items() if known.get(k) != v}
+        changed |= {
+            k: v
+            for k, v in settings_of(found.scene.model).as_dict().items()
+            if k in known and k not in found.beyond.settings.as_dict()
+        }
+        scene = replace(outside, model=found.beyond.settings.applied(found.scene.model))
+    text = python_of(scene, place, said, changed=changed)
+    with written_beside(script) as beside:
+        beside.write_text(text, encoding="utf-8")
+
+
+def _diff(before: str, after: str, path: str, place: str) -> str:
+    lines = difflib.unified_diff(before.splitlines(), after.splitlines(), path, place, lineterm="", n=0)
+    return "\n".join(lines)
+
+
+def _print(found: Tuned, told: dict[str, Any], output: str, python: str | None) -> None:
+    unit = told["unit"]
+    rows = [("as published", *_cells(found.published, found))]
+    shown = sorted(found.tried, key=lambda one: one.seconds)
+    kept = [one for one in shown if one.errors.by(found.by) + _bar(found) <= found.tolerance]
+    rows += [(_summary(found, one), *_cells(one, found)) for one in kept[:ROWS] or [found.closest]]
+    if found.beyond is not None:
+        rows.append((_summary(found, found.beyond), *_cells(found.beyond, found)))
+    head = ("settings changed", f"{found.by} in {unit}", "trajectory in m", "ms a simulated s")
+    print_table(f"{told['mechanism']}: {found.by} within {found.tolerance:g} {unit}", head, rows)
+    tuned_, published = told["tuned"], told["published"]
+    if told["reached"]:
+        typer.echo(
+            f"{output} keeps it: errs by {tuned_['error']:.2g} {unit}, {tuned_['ms_per_s']:.3g} ms a "
+            f"simulated second (published {published['error']:.2g} {unit}, {published['ms_per_s']:.3g} ms)"
+        )
+    else:
+        typer.echo(
+            f"no MJCF file reaches {found.tolerance:g} {unit} here: {output} errs by {tuned_['error']:.2g} "
+            f"{unit} (published {published['error']:.2g})"
+        )
+        if found.beyond is not None:
+            how = f"in {python}" if python else "which --python OUT.py writes"
+            typer.echo(f"lines of Python reach {found.beyond.errors.by(found.by):.2g} {unit}, {how}")
+    if told["put_in"]:
+        typer.echo(f"put into it, as something in them changes: {', '.join(told['put_in'])}")
+    typer.echo(told["diff"])
+    typer.echo(f"{len(found.tried)} settings tried in {found.seconds:.3g} s; limit: {told['limit']['what']}")
+
+
+def _summary(found: Tuned, one: SceneTrial) -> str:
+    said = ", ".join(f"{name} {value}" for name, value in changes(found.scene, one.settings).items())
+    return said or "none"
+
+
+def _cells(one: SceneTrial, found: Tuned) -> tuple[str, str, str]:
+    return (f"{one.errors.by(found.by):.2g}", f"{one.errors.trajectory:.2g}", f"{1e3 * one.seconds:.3g}")

@@ -1,0 +1,263 @@
+"""The search for the cheapest settings that keep a tolerance, by trial runs of the scene itself."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from time import perf_counter
+
+import numpy as np
+
+from mechsim.maths.convergence import half_extent
+from mechsim.simulation.mjcf.silence import quiet
+from mechsim.studies.scenes import (
+    By,
+    SceneErrors,
+    SceneLimit,
+    UserScene,
+    errors_of,
+    limit_of,
+    step_times,
+    stepped,
+)
+from mechsim.studies.scenes.plain_settings import PlainSettings
+from mechsim.studies.tuning.step_ladder import (
+    COSTS,
+    cheap,
+    dear,
+    fourth,
+    harder,
+    hardest,
+    probes,
+    steps_of,
+    variants,
+)
+
+# part of the tolerance aimed at: what is left is for another phase of the motion, another machine's rounding,
+# and instants between records (measured in validation/choices/tuned_scenes.py)
+AIM = 0.8
+# so many steps of the ladder, each longer than the longest that keeps the tolerance with a few settings, are
+# tried with all
+LONGER = 3
+# part of a step that makes a shorter one clearly dearer
+CLEARLY = 0.85
+# by closure or torque a scene's motion must stay the same: within this part of its extent of its limit
+SAME = 0.05
+# the search's time in [s], and what of it is for the limit of the scene, for trials and for timing
+SECONDS, TRIALS = 50.0, 0.75
+# settings refined, and timed again
+REFINED, TIMED = 3, 12
+# rounds of timing, and where there is no time left
+ROUNDS, LATE = 5, 2
+# times that differ by less are the same: then fewer changes are better
+ALIKE = 0.05
+Tell = Callable[[float, str], None]
+Few = Callable[[UserScene, float], Iterable[PlainSettings]]
+
+
+@dataclass(frozen=True, slots=True)
+class SceneTrial:
+    """Settings that were tried.
+
+    Attributes:
+        settings: tried.
+        errors: of the run.
+        seconds: processor time of a simulated second, in [s].
+    """
+
+    settings: PlainSettings
+    errors: SceneErrors
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """What a search found.
+
+    Attributes:
+        scene: that was tuned.
+        by: the measure.
+        tolerance: asked for.
+        published: the file as it is.
+        chosen: the cheapest that keeps the tolerance; None where no file can.
+        closest: that errs least of all that a file can say.
+        beyond: the cheapest that keeps it by what no file can say; None where a file can, or nothing does.
+        tried: all, in order.
+        limit: of the scene.
+        seconds: that the search took.
+    """
+
+    scene: UserScene
+    by: By
+    tolerance: float
+    published: SceneTrial
+    chosen: SceneTrial | None
+    closest: SceneTrial
+    beyond: SceneTrial | None
+    tried: Sequence[SceneTrial]
+    limit: SceneLimit
+    seconds: float
+
+
+@dataclass
+class _Search:
+    scene: UserScene
+    by: By
+    tolerance: float
+    limit: SceneLimit
+    allowed: float
+    tell: Tell
+    seconds: float
+    began: float = field(default_factory=perf_counter)
+    tried: dict[PlainSettings, SceneTrial] = field(default_factory=dict[PlainSettings, SceneTrial])
+    extra: bool = False
+
+    @property
+    def part(self) -> float:
+        return min(1.0, (perf_counter() - self.began) / self.seconds)
+
+    @property
+    def late(self) -> bool:
+        return self.part > (1.0 if self.extra else TRIALS)
+
+    def trial(self, settings: PlainSettings) -> SceneTrial:
+        """Return what settings give, run once."""
+        settings = settings.without_idle(self.scene.model)
+        if settings not in self.tried:
+            run = stepped(self.scene, settings.applied(self.scene.model))
+            limit = self.limit if not self.limit.broken else None
+            errors = errors_of(run, limit, torque=self.by == "torque")
+            self.tried[settings] = SceneTrial(settings, errors, run.seconds_per_second)
+            self.tell(self.part, f"{len(self.tried)} settings tried")
+        return self.tried[settings]
+
+    def error(self, trial: SceneTrial) -> float:
+        """Return a trial's error, what is not known of the limit added."""
+        bar = {"closure": 0.0, "trajectory": self.limit.bars[0], "torque": self.limit.bars[1]}[self.by]
+        return trial.errors.by(self.by) + bar
+
+    def kept(self, trial: SceneTrial) -> bool:
+        """Whether a trial keeps the tolerance, with what is left for what it did not see, and the motion."""
+        same = self.by == "trajectory" or not trial.errors.trajectory > self.allowed
+        return same and self.error(trial) <= AIM * self.tolerance
+
+    def passing(self, settings: Iterable[PlainSettings]) -> list[SceneTrial]:
+        """Return those that keep the tolerance, as long as there is time."""
+        found: list[SceneTrial] = []
+        for one in settings:
+            if self.late:
+                break
+            trial = self.trial(one)
+            found += [trial] if self.kept(trial) else []
+        return found
+
+    def cheapest(self, in_file: bool = True) -> list[SceneTrial]:
+        """Return what keeps the tolerance, the cheapest first."""
+        found = [one for one in self.tried.values() if self.kept(one) and one.settings.in_file == in_file]
+        return sorted(found, key=lambda one: one.seconds)
+
+
+@quiet()
+def tuned(
+    scene: UserScene,
+    tolerance: float,
+    by: By = "closure",
+    *,
+    seconds: float = SECONDS,
+    tell: Tell = lambda _part, _done: None,
+) -> Tuned:
+    """Return the cheapest settings with which plain MuJoCo keeps a tolerance on a scene.
+
+    Args:
+        scene: the scene and its motion.
+        tolerance: in [m], of torque in [N m] or [N].
+        by: measure that counts.
+        seconds: about which the search takes.
+        tell: told what part is done, and what.
+    """
+    began = perf_counter()
+    goal = 0.1 * tolerance if by != "closure" else 0.0
+    limit = limit_of(scene, goal, seconds=0.2 * seconds, tell=lambda said: tell(0.0, said))
+    search = _Search(scene, by, tolerance, limit, np.inf, tell, seconds, began)
+    published = search.trial(PlainSettings())
+    extent = 0.0 if limit.broken else half_extent([limit.run.points[:, k] for k in range(len(scene.places))])
+    before = published.errors.trajectory
+    search.allowed = max(SAME * extent, tolerance, before if np.isfinite(before) else 0.0)
+    _climb(search)
+    chosen = _refined(search)
+    beyond = None if chosen is not None else _beyond(search)
+    in_file = [one for one in search.tried.values() if one.settings.in_file]
+    closest = min(in_file, key=search.error)
+    timed = [one for one in (chosen, beyond, None if chosen else closest) if one is not None]
+    fair = _timed(search, [published, *timed])
+    published = fair[0]
+    again = dict(zip((id(one) for one in timed), fair[1:], strict=True))
+    return Tuned(
+        scene,
+        by,
+        tolerance,
+        published,
+        None if chosen is None else again[id(chosen)],
+        again.get(id(closest), closest),
+        None if beyond is None else again[id(beyond)],
+        [*search.tried.values()],
+        limit,
+        perf_counter() - began,
+    )
+
+
+def _climb(search: _Search) -> None:
+    """Try the settings of the longest steps that keep the tolerance, and of some that are longer still."""
+    steps = steps_of(search.scene)
+    best: float | None = None
+    for step in _near(search, steps, probes):
+        if search.passing(cheap(search.scene, step)) and best is None:
+            best = step
+        if best is not None and step < CLEARLY * best:
+            break
+    # a step of fourth order is worth it where it is so many times longer
+    worth = [step for step in steps if best is None or step >= CLEARLY * COSTS["RK4"] * best]
+    for step in _near(search, worth, fourth):
+        if search.passing(dear(search.scene, step)):
+            break
+
+
+def _near(search: _Search, steps: Sequence[float], few: Few) -> list[float]:
+    """Return the steps, longest first, from some too long for a few settings to the longest that is not.
+
+    That errors fall with the step is believed; where none is short enough, the last are returned.
+    """
+    low, high = 0, len(steps)
+    while low < high and not search.late:
+        middle = (low + high) // 2
+        kept = any(search.kept(search.trial(one)) for one in few(search.scene, steps[middle]))
+        low, high = (low, middle) if kept else (middle + 1, high)
+    return [*steps[max(0, low - LONGER) : low + 2]]
+
+
+def _refined(search: _Search) -> SceneTrial | None:
+    """Return the cheapest that keeps the tolerance, after a look at what lies near the best."""
+    for one in search.cheapest()[:REFINED]:
+        search.passing(variants(search.scene, one.settings))
+    best = search.cheapest()[:TIMED]
+    if not best:
+        return None
+    fair = _timed(search, best)
+    least = min(one.seconds for one in fair)
+    near = [one for one in fair if one.seconds <= (1.0 + ALIKE) * least]
+    return min(near, key=lambda one: (len(one.settings.as_dict()), search.error(one)))
+
+
+def _timed(search: _Search, trials: Sequence[SceneTrial]) -> list[SceneTrial]:
+    """Return trials with their times measured side by side; where the search is late, in fewer rounds."""
+    model = search.scene.model
+    rounds = ROUNDS if search.part < 1.0 else LATE
+    times = step_times([(search.scene, one.settings.applied(model)) for one in trials], rounds)
+    return [replace(one, seconds=float(each)) for one, each in zip(trials, times, strict=True)]
+
+
+def _beyond(search: _Search) -> SceneTrial | None:
+    """Return the cheapest that keeps the tolerance with loops harder than a file can say."""
+    search.extra = True
+    for step in _near(search, steps_of(search.scene), hardest):
+        search.passing(harder(search.scene, step))
+    found = search.cheapest(in_file=False)
+    return found[0] if found else None

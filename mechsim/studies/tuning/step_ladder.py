@@ -1,0 +1,137 @@
+"""The steps and settings that are worth trying on a scene, the cheapest first."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from mechsim.studies.scenes.plain_settings import PlainSettings, settings_of
+from mechsim.studies.scenes.scene_limit import HARDEST
+from mechsim.studies.scenes.user_scene import UserScene
+
+# steps tried, in steps of the file's own; a motion has so many steps at least
+RATIOS = (16.0, 12.0, 8.0, 6.0, 5.0, 4.0, 3.2, 2.5, 2.0, 1.6, 1.25, 1.0, 0.8, 0.64, 0.5, 0.4, 0.32, 0.25, 0.2)
+FINER = (0.16, 0.125, 0.1, 0.08, 0.064, 0.05, 0.04, 0.032, 0.025, 0.02, 0.016, 0.0125, 0.01)
+FEWEST = 50
+# evaluations of a step, and integrators by what they cost
+COSTS = {"Euler": 1.0, "implicitfast": 1.0, "discrete": 1.2, "implicit": 1.3, "RK4": 3.5}
+CHEAP = ("Euler", "implicitfast", "discrete")
+# time constants of the loops in steps; below two steps MuJoCo must be told not to mend them
+CONSTANTS = (2.0, 1.5, 3.0, 5.0, 10.0)
+SAFE = 2.0
+# factors on softness that no file can say
+HARDNESSES = (1e-2, 1e-4, 1e-8)
+
+
+def steps_of(scene: UserScene) -> list[float]:
+    """Return the time steps worth trying, the longest first, in [s].
+
+    None is so long that MuJoCo would soften contacts, limits or friction, unless the file's own is.
+    """
+    own = float(scene.model.opt.timestep)
+    longest = max(own, min(0.5 * quickest(scene.model), scene.duration / FEWEST))
+    steps = [float(f"{ratio * own:.3g}") for ratio in (*RATIOS, *FINER)]
+    return [step for step in steps if step <= longest * (1.0 + 1e-9)]
+
+
+def quickest(model: mujoco.MjModel) -> float:
+    """Return the shortest time constant of a contact, limit or friction, in [s]; infinity without any."""
+    # of a geom that can touch, a limited joint or tendon, and what rubs dry
+    touching = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT) or touching.sum() < 2:
+        touching[:] = False
+    found = [
+        model.geom_solref[touching],
+        model.pair_solref,
+        model.jnt_solref[model.jnt_limited != 0],
+        model.dof_solref[model.dof_frictionloss > 0.0],
+        model.tendon_solref_lim[model.tendon_limited != 0],
+        model.tendon_solref_fri[model.tendon_frictionloss > 0.0],
+    ]
+    constants = np.concatenate([one[:, 0] for one in found if len(one)] or [np.zeros(0)])
+    return float(constants[constants > 0.0].min(initial=np.inf))
+
+
+def probes(scene: UserScene, step: float) -> Iterator[PlainSettings]:
+    """Yield a few settings that tell whether a step can do."""
+    for integrator in CHEAP:
+        yield _settings(scene, step, integrator, SAFE)
+
+
+def cheap(scene: UserScene, step: float) -> Iterator[PlainSettings]:
+    """Yield the settings of a step with integrators that evaluate a step once."""
+    for integrator in CHEAP:
+        for constant in (*CONSTANTS, None):
+            yield _settings(scene, step, integrator, constant)
+        yield PlainSettings(timestep=step, integrator=integrator, solver="Newton")
+    yield PlainSettings(timestep=step)
+    yield PlainSettings(timestep=step, solimp=HARDEST)
+
+
+def fourth(scene: UserScene, step: float) -> Iterator[PlainSettings]:
+    """Yield a few settings of the integrator of fourth order that tell whether a step can do."""
+    for constant in (3.0, 10.0):
+        yield _settings(scene, step, "RK4", constant)
+
+
+def hardest(scene: UserScene, step: float) -> Iterator[PlainSettings]:
+    """Yield a few settings that no file can say and that tell whether a step can do."""
+    for integrator, constant in (("Euler", 2.0), ("RK4", 10.0)):
+        yield replace(_settings(scene, step, integrator, constant), hardness=HARDNESSES[-1])
+
+
+def dear(scene: UserScene, step: float) -> Iterator[PlainSettings]:
+    """Yield the settings of a step with the integrator of fourth order."""
+    for constant in (SAFE, 3.0, 5.0, 10.0, None):
+        yield _settings(scene, step, "RK4", constant)
+
+
+def harder(scene: UserScene, step: float) -> Iterator[PlainSettings]:
+    """Yield settings of a step that no file can say."""
+    for hardness in HARDNESSES:
+        for integrator, constant in (("Euler", 2.0), ("implicitfast", 2.0), ("RK4", 5.0), ("RK4", 10.0)):
+            yield replace(_settings(scene, step, integrator, constant), hardness=hardness)
+
+
+def variants(scene: UserScene, settings: PlainSettings) -> Iterator[PlainSettings]:
+    """Yield settings near some: other solvers, fewer iterations, other matrices, steps a little longer."""
+    own = settings_of(scene.model)
+    changes: tuple[dict[str, Any], ...] = (
+        {"solver": own.solver},
+        {"iterations": 1},
+        {"iterations": 2},
+        {"iterations": 1, "ls_iterations": 4},
+        {"tolerance": 1e-6},
+        {"jacobian": "dense" if own.jacobian != "dense" else "sparse"},
+        {"jacobian": "sparse"},
+        {"island": False},
+        {"solver": "CG"},
+        {"solver": "PGS", "iterations": 10},
+        {"diagexact": True},
+        {"eulerdamp": False},
+    )
+    for change in changes:
+        yield replace(settings, **change)
+    longest, now, solref = steps_of(scene)[0], settings.timestep or own.timestep or 0.0, settings.solref
+    for ratio in (1.07, 1.15):
+        step = float(f"{ratio * now:.3g}")
+        constant = None if solref is None else (float(f"{ratio * solref[0]:.4g}"), solref[1])
+        if step <= longest:
+            yield replace(settings, timestep=step, solref=constant)
+
+
+def _settings(scene: UserScene, step: float, integrator: str, constant: float | None) -> PlainSettings:
+    """Return hard loops whose time constant is so many steps; None is what the file has."""
+    solref = None if constant is None else (float(f"{constant * step:.4g}"), 1.0)
+    # what it would mend of contacts and limits it must go on mending
+    unsafe = constant is not None and constant < SAFE and step <= 0.5 * quickest(scene.model)
+    return PlainSettings(
+        timestep=step,
+        integrator=integrator,
+        solver="Newton",
+        solref=solref,
+        solimp=HARDEST,
+        refsafe=False if unsafe else None,
+    )

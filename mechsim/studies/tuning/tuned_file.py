@@ -1,0 +1,185 @@
+"""A user's scene written with other settings into its own text, and read back as plain MuJoCo reads it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from mechsim.errors import InputError, MechsimError
+from mechsim.files import written_beside
+from mechsim.maths.arrays import Array
+from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf_reader.parsed_file import parsed
+from mechsim.simulation.mjcf_text.edited_text import EditedText
+from mechsim.simulation.mjcf_text.element_spans import Element
+from mechsim.simulation.mjcf_text.included_files import moved_to, read_text, with_included
+from mechsim.simulation.mjcf_text.setting_edits import (
+    put_comment,
+    put_key,
+    rows_of,
+    set_options,
+    set_softness,
+)
+from mechsim.studies.scenes.plain_settings import FLAGS, OPTIONS, PlainSettings
+from mechsim.studies.scenes.user_scene import UserScene
+
+# keyframe in which a prescribed motion begins
+KEY = "mechsim_start"
+# what a file read back may differ by from what was meant, of each number
+SAME = 1e-12
+WHOLE = "write it out whole first (mujoco.MjSpec.from_file(...).to_xml()) and tune that"
+# what no run depends on
+_APART = ("key", "name", "text", "bvh", "oct_", "paths", "stat", "vis", "tex", "mat_")
+_SIZES = ("nbuffer", "nkey", "nnames", "npaths", "nnames_map", "signature")
+
+
+@dataclass(frozen=True)
+class TunedText:
+    """The text of a scene with other settings.
+
+    Attributes:
+        before: the user's own, with the files put in that had to be changed.
+        after: what is to be written.
+        put_in: the included files that were put in.
+    """
+
+    before: str
+    after: str
+    put_in: tuple[str, ...]
+
+
+def tuned_text(scene: UserScene, settings: PlainSettings, comment: Sequence[str], place: Path) -> TunedText:
+    """Return the text of a scene with settings, and with what its prescribed joints need.
+
+    Args:
+        scene: the scene.
+        settings: that a file can say.
+        comment: lines to say at its beginning.
+        place: the folder in which it will lie.
+
+    Raises:
+        InputError: where a row or joint that is to change stands in no text, as of an attached model.
+    """
+    folder = Path(scene.path).resolve().parent
+    told = settings.as_dict()
+    softness = {name: _numbers(told[name]) for name in ("solref", "solimp") if name in told}
+    options = {name: _word(told[name]) for name in OPTIONS if name in told}
+    flags = {name: told[name] for name in FLAGS if name in told}
+
+    def concerned(root: Element) -> bool:
+        sections = {one.tag for one in root.children}
+        joints = {one.attributes.get("name") for one in root.every("joint")}
+        return bool(
+            (softness and sections & {"equality"})
+            or ((options or flags) and "option" in sections)
+            or joints & {*scene.drive}
+        )
+
+    before, put_in = with_included(read_text(scene.path), folder, concerned)
+    before = moved_to(before, folder, place)
+    edited = EditedText(before)
+    if softness:
+        if len(rows_of(edited.root)) != scene.model.neq:
+            raise InputError(
+                f"{scene.path}: {scene.model.neq - len(rows_of(edited.root))} of its equality constraints "
+                f"stand in no text of its own, as those of attached models; {WHOLE}"
+            )
+        set_softness(edited, softness)
+    set_options(edited, options, flags)
+    for name, (inertia, _) in scene.wheels.items():
+        edited.set(_joint(scene, edited.root, name), "armature", _word(inertia))
+    if scene.drive:
+        qpos, qvel = (_numbers(one.tolist()) for one in scene.start)
+        put_key(edited, KEY, {"qpos": qpos, "qvel": qvel})
+    if comment:
+        put_comment(edited, comment)
+    return TunedText(before, edited.result, put_in)
+
+
+def _joint(scene: UserScene, root: Element, name: str) -> Element:
+    for one in root.every("joint"):
+        if one.attributes.get("name") == name and one.within("worldbody") is not None:
+            return one
+    raise InputError(
+        f"{scene.path}: no joint in its text is called {name!r}; give the driven joint a name there"
+    )
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return " ".join(_word(float(value)) for value in values)
+
+
+def _word(value: object) -> str:
+    """Return a value as MJCF has it, numbers to the last bit."""
+    if isinstance(value, float):
+        return repr(int(value)) if value.is_integer() and abs(value) < 1e6 else repr(value)
+    return str(value)
+
+
+@quiet()
+def written(scene: UserScene, settings: PlainSettings, text: str, place: Path) -> UserScene:
+    """Write a text and return its scene, as plain MuJoCo loads the file.
+
+    Raises:
+        InputError: where MuJoCo refuses what was written, or reads something else than was meant.
+        OutputError: where it cannot be written.
+    """
+    with written_beside(place) as beside:
+        beside.write_text(text, encoding="utf-8", newline="")
+        try:
+            model = plain_model(str(beside))
+        except MechsimError as error:
+            raise InputError(
+                f"{scene.path}: the tuned text is refused: {error}; tune it beside its file"
+            ) from None
+        other = differing(settings.applied(scene.model), model)
+        if other:
+            raise InputError(
+                f"{scene.path}: read back, the tuned text differs in {', '.join(other[:3])}; {WHOLE}"
+            )
+    return replace(scene, path=str(place), model=model, key=KEY if scene.drive else scene.key)
+
+
+@quiet()
+def plain_model(path: str) -> mujoco.MjModel:
+    """Return the model of a file as plain MuJoCo compiles it; without assets whose files are missing."""
+    try:
+        return mujoco.MjModel.from_xml_path(path)
+    except ValueError:
+        return parsed(path)[0].compile()
+
+
+def differing(meant: mujoco.MjModel, found: mujoco.MjModel) -> list[str]:
+    """Return the names of what differs between two models in a way that a run may feel."""
+    out: list[str] = []
+    for name in dir(meant):
+        if name.startswith(("_", *_APART)) or name in _SIZES or name.endswith("pathadr"):
+            continue
+        out += [name] if _unlike(getattr(meant, name), getattr(found, name)) else []
+    for name in dir(meant.opt):
+        if not name.startswith("_") and _unlike(getattr(meant.opt, name), getattr(found.opt, name)):
+            out.append(f"option {name}")
+    return out
+
+
+def _unlike(a: object, b: object) -> bool:
+    if isinstance(a, int | float):
+        return not _close(np.array([float(a)]), np.array([float(b)]))  # pyright: ignore[reportArgumentType]
+    if isinstance(a, np.ndarray) and a.dtype.kind in "fiub":
+        assert isinstance(b, np.ndarray)
+        return a.shape != b.shape or not _close(a.astype(np.float64), b.astype(np.float64))
+    return False
+
+
+def _close(a: Array, b: Array) -> bool:
+    return bool(np.all(np.abs(a - b) <= SAME * np.maximum(1.0, np.abs(a)))) or bool(np.array_equal(a, b))
+
+
+def changes(scene: UserScene, settings: PlainSettings) -> Mapping[str, str]:
+    """Return what settings change of a scene, setting -> value in words."""
+    told = settings.without_idle(scene.model).as_dict()
+    return {
+        name: _numbers(value) if isinstance(value, tuple) else _word(value) for name, value in told.items()
+    }

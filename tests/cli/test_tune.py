@@ -1,0 +1,120 @@
+"""`mechsim tune` on a scene of one's own: what it writes is run by an outsider, by its own comment alone."""
+
+import json
+import math
+import re
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from scene_texts import FINGER, scene
+
+from mechsim.studies.scenes import stepped
+
+
+@pytest.fixture(autouse=True)
+def finger(tmp_path):
+    (tmp_path / "finger.xml").write_text(FINGER)
+
+
+def as_its_comment_says(path, duration):
+    """Return the states of a loop over mj_step, with what the file's comment tells to do before each."""
+    text = path.read_text()
+    comment = re.search(r"<!-- mechsim tune.*?-->", text, re.DOTALL)[0]
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, h = mujoco.MjData(model), model.opt.timestep
+    programs = dict(re.findall(r"where q\('(\w+)', t\) = (.*?)(?: -->)?$", comment, re.MULTILINE))
+    if programs:
+        mujoco.mj_resetDataKeyframe(model, data, model.key("mechsim_start").id)
+    lines = re.findall(r"^\s+(data\..*?)(?: -->)?$", comment, re.MULTILINE)
+    known = {
+        **vars(math),
+        "data": data,
+        "h": h,
+        "q": lambda name, t: eval(programs[name], {**vars(math), "t": t}),
+    }
+    states = [data.qpos.copy()]
+    for _ in range(round(duration / h)):
+        for line in lines:
+            exec(line, {**known, "t": data.time})
+        mujoco.mj_step(model, data)
+        states.append(data.qpos.copy())
+    return np.array(states)
+
+
+def test_what_tune_writes_keeps_the_tolerance_when_stepped_as_its_comment_says(mechsim, tmp_path):
+    answer = mechsim(
+        "tune",
+        "finger.xml",
+        "--tolerance",
+        "20um",
+        "--drive",
+        "knuckle=0.5*sin(2*pi*t)",
+        "--duration",
+        "0.3s",
+        "--budget",
+        "3s",
+        "-o",
+        "out.xml",
+        "--json",
+    )
+    assert answer.code == 0, answer.err
+    told = json.loads(answer.out)
+    assert told["reached"]
+    assert told["tolerance"] == 2e-5
+    assert told["tuned"]["error"] <= 2e-5
+    assert told["tuned"]["ms_per_s"] > 0.0
+    assert {"error", "ms_per_s"} <= set(told["published"])
+    assert told["diff"].startswith("--- ")
+    states = as_its_comment_says(tmp_path / "out.xml", 0.3)
+    folder = tmp_path / "judge"
+    folder.mkdir()
+    judge = scene(folder, drive={"knuckle": "0.5*sin(2*pi*t)"})
+    places = replace(stepped(judge, records=2), qpos=states).points
+    assert judge.closure.errors(states, places).max() == pytest.approx(told["tuned"]["error"], rel=1e-3)
+
+
+def test_what_no_file_reaches_is_said_and_python_reaches_it(mechsim, tmp_path):
+    words = (
+        "tune",
+        "finger.xml",
+        "--tolerance",
+        "1e-10",
+        "--drive",
+        "knuckle=0.5*sin(2*pi*t)",
+        "--budget",
+        "5s",
+    )
+    answer = mechsim(*words, "--duration", "0.2s", "-o", "out.xml", "--python", "run.py")
+    assert answer.code == 1
+    assert "no MJCF file reaches 1e-10 m here" in answer.out
+    assert "lines of Python reach" in answer.out
+    assert "body_invweight0[:] *= " in (tmp_path / "run.py").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("four_bar", "--tolerance", "1e-5"), "is no MJCF file"),
+        (("finger.xml", "--tolerance", "1kg"), "tolerance"),
+        (("finger.xml", "--tolerance", "1e-5", "--by", "luck"), "known are closure, trajectory, torque"),
+        (("finger.xml", "--tolerance", "1e-5", "--ctrl", "motor=1"), "actuators of the model are servo"),
+        (("finger.xml", "--tolerance", "1e-5", "--ctrl", "servo=fast"), "actuator servo"),
+        (("finger.xml", "--tolerance", "1e-5", "--track", "nobody"), "nobody"),
+        (("finger.xml", "--tolerance", "1e-5", "--key", "home"), "home"),
+    ],
+)
+def test_what_cannot_be_is_said_in_one_line_and_nothing_is_written(mechsim, tmp_path, words, said):
+    answer = mechsim("tune", *words, "-o", "out.xml")
+    assert answer.code == 2
+    assert said in answer.err
+    assert len(answer.err.strip().splitlines()) == 1
+    assert not (tmp_path / "out.xml").exists()
+
+
+def test_the_file_itself_is_never_written_over(mechsim, tmp_path):
+    answer = mechsim("tune", "finger.xml", "--tolerance", "1e-5", "-o", "finger.xml")
+    assert answer.code == 2
+    assert "is the file itself" in answer.err
+    assert (tmp_path / "finger.xml").read_text() == FINGER

@@ -1,0 +1,133 @@
+import mujoco
+import pytest
+
+from mechsim.errors import InputError
+from mechsim.simulation.mjcf_text.edited_text import EditedText
+from mechsim.simulation.mjcf_text.element_spans import elements_of
+from mechsim.simulation.mjcf_text.included_files import moved_to, with_included
+from mechsim.simulation.mjcf_text.setting_edits import put_comment, put_key, set_options, set_softness
+
+TEXT = """<mujoco>
+  <!-- <option timestep="9"/> äö -->
+  <compiler angle='radian'/>
+  <option timestep='0.002' gravity="0 0 -1"/>
+  <worldbody><body name="a > b"><joint name="j"/><geom size=".1"/></body></worldbody>
+  <equality>
+    <joint joint1="j" solref='0.01 1'/>  <!-- as measured -->
+  </equality>
+</mujoco>
+"""
+
+
+def test_elements_stand_where_the_text_has_them():
+    root = elements_of(TEXT)
+    assert [one.tag for one in root.children] == ["compiler", "option", "worldbody", "equality"]
+    for one in root.every():
+        assert TEXT[one.start : one.end].startswith(f"<{one.tag}")
+        assert TEXT[one.end - 1] == ">"
+    body = next(root.every("body"))
+    assert body.attributes["name"] == "a > b"
+    assert body.within("worldbody") is root.children[2]
+    assert next(root.every("geom")).empty
+
+
+def test_what_is_no_xml_is_refused():
+    with pytest.raises(InputError, match="no XML"):
+        elements_of("<mujoco><body></mujoco>", "this")
+
+
+def test_settings_change_their_values_and_nothing_else():
+    edited = EditedText(TEXT)
+    set_options(edited, {"timestep": "0.001", "integrator": "RK4"}, {})
+    set_softness(edited, {"solref": "0.002 1", "solimp": "0.99 0.99"})
+    before, after = TEXT.splitlines(), edited.result.splitlines()
+    assert len(before) == len(after)
+    assert [i for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b] == [3, 6]
+    assert after[3] == """  <option timestep='0.001' gravity="0 0 -1" integrator="RK4"/>"""
+    assert after[6].endswith("<!-- as measured -->")
+    model = mujoco.MjModel.from_xml_string(edited.result)
+    assert model.opt.timestep == 0.001
+    assert model.eq_solref[0, 0] == 0.002
+    assert model.eq_solimp[0, 0] == 0.99
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<mujoco><worldbody/></mujoco>",
+        "<mujoco><option/><worldbody/></mujoco>",
+        '<mujoco><option><flag gravity="disable"/></option><worldbody/></mujoco>',
+        '<mujoco><option><flag island="enable"/></option><option timestep="1"/></mujoco>',
+    ],
+)
+def test_options_and_flags_are_put_wherever_there_is_a_place(text):
+    edited = EditedText(text)
+    set_options(edited, {"timestep": "0.0005"}, {"island": False})
+    model = mujoco.MjModel.from_xml_string(edited.result)
+    assert model.opt.timestep == 0.0005
+    assert model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+    before = mujoco.MjModel.from_xml_string(text)
+    gravity = int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    assert model.opt.disableflags & gravity == before.opt.disableflags & gravity
+
+
+def test_many_rows_without_softness_of_their_own_get_it_from_one_default():
+    rows = "".join(f'<joint joint1="j{i}"/>\n' for i in range(4))
+    joints = "".join(f'<body><joint name="j{i}"/><geom size=".1"/></body>' for i in range(4))
+    edited = EditedText(
+        f"<mujoco><worldbody>{joints}</worldbody><equality>{rows}"
+        '<joint joint1="j0" joint2="j1" solref="0.5 1"/></equality></mujoco>'
+    )
+    set_softness(edited, {"solref": "0.004 1"})
+    assert len(edited.edits) == 2
+    assert (mujoco.MjModel.from_xml_string(edited.result).eq_solref[:, 0] == 0.004).all()
+
+
+def test_a_comment_and_a_keyframe_are_added_and_are_well_formed():
+    edited = EditedText(TEXT)
+    put_comment(edited, ["first -- line", "second"])
+    put_key(edited, "start", {"qpos": "0.25"})
+    model = mujoco.MjModel.from_xml_string(edited.result)
+    assert model.key("start").qpos[0] == 0.25
+    again = EditedText(edited.result)
+    put_key(again, "later", {"qpos": "0.5"})
+    assert mujoco.MjModel.from_xml_string(again.result).key("later").qpos[0] == 0.5
+
+
+def test_an_element_goes_with_its_line():
+    edited = EditedText(TEXT)
+    edited.take_away(next(edited.root.every("option")))
+    assert len(edited.result.splitlines()) == len(TEXT.splitlines()) - 1
+    assert "gravity" not in edited.result
+
+
+def test_included_files_that_must_change_are_put_in_and_the_others_stay(tmp_path):
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "loops.xml").write_text('<mujoco><equality><joint joint1="j"/></equality></mujoco>')
+    (tmp_path / "parts" / "look.xml").write_text("<mujoco><visual/></mujoco>")
+    text = TEXT.replace(
+        "<equality>", '<include file="parts/loops.xml"/><include file="parts/look.xml"/><equality>'
+    )
+    (tmp_path / "main.xml").write_text(text)
+    whole, put_in = with_included(text, tmp_path, lambda root: any(root.every("equality")))
+    assert put_in == ("parts/loops.xml",)
+    assert "loops.xml" not in whole
+    place = tmp_path / "elsewhere"
+    place.mkdir()
+    (place / "main.xml").write_text(moved_to(whole, tmp_path, place))
+    assert mujoco.MjModel.from_xml_path(str(place / "main.xml")).neq == 2
+    assert '"../parts/look.xml"' in (place / "main.xml").read_text()
+
+
+def test_assets_are_found_from_another_folder(tmp_path):
+    (tmp_path / "meshes").mkdir()
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    (tmp_path / "meshes" / "one.obj").write_text(corners)
+    text = (
+        '<mujoco><compiler meshdir="meshes"/><asset><mesh name="m" file="one.obj"/></asset>'
+        '<worldbody><geom type="mesh" mesh="m"/></worldbody></mujoco>'
+    )
+    place = tmp_path / "a" / "b"
+    place.mkdir(parents=True)
+    (place / "main.xml").write_text(moved_to(text, tmp_path, place))
+    assert mujoco.MjModel.from_xml_path(str(place / "main.xml")).nmesh == 1

@@ -1,0 +1,106 @@
+import importlib.util
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from scene_texts import FINGER, scene
+
+from mechsim.errors import InputError
+from mechsim.studies.scenes import errors_of, stepped
+from mechsim.studies.scenes.plain_settings import PlainSettings, settings_of
+from mechsim.studies.tuning.run_lines import python_of
+from mechsim.studies.tuning.search import AIM, tuned
+from mechsim.studies.tuning.step_ladder import quickest, steps_of
+from mechsim.studies.tuning.tuned_file import KEY, differing, tuned_text, written
+
+FED, DRIVEN = {"servo": "0.5*sin(2*pi*t)"}, {"knuckle": "0.5*sin(2*pi*t)"}
+HARD = PlainSettings(
+    timestep=0.001,
+    integrator="implicitfast",
+    iterations=3,
+    solref=(0.003, 1.0),
+    solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
+    refsafe=False,
+)
+
+
+@pytest.fixture(scope="module")
+def fed(tmp_path_factory):
+    return scene(tmp_path_factory.mktemp("fed"), ctrl=FED)
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    return scene(tmp_path_factory.mktemp("driven"), drive=DRIVEN)
+
+
+def test_settings_are_what_a_model_has_and_those_it_has_are_idle(fed):
+    model = HARD.applied(fed.model)
+    told = settings_of(model)
+    assert {name: getattr(told, name) for name in HARD.as_dict()} == HARD.as_dict()
+    assert HARD.without_idle(model) == PlainSettings()
+    assert fed.model.opt.timestep == 0.002  # the copy alone is changed
+
+
+@pytest.mark.parametrize("which", ["fed", "driven"])
+def test_a_tuned_file_is_what_was_run(which, request, tmp_path):
+    one = request.getfixturevalue(which)
+    text = tuned_text(one, HARD, ["said of it"], tmp_path)
+    outside = written(one, HARD, text.after, tmp_path / "out.xml")
+    meant = stepped(one, HARD.applied(one.model), records=None)
+    assert np.abs(stepped(outside, records=None).qpos - meant.qpos).max() < 1e-12
+    assert "a four-bar under a position servo" in text.after
+    assert set(FINGER.splitlines()) - set(text.after.splitlines()) <= {
+        line
+        for line in FINGER.splitlines()
+        if any(word in line for word in ("option", "equality", "knuckle"))
+    }
+
+
+def test_a_text_that_says_something_else_is_refused_and_nothing_is_left(fed, tmp_path):
+    text = tuned_text(fed, HARD, [], tmp_path).after.replace("implicitfast", "RK4")
+    with pytest.raises(InputError, match="differs in option integrator"):
+        written(fed, HARD, text, tmp_path / "out.xml")
+    assert not [*tmp_path.iterdir()]
+
+
+def test_models_that_differ_in_a_mass_differ(fed):
+    other = mujoco.MjModel.from_xml_string(FINGER.replace('mass="0.03"', 'mass="0.031"', 1))
+    assert "body_mass" in differing(fed.model, other)
+    assert not differing(fed.model, mujoco.MjModel.from_xml_string(FINGER))
+
+
+def test_the_script_does_in_python_what_was_meant(driven, tmp_path):
+    settings = replace(HARD, hardness=1e-4, integrator="RK4")
+    plain = replace(settings, hardness=None, integrator=None)
+    written(driven, plain, tuned_text(driven, plain, [], tmp_path).after, tmp_path / "out.xml")
+    stands = replace(driven, model=settings.applied(driven.model), key=KEY)
+    changed = {"hardness": 1e-4, "integrator": "RK4"}
+    lines = python_of(stands, tmp_path / "out.xml", {"knuckle": "0.5*sin(2*pi*t)"}, changed=changed)
+    (tmp_path / "run.py").write_text(lines)
+    spec = importlib.util.spec_from_file_location("tuned_run", tmp_path / "run.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    states = np.array([data.qpos.copy() for data in module.steps()])
+    meant = stepped(replace(stands, key=None), records=None)
+    assert np.abs(states - meant.qpos[1:]).max() < 1e-8
+
+
+def test_no_step_is_so_long_that_a_limit_gets_softer(tmp_path):
+    limited = FINGER.replace('<joint name="swing"', '<joint name="swing" range="-1 1" solreflimit="0.006 1"')
+    limited = limited.replace("<option", '<compiler angle="radian" autolimits="true"/><option')
+    one = scene(tmp_path, ctrl=FED, text=limited)
+    assert quickest(one.model) == 0.006
+    assert steps_of(one)[0] <= 0.003
+    assert quickest(mujoco.MjModel.from_xml_string(FINGER)) == np.inf
+
+
+def test_a_search_keeps_the_tolerance_for_less_than_the_file_as_it_is(driven):
+    found = tuned(driven, 2e-5, seconds=4.0)
+    assert found.published.errors.closure > 1e-4
+    assert found.chosen.errors.closure <= AIM * 2e-5
+    assert found.chosen.settings.in_file
+    assert found.beyond is None
+    again = errors_of(stepped(driven, found.chosen.settings.applied(driven.model), records=None))
+    assert again.closure <= 2e-5
