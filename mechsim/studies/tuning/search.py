@@ -98,7 +98,7 @@ class Tuned:
 
 
 @dataclass
-class _Search:
+class _SettingSearch:
     scene: UserScene
     by: By
     tolerance: float
@@ -176,7 +176,7 @@ def tuned(
     began = perf_counter()
     goal = 0.1 * tolerance if by != "closure" else 0.0
     limit = limit_of(scene, goal, seconds=0.2 * seconds, tell=lambda said: tell(0.0, said))
-    search = _Search(scene, by, tolerance, limit, np.inf, tell, seconds, began)
+    search = _SettingSearch(scene, by, tolerance, limit, np.inf, tell, seconds, began)
     published = search.trial(PlainSettings())
     extent = 0.0 if limit.broken else half_extent([limit.run.points[:, k] for k in range(len(scene.places))])
     before = published.errors.trajectory
@@ -204,7 +204,7 @@ def tuned(
     )
 
 
-def _climb(search: _Search) -> None:
+def _climb(search: _SettingSearch) -> None:
     """Try the settings of the longest steps that keep the tolerance, and of some that are longer still."""
     steps = steps_of(search.scene)
     best: float | None = None
@@ -220,7 +220,7 @@ def _climb(search: _Search) -> None:
             break
 
 
-def _near(search: _Search, steps: Sequence[float], few: Few) -> list[float]:
+def _near(search: _SettingSearch, steps: Sequence[float], few: Few) -> list[float]:
     """Return the steps, longest first, from some too long for a few settings to the longest that is not.
 
     That errors fall with the step is believed; where none is short enough, the last are returned.
@@ -233,7 +233,7 @@ def _near(search: _Search, steps: Sequence[float], few: Few) -> list[float]:
     return [*steps[max(0, low - LONGER) : low + 2]]
 
 
-def _refined(search: _Search) -> SceneTrial | None:
+def _refined(search: _SettingSearch) -> SceneTrial | None:
     """Return the cheapest that keeps the tolerance, after a look at what lies near the best."""
     for one in search.cheapest()[:REFINED]:
         search.passing(variants(search.scene, one.settings))
@@ -246,7 +246,7 @@ def _refined(search: _Search) -> SceneTrial | None:
     return min(near, key=lambda one: (len(one.settings.as_dict()), search.error(one)))
 
 
-def _timed(search: _Search, trials: Sequence[SceneTrial]) -> list[SceneTrial]:
+def _timed(search: _SettingSearch, trials: Sequence[SceneTrial]) -> list[SceneTrial]:
     """Return trials with their times measured side by side; where the search is late, in fewer rounds."""
     model = search.scene.model
     rounds = ROUNDS if search.part < 1.0 else LATE
@@ -254,7 +254,7 @@ def _timed(search: _Search, trials: Sequence[SceneTrial]) -> list[SceneTrial]:
     return [replace(one, seconds=float(each)) for one, each in zip(trials, times, strict=True)]
 
 
-def _beyond(search: _Search) -> SceneTrial | None:
+def _beyond(search: _SettingSearch) -> SceneTrial | None:
     """Return the cheapest that keeps the tolerance with loops harder than a file can say."""
     search.extra = True
     for step in _near(search, steps_of(search.scene), hardest):
