@@ -13,7 +13,8 @@ from mechsim.cli.declared_options import spread
 from mechsim.cli.options import SPEED, DriveOptions, Model, Output, Sets, Speed, form_of, speed_of, writable
 from mechsim.files import written_beside
 from mechsim.pictures.view import page
-from mechsim.report.mechanism_view import mechanism_view
+from mechsim.report.views import mechanism_view
+from mechsim.subjects.mjcf_source import MjcfForm
 
 
 @spread
@@ -23,7 +24,8 @@ def view(
     """Make a page to turn a mechanism by hand, offline; without -o the browser opens it."""
     place = None if output is None else writable(output, ".html")
     form = form_of(model, sets, driven)
-    text = page(mechanism_view(form, speed_of(speed)))
+    limits = form.source.limits if isinstance(form, MjcfForm) and form.source else None
+    text = page(mechanism_view(form, speed_of(speed), limits))
     browser = None if place is not None else _browser()
     if place is None:
         stem = Path(model.split(".py:")[0]).stem

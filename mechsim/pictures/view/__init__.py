@@ -3,9 +3,10 @@
 All that moves was solved before: the page interpolates between dense samples and solves nothing.
 """
 
-from mechsim.pictures.view.gathering import ghost_of, motion_grid
+from mechsim.pictures.view.gathering import between, ghost_of, motion_grid
+from mechsim.pictures.view.interpolation import interpolated, quaternions
 from mechsim.pictures.view.offline_page import page
-from mechsim.pictures.view.records import GhostTrack, Mark, PoseGrid, Readout, Slider, View
+from mechsim.pictures.view.records import GhostTrack, Mark, PoseGrid, Readout, Slider, SliderUnit, View
 
 __all__ = [
     "GhostTrack",
@@ -13,8 +14,12 @@ __all__ = [
     "PoseGrid",
     "Readout",
     "Slider",
+    "SliderUnit",
     "View",
+    "between",
     "ghost_of",
+    "interpolated",
     "motion_grid",
     "page",
+    "quaternions",
 ]

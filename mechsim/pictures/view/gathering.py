@@ -9,12 +9,10 @@ from mechsim.model.mechanism import GROUND, Mechanism, Pose
 from mechsim.model.motion import JointMotion, Motion
 from mechsim.pictures.render.ghost import errors, factor
 from mechsim.pictures.view.interpolation import interpolated, quaternions
-from mechsim.pictures.view.records import GhostTrack, Mark, PoseGrid, Readout, Slider, Unit
+from mechsim.pictures.view.records import GhostTrack, Mark, PoseGrid, Readout, Slider, SliderUnit
 
 # poses nearer than this part of the size are one: a motion that comes back closes its ring
 SAME = 1e-9
-# cells at whose middles the error between nodes is measured
-PROBES = 48
 
 
 def motion_grid(
@@ -23,12 +21,12 @@ def motion_grid(
     motion: Motion,
     *,
     driver: str,
-    unit: Unit = "rad",
+    unit: SliderUnit = "rad",
     nodes: Array | None = None,
     marks: Sequence[Mark] = (),
     extra: Sequence[Readout] = (),
     ghost: GhostTrack | None = None,
-    said: str = "",
+    speeds: bool = True,
 ) -> PoseGrid:
     """Return the grid of a motion along one slider.
 
@@ -42,29 +40,34 @@ def motion_grid(
         marks: places with a name.
         extra: quantities besides places, speeds and joints, (n,) each.
         ghost: of another road.
-        said: where the motion comes from.
+        speeds: whether the motion's rates are told.
     """
     nodes = motion.angle if nodes is None else nodes
     position = {link.name: motion.links[link.name].position for link in mechanism.links}
     quaternion = {link.name: quaternions(motion.links[link.name].rotation) for link in mechanism.links}
     slider = Slider(driver, unit, nodes, _closed(mechanism, motion), float(nodes[0]), tuple(marks))
-    return PoseGrid(
-        name, (slider,), position, quaternion, (*_readouts(mechanism, motion), *extra), ghost, said=said
-    )
+    told = (*_readouts(mechanism, motion, speeds), *extra)
+    return PoseGrid(name, (slider,), position, quaternion, told, ghost)
 
 
 def ghost_of(
-    name: str, mechanism: Mechanism, shown: Motion, other: Motion, nodes: Array | None = None
+    name: str, mechanism: Mechanism, shown: Motion, other: Motion, rows: slice = slice(None)
 ) -> GhostTrack:
-    """Return where another road puts the links, given both motions at the same instants.
+    """Return where another road puts the links, given both motions at the same drivers.
 
-    Raises nothing for crank angles that differ: they are to be the same, or the error is of the drive.
+    Args:
+        name: of the road.
+        mechanism: what moves.
+        shown: the motion of the page's own road.
+        other: that of the other.
+        rows: instants over which the slider rises: all of a crank that turns, half of a swing.
     """
     spinning = shown.spinning | other.spinning
     found = errors(mechanism, _poses(mechanism, shown), _poses(mechanism, other), spinning)
-    shift = {link: pair[0] for link, pair in found.items()}
-    turn = {link: pair[1] for link, pair in found.items()}
-    return GhostTrack(name, shown.angle if nodes is None else nodes, shift, turn, factor(mechanism, found))
+    shift = {link: pair[0][rows] for link, pair in found.items()}
+    turn = {link: pair[1][rows] for link, pair in found.items()}
+    nodes = shown.time if shown.drivers and shown.time is not None else shown.angle
+    return GhostTrack(name, nodes[rows], shift, turn, factor(mechanism, found))
 
 
 def between(grid: PoseGrid, exact: Motion, at: Array) -> float:
@@ -103,17 +106,18 @@ def _poses(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
     }
 
 
-def _readouts(mechanism: Mechanism, motion: Motion) -> list[Readout]:
+def _readouts(mechanism: Mechanism, motion: Motion, speeds: bool) -> list[Readout]:
     """Return places and speeds of the points that move, and the joints' coordinates."""
     found: list[Readout] = []
     for name, point in motion.points.items():
         if name in mechanism.points and mechanism.points[name][0] == GROUND:
             continue
         found.append(Readout(name, "m", dict(zip("xyz", point.position.T, strict=True))))
-        speed = np.sqrt((point.velocity**2).sum(1))
-        found.append(Readout(f"{name} speed", "m/s", {"": speed}))
+        if speeds:
+            speed = np.sqrt((point.velocity**2).sum(1))
+            found.append(Readout(f"{name} speed", "m/s", {"": speed}))
     for name, joint in motion.joints.items():
-        found.append(Readout(name, joint.unit, {"": _unwound(joint)}))
+        found.append(Readout(f"joint {name}", joint.unit, {"": _unwound(joint)}))
     return found
 
 

@@ -7,7 +7,8 @@ from typing import Literal
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 
-Unit = Literal["rad", "m", "s"]
+# of a slider; "%" goes round a curve of assemblies
+SliderUnit = Literal["rad", "m", "s", "%"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,7 @@ class Slider:
     """
 
     name: str
-    unit: Unit
+    unit: SliderUnit
     nodes: Array
     ring: bool
     start: float

@@ -12,7 +12,7 @@ from PIL import Image
 import mechsim as ms
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.pictures.view import page
-from mechsim.report.mechanism_view import mechanism_view
+from mechsim.report.views import mechanism_view
 
 DRIVE = ms.catalog.make("four_bar")
 TEXT = page(mechanism_view(DRIVE, ms.units.rpm(600)))

@@ -165,7 +165,7 @@ function build() {
   if (size > 2) LENGTH = ["m", 1];
   camera = new THREE.OrthographicCamera(-1, 1, 1, -1, 0.001, 10);
   lamp = new THREE.DirectionalLight(0xffffff, 0.62);
-  scene.add(new THREE.HemisphereLight(0xffffff, 0x8890a0, 0.62), lamp, lamp.target);
+  scene.add(new THREE.AmbientLight(0xffffff, 0.5), lamp, lamp.target);
   const glass = new THREE.MeshBasicMaterial({ color: 0x3a6ea5, transparent: true, opacity: 0.42, depthWrite: false });
   for (const [link, solids] of Object.entries(DATA.bodies)) {
     scene.add(bodies[link] = solidsOf(solids, null));
@@ -265,7 +265,8 @@ function placeGhost(grid, poses) {
 
 function draw() {
   if (!camera || !state.poses) return;
-  lamp.position.copy(camera.position).addScaledVector(camera.up, 0.5 * camera.far);
+  const right = new THREE.Vector3(1, 0, 0).applyQuaternion(camera.quaternion), over = new THREE.Vector3(0, 1, 0).applyQuaternion(camera.quaternion);
+  lamp.position.copy(camera.position).addScaledVector(over, 0.3 * camera.far).addScaledVector(right, -0.2 * camera.far);
   lamp.target.position.copy(controls.target);
   if (renderer) renderer.render(scene, camera);
   write();

@@ -1,0 +1,200 @@
+"""Poses of mechanisms with several drivers: over the time of their programs, and by hand within a box."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.closure.followed_path import FollowedPath
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.closure.programmed_motion import followed_under, solve_programmed
+from mechsim.errors import AssemblyError, MechsimError
+from mechsim.maths.arrays import Array
+from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.motion import Motion
+from mechsim.model.programs import programs, steady
+from mechsim.pictures.view import (
+    PoseGrid,
+    Readout,
+    Slider,
+    SliderUnit,
+    between,
+    ghost_of,
+    interpolated,
+    motion_grid,
+    quaternions,
+)
+from mechsim.studies.motion_source import simulated
+
+# intervals of the time of programs
+SAMPLES = 360
+# nodes of each driver, by how many there are; more drivers are moved one at a time
+NODES: Mapping[int, int] = {1: 121, 2: 25, 3: 7}
+ALONE = 61
+# how far a driver may be moved by hand either way, where no file says: in [rad], and as a part of the size;
+# with three the whole box is to be far from singular, or following to its edges takes minutes
+FAR = {"rad": (np.deg2rad(45.0), np.deg2rad(20.0)), "m": (0.25, 0.1)}
+# settings between nodes at which the error is measured: of the last driver, and of the others
+PROBED = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """Where drivers stand at first, and how far each may go.
+
+    Attributes:
+        start: driver -> value in SI.
+        low: driver -> least value.
+        high: driver -> greatest value.
+    """
+
+    start: Mapping[str, float]
+    low: Mapping[str, float]
+    high: Mapping[str, float]
+
+
+def program_grid(form: LoopForm) -> PoseGrid:
+    """Return the poses over the time of the programs of a mechanism.
+
+    Raises:
+        AssemblyError: where the loops do not close on the way.
+    """
+    bound = form.programs
+    assert bound is not None
+    times = np.linspace(0.0, bound.duration, SAMPLES + 1)
+    motion = form.solve(bound.pace * times, bound.pace)
+    grid = motion_grid("as programmed", form.mechanism, motion, driver="time", unit="s", nodes=times)
+    middles = 0.5 * (times[:-1] + times[1:])[:: SAMPLES // 60]
+    exact = form.solve(bound.pace * middles, bound.pace)
+    grid = replace(grid, error=between(grid, exact, middles))
+    with suppress(MechsimError):
+        run = simulated(form, bound.clock, samples=SAMPLES // 2, method="step").motion
+        if not run.broken and run.time is not None:
+            grid = replace(grid, ghost=ghost_of("MuJoCo, stepped", form.mechanism, form.solve_as(run), run))
+    return grid
+
+
+def hand_grids(form: LoopForm, box: Box) -> list[PoseGrid]:
+    """Return the poses over all drivers by hand: one grid of up to three, or one grid each of more."""
+    drivers = form.mechanism.drivers
+    if len(drivers) <= max(NODES):
+        return [_hand_grid(form.mechanism, "by hand", drivers, box, NODES[len(drivers)])]
+    return [_hand_grid(form.mechanism, f"{name} by hand", (name,), box, ALONE) for name in drivers]
+
+
+def box_of(form: LoopForm, limits: Mapping[str, tuple[float, float]], start: Mapping[str, float]) -> Box:
+    """Return how far the drivers of a mechanism may be moved by hand.
+
+    Args:
+        form: whose drivers.
+        limits: joint -> its range, where a file tells it.
+        start: driver -> where it stands, where nothing is programmed.
+    """
+    begin, low, high = dict(start), dict[str, float](), dict[str, float]()
+    spans: dict[str, tuple[float, float]] = {}
+    if form.programs is not None:
+        values = form.programs.state(np.linspace(0.0, form.programs.duration, 257))[0]
+        spans = {
+            name: (float(v.min()), float(v.max()))
+            for name, v in zip(form.programs.drivers, values, strict=True)
+        }
+        begin |= form.programs.first
+    for name in form.mechanism.drivers:
+        unit = form.mechanism.unit(name)
+        far = FAR[unit][len(form.mechanism.drivers) > 2] * (1.0 if unit == "rad" else form.mechanism.size)
+        least, most = spans.get(name, (begin[name], begin[name]))
+        middle, reach = 0.5 * (least + most), max(0.75 * (most - least), far)
+        if unit == "rad":
+            reach = min(reach, np.pi)
+        bounds = limits.get(name, (-np.inf, np.inf))
+        low[name], high[name] = max(middle - reach, bounds[0]), min(middle + reach, bounds[1])
+    return Box(begin, low, high)
+
+
+def _hand_grid(mechanism: Mechanism, name: str, moved: Sequence[str], box: Box, count: int) -> PoseGrid:
+    """Return the grid over some drivers, the others where they start; what cannot stand there is NaN.
+
+    Row by row the last driver goes either way from where it starts, as far as its assembly can be followed.
+    """
+    nodes = [np.linspace(box.low[one], box.high[one], count) for one in moved]
+    shape, points = (count,) * len(moved), _moving(mechanism)
+    position = {link.name: np.full((*shape, 3), np.nan) for link in mechanism.links}
+    quaternion = {link.name: np.full((*shape, 4), np.nan) for link in mechanism.links}
+    places = {point: np.full((*shape, 3), np.nan) for point in points}
+    for index in product(range(count), repeat=len(moved) - 1):
+        others = {one: float(nodes[k][i]) for k, (one, i) in enumerate(zip(moved, index, strict=False))}
+        stand, motion = _row(mechanism, {**box.start, **others}, moved[-1], nodes[-1])
+        if motion is None:
+            continue
+        for link in position:
+            position[link][index][stand] = motion.links[link].position
+            quaternion[link][index][stand] = quaternions(motion.links[link].rotation)
+        for point in points:
+            places[point][index][stand] = motion.points[point].position
+    sliders = tuple(
+        Slider(one, _unit(mechanism, one), nodes[k], False, box.start[one]) for k, one in enumerate(moved)
+    )
+    parts = {
+        point: dict(zip("xyz", np.moveaxis(place, -1, 0), strict=True)) for point, place in places.items()
+    }
+    readouts = tuple(Readout(point, "m", part) for point, part in parts.items())
+    grid = PoseGrid(name, sliders, position, quaternion, readouts)
+    return replace(grid, error=_error(mechanism, grid, box))
+
+
+def _error(mechanism: Mechanism, grid: PoseGrid, box: Box) -> float:
+    """Return the largest error of a link's place at settings between nodes that stand, in [m]."""
+    random, worst = np.random.default_rng(1), float("nan")
+    *others, last = grid.sliders
+    for _ in range(PROBED if others else 1):
+        stands = {one.name: float(random.uniform(one.nodes[0], one.nodes[-1])) for one in others}
+        along = np.sort(random.uniform(last.nodes[0], last.nodes[-1], PROBED))
+        stand, motion = _row(mechanism, {**box.start, **stands}, last.name, along)
+        if motion is None:
+            continue
+        for link, moved in motion.links.items():
+            for value, place in zip(along[stand].tolist(), moved.position, strict=True):
+                found = interpolated(grid.sliders, grid.position[link], [*stands.values(), value])
+                # beside a node that cannot stand the page shows nothing, or goes straight
+                worst = float(np.fmax(worst, np.linalg.norm(found - place)))
+    return worst
+
+
+def _moving(mechanism: Mechanism) -> list[str]:
+    return [name for name, (link, _) in mechanism.points.items() if link != GROUND]
+
+
+def _row(
+    mechanism: Mechanism, values: Mapping[str, float], moved: str, nodes: Array
+) -> tuple[NDArray[np.bool_], Motion | None]:
+    """Return which nodes of a driver can be reached, the others standing still, and the motion there."""
+    states = {one: steady(values[one], 1.0 if one == moved else 0.0) for one in mechanism.drivers}
+    clock = nodes - values[moved]
+    try:
+        bound = programs(mechanism, states, 1.0)
+        path = followed_under(mechanism, bound)
+    except AssemblyError:
+        return np.zeros(len(nodes), dtype=np.bool_), None
+    clock = clock * bound.pace
+    ends = [_reached(path, sense, float(clock[end])) for sense, end in ((-1, 0), (1, -1))]
+    stand = (clock >= ends[0]) & (clock <= ends[1])
+    if not stand.any():
+        return stand, None
+    at = clock[stand]
+    return stand, solve_programmed(path, bound, at, np.full_like(at, bound.pace), np.zeros_like(at))
+
+
+def _reached(path: FollowedPath, sense: int, end: float) -> float:
+    """Return how far a path can be followed towards an end, in the angle of its clock."""
+    with suppress(AssemblyError):
+        path.extend(end)
+        return end
+    cells = path.cells[sense]
+    return float(cells[-1].nodes[-1]) if cells else 0.0
+
+
+def _unit(mechanism: Mechanism, driver: str) -> SliderUnit:
+    return "m" if mechanism.unit(driver) == "m" else "rad"

@@ -1,0 +1,42 @@
+"""What a page shows of a mechanism as a whole."""
+
+from collections.abc import Mapping
+
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.closure.start_values import start_poses
+from mechsim.analytic.forms import Form
+from mechsim.maths.angles import TURN
+from mechsim.pictures.view import PoseGrid, View
+from mechsim.report.views.crank_grids import crank_grids
+from mechsim.report.views.curve_grids import curve_grids
+from mechsim.report.views.driver_grids import box_of, hand_grids, program_grid
+
+
+def mechanism_view(form: Form, speed: float, limits: Mapping[str, tuple[float, float]] | None = None) -> View:
+    """Return what a page shows of a mechanism.
+
+    Args:
+        form: what moves.
+        speed: of its crank in [rad/s], for speeds and for the run that is the ghost.
+        limits: joint -> its range in SI, where a file tells it.
+
+    Raises:
+        AssemblyError: where it can stand nowhere.
+    """
+    limits = limits or {}
+    road = "closed form" if isinstance(form, ClosedForm) else "loop equations"
+    if form.mechanism.has_crank and not (isinstance(form, LoopForm) and form.programs is not None):
+        grids = crank_grids(form, speed, limits.get(form.mechanism.crank.name))
+        others, said = curve_grids(form)
+        facts = [f"Solved by its {road}; speeds are at a crank speed of {speed * 60.0 / TURN:g} rpm.", said]
+        return _view(form, [*grids, *others], facts)
+    assert isinstance(form, LoopForm)
+    start = start_poses(form.mechanism)[1]
+    by_hand = hand_grids(form, box_of(form, limits, start))
+    programmed = [] if form.programs is None else [program_grid(form)]
+    return _view(form, [*programmed, *by_hand], ["Solved by its loop equations."])
+
+
+def _view(form: Form, grids: list[PoseGrid], facts: list[str]) -> View:
+    return View(form.mechanism, grids, form.name.replace("_", "-"), [line for line in facts if line])

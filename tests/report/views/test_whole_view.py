@@ -1,0 +1,85 @@
+"""What a page is given: every assembly, programs, several drivers, each as the roads themselves have it."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.closure.start_values import start_poses
+from mechsim.pictures.view import interpolated
+from mechsim.report.views import mechanism_view
+from mechsim.report.views.driver_grids import box_of, hand_grids, program_grid
+
+SPEED = ms.units.rpm(600)
+
+
+def test_every_assembly_of_a_closed_form_is_there_and_told_apart():
+    drive = ms.catalog.make("rssr")
+    view = mechanism_view(drive, SPEED)
+    assert [grid.name for grid in view.grids] == ["branch -1", "branch 1"]
+    own, other = (grid.quaternion["rocker"] for grid in view.grids)
+    assert not np.allclose(own, other, atol=1e-3)
+    for grid in view.grids:
+        assert grid.error < 1e-9
+        assert grid.ghost is not None
+        assert grid.ghost.by > 1e3
+
+
+def test_a_crank_that_swings_stops_at_marked_dead_centres_and_goes_on_round_the_curve():
+    drive = ms.catalog.make("four_bar", crank=0.09)
+    own, other, round_it = mechanism_view(drive, SPEED).grids
+    (slider,) = own.sliders
+    dead = [mark.at for mark in slider.marks if mark.kind == "dead"]
+    assert len(dead) == 2
+    assert not slider.ring
+    np.testing.assert_allclose(sorted(dead), [slider.nodes[0], slider.nodes[-1]], atol=1e-5)
+    assert own.error < 1e-8
+    assert round_it.sliders[0].ring
+    assert len([mark for mark in round_it.sliders[0].marks if mark.kind == "dead"]) == 2
+    # at either dead centre both assemblies are one pose
+    turns = [grid.quaternion["rocker"] for grid in (own, other)]
+    same = np.abs((turns[0] * turns[1]).sum(1))
+    assert min(same[0], same[-1]) > 1.0 - 1e-5
+    assert same[180] < 0.99
+
+
+def test_programs_are_shown_over_their_time():
+    form = ms.load("five_bar")
+    grid = program_grid(form)
+    (slider,) = grid.sliders
+    assert (slider.name, slider.unit) == ("time", "s")
+    assert grid.error < 1e-8
+    time = np.array([0.3217])
+    exact = form.solve(form.programs.pace * time, form.programs.pace)
+    for link, moved in exact.links.items():
+        found = interpolated(grid.sliders, grid.position[link], [time[0]])
+        np.testing.assert_allclose(found, moved.position[0], atol=1e-8)
+
+
+def test_two_drivers_moved_by_hand_find_the_poses_that_the_loops_have(monkeypatch):
+    monkeypatch.setattr("mechsim.report.views.driver_grids.NODES", {2: 9})
+    form = ms.load("five_bar")
+    (grid,) = hand_grids(form, box_of(form, {"left": (1.9, 2.3)}, start_poses(form.mechanism)[1]))
+    left = grid.sliders[0]
+    assert (left.nodes[0], left.nodes[-1]) == pytest.approx((1.9, 2.3))
+    assert np.isnan(grid.position["forearm_l"]).any()  # out of reach
+    assert grid.error < 2e-4
+    at = {"left": 2.03, "right": 0.97}
+    (solved,) = (
+        ms.load("five_bar", drive={"left": "2.03 + 0*t", "right": "0.97 + 0.000001*t"})
+        .solve([0.0])
+        .points["P"]
+        .position
+    )
+    found = [
+        interpolated(grid.sliders, part[..., None], list(at.values()))[0]
+        for part in next(one for one in grid.readouts if one.name == "P").parts.values()
+    ]
+    np.testing.assert_allclose(found, solved, atol=2e-4)
+
+
+def test_more_than_three_drivers_are_moved_one_at_a_time(monkeypatch):
+    monkeypatch.setattr("mechsim.report.views.driver_grids.ALONE", 5)
+    form = ms.load("stewart_gough")
+    grids = hand_grids(form, box_of(form, {}, start_poses(form.mechanism)[1]))
+    assert [grid.name for grid in grids] == [f"l{i} by hand" for i in range(1, 7)]
+    assert all(grid.shape == (5,) for grid in grids)
