@@ -38,7 +38,7 @@ def test_a_crank_that_swings_stops_at_marked_dead_centres_and_goes_on_round_the_
     # at either dead centre both assemblies are one pose
     turns = [grid.quaternion["rocker"] for grid in (own, other)]
     same = np.abs((turns[0] * turns[1]).sum(1))
-    assert min(same[0], same[-1]) > 1.0 - 1e-5
+    assert min(same[0], same[-1]) > 1.0 - 1e-4
     assert same[180] < 0.99
 
 
