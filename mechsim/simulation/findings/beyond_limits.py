@@ -6,32 +6,51 @@ import mujoco
 import numpy as np
 
 from mechsim.model.finding import Finding
-from mechsim.simulation.findings.inspected import Inspected, line_of
+from mechsim.simulation.findings.inspected import Inspected, line_of, null_space
 from mechsim.simulation.mjcf_reader.kinds import DRIVABLE, SLIDE
 
 # what digits of a file leave, in parts of the range
 ROUNDED = 1e-6
+# part of a freedom that is a motion of a joint, and no rounding
+MOVES = 1e-6
 
 
 def beyond(scene: Inspected) -> Iterator[Finding]:
-    """Yield the joints, balls and tendons that start beyond their range."""
+    """Yield the joints, balls and tendons that start beyond their range, or can never leave one place."""
     model = scene.model
     if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT):
         return
     joints = {joint.name: joint for joint in scene.read.spec.joints}
+    free = np.abs(np.vstack([null_space(slope) for slope, _ in scene.slopes]))
     for j in np.flatnonzero(model.jnt_limited):
-        kind, name, place = int(model.jnt_type[j]), model.joint(j).name, int(model.jnt_qposadr[j])
-        if kind in DRIVABLE:
-            value = float(scene.read.qpos[place])
-        else:  # a ball's limit is on how far it is turned
-            value = 2.0 * float(np.arccos(min(1.0, abs(float(scene.read.qpos[place])))))
+        kind, name, place = int(model.jnt_type[j]), str(model.joint(j).name), int(model.jnt_qposadr[j])
+        value = float(scene.read.qpos[place])
+        if kind not in DRIVABLE:  # a ball's limit is on how far it is turned
+            value = 2.0 * float(np.arccos(min(1.0, abs(value))))
         unit = "m" if kind == SLIDE else "rad"
-        yield from _beyond(f"joint {name}", name, value, model.jnt_range[j], unit, line_of(joints[name]))
+        line, (low, high) = line_of(joints[name]), model.jnt_range[j]
+        yield from _beyond(f"joint {name}", name, value, (low, high), unit, line)
+        dofs = slice(int(model.jnt_dofadr[j]), int(model.jnt_dofadr[j]) + (1 if kind in DRIVABLE else 3))
+        if low == high and value == low and free[:, dofs].max(initial=0.0) > MOVES:
+            yield _shut(name, float(low), unit, line)
     tendons = {tendon.name: tendon for tendon in scene.read.spec.tendons}
     for t in np.flatnonzero(model.tendon_limited):
-        name, value = model.tendon(t).name, float(scene.started.ten_length[t])
+        name, value = str(model.tendon(t).name), float(scene.started.ten_length[t])
         line = line_of(tendons[name]) if name in tendons else None
-        yield from _beyond(f"tendon {name}", name, value, model.tendon_range[t], "m or rad", line)
+        low, high = model.tendon_range[t]
+        yield from _beyond(f"tendon {name}", name, value, (low, high), "m or rad", line)
+
+
+def _shut(name: str, at: float, unit: str, line: int | None) -> Finding:
+    return Finding(
+        kind="limit",
+        what=name,
+        by=0.0,
+        explains=0.0,
+        say=f"joint {name} is limited to {at:g} {unit} alone, and every motion of its loop breaks that",
+        remedy='give it a range, or limited="false"',
+        line=line,
+    )
 
 
 def _beyond(

@@ -68,12 +68,10 @@ class Inspected:
 
     @cached_property
     def bare(self) -> mujoco.MjModel:
-        """The model with no constraints but its loops."""
+        """The model with no constraints but its loops and dry friction."""
         with quiet():
             model = compiled(self.read.spec.copy())
-        model.opt.disableflags |= (
-            int(OFF.mjDSBL_CONTACT) | int(OFF.mjDSBL_LIMIT) | int(OFF.mjDSBL_FRICTIONLOSS)
-        )
+        model.opt.disableflags |= int(OFF.mjDSBL_CONTACT) | int(OFF.mjDSBL_LIMIT)
         model.opt.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)
         return model
 

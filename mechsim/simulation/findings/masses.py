@@ -29,24 +29,39 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
         name = str(model.body(b).name)
         mass, moments = float(model.body_mass[b]), np.sort(model.body_inertia[b])
         part = parts[name]
-        written = _moments(part) if part.explicitinertial else moments
-        said = _broken(written)
+        said = _broken(_moments(part)) if part.explicitinertial else None
+        if not said and part.explicitinertial and part.mass < 0.0:
+            said = float(part.mass), f"has a mass of {part.mass:g} kg", "no body has it: weigh it"
         if not said and mass > WEIGHTLESS * heaviest:
             said = _spread(scene, mass, moments, float(np.linalg.norm(model.body_ipos[b])))
-        if not said and model.body_jntnum[b] and model.body_subtreemass[b] <= WEIGHTLESS * heaviest:
-            by = float(model.body_subtreemass[b])
+        if not said and model.body_jntnum[b] and _carried(scene, b) <= WEIGHTLESS * heaviest:
+            by = _carried(scene, b)
             said = by, f"with all it carries weighs {by:.2g} kg, nothing beside {heaviest:.2g} kg", "weigh it"
         if said:
             by, what, remedy = said
             yield Finding(
                 kind="inertia",
                 what=name,
-                by=by,
+                by=abs(by),
                 explains=0.0,
                 say=f"body {name} {what}",
                 remedy=remedy,
                 line=line_of(part),
             )
+
+
+def _carried(scene: Inspected, b: int) -> float:
+    """Return the mass of a body and of all it carries, in [kg], as the file has it where it says."""
+    model, total = scene.model, 0.0
+    parts = {body.name: body for body in scene.read.spec.bodies}
+    for other in range(b, model.nbody):
+        above = other
+        while above > b:
+            above = int(model.body_parentid[above])
+        if above == b:
+            part = parts[str(model.body(other).name)]
+            total += float(part.mass if part.explicitinertial else model.body_mass[other])
+    return total
 
 
 def _moments(part: mujoco.MjsBody) -> Array:

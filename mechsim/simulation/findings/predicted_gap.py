@@ -15,8 +15,9 @@ from mechsim.simulation.findings.swing import Swing
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader.driven_joints import acted_on
 
-# rounds in which the impedance follows the gap
-ROUNDS = 6
+DRY = (int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF), int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON))
+# of the interval in which a gap lies
+HALVINGS = 30
 # the hardest impedance that MuJoCo takes
 HARDEST = 0.9999
 # singular values below this part of the largest carry no force
@@ -85,13 +86,21 @@ def loop_forces(scene: Inspected, data: mujoco.MjData, qacc: Array, inputs: Arra
     inertia = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, inertia)
     needed = inertia @ qacc + data.qfrc_bias - data.qfrc_passive - data.qfrc_applied
-    needed += model.dof_frictionloss * np.sign(data.qvel)
-    rows = data.efc_type == EQUALITY
-    slope = data.efc_J.reshape(-1, model.nv)[rows]
+    rows, slope = data.efc_type == EQUALITY, data.efc_J.reshape(-1, model.nv)
+    needed -= slope.T @ _friction(data, slope, qacc)
+    slope = slope[rows]
     easy = np.sqrt(data.efc_R[rows])
     rest = np.linalg.svd(inputs)[2][len(inputs) :] if len(inputs) else np.eye(model.nv)
     shared = rest @ slope.T / easy
     return (np.linalg.pinv(shared, rcond=IDLE) @ (rest @ needed)) / easy
+
+
+def _friction(data: mujoco.MjData, slope: Array, qacc: Array) -> Array:
+    """Return the dry friction in its rows, (m,), 0 in others: soft at low speed, as MuJoCo has it."""
+    damping = data.efc_KBIP.reshape(-1, 4)[:, 1]
+    stopping = -(damping * data.efc_vel + slope @ qacc) / data.efc_R
+    dry = np.isin(data.efc_type, DRY)
+    return np.where(dry, np.clip(stopping, -data.efc_frictionloss, data.efc_frictionloss), 0.0)
 
 
 def _soft(scene: Inspected, data: mujoco.MjData, force: Array) -> Array:
@@ -99,13 +108,33 @@ def _soft(scene: Inspected, data: mujoco.MjData, force: Array) -> Array:
     model, rows = scene.bare, data.efc_type == EQUALITY
     of = data.efc_id[rows]
     stiffness, _, now, _ = data.efc_KBIP.reshape(-1, 4)[rows].T
-    diagonal = data.efc_R[rows] * now / (1.0 - now)
-    gap = np.zeros(len(force))
-    for _ in range(ROUNDS):
-        wide = np.array([np.linalg.norm(gap[of == loop]) for loop in of])
-        d = np.array([impedance(model.eq_solimp[i], by) for i, by in zip(of, wide, strict=True)])
-        gap = -force * diagonal * (1.0 - d) / d / (stiffness * d)
+    # gaps at an impedance of which (1 - d) / d^2 is one
+    gap = -force * data.efc_R[rows] * now / (1.0 - now) / stiffness
+    for loop in np.unique(of):
+        own = of == loop
+        solimp = model.opt.o_solimp if overridden(model) else model.eq_solimp[loop]
+        wide = float(np.linalg.norm(gap[own]))
+        gap[own] *= _at_rest(wide, solimp) / wide if wide > 0.0 else 1.0
     return gap
+
+
+def overridden(model: mujoco.MjModel) -> bool:
+    """Say whether one softness stands for those of all constraints."""
+    return bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE))
+
+
+def _at_rest(wide: float, solimp: Array) -> float:
+    """Return the gap that is `wide` times what its own impedance d makes of it, (1 - d) / d^2, by halving."""
+
+    def held(gap: float) -> float:
+        d = impedance(solimp, gap)
+        return wide * (1.0 - d) / d**2
+
+    low, high = 0.0, held(0.0)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if held(middle) > middle else (low, middle)
+    return high
 
 
 def impedance(solimp: Array, gap: float) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.maths.arrays import Array
 from mechsim.model.finding import Finding
 from mechsim.simulation.findings.inspected import EQUALITY, OFF, Inspected, Loop, rank
-from mechsim.simulation.findings.predicted_gap import HARDEST, gaps_at_rest, gaps_in
+from mechsim.simulation.findings.predicted_gap import HARDEST, gaps_at_rest, gaps_in, overridden
 from mechsim.simulation.findings.swing import swing
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader.equality_rows import TENDON
@@ -65,9 +65,9 @@ def _harder(scene: Inspected, loop: Loop, by: float, unit: str) -> str:
 def timing(scene: Inspected, loop: Loop) -> tuple[tuple[float, float], Array]:
     """Return time constant in [s] and damping ratio of a loop, 0 and 0 if given directly, and its solimp."""
     model = scene.bare
-    override = bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE))
-    solref = model.opt.o_solref if override else model.eq_solref[loop.number]
-    solimp = model.opt.o_solimp if override else model.eq_solimp[loop.number]
+    whole = overridden(model)
+    solref = model.opt.o_solref if whole else model.eq_solref[loop.number]
+    solimp = model.opt.o_solimp if whole else model.eq_solimp[loop.number]
     first, second = (float(value) for value in solref)
     return ((first, second) if first > 0.0 else (0.0, 0.0)), solimp
 

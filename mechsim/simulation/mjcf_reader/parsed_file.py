@@ -10,6 +10,7 @@ import mujoco
 from mechsim.errors import InputError
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf_reader.mended_inertias import with_possible_inertias
 from mechsim.simulation.mjcf_reader.missing_files import without_missing
 
 # a file longer than this is no description of a mechanism
@@ -31,7 +32,8 @@ _ELEMENT = re.compile(r" Element (?:name )?('[^']*')")
 def parsed(path: str) -> tuple[mujoco.MjSpec, mujoco.MjModel, list[str]]:
     """Return the specification of an MJCF file, the model it compiles to, and what was left out of it.
 
-    Meshes, textures and height fields whose files are missing are left out: no joint needs them.
+    Meshes, textures and height fields whose files are missing are left out, and masses that no body has are
+    mended: no joint needs them.
 
     Raises:
         InputError: for a file that cannot be read or that MuJoCo refuses; names file and line.
@@ -47,14 +49,14 @@ def parsed(path: str) -> tuple[mujoco.MjSpec, mujoco.MjModel, list[str]]:
 
 @quiet()
 def compiled_whole(path: str, spec: mujoco.MjSpec) -> tuple[mujoco.MjModel, list[str]]:
-    """Return the model of a specification, and what had to be left out of it for missing files."""
+    """Return the model of a specification, and what had to be left out or mended for MuJoCo to take it."""
     left_out: list[str] = []
     while True:
         try:
             with warnings.catch_warnings(action="ignore"):
                 return compiled(spec), left_out
         except InputError as error:
-            said = without_missing(spec, str(error))
+            said = without_missing(spec, str(error)) or with_possible_inertias(spec, str(error))
             if not said:
                 raise refusal(path, error) from None
             left_out.append(said)

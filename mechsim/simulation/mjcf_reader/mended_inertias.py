@@ -1,0 +1,32 @@
+"""A specification with masses that MuJoCo takes where it refuses those of the file: kinematics need none."""
+
+import mujoco
+
+# the least mass and moment of a moving body, in [kg] and [kg m2]
+MASS, MOMENT = 1e-6, 1e-12
+
+
+def with_possible_inertias(spec: mujoco.MjSpec, refusal: str) -> str:
+    """Have MuJoCo even out inertias that break the triangle inequality, or raise those that are nought.
+
+    Args:
+        spec: changed in place.
+        refusal: what MuJoCo said.
+
+    Returns:
+        What was changed, in words; empty where the refusal is of something else.
+    """
+    said = " ".join(refusal.split())
+    if "A + B >= C" in said and not spec.compiler.balanceinertia:
+        spec.compiler.balanceinertia = 1
+        return (
+            "moments of inertia break the triangle inequality and MuJoCo refuses the file: read as with "
+            '<compiler balanceinertia="true"/>, which evens them out'
+        )
+    if "must be larger than mjMINVAL" in said and spec.compiler.boundmass < MASS:
+        spec.compiler.boundmass, spec.compiler.boundinertia = MASS, MOMENT
+        return (
+            "a moving body has no mass or no inertia and MuJoCo refuses the file: read as with "
+            f'<compiler boundmass="{MASS:g}" boundinertia="{MOMENT:g}"/>'
+        )
+    return ""

@@ -1,0 +1,341 @@
+"""Faults seeded into public models, what is found of them, and gaps of loops against what was foretold.
+
+Problem: `mechsim show` accuses a scene of faults. Reference: we know the faults, for we put them there, one
+at a time; of the originals every accusation is printed, to be judged by eye; and of soft loops MuJoCo's own
+steps tell by how much they open.
+
+    python validation/robustness/scene_findings.py FOLDER [--gaps]
+
+FOLDER holds clones as for `public_mjcf.py`; a file that is not there is skipped.
+"""
+
+import sys
+import tomllib
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from unittest import mock
+
+import mujoco
+import numpy as np
+
+from mechsim.errors import MechsimError
+from mechsim.simulation.findings import findings
+from mechsim.simulation.findings.inspected import EQUALITY, Inspected
+from mechsim.simulation.findings.predicted_gap import driven_by, gaps_in, loop_forces
+from mechsim.simulation.findings.swing import swing
+from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf_reader import MjcfModel, parsed_file, read_model, reading
+
+Spec = mujoco.MjSpec
+CONNECT = mujoco.mjtEq.mjEQ_CONNECT
+SITES = int(mujoco.mjtObj.mjOBJ_SITE)
+# a prediction within this factor of what steps show is right
+FACTOR = 2.0
+# softnesses that are tried: as published, MuJoCo's default, and a soft and a hard one
+SOLREFS = {"published": None, "default": (0.02, 1.0), "soft": (0.04, 1.0), "hard": (0.005, 1.0)}
+
+
+def connects(spec):
+    return [one for one in spec.equalities if one.type == CONNECT]
+
+
+def ends(spec, one):
+    """Return both bodies of a connect and its point in each, in [m]."""
+    model = spec.copy().compile()
+    i = [other.name for other in spec.equalities].index(one.name)
+    if int(model.eq_objtype[i]) == SITES:
+        sites = model.eq_obj1id[i], model.eq_obj2id[i]
+        return [(model.body(model.site_bodyid[s]).name, model.site_pos[s]) for s in sites]
+    bodies = model.eq_obj1id[i], max(model.eq_obj2id[i], 0)
+    return [(model.body(b).name, model.eq_data[i, 3 * k : 3 * k + 3]) for k, b in enumerate(bodies)]
+
+
+def body(spec, name):
+    return spec.worldbody if name == "world" else spec.body(name)
+
+
+def twice(spec, size):
+    (a, at), (b, _) = ends(spec, connects(spec)[0])
+    spec.add_equality(
+        name="seeded",
+        type=CONNECT,
+        objtype=mujoco.mjtObj.mjOBJ_BODY,
+        name1=a,
+        name2=b,
+        data=[*at, *[0.0] * 9],
+    )
+
+
+def apart(spec, size):
+    one = connects(spec)[-1]
+    (a, at_a), (b, at_b) = ends(spec, one)
+    body(spec, a).add_site(name="seeded1", pos=at_a)
+    body(spec, b).add_site(name="seeded2", pos=at_b + np.array([0.0, 0.0, 0.01 * size]))
+    one.objtype, one.name1, one.name2 = mujoco.mjtObj.mjOBJ_SITE, "seeded1", "seeded2"
+
+
+def colliding(spec, size):
+    for number, (name, at) in enumerate(ends(spec, connects(spec)[0])):
+        body(spec, name).add_geom(
+            name=f"seeded{number}",
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[0.02 * size, 0.0, 0.0],
+            pos=at,
+            mass=0.0,
+            contype=1,
+            conaffinity=1,
+        )
+
+
+def limited(spec, size):
+    model = spec.copy().compile()
+    hinge = int(np.flatnonzero(np.isin(model.jnt_type, [2, 3]))[0])
+    joint, at = spec.joint(model.joint(hinge).name), float(model.qpos0[model.jnt_qposadr[hinge]])
+    low, high = at + 0.1, at + 1.0
+    if spec.compiler.degree and int(model.jnt_type[hinge]) == 3:
+        low, high = np.rad2deg([low, high])
+    joint.limited, joint.range = mujoco.mjtLimited.mjLIMITED_TRUE, [low, high]
+
+
+def softened(spec, size):
+    for one in spec.equalities:
+        one.solref, one.solimp = [0.2, 1.0], [0.5, 0.5, 0.001, 0.5, 2.0]
+
+
+def clamped(spec, size):
+    for one in spec.equalities:
+        one.solref = [0.4 * spec.option.timestep, 1.0]
+
+
+def hasty(spec, size):
+    for one in spec.equalities:
+        rate = 3.0 / spec.option.timestep
+        one.solref = [-(rate**2) / 2.0, -rate]
+        one.solimp = [0.99, 0.99, 0.001, 0.5, 2.0]
+
+
+def heaviest(spec):
+    model = spec.copy().compile()
+    moving = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
+    b = max(moving, key=lambda b: model.body_mass[b])
+    part = spec.body(model.body(b).name)
+    part.explicitinertial, part.mass = True, model.body_mass[b]
+    part.ipos, part.iquat, part.inertia = model.body_ipos[b], model.body_iquat[b], model.body_inertia[b]
+    part.fullinertia = [np.nan] + [0.0] * 5
+    return part
+
+
+def lopsided(spec, size):
+    part = heaviest(spec)
+    part.inertia = np.array([1.0, 2.0, 4.0]) * part.inertia.max()
+
+
+def in_square_millimetres(spec, size):
+    part = heaviest(spec)
+    part.inertia = part.inertia * 1e6
+
+
+def in_grams(spec, size):
+    # a link of 200 g a tenth of the size large, its mass in g
+    part = heaviest(spec)
+    part.inertia = np.full(3, 0.2 * (0.1 * size) ** 2)
+    part.mass = 2e8 * part.inertia[0] / (0.1 * size) ** 2 * size
+
+
+def in_millimetres(spec, size):
+    for part in spec.bodies:
+        part.pos = 1000.0 * part.pos
+        part.ipos = 1000.0 * part.ipos
+    for part in (*spec.joints, *spec.sites, *spec.geoms):
+        part.pos = 1000.0 * part.pos
+    for one in connects(spec):
+        one.data = [*(1000.0 * one.data[:6]), *one.data[6:]]
+
+
+def loosened(spec, size):
+    spec.delete(connects(spec)[0])
+
+
+def second_servo(spec, size):
+    """Put a servo on every joint of the loops' links: more than there are freedoms."""
+    for joint in spec.joints:
+        if joint.type in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
+            servo = spec.add_actuator(
+                name=f"seeded_{joint.name}", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
+            )
+            servo.set_to_position(kp=10.0)
+            servo.ctrllimited = mujoco.mjtLimited.mjLIMITED_FALSE
+
+
+FAULTS: dict[str, tuple[Callable[[Spec, float], None], str]] = {
+    "a loop closed twice": (twice, "redundant"),
+    "a loop 1 % of the size open": (apart, "gap"),
+    "balls about both ends of a loop": (colliding, "collision"),
+    "a range beside the start": (limited, "limit"),
+    "soft loops": (softened, "soft"),
+    "a time constant of 0.4 steps": (clamped, "refsafe"),
+    "direct stiffness for a third of the step": (hasty, "timestep"),
+    "moments against the triangle": (lopsided, "inertia"),
+    "inertia in kg mm2": (in_square_millimetres, "inertia"),
+    "mass in g": (in_grams, "inertia"),
+    "lengths in mm": (in_millimetres, "units"),
+    "a loop left out": (loosened, "open"),
+    "servos on all joints": (second_servo, "actuator"),
+}
+
+
+def found_in(spec, asked):
+    """Return what is found in a specification: the reader takes it as it takes a file."""
+
+    def given(path):
+        with warnings.catch_warnings(action="ignore"):
+            return (spec, *parsed_file.compiled_whole(path, spec))
+
+    with mock.patch.object(reading, "parsed", given):
+        return findings(read_model("seeded.xml", **asked))
+
+
+@quiet()
+def seeded(read: MjcfModel, asked, before):
+    """Return the faults of a model that were not flagged, and how many were tried."""
+    missed, tried = [], 0
+    for name, (fault, kind) in FAULTS.items():
+        spec = read.spec.copy()
+        if not connects(spec):
+            continue
+        try:
+            fault(spec, read.mechanism.size)
+        except (ValueError, KeyError, TypeError) as error:
+            print(f"    cannot seed {name}: {' '.join(str(error).split())[:90]}")
+            continue
+        tried += 1
+        try:
+            after = found_in(spec, asked)
+        except MechsimError as error:
+            missed.append(f"{name} ({error})"[:160])
+            continue
+        known = {(one.kind, one.what) for one in before}
+        sizes = {(one.kind, one.what): one.by for one in before}
+        new = [
+            one
+            for one in after
+            if (one.kind, one.what) not in known or one.by > 1.01 * sizes[one.kind, one.what]
+        ]
+        if kind not in {one.kind for one in new}:
+            missed.append(f"{name} ({', '.join(one.kind for one in new) or 'nothing new'})")
+    return missed, tried
+
+
+def efforts(scene: Inspected, motion, inputs):
+    """Return what moves the drivers along `inputs` over a motion, (n, k), and the inertia on each, (n, k)."""
+    model, data = scene.bare, mujoco.MjData(scene.bare)
+    dofs = [int(model.joint(name).dofadr[0]) for name in (*scene.drivers, *scene.read.mechanism.holds)]
+    moving, heavy = [], []
+    for qpos, qvel, qacc in zip(motion.qpos, motion.qvel, motion.qacc, strict=True):
+        data.qpos[:], data.qvel[:] = qpos, qvel
+        mujoco.mj_forward(model, data)
+        inertia = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, inertia)
+        slope = data.efc_J.reshape(-1, model.nv)[data.efc_type == EQUALITY]
+        left = inertia @ qacc + data.qfrc_bias - data.qfrc_passive
+        left -= slope.T @ loop_forces(scene, data, qacc, inputs)
+        moving.append(np.linalg.lstsq(inputs.T, left, rcond=None)[0])
+        heavy.append([inertia[d, d] / row[d] for d, row in zip(dofs, inputs, strict=True)])
+    return np.array(moving), np.array(heavy), dofs
+
+
+@quiet()
+def stepped_gap(scene: Inspected, motion):
+    """Return the widest gap of each loop as MuJoCo steps the scene, its drivers moved by what it takes.
+
+    Limits and actuators are off: no limit is to carry what the loops carry.
+    """
+    model, inputs = scene.model, driven_by(scene)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = motion.qpos[0], motion.qvel[0]
+    shares, heavy, dofs = efforts(scene, motion, inputs)
+    # what is left of the first jerk dies out in five time constants
+    widest, begun = {}, max(0.15, 5.0 * float(np.abs(model.eq_solref[:, 0]).max()))
+    for bit in (mujoco.mjtDisableBit.mjDSBL_ACTUATION, mujoco.mjtDisableBit.mjDSBL_LIMIT):
+        model.opt.disableflags |= int(bit)
+    rate, off = min(0.3 / model.opt.timestep, 150.0), np.zeros(model.nv)
+    while data.time < motion.time[-1]:
+        i = min(int(data.time / motion.time[1]), len(motion.time) - 1)
+        late = data.time - motion.time[i]
+        mujoco.mj_differentiatePos(model, off, 1.0, data.qpos, motion.qpos[i])
+        wanted, fast = off + late * motion.qvel[i], motion.qvel[i] + late * motion.qacc[i] - data.qvel
+        servo = (rate**2 * wanted + 2.0 * rate * fast)[dofs]
+        data.qfrc_applied[:] = inputs.T @ (shares[i] + heavy[i] * servo)
+        mujoco.mj_step(model, data)
+        if data.time > begun:
+            rows = data.efc_type == EQUALITY
+            for loop in np.unique(data.efc_id[rows]):
+                own = data.efc_pos[rows][data.efc_id[rows] == loop][:3]
+                widest[int(loop)] = max(widest.get(int(loop), 0.0), float(np.linalg.norm(own)))
+    return widest
+
+
+def gaps(read: MjcfModel):
+    """Print what was foretold of gaps beside what steps show, and return whether all agree."""
+    good = True
+    for name, solref in SOLREFS.items():
+        spec = read.spec.copy()
+        for one in spec.equalities:
+            if solref is not None:
+                one.solref = solref
+        changed = Inspected(MjcfModel(**{**vars(read), "spec": spec}))
+        motion = swing(changed)
+        if motion is None:
+            print("    its drivers settle no motion")
+            return good
+        told, seen = gaps_in(changed, motion), stepped_gap(changed, motion)
+        # gaps that do not show are not foretold
+        pairs = [(told[i], seen[i], loop.name) for i, loop in ((one.number, one) for one in changed.loops)]
+        pairs = [pair for pair in pairs if max(pair[:2]) > 1e-5 * changed.size]
+        for by, was, loop in pairs:
+            near = bool(1.0 / FACTOR <= by / was <= FACTOR)
+            good &= near
+            flag = "" if near else "  MISSED"
+            print(f"    {name:10s} {loop:12s} {by:9.2e} {was:9.2e} {by / was:6.2f}{flag}", flush=True)
+    return good
+
+
+def main(folder, *, measured):
+    """Print what is found of every model and return whether every fault was flagged."""
+    listed = tomllib.loads(Path(__file__).with_name("public_mjcf.toml").read_text())["model"]
+    total = lost = 0
+    good = True
+    for options in listed:
+        path = Path(folder) / options["file"]
+        if not path.exists():
+            print(f"{options['name']}: not there: {path}")
+            continue
+        known = ("drivers", "key", "track")
+        asked = {name: options[name] for name in known if name in options}
+        asked |= {"base_held": options.get("hold_base", False)}
+        asked |= {"holds": dict.fromkeys(options.get("holds", ()))}
+        try:
+            read = read_model(str(path), **asked)
+            before = findings(read)
+        except MechsimError as error:
+            print(f"{options['name']}: {error}")
+            continue
+        print(f"{options['name']}:")
+        if measured:
+            good &= gaps(read)
+            continue
+        for one in before:
+            print(f"    {one.kind}: {one.told}"[:220])
+        base = found_in(read.spec.copy(), {**asked, "base_held": False, "key": None})
+        missed, tried = seeded(read, {**asked, "base_held": False, "key": None}, base)
+        total, lost = total + tried, lost + len(missed)
+        for one in missed:
+            print(f"    MISSED {one}")
+    if not measured:
+        print(f"{total - lost} of {total} seeded faults flagged")
+    return good and not lost
+
+
+if __name__ == "__main__":
+    sys.exit(0 if main(sys.argv[1], measured="--gaps" in sys.argv) else 1)
