@@ -5,6 +5,7 @@ import typer
 from mechsim.analytic.forms import Form
 from mechsim.cli.endings import tell
 from mechsim.cli.output import print_json
+from mechsim.cli.scene_findings import found_in, in_json, tell_findings
 from mechsim.studies.agreement.agreement import Agreement, validate
 from mechsim.verdict.checks import Check
 
@@ -29,8 +30,11 @@ def held_against(
         tell(f"mechsim: runs {against.rpartition(':')[0] or against}: a formula is code")
     found = validate(form, against, speed=speed)
     if as_json:
-        print_json({"passed": found.passed, "mechanisms": {form.name: found.as_dict()}})
+        said = found.as_dict()
+        said["findings"] += in_json(found_in(form)).get("findings", [])
+        print_json({"passed": found.passed, "mechanisms": {form.name: said}})
     else:
+        tell_findings(found_in(form))
         for line in told(form.name, found, everything):
             typer.echo(line)
     raise typer.Exit(0 if found.passed else 1)

@@ -7,27 +7,35 @@ import typer
 
 from mechsim.analytic.forms import Form
 from mechsim.cli.output import print_table
+from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.finding import Finding
-from mechsim.model.programs import Programs
+from mechsim.model.programs import Programs, programs
 from mechsim.simulation.findings import findings
 from mechsim.subjects.mjcf_source import MjcfForm
 
 
-def found_in(form: Form, programs: Programs | None = None) -> tuple[Finding, ...] | None:
+def found_in(form: Form, asked: Programs | None = None) -> tuple[Finding, ...] | None:
     """Return what is wrong with the scene of an MJCF file, the gravest first; None of anything else.
 
     Args:
         form: what moves.
-        programs: of the drivers; None takes its own.
+        asked: programs of the drivers; None takes its own.
     """
     if not isinstance(form, MjcfForm) or form.source is None:
         return None
-    return findings(form.source, programs or form.programs)
+    return findings(form.source, asked or form.programs)
 
 
-def as_dicts(found: Sequence[Finding] | None) -> list[dict[str, Any]]:
-    """Return findings as JSON has them."""
-    return [one.as_dict() for one in found or ()]
+def of_crank(form: Form, motion: CrankProfile) -> Programs | None:
+    """Return the motion of the crank of an MJCF file as a program; None of anything else."""
+    if not isinstance(form, MjcfForm):
+        return None
+    return programs(form.mechanism, {form.mechanism.drivers[0]: motion.state}, motion.duration)
+
+
+def in_json(found: Sequence[Finding] | None) -> dict[str, list[dict[str, Any]]]:
+    """Return findings as a JSON object has them; nothing where there is no scene."""
+    return {} if found is None else {"findings": [one.as_dict() for one in found]}
 
 
 def print_findings(found: Sequence[Finding] | None) -> None:
@@ -41,7 +49,7 @@ def print_findings(found: Sequence[Finding] | None) -> None:
     print_table("Findings in the file", ("kind", "line", "what; remedy"), rows)
 
 
-def tell_findings(name: str, found: Sequence[Finding] | None) -> None:
+def tell_findings(found: Sequence[Finding] | None) -> None:
     """Print findings at the head of a verdict, a line each."""
     for one in found or ():
-        typer.echo(f"{name}: {one.kind}: {one.told}")
+        typer.echo(f"{one.kind}: {one.told}")

@@ -9,7 +9,7 @@ from mechsim import units
 from mechsim.cli.declared_options import spread
 from mechsim.cli.options import DriveOptions, Json, Model, Sets, form_of
 from mechsim.cli.output import print_json, print_table
-from mechsim.cli.scene_findings import as_dicts, found_in, print_findings
+from mechsim.cli.scene_findings import found_in, in_json, print_findings
 from mechsim.report.facts import OWN, facts
 
 
@@ -32,7 +32,7 @@ def show(
     found = facts(drive, at, driver)
     scene = found_in(drive)
     if as_json:
-        print_json(found if scene is None else found | {"findings": as_dicts(scene)})
+        print_json(found | in_json(scene))
     else:
         _print_facts(found)
         print_findings(scene)

@@ -26,6 +26,7 @@ from mechsim.cli.options import (
     writable,
 )
 from mechsim.cli.output import print_json, progress
+from mechsim.cli.scene_findings import found_in, in_json, of_crank, tell_findings
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.crank_profile import arc_around
 from mechsim.simulation import CrankProfile, Run, Settings
@@ -107,9 +108,12 @@ def simulate(
         )
     if place is not None:
         files.write(place, run.motion)
+    scene_findings = found_in(drive, programs or of_crank(drive, motion))
     if as_json:
-        print_json(run.summary() | {"mechanism": drive.name, "output": output, "rows": len(run.motion)})
+        told = {"mechanism": drive.name, "output": output, "rows": len(run.motion)}
+        print_json(run.summary() | told | in_json(scene_findings))
     else:
+        tell_findings(scene_findings)
         typer.echo(f"{run.outcome}: {_found(run)}")
         if run.note:
             typer.echo(run.note)

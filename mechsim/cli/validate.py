@@ -14,6 +14,7 @@ from mechsim.cli.declared_options import spread
 from mechsim.cli.endings import tell
 from mechsim.cli.options import DriveOptions, Json, Sets, Speed, folder_for, form_of, moving, speed_of
 from mechsim.cli.output import print_json, print_table, progress
+from mechsim.cli.scene_findings import found_in, in_json, tell_findings
 from mechsim.cli.validate_reference import validate_by_reference
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.report.validation import write_validation_report
@@ -103,7 +104,11 @@ def validate(
             print_json({"passed": False, "mechanisms": dict.fromkeys(drives, lost)})
         raise
     passed = all(case.passed for case in cases.values())
-    results = {"passed": passed, "mechanisms": {name: case.as_dict() for name, case in cases.items()}}
+    scenes = {name: found_in(drive) for name, drive in drives.items()}
+    results = {
+        "passed": passed,
+        "mechanisms": {name: case.as_dict() | in_json(scenes[name]) for name, case in cases.items()},
+    }
     if folder is not None:
         with progress("draw", len(cases)) as tick:
             notes = write_validation_report(folder, cases, results, done=tick)
@@ -113,6 +118,7 @@ def validate(
         print_json(results)
     else:
         for name, case in cases.items():
+            tell_findings(scenes[name])
             _print_case(name, case)
         good = sum(case.passed for case in cases.values())
         typer.echo(f"{good} of {len(cases)} mechanisms met every bound")

@@ -29,3 +29,19 @@ def test_show_tells_people_the_line_and_the_remedy(mechsim, file):
 
 def test_a_mechanism_of_the_catalogue_has_no_scene_to_look_over(mechsim):
     assert "findings" not in json.loads(mechsim("show", "four_bar", "--json")[1])
+
+
+def test_a_verdict_on_a_scene_begins_with_what_is_wrong_with_it(mechsim, file):
+    path = file(SOFT)
+    _, out, _ = mechsim("simulate", path, "--drive", "crank=0.3*sin(2*pi*t)")
+    assert [line.split(": line")[0] for line in out.splitlines()[:2]] == ["actuator", "soft"]
+    _, out, _ = mechsim("simulate", path, "--drive", "crank=0.3*sin(2*pi*t)", "--json")
+    found = json.loads(out)["findings"]
+    # the servo of the file stands at 0 while the crank is driven
+    assert [one["kind"] for one in found] == ["actuator", "soft"]
+
+
+def test_validate_says_it_too(mechsim, file):
+    _, out, _ = mechsim("validate", file(SOFT), "--drive", "crank=0.3*sin(2*pi*t)", "--json")
+    (case,) = json.loads(out)["mechanisms"].values()
+    assert "soft" in [one["kind"] for one in case["findings"]]

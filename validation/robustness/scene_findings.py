@@ -76,6 +76,8 @@ def apart(spec, size):
 
 
 def colliding(spec, size):
+    for one in list(spec.excludes):
+        spec.delete(one)
     for number, (name, at) in enumerate(ends(spec, connects(spec)[0])):
         body(spec, name).add_geom(
             name=f"seeded{number}",
@@ -154,7 +156,11 @@ def in_millimetres(spec, size):
 
 
 def loosened(spec, size):
-    spec.delete(connects(spec)[0])
+    # with those that close the same loop once more
+    gone = {name for name, _ in ends(spec, connects(spec)[0])}
+    for one in connects(spec):
+        if {name for name, _ in ends(spec, one)} == gone:
+            spec.delete(one)
 
 
 def second_servo(spec, size):

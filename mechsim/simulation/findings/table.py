@@ -1,6 +1,9 @@
 """The kinds of findings, the gravest first, and all of them of one scene."""
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+import numpy as np
 
 from mechsim.model.finding import Finding
 from mechsim.model.programs import Programs
@@ -40,4 +43,9 @@ def findings(read: MjcfModel, programs: Programs | None = None) -> tuple[Finding
         programs: of its drivers; None looks at a swing of them where a motion is needed.
     """
     scene = Inspected(read, programs)
-    return tuple(found for look in LOOKED_FOR for found in look(scene))
+    found: list[Finding] = []
+    for look in LOOKED_FOR:
+        # a state so wrong that it overflows is what other looks have found
+        with suppress(FloatingPointError, np.linalg.LinAlgError):
+            found += look(scene)
+    return tuple(found)
