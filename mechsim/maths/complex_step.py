@@ -39,6 +39,42 @@ def unwrapped(angle: Array) -> Array:
     return _joined(np.unwrap(np.real(angle)), np.imag(angle)) if np.iscomplexobj(angle) else np.unwrap(angle)
 
 
+def size_of(value: Array) -> Array:
+    """Return values without their sign, and their changes with it."""
+    return np.where(np.real(value) < 0.0, -value, value) if np.iscomplexobj(value) else np.abs(value)
+
+
+def least_norm(matrix: Array, right: Array, rcond: float) -> Array:
+    """Return least-norm solutions of equations that can be met, (n, m, k) and (n, m) -> (n, k).
+
+    Args:
+        matrix: of any rank, which its changes keep.
+        right: sides.
+        rcond: singular values below this part of the largest are nought.
+
+    Source: G. Golub and V. Pereyra, The differentiation of pseudo-inverses and nonlinear least squares
+    problems, SIAM Journal on Numerical Analysis 10 (1973) 413-432, of a residual of nought.
+    """
+    inverse = np.linalg.pinv(np.real(matrix), rcond=rcond)
+    found = inverse @ np.real(right)[..., None]
+    if not np.iscomplexobj(matrix) and not np.iscomplexobj(right):
+        return found[..., 0]
+    slope = np.imag(matrix)
+    moved = inverse @ (np.imag(right)[..., None] - slope @ found)
+    aside = np.swapaxes(slope, -1, -2) @ (np.swapaxes(inverse, -1, -2) @ found)
+    moved = moved + aside - inverse @ (np.real(matrix) @ aside)
+    return _joined(found[..., 0], moved[..., 0])
+
+
+def null_space(matrix: Array, count: int, rcond: float) -> Array:
+    """Return a basis of what matrices (n, m, k) of rank k - count take to nought, (n, k, count)."""
+    right = np.linalg.svd(np.real(matrix), full_matrices=True)[2]
+    basis = np.swapaxes(right[:, right.shape[1] - count :], -1, -2)
+    if not np.iscomplexobj(matrix):
+        return basis
+    return _joined(basis, -np.linalg.pinv(np.real(matrix), rcond=rcond) @ (np.imag(matrix) @ basis))
+
+
 def _joined(real: Array, imaginary: Array) -> Array:
     found: Any = real + 1j * imaginary
     return found

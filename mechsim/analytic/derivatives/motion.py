@@ -1,6 +1,6 @@
 """Derivatives of a motion by dimensions, at the same values of the drivers."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
@@ -30,6 +30,7 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.complex_step import STEP, change_of, stepped
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, Through
 
 # how far loops that repeat each other may be torn open by a dimension, as parts of the change of the loops
@@ -75,9 +76,73 @@ def motion_derivatives(
 
     Accuracy: about 1e-15 times the condition of the loops, as the rates have it.
     """
-    angle = crank_angles(form.mechanism, angles)
+    followed = followed_motion(form, form.mechanism, angles, speed, acceleration)
+    found: dict[str, Motion] = {}
+    for name, slope in change.items():
+        try:
+            found[name] = derivative_of(followed.changed(name, slope)[1])
+        except AssemblyError:
+            if not torn:
+                raise
+    return MotionDerivatives(followed.motion(), found)
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A motion that was followed once, from which those with other dimensions begin.
+
+    Attributes:
+        form: what moves.
+        mechanism: its mechanism, with masses where they count.
+        path: of its assembly.
+        instants: along it.
+        parts: the instants, closed.
+    """
+
+    form: Form
+    mechanism: Mechanism
+    path: FollowedPath
+    instants: Instants
+    parts: Sequence[ClosedPart]
+
+    def motion(self) -> Motion:
+        """Return the motion itself."""
+        found = in_order([(part.index, rated(self.path, part)) for part in self.parts])
+        return record_of(self.path, found, self.instants, None, self.form)
+
+    def changed(self, name: str, slope: Array) -> tuple[Mechanism, Motion]:
+        """Return the mechanism and the motion whose imaginary parts are the changes by a dimension.
+
+        Args:
+            name: of the dimension.
+            slope: derivatives of the mechanism's numbers by it, (k,).
+
+        Raises:
+            AssemblyError: where it alone would leave loops open that repeat each other.
+        """
+        nominal = numbers_of(self.mechanism)
+        if slope.shape != nominal.shape or not np.isfinite(slope).all():
+            raise InputError(
+                f"the change by {name!r} has shape {slope.shape} or is not finite; the mechanism has "
+                f"{len(nominal)} numbers: take what `changes` gives"
+            )
+        mechanism = with_numbers(self.mechanism, stepped(nominal, slope))
+        given = STEP * float(np.abs(slope).max()) * min(1.0, 1.0 / mechanism.size)
+        found = [(part.index, _changed(self.path, part, mechanism, name, given)) for part in self.parts]
+        return mechanism, record_of(self.path, in_order(found), self.instants, mechanism, self.form)
+
+
+def followed_motion(
+    form: Form, mechanism: Mechanism, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike
+) -> Followed:
+    """Return a motion, followed by loop equations; parameters as of `motion_derivatives`.
+
+    Raises:
+        AssemblyError: where the loops do not close, or two assemblies meet.
+    """
+    angle = crank_angles(mechanism, angles)
     rates = [
-        crank_rate(form.mechanism, what, value, len(angle))
+        crank_rate(mechanism, what, value, len(angle))
         for what, value in (("speed", speed), ("acceleration", acceleration))
     ]
     path, instants = followed_form(form, angle, *rates)
@@ -89,29 +154,7 @@ def motion_derivatives(
             f"{form.name}: at {where} two assemblies meet, and derivatives by dimensions have no bound; "
             "keep away from it"
         )
-    nominal = numbers_of(form.mechanism)
-    real = in_order([(part.index, rated(path, part)) for part in parts])
-    found: dict[str, Motion] = {}
-    for name, slope in change.items():
-        mechanism = with_numbers(form.mechanism, stepped(nominal, _fitting(name, slope, nominal)))
-        given = STEP * np.abs(slope).max() * min(1.0, 1.0 / mechanism.size)
-        try:
-            moved = in_order([(part.index, _changed(path, part, mechanism, name, given)) for part in parts])
-        except AssemblyError:
-            if torn:
-                continue
-            raise
-        found[name] = _imaginary(record_of(path, moved, instants, mechanism, form))
-    return MotionDerivatives(record_of(path, real, instants, None, form), found)
-
-
-def _fitting(name: str, slope: Array, nominal: Array) -> Array:
-    if slope.shape != nominal.shape or not np.isfinite(slope).all():
-        raise InputError(
-            f"the change by {name!r} has shape {slope.shape} or is not finite; the mechanism has "
-            f"{len(nominal)} numbers: take what `changes` gives"
-        )
-    return slope
+    return Followed(form, mechanism, path, instants, parts)
 
 
 def followed_form(
@@ -169,6 +212,12 @@ def record_of(
     if programs is None:
         return found
     return replace(found, time=instants.at / programs.pace, drivers=programs.drivers)
+
+
+def derivative_of(motion: Motion) -> Motion:
+    """Return the changes that a motion carries, as a record alike: of places, rates and accelerations."""
+    parts = {name: _imaginary(getattr(motion, name)) for name in ("points", "links", "joints")}
+    return replace(motion, conditioning=None, **parts)
 
 
 def _imaginary(record: Any) -> Any:

@@ -29,7 +29,7 @@ class Dry:
     @property
     def direction(self) -> Array:
         """Sign of the rate, 0 where the joint turns round, (n,)."""
-        return np.where(self.still, 0.0, np.sign(self.rate))
+        return np.where(self.still, 0.0, np.sign(np.real(self.rate)))
 
 
 def dry_sizes(joint: Joint, friction: Friction) -> list[float]:

@@ -153,7 +153,23 @@ def _solved(
     as_run: Motion | None,
 ) -> InverseDynamics:
     """Return the inverse dynamics of some instants, all in one go."""
-    unit, flywheel = machine.unit_motion(angle, as_run), machine.forces.flywheel
+    return moved_as(machine, machine.unit_motion(angle, as_run), w, e, at, standing)
+
+
+def moved_as(
+    machine: Machine, unit: UnitMotion, w: Array, e: Array, at: Array | None, standing: NDArray[np.bool_]
+) -> InverseDynamics:
+    """Return the inverse dynamics of a machine that moves as it is told, all instants in one go.
+
+    Args:
+        machine: the machine.
+        unit: its motion per radian of the crank; complex, and all that follows, where dimensions are.
+        w: speed of the crank, (n,) in [rad/s].
+        e: its acceleration, (n,) in [rad/s2].
+        at: times in [s]; None where they are not known.
+        standing: whether the crank stands, (n,).
+    """
+    angle, flywheel = unit.angle, machine.forces.flywheel
     acting, outside = applied(machine, unit), loads(machine, unit, at)
     part = coefficients(unit, acting, flywheel)
     inertial = unit.inertial(w, e)

@@ -11,6 +11,7 @@ from mechsim.analytic.closure.loop_equations import row_units
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.maths.arrays import Array
+from mechsim.maths.complex_step import least_norm, null_space
 from mechsim.model.efforts import Reaction
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import Joint, Mechanism
@@ -54,13 +55,8 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
     columns, rows = _scales(mechanism, jacobian.shape[1])
     scaled = np.swapaxes(jacobian * columns, 1, 2) * rows  # (n, 6 L, m)
     right = needed.reshape(len(unit), -1) * columns
-    u, values, vt = np.linalg.svd(scaled, full_matrices=True)
-    rank = int((values > RANK_TOLERANCE * values[:, :1]).sum(1).min())
-    inverse = 1.0 / values[:, :rank, None]
-    part = (np.swapaxes(u[:, :, :rank], 1, 2) @ right[..., None]) * inverse
-    solution = (np.swapaxes(vt[:, :rank], 1, 2) @ part)[..., 0]
+    solution, slack = _least_norm(scaled, right)
     multipliers = solution * rows
-    slack = np.swapaxes(vt[:, rank:], 1, 2)  # (n, m, s): multipliers without effect, scaled
     left = np.abs((scaled @ solution[..., None])[..., 0] - right).max(1)
     size = np.maximum(np.abs(right).max(1), np.finfo(np.float64).tiny)
     told = _named(mechanism, multipliers)
@@ -75,6 +71,17 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
         left / size,
         slack.shape[-1],
     )
+
+
+def _least_norm(matrix: Array, right: Array) -> tuple[Array, Array]:
+    """Return least-norm solutions, (n, m), and what the matrix takes to nought, (n, m, s)."""
+    u, values, vt = np.linalg.svd(np.real(matrix), full_matrices=True)
+    rank = int((values > RANK_TOLERANCE * values[:, :1]).sum(1).min())
+    if np.iscomplexobj(matrix):
+        slack = null_space(matrix, matrix.shape[2] - rank, RANK_TOLERANCE)
+        return least_norm(matrix, right, RANK_TOLERANCE), slack
+    part = (np.swapaxes(u[:, :, :rank], 1, 2) @ right[..., None]) / values[:, :rank, None]
+    return (np.swapaxes(vt[:, :rank], 1, 2) @ part)[..., 0], np.swapaxes(vt[:, rank:], 1, 2)
 
 
 def _scales(mechanism: Mechanism, count: int) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import dot
 from mechsim.maths.arrays import Array
+from mechsim.maths.complex_step import size_of
 from mechsim.model.display import short_repr
 
 
@@ -68,7 +69,7 @@ def coefficients(unit: UnitMotion, acting: Applied, flywheel: float) -> Reduced:
     inertia, slope = generalised_inertia(unit)
     friction = np.zeros(len(unit))
     for part in acting.dry:
-        friction = friction + part.size * np.abs(part.rate)
+        friction = friction + part.size * size_of(part.rate)
     return Reduced(
         unit.angle,
         inertia + flywheel,

@@ -15,6 +15,7 @@ from mechsim.analytic.closure import Rows
 from mechsim.analytic.vector_method.rotations import cross, skew
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
+from mechsim.maths.complex_step import least_norm, null_space
 from mechsim.model.display import short_repr
 from mechsim.model.forces import Place, located
 from mechsim.model.mechanism import GROUND, End, Joint, Mechanism, Pose, Vector
@@ -178,9 +179,8 @@ def _idle(unit: UnitMotion) -> Array:
     if not passive:
         return np.zeros((n, count, 6, 0))
     scale = np.tile([mechanism.size] * 3 + [1.0] * 3, count)
-    _, _, right = np.linalg.svd(unit.held_rows.jacobian * scale, full_matrices=True)
-    null = right[:, -passive:] * scale
-    return np.swapaxes(null, 1, 2).reshape(n, count, 6, passive)
+    null = null_space(unit.held_rows.jacobian * scale, passive, closure.RANK_TOLERANCE)
+    return (null * scale[:, None]).reshape(n, count, 6, passive)
 
 
 def _require_round(unit: UnitMotion, idle: Array) -> None:
@@ -224,8 +224,8 @@ def _without_spin(unit: UnitMotion, idle: Array) -> tuple[Array, Array]:
     # the second rates that what is driven has, whatever spins
     asked = (before.jacobian @ unit.bias.reshape(n, -1, 1))[..., 0] + before.bias
     scale = np.tile([unit.mechanism.size] * 3 + [1.0] * 3, count)
-    inverse = np.linalg.pinv(rows.jacobian * scale, rcond=closure.RANK_TOLERANCE)
-    bias = -(scale * (inverse @ (rows.bias - asked)[..., None])[..., 0]).reshape(n, count, 6)
+    least = least_norm(rows.jacobian * scale, rows.bias - asked, closure.RANK_TOLERANCE)
+    bias = -(scale * least).reshape(n, count, 6)
     moved = replace(unit, twist=twist, bias=bias)
     one, zero = np.ones(n), np.zeros(n)
     torque = (np.swapaxes(flat, 1, 2) @ moved.inertial(one, zero).reshape(n, -1, 1))[..., 0]
@@ -235,7 +235,7 @@ def _without_spin(unit: UnitMotion, idle: Array) -> tuple[Array, Array]:
 def mass_matrices(unit: UnitMotion) -> Array:
     """Return each link's 6 x 6 mass matrix about its origin, ground axes, (n, L, 6, 6)."""
     n, count = unit.twist.shape[:2]
-    out = np.zeros((n, count, 6, 6))
+    out = np.zeros((n, count, 6, 6), unit.twist.dtype)
     c, m = unit.centres, unit.masses[:, None, None]
     across = skew(c)
     out[..., :3, :3] = m * np.eye(3)

@@ -1,0 +1,85 @@
+"""Derivatives of drive torques and joint reactions by dimensions, at the same motion of the drivers."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.analytic.derivatives.motion import followed_motion
+from mechsim.analytic.dynamics.friction import STILL
+from mechsim.analytic.dynamics.machines import Machine
+from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, moved_as
+from mechsim.analytic.dynamics.unit_motion import from_motion
+from mechsim.maths.arrays import Array
+from mechsim.maths.complex_step import change_of
+from mechsim.model.motion import Motion
+
+
+@dataclass(frozen=True, slots=True)
+class EffortDerivatives:
+    """Efforts and their derivatives by dimensions, as columns of a table in SI.
+
+    Attributes:
+        columns: name -> values, (n,), as `InverseDynamics.columns` names them.
+        by: dimension -> derivatives of the columns, in SI per SI unit of the dimension.
+        open: columns of reactions that rigid links do not determine, whose derivatives mean nothing.
+    """
+
+    columns: Mapping[str, Array]
+    by: Mapping[str, Mapping[str, Array]]
+    open: frozenset[str]
+
+
+def effort_derivatives(
+    machine: Machine,
+    change: Mapping[str, Array],
+    angles: ArrayLike,
+    speed: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+) -> EffortDerivatives:
+    """Return what drives and joints carry, and its exact derivatives by dimensions.
+
+    Args:
+        machine: mechanism with masses, and what acts on it, which does not change.
+        change: dimension -> derivatives of the machine's numbers, as `changes` gives them of a description
+            that has masses.
+        angles: of the crank, or of the clock of programs, (n,) in [rad].
+        speed: of it, scalar or (n,) in [rad/s].
+        acceleration: of it, scalar or (n,) in [rad/s2].
+
+    Raises:
+        AssemblyError: as `motion_derivatives`.
+
+    Accuracy: about 1e-15 times the condition of the loops, as efforts have it.
+    """
+    followed = followed_motion(machine.drive, machine.mechanism, angles, 1.0, 0.0)
+    at = followed.instants.at
+    rates = [np.broadcast_to(np.asarray(one, dtype=np.float64), at.shape) for one in (speed, acceleration)]
+    study = _study(machine, followed.motion(), *rates)
+    by: dict[str, dict[str, Array]] = {}
+    for name, slope in change.items():
+        mechanism, motion = followed.changed(name, slope)
+        found = _study(replace(machine, mechanism=mechanism), motion, *rates)
+        by[name] = {column: change_of(values) for column, values in found.columns()}
+    left = {joint: one.open for joint, one in study.efforts.reactions.items()}
+    open_ = frozenset(f"{joint}.{part}" for joint, parts in left.items() for part in parts)
+    return EffortDerivatives(dict(study.columns()), by, open_)
+
+
+def _study(machine: Machine, motion: Motion, speed: Array, acceleration: Array) -> InverseDynamics:
+    """Return the inverse dynamics of a machine that moves so at unit speed of its crank."""
+    standing = np.abs(speed) <= STILL * np.abs(speed).max()
+    unit = from_motion(machine.mechanism, motion)
+    return moved_as(
+        machine, unit, speed, acceleration, _times(machine, motion, speed, acceleration), standing
+    )
+
+
+def _times(machine: Machine, motion: Motion, speed: Array, acceleration: Array) -> Array | None:
+    """Return times in [s] of programs, or of a crank at constant speed; None where they are not known."""
+    programs = getattr(machine.drive, "programs", None)
+    if programs is not None:
+        return motion.angle / programs.pace
+    steady = np.ptp(speed) == 0.0 and speed[0] != 0.0 and not acceleration.any()
+    return motion.angle / speed if steady else None
