@@ -62,6 +62,10 @@ COMMANDS = {
         "Plot motions, curves, transmission, errors, velocity plans, dynamics or studies: "
         ".svg, .pdf or .png.",
     ),
+    "sensitivity": (
+        "sensitivity.sensitivity",
+        "Derive quantities by dimensions, exactly; say what tolerances make of them, and who is to blame.",
+    ),
     "trace": (
         "trace.trace",
         "Trace all assemblies of a mechanism with one freedom as closed curves, past every dead centre.",

@@ -11,6 +11,7 @@ from mechsim.analytic.derivatives.catalog_family import catalog_family
 from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
 from mechsim.analytic.derivatives.joint_places import placed_family
 from mechsim.analytic.forms import Form
+from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects import gallery
 from mechsim.subjects.checked_values import is_quantity
@@ -51,7 +52,12 @@ def family(
         changed = {name: repr(float(value)) for name, value in values.items()}
         return load(model, given | changed, **asked) if values else form
 
-    return DesignFamily(form.name, found, lambda values: make(values).mechanism, make)
+    def forces(values: Mapping[str, float]) -> Forces | None:
+        made = make(values)
+        return made.forces if isinstance(made, LoopForm) else None
+
+    acted = forces if form.forces is not None else None
+    return DesignFamily(form.name, found, lambda values: make(values).mechanism, make, acted)
 
 
 def _toml(model: str) -> str | None:

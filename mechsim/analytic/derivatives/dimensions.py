@@ -9,6 +9,7 @@ from mechsim.analytic.derivatives.numbers import numbers_of
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError, MechsimError
 from mechsim.maths.arrays import Array
+from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 
 # weights of the values a step, two, three and four steps ahead, and minus them behind, divided by the step
@@ -48,6 +49,7 @@ class DesignFamily:
         describe: name -> value in SI, of those that change, makes the description; it need not be one that
             can be put together.
         make: the same makes what moves, checked.
+        forces: the same makes what acts on it, where a file says; None where nothing is said.
         usual: names of the dimensions that are meant by all of them; empty for every one.
     """
 
@@ -55,6 +57,7 @@ class DesignFamily:
     dimensions: Mapping[str, Dimension]
     describe: Callable[[Mapping[str, float]], Mechanism]
     make: Callable[[Mapping[str, float]], Form]
+    forces: Callable[[Mapping[str, float]], Forces | None] | None = None
     usual: tuple[str, ...] = ()
 
     def values(self) -> dict[str, float]:
@@ -63,14 +66,15 @@ class DesignFamily:
 
 
 def changes(
-    family: DesignFamily, names: Sequence[str], prepare: Callable[[Mechanism], Mechanism] = lambda one: one
+    family: DesignFamily, names: Sequence[str], numbers: Callable[[Mapping[str, float]], Array] | None = None
 ) -> dict[str, Array]:
     """Return the derivatives of a mechanism's numbers by dimensions: name -> (k,), as `numbers_of` has them.
 
     Args:
         family: the mechanism.
         names: of dimensions.
-        prepare: what is done to a description before its numbers are read, as giving it masses.
+        numbers: name -> value, of dimensions that change, to the numbers wanted; those of the description
+            if left out.
 
     Raises:
         InputError: where a description has a kink at a dimension, or cannot be made beside it.
@@ -78,15 +82,16 @@ def changes(
     Accuracy: a description is arithmetic: differences of eighth order over binary steps give its derivatives
         to about 1e-14 of the dimensions; a sixth order that disagrees by more than 1e-7 of them is refused.
     """
+    taken = numbers or (lambda values: numbers_of(family.describe(values)))
     size = family.describe({}).size
-    return {name: _change(family, family.dimensions[name], size, prepare) for name in names}
+    return {name: _change(family, family.dimensions[name], size, taken) for name in names}
 
 
 def _change(
-    family: DesignFamily, dimension: Dimension, size: float, prepare: Callable[[Mechanism], Mechanism]
+    family: DesignFamily, dimension: Dimension, size: float, taken: Callable[[Mapping[str, float]], Array]
 ) -> Array:
     def numbers(value: float) -> Array:
-        return numbers_of(prepare(family.describe({dimension.name: value})))
+        return taken({dimension.name: value})
 
     here = numbers(dimension.value)
     for scale in _scales(dimension, size):

@@ -6,13 +6,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mechsim.analytic.derivatives.force_numbers import force_numbers, with_force_numbers
 from mechsim.analytic.derivatives.motion import followed_motion
+from mechsim.analytic.derivatives.numbers import numbers_of
 from mechsim.analytic.dynamics.friction import STILL
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, moved_as
 from mechsim.analytic.dynamics.unit_motion import from_motion
 from mechsim.maths.arrays import Array
-from mechsim.maths.complex_step import change_of
+from mechsim.maths.complex_step import change_of, stepped
+from mechsim.model.forces import Forces
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 
 
@@ -41,9 +45,8 @@ def effort_derivatives(
     """Return what drives and joints carry, and its exact derivatives by dimensions.
 
     Args:
-        machine: mechanism with masses, and what acts on it, which does not change.
-        change: dimension -> derivatives of the machine's numbers, as `changes` gives them of a description
-            that has masses.
+        machine: mechanism with masses, and what acts on it.
+        change: dimension -> derivatives of `machine_numbers`, as `changes` gives them.
         angles: of the crank, or of the clock of programs, (n,) in [rad].
         speed: of it, scalar or (n,) in [rad/s].
         acceleration: of it, scalar or (n,) in [rad/s2].
@@ -58,13 +61,21 @@ def effort_derivatives(
     rates = [np.broadcast_to(np.asarray(one, dtype=np.float64), at.shape) for one in (speed, acceleration)]
     study = _study(machine, followed.motion(), *rates)
     by: dict[str, dict[str, Array]] = {}
+    acting = force_numbers(machine.forces)
     for name, slope in change.items():
-        mechanism, motion = followed.changed(name, slope)
-        found = _study(replace(machine, mechanism=mechanism), motion, *rates)
+        own, others = np.split(slope, [len(slope) - len(acting)])
+        mechanism, motion = followed.changed(name, own)
+        forces = with_force_numbers(machine.forces, stepped(acting, others))
+        found = _study(replace(machine, mechanism=mechanism, forces=forces), motion, *rates)
         by[name] = {column: change_of(values) for column, values in found.columns()}
     left = {joint: one.open for joint, one in study.efforts.reactions.items()}
     open_ = frozenset(f"{joint}.{part}" for joint, parts in left.items() for part in parts)
     return EffortDerivatives(dict(study.columns()), by, open_)
+
+
+def machine_numbers(mechanism: Mechanism, forces: Forces) -> Array:
+    """Return the numbers of a mechanism with masses and of what acts on it, (k,) in SI."""
+    return np.concatenate([numbers_of(mechanism), force_numbers(forces)])
 
 
 def _study(machine: Machine, motion: Motion, speed: Array, acceleration: Array) -> InverseDynamics:

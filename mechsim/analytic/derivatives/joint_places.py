@@ -38,7 +38,7 @@ def placed_family(form: Form) -> DesignFamily:
         name: Dimension(name, value, unit) for joint in mechanism.joints for name, value, unit in _of(joint)
     }
     usual = tuple(name for name in found if name.count(".") == 2 and ".at." in name)
-    return DesignFamily(form.name, found, describe, make, usual)
+    return DesignFamily(form.name, found, describe, make, usual=usual)
 
 
 def _of(joint: Joint) -> list[tuple[str, float, str]]:

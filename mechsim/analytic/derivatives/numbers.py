@@ -86,7 +86,7 @@ def _numbers(mechanism: Mechanism) -> Iterator[object]:
             yield from (link.inertia.mass, link.inertia.centre, link.inertia.moments)
 
 
-class _Taker:
+class Taker:
     """Takes numbers from a row, some at a time."""
 
     def __init__(self, row: Array):
@@ -111,7 +111,7 @@ def with_numbers(mechanism: Mechanism, numbers: Array) -> GivenMechanism:
 
     Its lengths are still counted in units of the size that it had.
     """
-    take = _Taker(numbers)
+    take = Taker(numbers)
     joints = tuple(_joint(joint, take) for joint in mechanism.joints)
     laws = tuple(_coupling(law, take) for law in mechanism.laws)
     holds = take.terms(mechanism.holds)
@@ -130,30 +130,31 @@ def with_numbers(mechanism: Mechanism, numbers: Array) -> GivenMechanism:
     return GivenMechanism(**own)
 
 
-def _end(end: End, take: _Taker) -> GivenEnd:
+def _end(end: End, take: Taker) -> GivenEnd:
     point, frame = take.tuple(3), take.some(9).reshape(3, 3)
-    return GivenEnd(end.link, _three(point), _three(frame[:, 2]), _three(frame[:, 0]), frame)
+    return GivenEnd(end.link, three(point), three(frame[:, 2]), three(frame[:, 0]), frame)
 
 
-def _joint(joint: Joint, take: _Taker) -> GivenJoint:
+def _joint(joint: Joint, take: Taker) -> GivenJoint:
     a, b = _end(joint.a, take), _end(joint.b, take)
     return GivenJoint(joint.name, joint.kind, a, b, take.some(1)[0], joint.lead)
 
 
-def _coupling(law: Coupling, take: _Taker) -> GivenCoupling:
+def _coupling(law: Coupling, take: Taker) -> GivenCoupling:
     coefficients, zeros = take.tuple(len(law.coefficients)), take.tuple(2)
     left, right = take.terms(law.left_terms), take.terms(law.right_terms)
     return GivenCoupling(law.name, left, right, coefficients, (zeros[0], zeros[1]), law.turns)
 
 
-def _link(link: Link, take: _Taker) -> Link:
+def _link(link: Link, take: Taker) -> Link:
     if link.inertia is None:
         return link
     mass, centre, moments = take.some(1)[0], take.tuple(3), take.some(9).reshape(3, 3).tolist()
-    a, b, c = (_three(row) for row in moments)
-    return Link(link.name, link.outline, GivenInertia(mass, _three(centre), (a, b, c)))
+    a, b, c = (three(row) for row in moments)
+    return Link(link.name, link.outline, GivenInertia(mass, three(centre), (a, b, c)))
 
 
-def _three(values: Sequence[float] | Array) -> tuple[float, float, float]:
+def three(values: Sequence[float] | Array) -> tuple[float, float, float]:
+    """Return three numbers as a tuple."""
     x, y, z = values
     return x, y, z

@@ -19,13 +19,23 @@ from mechsim.pictures.plots.figure import (
 )
 from mechsim.pictures.plots.motion import error_plot, motion_plot, transmission_plot
 from mechsim.pictures.plots.paths import DrawablePlan, coupler_curve, space_curve, velocity_plan_plot
+from mechsim.pictures.plots.sensitivity import (
+    Band,
+    PathBand,
+    ToleranceSheet,
+    sensitivity_plot,
+    tolerance_plot,
+)
 
 __all__ = [
     "COLOURS",
     "FORMATS",
     "AssemblyTable",
+    "Band",
     "DrawablePlan",
     "Format",
+    "PathBand",
+    "ToleranceSheet",
     "assembly_plot",
     "blank",
     "coupler_curve",
@@ -38,8 +48,10 @@ __all__ = [
     "free_plot",
     "motion_plot",
     "reaction_plot",
+    "sensitivity_plot",
     "space_curve",
     "styled",
+    "tolerance_plot",
     "torque_plot",
     "transmission_plot",
     "velocity_plan_plot",

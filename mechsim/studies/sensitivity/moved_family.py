@@ -1,0 +1,254 @@
+"""A family of mechanisms moved in one manner: its quantities, and their derivatives by dimensions."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
+from mechsim.analytic.derivatives.dynamics import effort_derivatives, machine_numbers
+from mechsim.analytic.derivatives.joint_places import AXES, placed_family
+from mechsim.analytic.dynamics import Machine, machine, prescribed
+from mechsim.analytic.forms import Form
+from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
+from mechsim.model.forces import Forces
+from mechsim.model.joints import KINDS
+from mechsim.model.rod_inertia import STEEL, with_inertia
+from mechsim.studies.motion_source import programs_of
+from mechsim.studies.sensitivity.quantities import columns_of, is_effort
+from mechsim.studies.sensitivity.tolerances import CLEARANCE
+
+# instants of a motion where none are asked for, and how near to a dead centre they come, as part of the range
+INSTANTS, CLEAR = 73, 0.01
+
+Columns = dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Loading:
+    """What the links are made of, and what acts on a mechanism.
+
+    Attributes:
+        forces: what acts on one; None takes what its file says.
+        density: of links, which are round rods where they have no inertia, in [kg/m3].
+        diameter: of those rods in [m]; None takes 0.05 of the size.
+    """
+
+    forces: Callable[[Form], Forces] | None = None
+    density: float = STEEL
+    diameter: float | None = None
+
+    def acting(self, form: Form) -> Forces:
+        """Return what acts on a mechanism."""
+        if self.forces is not None:
+            return self.forces(form)
+        own = form.forces if isinstance(form, LoopForm) else None
+        return own or Forces()
+
+    def machine(self, form: Form) -> Machine:
+        """Return a mechanism with masses and what acts on it."""
+        return machine(form, self.acting(form), density=self.density, diameter=self.diameter)
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """Quantities of a mechanism and their derivatives.
+
+    Attributes:
+        values: column -> (n,), in SI.
+        by: dimension -> column -> derivative, (n,).
+    """
+
+    values: Mapping[str, Array]
+    by: Mapping[str, Mapping[str, Array]]
+
+
+@dataclass(frozen=True)
+class MovedFamily:
+    """A family, and how each of it is moved.
+
+    Attributes:
+        family: the mechanisms.
+        angles: of the crank, or of the clock of programs, (n,) in [rad].
+        speed: of the crank in [rad/s]; programs have their own.
+        loading: what efforts are of.
+    """
+
+    family: DesignFamily
+    angles: Array
+    speed: float
+    loading: Loading = Loading()
+
+    @cached_property
+    def form(self) -> Form:
+        """The mechanism as it stands."""
+        return self.family.make({})
+
+    @cached_property
+    def over(self) -> tuple[str, Array]:
+        """What tells the instants apart: crank angle in [rad], or t in [s] under programs."""
+        programs = programs_of(self.form)
+        return ("angle", self.angles) if programs is None else ("t", self.angles / programs.pace)
+
+    @property
+    def rate(self) -> float:
+        """Speed of the crank or of the clock, in [rad/s]."""
+        programs = programs_of(self.form)
+        return self.speed if programs is None else programs.pace
+
+    def quantities(self, asked: Sequence[str]) -> list[str]:
+        """Return the columns that names stand for (see `columns_of`).
+
+        Raises:
+            InputError: for an unknown name, or a reaction that rigid links do not determine.
+        """
+        known = dict(motion_derivatives(self.form, {}, self.angles[:1]).motion.columns())
+        left: tuple[str, ...] = ()
+        if any(is_effort(one) for one in asked):
+            study = prescribed(self.loading.machine(self.form), self.angles[:1], self.rate)
+            known |= dict(study.columns())
+            left = tuple(
+                f"{name}.{part}" for name, one in study.efforts.reactions.items() for part in one.open
+            )
+        found = columns_of(asked, list(known), self.form.mechanism)
+        if told := [one for one in found if one in left and one in asked]:
+            raise InputError(
+                f"{self.form.name}: rigid links do not determine {told[0]}, so that it has no derivative; "
+                f"ask for another ({', '.join(left)} are not determined)"
+            )
+        return [one for one in found if one not in left]
+
+    def values(self, columns: Sequence[str], dimensions: Mapping[str, float]) -> Columns:
+        """Return quantities of a mechanism with other dimensions, solved.
+
+        Args:
+            columns: quantities.
+            dimensions: name -> value in SI, of those that change.
+
+        Raises:
+            AssemblyError: where its loops do not close.
+            InputError: for dimensions that no mechanism can have.
+        """
+        form = self.family.make(dimensions)
+        found: Columns = {}
+        moved = [one for one in columns if not is_effort(one)]
+        if moved:
+            found |= dict(form.solve(self.angles, self.rate).columns())
+            if not all(one in found for one in moved):
+                found |= dict(LoopForm(form.mechanism).solve(self.angles, self.rate).columns())
+        if len(moved) < len(columns):
+            found |= dict(prescribed(self.loading.machine(form), self.angles, self.rate).columns())
+        return {one: found[one] for one in columns}
+
+    def slopes(
+        self, columns: Sequence[str], names: Sequence[str], at: Mapping[str, float] | None = None
+    ) -> Slopes:
+        """Return quantities and their exact derivatives by dimensions.
+
+        Args:
+            columns: quantities.
+            names: dimensions.
+            at: name -> value in SI, of dimensions that are changed before.
+
+        Raises:
+            AssemblyError: where loops do not close, or a dimension alone would tear them open.
+        """
+        here = beside(self.family, at or {})
+        form = here.make({})
+        motion, efforts = (any(is_effort(one) is kind for one in columns) for kind in (False, True))
+        return self._found(
+            form,
+            columns,
+            changes(here, names) if motion else None,
+            changes(here, names, self._numbers(here)) if efforts else None,
+        )
+
+    def play(self, columns: Sequence[str], joint: str) -> list[Columns]:
+        """Return derivatives of quantities by shifts of a joint's pin in its hole, square to a hinge's axis.
+
+        One for each direction, per metre; masses stay where they are.
+
+        Raises:
+            AssemblyError: where a shift would tear loops open that repeat each other.
+        """
+        mechanism = self.form.mechanism
+        names = [f"{joint}.b.at.{axis}" for axis in AXES]
+        by_axis = np.array([*changes(placed_family(LoopForm(mechanism)), names).values()])
+        directions = mechanism.joint(joint).b.frame.T[: 3 if KINDS[mechanism.joint(joint).kind].ball else 2]
+        change = {f"{joint}{CLEARANCE}{i}": one @ by_axis for i, one in enumerate(directions)}
+        full = len(self._numbers(self.family)({})) if any(is_effort(one) for one in columns) else 0
+        wide = {name: np.pad(one, (0, full - len(one))) for name, one in change.items()} if full else None
+        found = self._found(self.form, columns, change, wide)
+        return [dict(one) for one in found.by.values()]
+
+    def _found(
+        self,
+        form: Form,
+        columns: Sequence[str],
+        change: Mapping[str, Array] | None,
+        machine_change: Mapping[str, Array] | None,
+    ) -> Slopes:
+        """Return quantities and derivatives by changes of a mechanism's numbers and of a machine's."""
+        values: Columns = {}
+        by: dict[str, Columns] = {name: {} for name in (change or machine_change or {})}
+        if change is not None:
+            found = motion_derivatives(form, change, self.angles, self.rate)
+            values |= dict(found.motion.columns())
+            for name, motion in found.by.items():
+                by[name] |= dict(motion.columns())
+        if machine_change is not None:
+            told = effort_derivatives(self.loading.machine(form), machine_change, self.angles, self.rate)
+            values |= told.columns
+            for name, moved in told.by.items():
+                by[name] |= moved
+        return Slopes(
+            {one: values[one] for one in columns},
+            {name: {one: own[one] for one in columns} for name, own in by.items()},
+        )
+
+    def _numbers(self, family: DesignFamily) -> Callable[[Mapping[str, float]], Array]:
+        """Return what gives the numbers of a machine of the family."""
+        still = self.loading.acting(family.make({}))
+
+        def numbers(values: Mapping[str, float]) -> Array:
+            mechanism = with_inertia(family.describe(values), self.loading.density, self.loading.diameter)
+            # where a file says what acts, its dimensions may change that too
+            acting = still if family.forces is None else self.loading.acting(family.make(values))
+            return machine_numbers(mechanism, acting)
+
+        return numbers
+
+
+def beside(family: DesignFamily, values: Mapping[str, float]) -> DesignFamily:
+    """Return the same family seen from a mechanism with other dimensions."""
+    if not values:
+        return family
+    own = dict(values)
+    forces = family.forces
+    return DesignFamily(
+        family.name,
+        {name: replace(one, value=own.get(name, one.value)) for name, one in family.dimensions.items()},
+        lambda more: family.describe(own | dict(more)),
+        lambda more: family.make(own | dict(more)),
+        None if forces is None else lambda more: forces(own | dict(more)),
+        family.usual,
+    )
+
+
+def instants_of(form: Form) -> Array:
+    """Return angles of the crank or of the programs' clock spread over what it can do, (n,) in [rad].
+
+    A crank that only swings keeps away from its dead centres, where derivatives have no bound.
+    """
+    programs = programs_of(form)
+    if programs is not None:
+        return np.linspace(0.0, programs.pace * programs.duration, INSTANTS)
+    arcs = form.crank_range()
+    if arcs.full:
+        return np.linspace(0.0, 2.0 * np.pi, INSTANTS)
+    low, high = max(arcs.arcs, key=lambda arc: arc[1] - arc[0])
+    clear = CLEAR * (high - low)
+    return np.linspace(low + clear, high - clear, INSTANTS)

@@ -1,0 +1,176 @@
+"""What tolerances make of a motion: worst case, root of squares, Monte Carlo, and the share of each."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechsim.maths.arrays import Array
+from mechsim.model.display import short_repr
+from mechsim.studies.sensitivity.derivative_table import Sensitivity
+from mechsim.studies.sensitivity.expansion import Solved, Watch, solves
+from mechsim.studies.sensitivity.monte_carlo import CHECKED, Sampled, sampled
+from mechsim.studies.sensitivity.tolerances import CLEARANCE, Tolerances, tolerances_of
+
+SAMPLES, SEED = 100_000, 1
+
+
+@dataclass(frozen=True)
+class ToleranceStudy:
+    """What tolerances make of quantities over a motion; all that is off is in SI.
+
+    Attributes:
+        table: the quantities and their derivatives by the dimensions that have tolerances.
+        tolerances: of dimensions, and clearances of joints.
+        offs: dimension or JOINT.clearance -> what it puts quantities off by at its bound: a row for a dimension,
+            one for each direction of a pin in its hole, by quantity, (n,) each, to first order.
+        sampled: of Monte Carlo, all quantities one after the other; None where it was left out.
+    """
+
+    table: Sensitivity
+    tolerances: Tolerances
+    offs: Mapping[str, Sequence[Mapping[str, Array]]]
+    sampled: Sampled | None
+
+    __repr__ = short_repr
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    def worst(self, quantity: str) -> Array:
+        """Return by how much a quantity is off where all conspire, to first order, (n,)."""
+        return np.sum([np.sqrt(self._squared(name, quantity)) for name in self.offs], 0)
+
+    def squares(self, quantity: str) -> Array:
+        """Return the root of the sum of squares of what each puts off at most, (n,)."""
+        return np.sqrt(np.sum([self._squared(name, quantity) for name in self.offs], 0))
+
+    def deviation(self, quantity: str) -> Array:
+        """Return the standard deviation of a quantity to first order, (n,)."""
+        return np.sqrt(np.sum([self._variance(name, quantity) for name in self.offs], 0))
+
+    def shares(self, quantity: str) -> dict[str, float]:
+        """Return the part of a quantity's variance that each makes, over the motion; they add up to 1."""
+        variances = {name: float(self._variance(name, quantity).sum()) for name in self.offs}
+        total = sum(variances.values())
+        return {name: one / total if total > 0.0 else 0.0 for name, one in variances.items()}
+
+    def across(self, quantities: Sequence[str], direction: Array) -> list[Array]:
+        """Return by how much each puts some quantities off at most along a direction, (n,) each.
+
+        Args:
+            quantities: k of them, as the coordinates of a point.
+            direction: unit vectors, (n, k).
+        """
+
+        def along(one: Mapping[str, Array]) -> Array:
+            return (direction * np.column_stack([one[name] for name in quantities])).sum(1)
+
+        return [np.sqrt(np.sum([along(one) ** 2 for one in own], 0)) for own in self.offs.values()]
+
+    def _squared(self, name: str, quantity: str) -> Array:
+        return np.sum([one[quantity] ** 2 for one in self.offs[name]], 0)
+
+    def _variance(self, name: str, quantity: str) -> Array:
+        rows = self.offs[name]
+        # one direction's part of the variance of a pin anywhere in a disc or a ball
+        spread = 1.0 / np.sqrt(len(rows) + 2.0) if len(rows) > 1 else self.tolerances.spread
+        return spread**2 * self._squared(name, quantity)
+
+    def random(self, quantity: str) -> dict[str, Array]:
+        """Return what Monte Carlo says of a quantity, (n,) each: mean, std, low, high, least, most."""
+        if self.sampled is None:
+            return {}
+        place = list(self.table.values).index(quantity)
+        part = slice(place * len(self), (place + 1) * len(self))
+        names = {
+            "mean": "mean",
+            "std": "deviation",
+            "low": "low",
+            "high": "high",
+            "least": "least",
+            "most": "most",
+        }
+        return {name: getattr(self.sampled, field)[part] for name, field in names.items()}
+
+    def columns(self) -> Iterator[tuple[str, Array]]:
+        """Yield the crank angle or the time, and of each quantity itself and by how much it is off.
+
+        Q, Q.worst, Q.rss, Q.deviation to first order, and of Monte Carlo Q.mean, Q.std, Q.low, Q.high (2.5 %
+        lie beyond either), Q.least and Q.most.
+        """
+        yield self.table.moved.over
+        for quantity, values in self.table.values.items():
+            yield quantity, values
+            yield f"{quantity}.worst", self.worst(quantity)
+            yield f"{quantity}.rss", self.squares(quantity)
+            yield f"{quantity}.deviation", self.deviation(quantity)
+            for name, one in self.random(quantity).items():
+                yield f"{quantity}.{name}", one
+
+
+def tolerance_study(
+    table: Sensitivity,
+    tolerances: Mapping[str, str | float] | Tolerances,
+    *,
+    samples: int = SAMPLES,
+    seed: int = SEED,
+    watch: Callable[[str, float], None] = lambda _, __: None,
+) -> ToleranceStudy:
+    """Return what tolerances make of the quantities of a table.
+
+    Args:
+        table: quantities and derivatives by every dimension that has a tolerance.
+        tolerances: dimension or JOINT.clearance -> bound, as text with a unit or in SI.
+        samples: of Monte Carlo; 0 leaves it out.
+        seed: of its random numbers.
+        watch: told now and then how far it has come, in words and as a part of the whole.
+
+    Raises:
+        InputError: for a name that is none, or tolerances that leave no assembly.
+        AssemblyError: where a clearance would tear loops open that repeat each other.
+    """
+    moved = table.moved
+    asked = (
+        tolerances
+        if isinstance(tolerances, Tolerances)
+        else tolerances_of(tolerances, moved.family.dimensions, moved.form.mechanism)
+    )
+    columns = list(table.values)
+    by = {name: table.by[name] for name in asked.bounds if name in table.by}
+    if missing := [name for name in asked.bounds if name not in by]:
+        by |= moved.slopes(columns, missing).by
+    offs: dict[str, list[dict[str, Array]]] = {
+        name: [{one: by[name][one] * bound for one in columns}] for name, bound in asked.bounds.items()
+    }
+    plays = {
+        joint: [{one: radius * own[one] for one in columns} for own in moved.play(columns, joint)]
+        for joint, radius in asked.clearances.items()
+    }
+    found = None
+    if samples:
+        width = len(table) * len(columns)
+        slope = np.array([_row(one, columns) for (one,) in offs.values()]).reshape(len(offs), width)
+        values = np.concatenate([table.values[one] for one in columns])
+        angular = np.repeat([table.units[one] == "rad" for one in columns], len(table))
+        solved = Solved(moved, columns, asked.bounds, values, angular)
+        loose = [np.array([_row(one, columns) for one in own]) for own in plays.values()]
+        tick = _counted(watch, CHECKED + (solves(len(slope)) if len(slope) else 0))
+        found = sampled(solved, slope, loose, asked, samples, seed, tick)
+    offs |= {joint + CLEARANCE: own for joint, own in plays.items()}
+    return ToleranceStudy(table, asked, offs, found)
+
+
+def _row(off: Mapping[str, Array], columns: Sequence[str]) -> Array:
+    return np.concatenate([off[one] for one in columns])
+
+
+def _counted(watch: Callable[[str, float], None], total: int) -> Watch:
+    done = 0
+
+    def tick() -> None:
+        nonlocal done
+        done += 1
+        watch(f"{done} of {total} mechanisms", min(1.0, done / total))
+
+    return tick

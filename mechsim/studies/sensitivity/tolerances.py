@@ -1,0 +1,144 @@
+"""Tolerances of dimensions and clearances of joints: as they are written, and what they are."""
+
+import csv
+import io
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+
+from mechsim import units
+from mechsim.analytic.derivatives import Dimension
+from mechsim.errors import InputError
+from mechsim.model.joints import KINDS, kinds_that
+from mechsim.model.mechanism import Joint, Mechanism
+from mechsim.subjects.toml_source import nearest
+from mechsim.units import Unit
+
+Distribution = Literal["uniform", "normal"]
+DISTRIBUTIONS: tuple[Distribution, ...] = get_args(Distribution)
+# what follows a joint's name where its clearance is meant
+CLEARANCE = ".clearance"
+# standard deviation of a dimension anywhere within its bounds, and of one whose bounds are three of them
+SPREAD: dict[Distribution, float] = {"uniform": 1.0 / np.sqrt(3.0), "normal": 1.0 / 3.0}
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerances:
+    """Bounds of dimensions and radial clearances of joints.
+
+    Attributes:
+        bounds: dimension -> largest deviation to either side, in SI.
+        clearances: hinge or ball -> how far its pin can be off its hole's centre, in [m].
+        distribution: how dimensions lie between their bounds.
+    """
+
+    bounds: Mapping[str, float]
+    clearances: Mapping[str, float]
+    distribution: Distribution = "uniform"
+
+    @property
+    def spread(self) -> float:
+        """The standard deviation of a dimension, in parts of its bound."""
+        return SPREAD[self.distribution]
+
+
+def tolerances_of(
+    written: Mapping[str, str | float],
+    dimensions: Mapping[str, Dimension],
+    mechanism: Mechanism,
+    distribution: str = "uniform",
+) -> Tolerances:
+    """Return tolerances from names and bounds; a bare number is SI, ± and +- may stand before one.
+
+    Args:
+        written: dimension, or JOINT.clearance -> bound.
+        dimensions: those there are.
+        mechanism: whose joints have clearances.
+        distribution: "uniform" between the bounds, or "normal" with bounds of three standard deviations.
+
+    Raises:
+        InputError: for a name that is none, or a bound that is no positive finite number.
+    """
+    if distribution not in DISTRIBUTIONS:
+        raise InputError(f"the distribution is {distribution!r}; known are {', '.join(DISTRIBUTIONS)}")
+    bounds: dict[str, float] = {}
+    clearances: dict[str, float] = {}
+    joints = {joint.name: joint for joint in mechanism.joints}
+    for name, bound in written.items():
+        if name.endswith(CLEARANCE):
+            joint = name.removesuffix(CLEARANCE)
+            if joint not in joints:
+                raise InputError(f"{mechanism.name} has no joint {joint!r}{nearest(joint, joints)}")
+            _require_pin(joints[joint])
+            clearances[joint] = _bound(name, bound, "m")
+        elif name in dimensions:
+            bounds[name] = _bound(name, bound, dimensions[name].unit)
+        else:
+            raise InputError(f"{mechanism.name} has no dimension {name!r}{nearest(name, dimensions)}")
+    if not bounds and not clearances:
+        raise InputError("no tolerance is given; write crank=±0.02mm, or name a table dimension,tolerance")
+    return Tolerances(bounds, clearances, "normal" if distribution == "normal" else "uniform")
+
+
+def _bound(name: str, written: str | float, unit: str) -> float:
+    if isinstance(written, str):
+        of: Unit = "m" if unit == "m" else "rad" if unit == "rad" else "1"
+        value = units.parse(written.strip().removeprefix("±").removeprefix("+-"), of, f"tolerance of {name}")
+    else:
+        value = float(written)
+    if not 0.0 < value < np.inf:
+        raise InputError(f"tolerance of {name} is {written}; give a number above 0, as ±0.02mm")
+    return value
+
+
+def _require_pin(joint: Joint) -> None:
+    kind = KINDS[joint.kind]
+    if not (kind.hinge or (kind.ball and not kind.slides)):
+        known = kinds_that(lambda one: one.hinge or (one.ball and not one.slides))
+        raise InputError(
+            f"joint {joint.name!r} is {joint.kind}; a radial clearance is known of {known} joints"
+        )
+
+
+def written_tolerances(text: str) -> dict[str, str]:
+    """Return what `--tolerances` says: NAME=±BOUND,... or a table of two columns in FILE.csv.
+
+    Raises:
+        InputError: for what is neither.
+    """
+    if text.lower().endswith(".csv"):
+        return _table(text)
+    pairs = [part.partition("=") for part in text.split(",") if part.strip()]
+    for name, equals, _ in pairs:
+        if not equals or not name.strip():
+            raise InputError(
+                f"--tolerances holds {name.strip()!r}, which is no NAME=BOUND; "
+                "write crank=±0.02mm, or FILE.csv"
+            )
+    return _unique((name.strip(), bound.strip()) for name, _, bound in pairs)
+
+
+def _table(path: str) -> dict[str, str]:
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
+    rows = [[cell.strip() for cell in row] for row in csv.reader(io.StringIO(text)) if any(row)]
+    if not rows or [cell.lower() for cell in rows[0][:2]] != ["dimension", "tolerance"]:
+        raise InputError(f"{path} does not begin with the line dimension,tolerance; give it that head")
+    for number, row in enumerate(rows[1:], 2):
+        if len(row) < 2 or not row[0] or not row[1]:
+            raise InputError(f"{path}, line {number}: {','.join(row)!r} is no dimension,tolerance")
+    return _unique((row[0], row[1]) for row in rows[1:])
+
+
+def _unique(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for name, bound in pairs:
+        if name in found:
+            raise InputError(f"the tolerance of {name} is given twice; give it once")
+        found[name] = bound
+    return found
