@@ -4,18 +4,20 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from mechsim import files, units
 from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.cli.endings import tell
 from mechsim.errors import InputError, OutputError, require_extra
 from mechsim.model.forces import Forces
 from mechsim.model.programs import Programs
 from mechsim.model.scene import GRAVITY, Scene
+from mechsim.subjects.families import family
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.subject import load
 from mechsim.units import option
@@ -105,25 +107,38 @@ class DriveOptions:
 
 def form_of(model: str, sets: list[str] | None, driven: DriveOptions | None = None) -> Form:
     """Return what a command was given, with the parameters of `--set`, driven as it was asked."""
+    return _told(load(model, changed_by(sets), **_driven(driven)))
+
+
+def family_of(model: str, sets: list[str] | None, driven: DriveOptions | None = None) -> DesignFamily:
+    """Return the family of what a command was given; refuse several drivers without programs."""
+    found = family(model, changed_by(sets), **_driven(driven))
+    moving(_told(found.make({})))
+    return found
+
+
+def changed_by(sets: list[str] | None) -> dict[str, str]:
+    """Return the parameters that `--set` gives, as text."""
     read = pair_of("--set", "--set crank=13mm")
-    changed = {name: value or "" for name, value in map(read, sets or ())}
+    return {name: value or "" for name, value in map(read, sets or ())}
+
+
+def _driven(driven: DriveOptions | None) -> dict[str, Any]:
+    """Return how a mechanism is driven, as `load` takes it."""
     if driven is None:
-        return _told(load(model, changed))
+        return {}
     for what, pairs in (("--drive", driven.drive), ("--hold", driven.hold)):
         names = [name for name, _ in pairs]
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise InputError(f"{what} names {twice} twice; give it once")
-    form = load(
-        model,
-        changed,
-        drive=dict(driven.drive),
-        hold=dict(driven.hold),
-        hold_base=driven.hold_base,
-        key=driven.key,
-        track=driven.track,
-        duration=driven.duration,
-    )
-    return _told(form)
+    return {
+        "drive": dict(driven.drive),
+        "hold": dict(driven.hold),
+        "hold_base": driven.hold_base,
+        "key": driven.key,
+        "track": driven.track,
+        "duration": driven.duration,
+    }
 
 
 def _told(form: Form) -> Form:

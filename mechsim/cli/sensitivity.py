@@ -27,7 +27,7 @@ from mechsim.studies.sensitivity import (
     tolerances_of,
     written_tolerances,
 )
-from mechsim.studies.sensitivity.tolerance_study import SAMPLES, SEED
+from mechsim.studies.sensitivity.study import SAMPLES, SEED
 from mechsim.studies.sensitivity.tolerances import CLEARANCE, DISTRIBUTIONS
 from mechsim.units import option
 
@@ -72,7 +72,8 @@ class SensitivityOptions:
             raise InputError("no quantity is asked for; give --of, as in --of P3,rocker,torque")
         if not 0 <= self.samples <= MOST_SAMPLES or self.seed < 0:
             raise InputError(
-                f"--samples is {self.samples}, --seed {self.seed}; give 0 to {MOST_SAMPLES}, and a seed from 0"
+                f"--samples is {self.samples} and --seed {self.seed}; "
+                f"give 0 to {MOST_SAMPLES} samples and a seed from 0"
             )
         if self.tolerances is None and self.distribution != "uniform":
             raise InputError("--distribution is of tolerances, and none are given; add --tolerances")
@@ -88,7 +89,7 @@ def sensitivity(
     output: Output = None,
     as_json: Json = False,
 ) -> None:
-    """Derive quantities by dimensions, exactly; say what tolerances make of them, and which dimension is to blame.
+    """Derive quantities by dimensions, exactly; say what tolerances make of them, and who is to blame.
 
     The table has the columns angle and P3.x/crank ..., derivatives at the same position of the drivers in SI;
     with --tolerances P3.x, P3.x.worst, P3.x.rss ... as well.
@@ -101,7 +102,9 @@ def sensitivity(
     if programs_of(form) is not None and (asked.angles or asked.speed):
         what = "--angles" if asked.angles else "--speed"
         raise InputError(f"{what} is of a crank without a program; leave it out with --drive")
-    angles = instants_of(form) if asked.angles is None else units.parse_angles(asked.angles, "the crank angles")
+    angles = (
+        instants_of(form) if asked.angles is None else units.parse_angles(asked.angles, "the crank angles")
+    )
     loading = Loading(acting.forces, acting.density, acting.diameter)
     moved = MovedFamily(family, angles, speed_of(asked.speed or SPEED), loading)
     given = None
@@ -233,7 +236,9 @@ def _print_study(study: ToleranceStudy, where: str, at: Any) -> None:
     how = {1: "to first order", 2: "to second order", 0: "each solved"}[found.order]
     checked = f"; {found.solved} of them solved, which differ by {found.miss:.2g} standard deviations at most"
     lost = f"; {found.failed} could not be put together" if found.failed else ""
-    typer.echo(f"{found.samples} random mechanisms {how}{checked if found.order else lost} (seed {found.seed})")
+    typer.echo(
+        f"{found.samples} random mechanisms {how}{checked if found.order else lost} (seed {found.seed})"
+    )
 
 
 def _drawn(table: Sensitivity, study: ToleranceStudy | None) -> Any:

@@ -94,7 +94,10 @@ def test_an_import_that_fails_inside_mechsim_is_not_taken_for_a_missing_library(
 
     with pytest.raises(ModuleNotFoundError), needs("pictures"):
         import mechsim.nowhere  # noqa: F401
-    with pytest.raises(
-        MissingToolError, match=r"^nowhere is not installed; pip install 'mechsim\[pictures\]'"
-    ), needs("pictures"):
+    with (
+        pytest.raises(
+            MissingToolError, match=r"^nowhere is not installed; pip install 'mechsim\[pictures\]'"
+        ),
+        needs("pictures"),
+    ):
         import nowhere.at_all  # noqa: F401

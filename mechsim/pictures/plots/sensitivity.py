@@ -94,16 +94,23 @@ def sensitivity_plot(
     """
     _require_few(curves)
     figure, axes = blank(len(curves), 1, (7.2, 0.6 + 2.1 * len(curves)), sharex=True)
+    names = [*dict.fromkeys(name for lines in curves.values() for name in lines)]
     for ax, (quantity, lines) in zip(axes[:, 0], curves.items(), strict=True):
-        order = sorted(lines, key=lambda name: -float(np.abs(lines[name]).max(initial=0.0)))
-        for i, name in enumerate(order[:LINES]):
+        order = [name for name in _largest_first(lines) if lines[name].any()]
+        for name in order[:LINES]:
+            i = names.index(name)
             style = STYLES[i // len(COLOURS) % len(STYLES)]
             ax.plot(_axis(over, at), lines[name], style, color=COLOURS[i % len(COLOURS)], label=name)
         left = f", {len(order) - LINES} smaller left out" if len(order) > LINES else ""
         ax.set_title(f"derivatives of {quantity} [{units[quantity]} per SI unit]{left}")
-        ax.legend(**BESIDE)
+        if order:
+            ax.legend(**BESIDE)
     _across(axes[-1, 0], over)
     return figure
+
+
+def _largest_first(lines: Mapping[str, Array]) -> list[str]:
+    return sorted(lines, key=lambda name: -float(np.abs(lines[name]).max(initial=0.0)))
 
 
 @styled()
@@ -113,15 +120,17 @@ def tolerance_plot(sheet: ToleranceSheet) -> "Figure":
     Raises:
         InputError: for more quantities than a sheet holds.
     """
-    _require_few(sheet.bands)
-    rows = len(sheet.bands) + len(sheet.paths)
-    high = [4.0] * len(sheet.paths) + [2.1] * len(sheet.bands)
-    options = {"gridspec_kw": {"width_ratios": (3.0, 1.0), "height_ratios": high}}
+    bands = {name: band for name, band in sheet.bands.items() if band.worst.any()} or sheet.bands
+    _require_few(bands)
+    rows = len(bands) + len(sheet.paths)
+    high = [3.6] * len(sheet.paths) + [2.1] * len(bands)
+    options = {"gridspec_kw": {"width_ratios": (2.6, 1.0), "height_ratios": high}}
     figure, axes = blank(rows, 2, (8.4, 0.6 + sum(high)), **options)
     for row, path in zip(axes, sheet.paths, strict=False):
         _draw_path(row[0], path)
+        row[1].legend(*row[0].get_legend_handles_labels(), loc="center left", fontsize=8.0)
         row[1].set_axis_off()
-    for row, (quantity, band) in zip(axes[len(sheet.paths) :], sheet.bands.items(), strict=True):
+    for row, (quantity, band) in zip(axes[len(sheet.paths) :], bands.items(), strict=True):
         _draw_band(row[0], sheet, quantity, band)
         _draw_shares(row[1], band)
     _across(axes[-1, 0], sheet.over)
@@ -141,13 +150,14 @@ def _draw_path(ax: "Axes", path: PathBand) -> None:
         aside = normal * (times * width)[:, None] * 1e3
         there, back = flat * 1e3 + aside, flat * 1e3 - aside
         outline = np.concatenate([there, back[::-1]])
-        ax.fill(*outline.T, color=colour, alpha=0.35, linewidth=0.0, label=f"{label}, {times:g} times as wide")
+        ax.fill(
+            *outline.T, color=colour, alpha=0.35, linewidth=0.0, label=f"{label},\n{times:g} times as wide"
+        )
     ax.plot(*(flat * 1e3).T, color=INK, linewidth=1.0, label=f"path of {path.point}")
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_title(f"path of {path.point}, seen square to it; at most {widest * 1e3:.3g} mm aside")
     ax.set_xlabel("[mm]")
     ax.set_ylabel("[mm]")
-    ax.legend(**BESIDE)
 
 
 def in_plane(places: Array) -> tuple[Array, Array]:
@@ -168,21 +178,24 @@ def in_plane(places: Array) -> tuple[Array, Array]:
 def _draw_band(ax: "Axes", sheet: ToleranceSheet, quantity: str, band: Band) -> None:
     at = _axis(sheet.over, sheet.at)
     times, unit = {"m": (1e3, "mm"), "rad": (180.0 / np.pi, "°")}.get(band.unit, (1.0, band.unit))
-    ax.fill_between(at, -band.worst * times, band.worst * times, color=COLOURS[1], alpha=0.25, label="worst case")
+    ax.fill_between(
+        at, -band.worst * times, band.worst * times, color=COLOURS[1], alpha=0.25, label="worst case"
+    )
     ax.plot(at, band.squares * times, "--", color=COLOURS[0], label="root of squares")
     ax.plot(at, -band.squares * times, "--", color=COLOURS[0])
     if band.low is not None and band.high is not None:
         label = "95 % of random mechanisms"
         ax.fill_between(at, band.low * times, band.high * times, color=COLOURS[0], alpha=0.35, label=label)
     ax.set_title(f"{quantity} is off by [{unit}]")
-    ax.legend(fontsize=7.5, loc="best")
+    ax.margins(y=0.3)
+    ax.legend(fontsize=7.5, loc="upper center", ncols=3)
 
 
 def _draw_shares(ax: "Axes", band: Band) -> None:
     order = sorted(band.shares, key=lambda name: band.shares[name])[-8:]
     ax.barh(order, [100.0 * band.shares[name] for name in order], color=COLOURS[0])
     ax.tick_params(axis="y", labelsize=7.5)
-    ax.set_title("share of the variance [%]")
+    ax.set_title("share of the variance, %")
 
 
 def _axis(over: str, at: Array) -> Array:
@@ -204,4 +217,6 @@ def _round_number(value: float) -> float:
 
 def _require_few(of: Mapping[str, object]) -> None:
     if not 1 <= len(of) <= MOST:
-        raise InputError(f"{len(of)} quantities are asked for, and a sheet holds 1 to {MOST}; name fewer with --of")
+        raise InputError(
+            f"{len(of)} quantities are asked for, and a sheet holds 1 to {MOST}; name fewer with --of"
+        )

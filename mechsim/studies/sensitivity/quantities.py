@@ -37,7 +37,7 @@ def columns_of(asked: Iterable[str], known: Sequence[str], mechanism: Mechanism)
     Raises:
         InputError: for a name that is none of these, or none at all.
     """
-    there = [name for name in known if name not in GIVEN]
+    there = [name for name in known if name not in GIVEN and name not in mechanism.drivers]
     found: dict[str, None] = {}
     for name in asked:
         columns = _columns(name, there)

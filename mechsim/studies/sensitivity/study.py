@@ -7,9 +7,9 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
-from mechsim.studies.sensitivity.derivative_table import Sensitivity
 from mechsim.studies.sensitivity.expansion import Solved, Watch, solves
 from mechsim.studies.sensitivity.monte_carlo import CHECKED, Sampled, sampled
+from mechsim.studies.sensitivity.table import Sensitivity
 from mechsim.studies.sensitivity.tolerances import CLEARANCE, Tolerances, tolerances_of
 
 SAMPLES, SEED = 100_000, 1
@@ -22,8 +22,8 @@ class ToleranceStudy:
     Attributes:
         table: the quantities and their derivatives by the dimensions that have tolerances.
         tolerances: of dimensions, and clearances of joints.
-        offs: dimension or JOINT.clearance -> what it puts quantities off by at its bound: a row for a dimension,
-            one for each direction of a pin in its hole, by quantity, (n,) each, to first order.
+        offs: dimension or JOINT.clearance -> what it puts quantities off by at its bound, to first order: one
+            row of a dimension, one for each direction of a pin in its hole; by quantity, (n,) each.
         sampled: of Monte Carlo, all quantities one after the other; None where it was left out.
     """
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.studies.sensitivity.derivative_table import Sensitivity
-from mechsim.studies.sensitivity.tolerance_study import ToleranceStudy
+from mechsim.studies.sensitivity.study import ToleranceStudy
+from mechsim.studies.sensitivity.table import Sensitivity
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,79 @@
+"""Derivatives of torques and reactions by dimensions, against machines of other dimensions."""
+
+import numpy as np
+import pytest
+
+from mechsim.analytic import catalog, dynamics
+from mechsim.analytic.derivatives import changes
+from mechsim.analytic.derivatives.catalog_family import catalog_family
+from mechsim.analytic.derivatives.dynamics import effort_derivatives, machine_numbers
+from mechsim.model.forces import Forces, Friction, JointSpring, Spring
+from mechsim.model.rod_inertia import with_inertia
+
+ANGLES = np.array([0.4, 2.2, 3.9])
+PLACE = ("ground", (0.2, 0.1, 0.02))
+WEIGHED = Forces(gravity=(1.0, -9.81, 2.0))
+LOADED = Forces(
+    gravity=(1.0, -9.81, 2.0),
+    friction=(Friction("crank", 1e-3, 1e-3),),
+    joint_springs=(JointSpring("crank", 0.01, 0.2),),
+    springs=(Spring("C", PLACE, 50.0, 0.01, 0.2),),
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "forces", "dimension"),
+    [
+        ("four_bar", LOADED, "coupler"),
+        ("four_bar", LOADED, "arm_angle"),
+        # a coupler whose spin nothing determines
+        ("rssr", WEIGHED, "pivot.y"),
+        ("warp_knitter", WEIGHED, "gear_ratio"),
+        ("bennett", WEIGHED, "twist1"),
+    ],
+)
+def test_derivatives_of_efforts_are_those_of_the_machines_beside(name, forces, dimension):
+    family = catalog_family(catalog.make(name))
+
+    def machine(values):
+        return dynamics.machine(family.make(values), forces, diameter=0.004)
+
+    def numbers(values):
+        return machine_numbers(with_inertia(family.describe(values), diameter=0.004), forces)
+
+    found = effort_derivatives(machine({}), changes(family, [dimension], numbers), ANGLES, 30.0, 50.0)
+    value = family.dimensions[dimension].value
+    step = 1e-5 * max(abs(value), 0.01)
+    near = [
+        dict(dynamics.prescribed(machine({dimension: value + k * step}), ANGLES, 30.0, 50.0).columns())
+        for k in (-2, -1, 1, 2)
+    ]
+    told = found.by[dimension]
+    compared = [one for one in near[0] if one not in found.open and one not in ("time", "angle", "speed")]
+    assert "torque" in compared
+    assert len(compared) > 10
+    for column in compared:
+        a, b, c, d = (one[column] for one in near)
+        beside = [one for one in compared if one.rpartition(".")[2][:1] == column.rpartition(".")[2][:1]]
+        size = max(np.abs(told[one]).max() for one in beside)
+        assert np.abs((a - 8 * b + 8 * c - d) / (12 * step) - told[column]).max() <= 2e-7 * max(size, 1e-3)
+
+
+def test_a_springs_place_and_stiffness_have_derivatives_too():
+    family = catalog_family(catalog.make("four_bar"))
+
+    def forces(values):
+        return Forces(springs=(Spring("C", ("ground", (values.get("crank", 0.032), 0.1, 0.0)), 80.0, 0.02),))
+
+    def numbers(values):
+        return machine_numbers(with_inertia(family.describe({}), diameter=0.004), forces(values))
+
+    machine = dynamics.machine(family.make({}), forces({}), diameter=0.004)
+    found = effort_derivatives(machine, changes(family, ["crank"], numbers), ANGLES)
+    near = [
+        dynamics.prescribed(machine.with_forces(forces({"crank": 0.032 + step})), ANGLES, 1.0).efforts.torque
+        for step in (-1e-6, 1e-6)
+    ]
+    told = found.by["crank"]["torque"]
+    assert np.abs(told).max() > 0.1
+    assert np.abs((near[1] - near[0]) / 2e-6 - told).max() <= 1e-7 * np.abs(told).max()

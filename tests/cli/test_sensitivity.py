@@ -1,0 +1,75 @@
+"""Command `mechsim sensitivity`: table, JSON, plots, refusals."""
+
+import json
+
+import numpy as np
+import pytest
+from drawing import draws
+
+from mechsim import files
+
+
+@pytest.fixture
+def sensitivity(mechsim):
+    return lambda *words: mechsim("sensitivity", *words)
+
+
+def test_derivatives_are_written_told_and_drawn(sensitivity, tmp_path):
+    asked = ("rssr", "--of", "P3,rocker", "--to", "crank,pivot", "--angles", "0:300:100deg")
+    code, out, err = sensitivity(*asked, "-o", "d.csv", "--json")
+    assert code == 0, err
+    told = json.loads(out)
+    table = files.read(tmp_path / "d.csv")
+    names = [f"{q}/{p}" for q in ("P3.x", "P3.y", "P3.z", "rocker.q") for p in told["dimensions"]]
+    assert list(table) == ["angle", *names]
+    assert list(told["dimensions"]) == ["crank", "pivot.x", "pivot.y", "pivot.z"]
+    assert told["units"]["rocker.q/crank"] == "rad/m"
+    assert told["columns"]["P3.x/crank"] == table["P3.x/crank"].tolist()
+
+
+@draws
+def test_tolerances_are_told_and_their_bands_drawn(sensitivity, tmp_path):
+    given = "crank=±0.02mm,coupler=0.03mm,A.clearance=0.01mm"
+    asked = ("four_bar", "--of", "C", "--tolerances", given, "--samples", "500")
+    code, out, err = sensitivity(
+        *asked, "--angles", "0:360:60deg", "--plot", "band.svg", "-o", "t.csv", "--json"
+    )
+    assert code == 0, err
+    told = json.loads(out)["tolerances"]
+    one = told["quantities"]["C.x"]
+    assert one["worst"] >= one["rss"] >= one["deviation"] > 0.0
+    assert sum(one["shares"].values()) == pytest.approx(1.0)
+    assert told["monte_carlo"]["samples"] == 500
+    assert told["bounds"]["A.clearance"] == pytest.approx(1e-5)
+    table = files.read(tmp_path / "t.csv")
+    assert np.abs(table["C.x.worst"].max() - one["worst"]) <= 1e-18
+    assert {"C.x/crank", "C.y/coupler", "C.y.low", "C.y.std"} <= set(table)
+    assert (tmp_path / "band.svg").read_text().startswith("<?xml")
+
+
+@draws
+def test_a_plain_table_names_the_largest_and_what_was_drawn(sensitivity):
+    code, out, err = sensitivity("slider_crank", "--of", "B.x", "--angles", "0,1,2", "--plot", "d.svg")
+    assert code == 0, err
+    assert "B.x" in out
+    assert out.splitlines()[-1] == "wrote d.svg"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["four_bar"], "no quantity is asked for; give --of"),
+        (["four_bar", "--of", "rockr"], "did you mean 'rocker'"),
+        (["four_bar", "--of", "C", "--to", "arn"], "did you mean 'arm'"),
+        (["four_bar", "--of", "C", "--tolerances", "crank=0.06"], "the tolerances leave no assembly"),
+        (["four_bar", "--of", "C", "--tolerances", "none.csv"], "cannot read none.csv"),
+        (["four_bar", "--of", "C", "--distribution", "normal"], "none are given; add --tolerances"),
+        (["four_bar", "--of", "C", "--samples", "-1"], "give 0 to"),
+        (["five_bar", "--of", "P", "--speed", "5"], "--speed is of a crank without a program"),
+    ],
+)
+def test_what_cannot_be_is_said_in_one_line(sensitivity, words, said):
+    code, out, err = sensitivity(*words)
+    assert (code, out) == (2, "")
+    assert said in err
+    assert len(err.strip().splitlines()) == 1

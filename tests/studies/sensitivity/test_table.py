@@ -1,0 +1,92 @@
+"""Tables of derivatives: names, units, what is left out, refusals."""
+
+import numpy as np
+import pytest
+
+from mechsim.analytic import catalog
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.errors import AssemblyError, InputError
+from mechsim.studies.sensitivity import MovedFamily, derivative_table, instants_of
+from mechsim.subjects.families import family
+
+ANGLES = np.array([0.3, 1.7, 4.1])
+
+
+def moved(model, speed=3.0, angles=ANGLES, **asked):
+    return MovedFamily(family(model, **asked), angles, speed)
+
+
+def test_a_table_names_each_quantity_by_each_dimension():
+    table = derivative_table(moved("slider_crank"), ["B", "B.vx", "torque"], ["crank", "rod"])
+    names = [name for name, _ in table.columns()]
+    wanted = ["B.x", "B.y", "B.z", "B.vx", "torque"]
+    assert names == ["angle", *(f"{one}/{by}" for one in wanted for by in ("crank", "rod"))]
+    assert table.unit("torque", "crank") == "N m/m"
+    assert table.unit("B.x", "crank") == "1"
+
+
+def test_a_centred_slider_cranks_derivatives_are_those_of_its_formula():
+    of = moved("slider_crank", set={"offset": 0.0})
+    table = derivative_table(of, ["B.x", "B.vx"], ["crank", "rod", "offset"])
+    r, rod, c, s = 0.05, 0.2, np.cos(ANGLES), np.sin(ANGLES)
+    leg = np.sqrt(rod**2 - (r * s) ** 2)
+    exact = {"crank": c - r * s**2 / leg, "rod": rod / leg, "offset": r * s / leg}
+    for name, values in exact.items():
+        assert np.abs(table.of("B.x")[name] - values).max() <= 1e-13
+    by_rod = -rod * 3.0 * (-(r**2) * s * c / leg) / leg**2
+    assert np.abs(table.of("B.vx")["rod"] - by_rod).max() <= 1e-13
+
+
+def test_a_place_stands_for_its_parts_and_all_for_every_dimension():
+    of = moved("rssr")
+    assert list(derivative_table(of, ["rocker"], ["pivot"]).by) == ["pivot.x", "pivot.y", "pivot.z"]
+    assert {"crank", "gamma1", "pivot.z"} <= set(derivative_table(of, ["rocker"]).by)
+
+
+def test_of_a_mechanism_without_parameters_what_tears_loops_is_left_out_of_all_and_refused_by_name():
+    of = MovedFamily(family(LoopForm(catalog.make("four_bar").mechanism)), ANGLES, 1.0)
+    table = derivative_table(of, ["rocker"])
+    assert {"A.at.x", "B.at.y"} <= set(table.by)
+    torn = [name for name in table.left_out if name.endswith(".z")]
+    assert torn == list(table.left_out)
+    with pytest.raises(AssemblyError, match="leaves the loops open"):
+        derivative_table(of, ["rocker"], ["A.a.at.z"])
+
+
+def test_programs_are_tabled_over_time():
+    of = family("five_bar", drive={"left": "120deg+20deg*sin(2*pi*t)", "right": "60deg+20deg*sin(4*pi*t)"})
+    form = of.make({})
+    table = derivative_table(MovedFamily(of, instants_of(form)[::24], 1.0), ["left"], ["arm"])
+    assert next(table.columns())[0] == "t"
+    # a driver stands where its program has it, whatever the arms
+    assert not table.of("left.q")["arm"].any()
+
+
+@pytest.mark.parametrize(
+    ("of", "to", "said"),
+    [
+        (["Q"], "all", "has no quantity 'Q'; known are points and joints"),
+        (["rockr"], "all", "did you mean 'rocker'"),
+        (["B.fx"], ["crankk"], "has no dimension 'crankk'; did you mean 'crank'"),
+        (["B.fz"], "all", r"rigid links do not determine B\.fz"),
+        ([], "all", "no quantity is asked for"),
+    ],
+)
+def test_what_is_no_quantity_or_dimension_is_refused_with_the_nearest(of, to, said):
+    with pytest.raises(InputError, match=said):
+        derivative_table(moved("four_bar"), of, to)
+
+
+def test_a_swinging_crank_is_looked_at_between_its_dead_centres():
+    form = catalog.make("four_bar", rocker=0.035)
+    at = instants_of(form)
+    low, high = form.crank_range().arcs[0]
+    assert low < at[0] < at[-1] < high
+
+
+def test_a_table_is_a_dataset_with_units():
+    xarray = pytest.importorskip("xarray")
+    data = derivative_table(moved("four_bar"), ["rocker"], ["crank", "arm_angle"]).to_xarray()
+    assert isinstance(data, xarray.Dataset)
+    assert data["rocker.q/"].dims == ("dimension", "angle")
+    assert list(data["unit"].values) == ["m", "rad"]

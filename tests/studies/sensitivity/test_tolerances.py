@@ -1,0 +1,137 @@
+"""Tolerances: read from text and tables; worst case, root of squares and Monte Carlo against each other."""
+
+import numpy as np
+import pytest
+
+from mechsim.errors import InputError
+from mechsim.studies.sensitivity import (
+    MovedFamily,
+    derivative_table,
+    path_bands,
+    tolerance_study,
+    tolerances_of,
+    written_tolerances,
+)
+from mechsim.subjects.families import family
+
+ANGLES = np.array([0.3, 1.7, 2.9, 4.1])
+
+
+def table(model="four_bar", of=("C.x", "C.y", "C.z", "rocker"), **asked):
+    return derivative_table(MovedFamily(family(model, **asked), ANGLES, 1.0), of)
+
+
+def test_the_worst_case_is_where_all_conspire_and_the_root_of_squares_lies_below():
+    found = table()
+    study = tolerance_study(found, {"crank": 1e-5, "coupler": "±0.02mm"}, samples=0)
+    by = found.of("C.x")
+    parts = np.abs(by["crank"]) * 1e-5, np.abs(by["coupler"]) * 2e-5
+    assert np.allclose(study.worst("C.x"), parts[0] + parts[1], rtol=1e-14)
+    assert np.allclose(study.squares("C.x"), np.hypot(*parts), rtol=1e-14)
+    assert study.shares("C.x")["crank"] == pytest.approx(
+        (parts[0] ** 2).sum() / (parts[0] ** 2 + parts[1] ** 2).sum()
+    )
+    assert study.sampled is None
+
+
+def test_no_random_mechanism_is_farther_off_than_the_worst_case():
+    found = table(of=("rocker",))
+    study = tolerance_study(found, {"crank": 1e-6, "coupler": 2e-6}, samples=20_000)
+    worst = study.worst("rocker.q")
+    assert (study.random("rocker.q")["most"] <= worst).all()
+    assert (study.random("rocker.q")["most"] >= 0.9 * worst).all()
+
+
+@pytest.mark.parametrize("distribution", ["uniform", "normal"])
+def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
+    found = table()
+    given = {"crank": 1e-6, "coupler": 2e-6, "A.clearance": 1e-6}
+    asked = tolerances_of(given, found.moved.family.dimensions, found.moved.form.mechanism, distribution)
+    study = tolerance_study(found, asked, samples=40_000)
+    random = study.random("rocker.q")
+    assert study.sampled.order == 1
+    assert np.abs(random["std"] / study.deviation("rocker.q") - 1.0).max() <= 0.02
+    assert study.sampled.miss > 0.0
+
+
+def test_large_tolerances_are_taken_to_second_order_and_agree_with_mechanisms_that_are_solved():
+    found = table(of=("rocker",))
+    study = tolerance_study(found, {"crank": 1e-3, "coupler": 1e-3, "ground": 1e-3}, samples=20_000)
+    assert study.sampled.order == 2
+    assert study.sampled.miss <= 0.02
+    random, parts = np.random.default_rng(5), []
+    values = found.moved.family.values()
+    for _ in range(300):
+        off = {name: values[name] + 1e-3 * random.uniform(-1, 1) for name in ("crank", "coupler", "ground")}
+        parts.append(found.moved.values(["rocker.q"], off)["rocker.q"])
+    solved = np.array(parts).std(0)
+    assert np.abs(study.random("rocker.q")["std"] / solved - 1.0).max() <= 0.15
+    # without the second order the mean would stay where it was
+    assert np.abs(study.random("rocker.q")["mean"]).max() > 0.005 * solved.max()
+
+
+def test_where_no_expansion_holds_each_is_solved_and_what_cannot_be_put_together_is_counted(monkeypatch):
+    from mechsim.studies.sensitivity import monte_carlo
+
+    monkeypatch.setattr(monte_carlo, "EACH", 60)
+    monkeypatch.setattr(monte_carlo, "CHECKED", 20)
+    found = derivative_table(MovedFamily(family("four_bar"), np.array([1.0]), 1.0), ["rocker"])
+    study = tolerance_study(found, {"crank": 0.02, "ground": 0.02, "coupler": 0.025}, samples=500)
+    assert (study.sampled.order, study.sampled.samples) == (0, 60)
+
+
+def test_a_pin_loose_in_its_hole_moves_a_point_by_its_radius():
+    found = table("slider_crank", of=("B.x",))
+    study = tolerance_study(found, {"A.clearance": "0.01mm"}, samples=30_000)
+    # the rod pushes the slider along itself: by the play over the cosine of its slant at most
+    slant = np.arcsin((0.05 * np.sin(ANGLES) - 0.01) / 0.2)
+    assert np.allclose(study.worst("B.x"), 1e-5 / np.cos(slant), rtol=1e-9)
+    assert np.abs(study.random("B.x")["std"] / (0.5e-5 / np.cos(slant)) - 1.0).max() <= 0.02
+
+
+def test_the_band_of_a_path_lies_across_it():
+    of = MovedFamily(family("four_bar"), np.linspace(0.0, 2.0 * np.pi, 73), 1.0)
+    found = derivative_table(of, ["A"])
+    study = tolerance_study(found, {"crank": 1e-5}, samples=0)
+    (band,) = path_bands(found, study)
+    # A runs on a circle, which the crank's length widens
+    assert np.abs(band.worst[1:-1] - 1e-5).max() <= 1e-12
+
+
+def test_a_table_of_tolerances_is_read(tmp_path):
+    path = tmp_path / "tolerances.csv"
+    path.write_text("dimension,tolerance\ncrank,±0.02mm\narm_angle,+-0.1 deg\n")
+    found = table()
+    read = tolerances_of(
+        written_tolerances(str(path)), found.moved.family.dimensions, found.moved.form.mechanism
+    )
+    assert read.bounds == {"crank": pytest.approx(2e-5), "arm_angle": pytest.approx(np.deg2rad(0.1))}
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        ("crank", "which is no NAME=BOUND"),
+        ("crnk=1mm", "has no dimension 'crnk'; did you mean 'crank'"),
+        ("crank=1mm,crank=2mm", "given twice"),
+        ("crank=-1mm", "give a number above 0"),
+        ("crank=1deg", "does not measure that"),
+        ("Z.clearance=1mm", "has no joint 'Z'"),
+        ("", "no tolerance is given"),
+    ],
+)
+def test_what_is_no_tolerance_is_refused_in_one_line(written, said):
+    found = table()
+    with pytest.raises(InputError, match=said):
+        tolerances_of(written_tolerances(written), found.moved.family.dimensions, found.moved.form.mechanism)
+
+
+def test_tolerances_that_leave_no_assembly_are_refused():
+    with pytest.raises(InputError, match="the tolerances leave no assembly: with crank = "):
+        tolerance_study(table(), {"crank": 0.06}, samples=100)
+
+
+def test_a_slide_has_no_radial_clearance():
+    found = table("slider_crank", of=("B.x",))
+    with pytest.raises(InputError, match="a radial clearance is known of revolute or spherical joints"):
+        tolerance_study(found, {"slide.clearance": 1e-5}, samples=0)
