@@ -40,6 +40,21 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "...",
     ): "a Newton step more or less from where it has converged",
     (SOLVER, "FAR = 0.3", "FAR = 0.03"): "a path is followed in shorter steps",
+    **{
+        (SOLVER, "if worst == 0.0 or (worst < ROUNDING and worst > 0.1 * before):", other): SPEED
+        for other in (
+            "if worst == 0.0 or (worst < ROUNDING and worst > 1.0 * before):",
+            "if worst == 0.0 or (worst < ROUNDING and worst > 0.1 / before):",
+            "if worst == 0.0 or (worst >= ROUNDING and worst > 0.1 * before):",
+            "if worst == 1.0 or (worst < ROUNDING and worst > 0.1 * before):",
+        )
+    },
+    (
+        SOLVER,
+        "before, worst = (worst, float(np.abs(found.right).max(initial=0.0)))",
+        "before, worst = (worst, float(np.abs(found.right).max(initial=1.0)))",
+    ): SPEED,
+    (SOLVER, "return True", "return False"): "what is asked then answers the same",
     (
         CHECKS,
         "part = np.divide(error, bound, out=np.where(error > 0.0, np.inf, error), where=bound > 0.0)",

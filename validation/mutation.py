@@ -51,6 +51,7 @@ KILLERS: dict[str, list[str]] = {
     "analytic/closure/cut_rows.py": TREE,
     "analytic/closure/tree_motion.py": TREE,
     "analytic/closure/loop_solver.py": [
+        "analytic/test_loop_solver.py",
         "analytic/test_rates_are_derivatives.py",
         "analytic/test_followed_path.py",
     ],

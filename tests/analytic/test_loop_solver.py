@@ -1,0 +1,97 @@
+"""Which rows close loops near a pose, and the gauge that keeps what they leave open."""
+
+import numpy as np
+import pytest
+from mechanisms import at as end
+
+from mechsim import catalog
+from mechsim.analytic.closure.checked_start import checked_start
+from mechsim.analytic.closure.loop_solver import LoopSolver, loop_solver
+from mechsim.analytic.closure.tree_loops import tree_loops
+from mechsim.model.mechanism import GROUND, Joint, Link, Mechanism, Pose
+from mechsim.subjects.subject import load
+
+# differences of the fourth order
+WEIGHTS, STEP = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0, 1e-3
+
+
+def rssr():
+    """The loops of a spatial four-bar, whose coupler may spin, and where they are closed."""
+    return checked_start(catalog.make("rssr").mechanism)
+
+
+def six_bar():
+    return checked_start(load("watt_six_bar").mechanism)
+
+
+def off(loops, at, far):
+    """Coordinates moved at random, each by about as much."""
+    step = far * np.random.default_rng(7).uniform(0.5, 1.0, (loops.tree.count, 1))
+    step[list(loops.driven)] = 0.0
+    return loops.moved(at, step), step
+
+
+def test_the_gauge_measures_how_far_the_open_freedom_has_gone():
+    loops, start = rssr()
+    solver = loop_solver(loops, start)
+    assert solver.open == 1
+    away, step = off(loops, start, 1e-4)
+    gap = solver.linearise(away).right[0, len(solver.rows) :]
+    assert gap == pytest.approx(solver.gauge @ step[loops.unknown, 0], rel=1e-3)
+    assert abs(gap[0]) > 1e-6
+
+
+@pytest.mark.parametrize("far", [0.0, 0.3])
+def test_the_matrix_is_the_derivative_of_what_stands_open_rows_and_gauge(far):
+    loops, start = rssr()
+    solver = loop_solver(loops, start)
+    here, _ = off(loops, start, far)
+    found = solver.linearise(here).matrix[0]
+    for column, place in enumerate(loops.unknown):
+        total = 0.0
+        for weight, times in zip(WEIGHTS, (-2, -1, 0, 1, 2), strict=True):
+            step = np.zeros((loops.tree.count, 1))
+            step[place] = times * STEP
+            total = total + weight * solver.linearise(loops.moved(here, step)).right[0]
+        assert total / STEP == pytest.approx(found[:, column], abs=1e-10)
+
+
+def test_what_no_loop_holds_is_kept_where_it_is_in_units_of_the_size():
+    mechanism = Mechanism(
+        "arm",
+        (Link("arm"), Link("block")),
+        (
+            Joint("crank", "revolute", end(GROUND), end("arm")),
+            Joint("slide", "prismatic", end("arm", (0.2, 0.0, 0.0)), end("block")),
+        ),
+        "crank",
+        {"P": ("block", (0.05, 0.0, 0.0))},
+    )
+    loops, at = tree_loops(mechanism, {name: Pose(np.zeros(3), np.eye(3)) for name in ("arm", "block")}, {})
+    solver = loop_solver(loops, at)
+    assert len(solver.rows) == 0
+    assert solver.open == 1
+    step = np.zeros((loops.tree.count, 1))
+    step[loops.unknown] = 0.25
+    moved = loops.moved(at, step)
+    assert moved.values[loops.unknown, 0] - at.values[loops.unknown, 0] == pytest.approx(0.25 * mechanism.size)
+    assert solver.linearise(moved).right[0] == pytest.approx([0.25])
+
+
+def test_rows_that_repeat_each_other_do_not_serve_and_those_chosen_do():
+    loops, start = six_bar()
+    solver = loop_solver(loops, start)
+    assert solver.serves(start)
+    idle = next(row for row in range(loops.rows) if row not in solver.rows)
+    rows = np.sort([*solver.rows[1:], idle])
+    assert not LoopSolver(loops, rows, solver.gauge, start).serves(start)
+
+
+def test_loops_are_closed_to_rounding_from_a_guess_beside_them_and_say_how_far_they_went():
+    loops, start = six_bar()
+    solver = loop_solver(loops, start)
+    guess, step = off(loops, start, 0.02)
+    at, found, gone = solver.close(guess)
+    assert np.abs(found.residual).max() < 4e-16
+    assert at.values == pytest.approx(start.values, abs=1e-14)
+    assert np.abs(step).max() <= gone[0] < 2.0 * np.abs(step).max()
