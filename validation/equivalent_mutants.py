@@ -40,15 +40,16 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "...",
     ): "a Newton step more or less from where it has converged",
     (SOLVER, "FAR = 0.3", "FAR = 0.03"): "a path is followed in shorter steps",
-    **{
-        (SOLVER, "if worst == 0.0 or (worst < ROUNDING and worst > 0.1 * before):", other): SPEED
-        for other in (
-            "if worst == 0.0 or (worst < ROUNDING and worst > 1.0 * before):",
-            "if worst == 0.0 or (worst < ROUNDING and worst > 0.1 / before):",
-            "if worst == 0.0 or (worst >= ROUNDING and worst > 0.1 * before):",
-            "if worst == 1.0 or (worst < ROUNDING and worst > 0.1 * before):",
-        )
-    },
+    (
+        SOLVER,
+        "if worst == 0.0 or (worst < ROUNDING and worst > 0.1 * before):",
+        "...",
+    ): "a Newton step more or fewer once rounding is reached",
+    (
+        SOLVER,
+        "rank = int((values > RANK_TOLERANCE * values[0]).sum())",
+        "rank = int((values > RANK_TOLERANCE / values[0]).sum())",
+    ): "loops in units of their size have largest singular values near one",
     (
         SOLVER,
         "before, worst = (worst, float(np.abs(found.right).max(initial=0.0)))",
