@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from mechsim._version import __version__
 
 if TYPE_CHECKING:
-    from mechsim import simulation, units
+    from mechsim import simulation, testing, units
     from mechsim.analytic import catalog, closure, dynamics
     from mechsim.errors import AssemblyError, InputError, MechsimError
     from mechsim.model import load_profile as course
@@ -44,6 +44,7 @@ _MODULES = {
     "render": "pictures.render",
     "rods": "model.rod_inertia",
     "simulation": "simulation",
+    "testing": "testing",
     "units": "units",
 }
 _HOMES = _MODULES | {
@@ -120,6 +121,7 @@ __all__ = [
     "show",
     "simulate",
     "simulation",
+    "testing",
     "trace",
     "units",
     "validate",

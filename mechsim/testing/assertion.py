@@ -1,0 +1,107 @@
+"""An assertion for test suites: a model agrees with a formula, or the failure says why not."""
+
+import inspect
+import shlex
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from mechsim.analytic.forms import Form
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.programs import State
+from mechsim.studies.agreement.agreement import SPEED, Agreement, validate
+from mechsim.testing.failure import failure
+from mechsim.testing.report_page import write_page
+from mechsim.testing.running import RUNNING, RunningTest
+
+Model = str | Path | Form | Mechanism
+Formula = str | Path | Callable[..., Any]
+
+
+def assert_agrees(
+    model: Model,
+    formula: Formula | None = None,
+    tolerance: float | None = None,
+    *,
+    set: Mapping[str, str | float] | None = None,
+    drive: Mapping[str, str | State] | None = None,
+    duration: str | float | None = None,
+    speed: float = SPEED,
+) -> Agreement:
+    """Return how a model and a formula agree, and fail where they do not.
+
+    Args:
+        model: a name, FILE.toml, FILE.xml, FILE.py:OBJECT, or what `ms.load` returns.
+        formula: a function of the drivers' coordinates, FILE.py:FUNC or FILE.csv; None takes the one that
+            the model's file names. It is run.
+        tolerance: bound on places in [m], on other quantities in proportion; None takes 1e-8 of the reach.
+        set: parameter -> its value, as `ms.load` takes it.
+        drive: coordinate -> its program, as `ms.load` takes it.
+        duration: of the programs, as `ms.load` takes it.
+        speed: of a crank, in [rad/s].
+
+    Raises:
+        AssertionError: where a quantity is beyond its bound: verdict, likely cause, the command that shows it
+            again, and in a run of pytest the path of a report.
+        InputError: for a model or a formula that cannot be used; one sentence.
+    """
+    __tracebackhide__ = True
+    given = str(model) if isinstance(model, Path) else model
+    found = validate(
+        given, formula, set=set, drive=drive, duration=duration, speed=speed, tolerance=tolerance
+    )
+    running = RUNNING.get()
+    if running is not None:
+        _tell(running, found)
+    if not found.passed:
+        command = _command(given, formula, set or {}, drive or {}, duration, running)
+        page = None if running is None else write_page(found, command, running)
+        raise AssertionError(failure(found, command, page))
+    return found
+
+
+def _tell(running: RunningTest, found: Agreement) -> None:
+    """Leave in the JUnit file what came out."""
+    running.tell("mechsim.model", found.form.name)
+    running.tell("mechsim.against", found.source)
+    running.tell("mechsim.outcome", found.outcome)
+    if found.checks:
+        worst = max(found.checks, key=lambda check: check.used or 0.0)
+        running.tell("mechsim.worst", worst.quantity)
+        running.tell("mechsim.worst.value", f"{worst.worst:.6g} {worst.unit}")
+        running.tell("mechsim.worst.bound", f"{worst.bound:.6g} {worst.unit}")
+    if found.findings:
+        running.tell("mechsim.cause", found.findings[0].say)
+
+
+def _command(
+    model: str | Form | Mechanism,
+    formula: Formula | None,
+    set: Mapping[str, str | float],
+    drive: Mapping[str, str | State],
+    duration: str | float | None,
+    running: RunningTest | None,
+) -> str:
+    """Return the one command that shows a difference again: of mechsim, else of pytest."""
+    against = _named(formula)
+    plain = all(isinstance(one, str) for one in drive.values())
+    if isinstance(model, str) and plain and (against or formula is None):
+        words = ["mechsim", "validate", model]
+        words += ["--against", against] if against else []
+        words += [word for name, value in set.items() for word in ("--set", f"{name}={value}")]
+        words += [word for name, value in drive.items() for word in ("--drive", f"{name}={value}")]
+        words += [] if duration is None else ["--duration", str(duration)]
+        return shlex.join(words)
+    return shlex.join(["pytest", running.name]) if running is not None else "run this test again"
+
+
+def _named(formula: Formula | None) -> str:
+    """Return FILE.py:FUNC of a function that a file holds by its name; empty where there is none."""
+    if formula is None or isinstance(formula, str | Path):
+        return str(formula or "")
+    name, home = getattr(formula, "__qualname__", ""), inspect.getmodule(formula)
+    file = getattr(home, "__file__", None)
+    if not file or not name.isidentifier() or getattr(home, name, None) is not formula:
+        return ""
+    path = Path(file)
+    return f"{path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path}:{name}"

@@ -1,0 +1,112 @@
+"""The pytest plugin: a fixture, TOML files with a formula as tests, and where failed tests leave reports.
+
+pytest loads it in every run, so nothing of mechsim is imported here before a test asks for it.
+"""
+
+import re
+import tempfile
+from collections.abc import Generator
+from fnmatch import fnmatch
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from mechsim.testing.running import RUNNING, RunningTest
+
+if TYPE_CHECKING:
+    from mechsim.testing.beside import Beside
+
+# a description is no longer than this, and says so; pyproject.toml and its like are never looked into
+LONGEST = 1_000_000
+FORMULA = re.compile(r"^\s*\[\s*formula\s*\]", re.MULTILINE)
+JOINTS = re.compile(r"^\s*(\[\s*joints\b|joints\s*[.=])", re.MULTILINE)
+FOREIGN = ("pyproject.toml", "pytest.toml", "ruff.toml", "uv.toml", "pixi.toml")
+CACHE = "mechsim"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Declare what a project can ask for."""
+    group = parser.getgroup("mechsim")
+    group.addoption(
+        "--mechsim-reports",
+        metavar="DIR",
+        help="Where failed agreements leave their reports (pytest's cache if left out).",
+    )
+    parser.addini(
+        "mechsim_collect",
+        "Patterns of TOML files that are tests if they have a [formula], as *.toml or models/*.toml; none if "
+        "left out: then only those named on the command line are.",
+        type="args",
+        default=[],
+    )
+    parser.addini("mechsim_reports", "Where failed agreements leave their reports.", default="")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Register the mark of TOML files that are tests."""
+    config.addinivalue_line("markers", "mechsim: a TOML file held against the formula it names")
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """Return a TOML file with a formula as a test file, where it was named or the project asks for it."""
+    if file_path.suffix != ".toml" or file_path.name in FOREIGN:
+        return None
+    if not (parent.session.isinitpath(file_path) or _asked_for(file_path, parent.config)):
+        return None
+    if not _has_formula(file_path):
+        return None
+    items: Any = import_module("mechsim.testing.toml_items")
+    return items.TomlFile.from_parent(parent, path=file_path)
+
+
+def _asked_for(path: Path, config: pytest.Config) -> bool:
+    """Whether a pattern of the project's names a file, by its name or its path from the root."""
+    root = config.rootpath
+    called = path.relative_to(root).as_posix() if path.is_relative_to(root) else path.name
+    patterns: list[str] = config.getini("mechsim_collect")
+    return any(fnmatch(called, one) or fnmatch(path.name, one) for one in patterns)
+
+
+def _has_formula(path: Path) -> bool:
+    """Whether a file describes joints and names a formula; whether it is sound is for its test to say."""
+    try:
+        if path.stat().st_size > LONGEST:
+            return False
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return False
+    return bool(FORMULA.search(text) and JOINTS.search(text))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
+    """Say which test runs, so that an assertion knows where to report."""
+
+    def tell(name: str, value: object) -> None:
+        item.user_properties.append((name, str(value)))
+
+    token = RUNNING.set(RunningTest(item.nodeid, _reports(item.config), tell))
+    try:
+        return (yield)
+    finally:
+        RUNNING.reset(token)
+
+
+def _reports(config: pytest.Config) -> Path:
+    """Return where reports go: where was asked, else into pytest's cache, else among temporary files."""
+    asked: str = config.getoption("--mechsim-reports") or config.getini("mechsim_reports")
+    if asked:
+        return config.rootpath / asked
+    cache: Any = getattr(config, "cache", None)
+    if cache is not None:
+        return Path(config.rootpath, config.getini("cache_dir"), "d", CACHE)
+    return Path(tempfile.gettempdir(), "mechsim-reports")
+
+
+@pytest.fixture
+def mechsim(request: pytest.FixtureRequest) -> "Beside":
+    """Models beside the test's own file: `mechsim.load(FILE)`, `mechsim.assert_agrees(FILE, formula)`."""
+    beside: Any = import_module("mechsim.testing.beside")
+    return beside.Beside(request.path.parent)

@@ -1,0 +1,85 @@
+"""The assertion for test suites: what agrees passes, what does not says why and how to see it again."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.testing.running import RUNNING, RunningTest
+
+CRANK, ROD = 0.05, 0.2
+
+
+def law(angle, rod=ROD):
+    x = CRANK * np.cos(angle) + np.sqrt(rod**2 - (0.01 - CRANK * np.sin(angle)) ** 2)
+    return {"B": np.column_stack([x, np.full_like(x, 0.01), np.zeros_like(x)])}
+
+
+def long_rod(angle):
+    return law(angle, 0.21)
+
+
+@pytest.fixture
+def running(tmp_path):
+    told = {}
+    token = RUNNING.set(RunningTest("tests/x.py::test_x[a b]", tmp_path / "pages", told.__setitem__))
+    yield told
+    RUNNING.reset(token)
+
+
+def test_what_agrees_is_returned():
+    assert ms.testing.assert_agrees("slider_crank", law, tolerance=1e-9).passed
+
+
+def test_what_does_not_agree_fails_with_verdict_cause_and_command():
+    with pytest.raises(AssertionError) as failed:
+        ms.testing.assert_agrees("slider_crank", long_rod, tolerance=1e-6)
+    lines = str(failed.value).splitlines()
+    assert lines[0] == "slider_crank does not agree with long_rod"
+    assert lines[1].startswith("  position of B: off by 0.01")
+    assert any(line.startswith("cause:  ") for line in lines)
+    command = next(line for line in lines if line.startswith("again:"))
+    assert command.startswith("again:  mechsim validate slider_crank --against ")
+    assert command.endswith(f"{Path(__file__).name}:long_rod")
+    assert not any(line.startswith("report:") for line in lines)
+    assert max(len(line) for line in lines if line is not command) <= 78
+
+
+def test_a_tolerance_decides():
+    # the rod is 5 % long, and the place is off by 10 mm
+    assert ms.testing.assert_agrees("slider_crank", long_rod, tolerance=0.02).passed
+
+
+def test_parameters_changed_stand_in_the_command():
+    with pytest.raises(AssertionError, match="--set rod=250mm"):
+        ms.testing.assert_agrees("slider_crank", law, set={"rod": "250mm"})
+
+
+def test_in_a_run_of_pytest_a_page_is_written_and_the_junit_file_is_told(running, tmp_path):
+    with pytest.raises(AssertionError, match="report: ") as failed:
+        ms.testing.assert_agrees("slider_crank", long_rod, tolerance=1e-6)
+    (page,) = (tmp_path / "pages").iterdir()
+    assert str(page) in str(failed.value)
+    text = page.read_text()
+    assert "slider_crank against long_rod: missed" in text
+    assert "<polyline" in text
+    assert running["mechsim.outcome"] == "missed"
+    assert running["mechsim.worst"] == "position of B"
+    ms.testing.assert_agrees("slider_crank", law)
+    assert running["mechsim.outcome"] == "met"
+    assert len(list((tmp_path / "pages").iterdir())) == 1
+
+
+def test_a_function_that_no_file_holds_is_shown_again_by_the_test(running):
+    with pytest.raises(AssertionError, match=r"again:  pytest 'tests/x\.py::test_x\[a b\]'"):
+        ms.testing.assert_agrees("slider_crank", lambda angle: law(angle, 0.3))
+
+
+def test_a_folder_that_cannot_be_written_costs_the_page_alone(tmp_path):
+    (tmp_path / "taken").write_text("")
+    token = RUNNING.set(RunningTest("t", tmp_path / "taken" / "pages", lambda name, value: None))
+    with pytest.raises(AssertionError, match="does not agree") as failed:
+        ms.testing.assert_agrees("slider_crank", long_rod)
+    RUNNING.reset(token)
+    assert "report:" not in str(failed.value)

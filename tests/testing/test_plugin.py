@@ -1,0 +1,109 @@
+"""The plugin in projects of their own, each run by a pytest of its own."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+import xml.etree.ElementTree as ET
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+INSTALLED = bool(entry_points(group="pytest11", name="mechsim"))
+
+
+@pytest.fixture
+def project(tmp_path):
+    folder = tmp_path / "my_project"
+    shutil.copytree(ROOT / "examples" / "my_project", folder, ignore=shutil.ignore_patterns("reports"))
+    return folder
+
+
+def run(folder, *words, alone=True):
+    """Return exit code and output of pytest in a folder, alone with the plugin, or with all installed."""
+    plugin = ("-p", "mechsim.testing.plugin") if alone else ()
+    without = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"} if alone else {}
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", *plugin, "-q", "-W", "error", "--strict-markers", *words],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "80", **without},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    return done.returncode, done.stdout + done.stderr
+
+
+def collected(folder, *words, alone=True):
+    code, out = run(folder, "--collect-only", *words, alone=alone)
+    return code, [line for line in out.splitlines() if "::" in line]
+
+
+def test_the_sample_project_is_green_but_for_the_test_that_is_red_on_purpose(project):
+    code, out = run(project, "--junitxml=junit.xml")
+    assert code == 1, out
+    assert "1 failed, 3 passed" in out
+    assert "pump does not agree with rod_of_96_mm" in out
+    assert "cause:  rod" in out
+    again = "again:  pytest tests/test_pump.py::test_red_on_purpose_a_rod_one_millimetre_too_long"
+    assert again in out
+    (page,) = (project / "reports").iterdir()
+    assert f"report: reports/{page.name}" in out
+    cases = {case.get("name"): case for case in ET.parse(project / "junit.xml").iter("testcase")}
+    green = {one.get("name"): one.get("value") for one in cases["formula"].iter("property")}
+    assert green["mechsim.model"] == "pump"
+    assert green["mechsim.outcome"] == "met"
+    (red,) = (case for name, case in cases.items() if "red_on_purpose" in name)
+    told = {one.get("name"): one.get("value") for one in red.iter("property")}
+    assert told["mechsim.outcome"] == "missed"
+    assert told["mechsim.worst"] == "position of piston"
+
+
+def test_a_toml_file_with_a_wrong_formula_is_red_by_itself_under_xdist_too(project):
+    description = project / "models" / "pump.toml"
+    description.write_text(description.read_text().replace("pump.py:piston", "pump.py:mistyped"))
+    code, out = run(project, "models/pump.toml", "-p", "xdist.plugin", "-n", "1")
+    assert code == 1, out
+    assert "pump does not agree with" in out
+    assert "again:  mechsim validate models/pump.toml" in out
+    assert "Traceback" not in out
+
+
+def test_toml_files_are_tests_where_they_are_named_or_asked_for(project):
+    assert collected(project)[1][0] == "models/pump.toml::formula"
+    assert collected(project, "-m", "mechsim")[1] == ["models/pump.toml::formula"]
+    (project / "pyproject.toml").write_text("[tool.pytest.ini_options]\n")
+    assert collected(project, "models")[1] == []
+    assert collected(project, "models/pump.toml") == (0, ["models/pump.toml::formula"])
+
+
+def test_other_toml_files_are_left_alone(tmp_path):
+    (tmp_path / "pytest.ini").write_text("[pytest]\nmechsim_collect = *.toml\n")
+    (tmp_path / "pyproject.toml").write_text("[joints]\n[formula]\n")
+    (tmp_path / "settings.toml").write_text("[formula]\npython = 'x.py:f'\n")
+    (tmp_path / "linkage.toml").write_text("[joints.a]\nkind = 'revolute'\n")
+    (tmp_path / "broken.toml").write_bytes(b"[formula]\n\xff[joints]")
+    assert collected(tmp_path) == (5, [])
+
+
+@pytest.mark.skipif(not INSTALLED, reason="the entry point stands in the metadata of an install")
+def test_the_installed_plugin_is_found_and_can_be_left_out(project):
+    (project / "pyproject.toml").unlink()
+    assert collected(project, "models/pump.toml", alone=False) == (0, ["models/pump.toml::formula"])
+    assert collected(project, "-p", "no:mechsim", "models/pump.toml", alone=False) == (4, [])
+
+
+def test_the_plugin_is_declared_and_imports_nothing_before_it_is_used():
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]["pytest11"]
+    assert declared == {"mechsim": "mechsim.testing.plugin"}
+    asked = (
+        "import sys; import mechsim.testing.plugin\n"
+        "print(*(m for m in sys.modules if 'mechsim' in m or m in ('numpy', 'mujoco')))"
+    )
+    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
+    mine = {"mechsim", "mechsim._version", "mechsim.testing", "mechsim.testing.running"}
+    assert set(done.stdout.split()) == mine | {"mechsim.testing.plugin"}
