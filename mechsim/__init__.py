@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from mechsim.report.notebook import show
     from mechsim.simulation import Run, Settings, simulate
     from mechsim.studies.agreement.agreement import Agreement, validate
+    from mechsim.studies.sweep.sweeping import sweep
     from mechsim.subjects.subject import load
     from mechsim.theory.continuation import trace
     from mechsim.verdict.checks import Check, Verdict
@@ -77,6 +78,7 @@ _HOMES = _MODULES | {
     "load": "subjects.subject",
     "show": "report.notebook",
     "simulate": "simulation",
+    "sweep": "studies.sweep.sweeping",
     "trace": "theory.continuation",
     "validate": "studies.agreement.agreement",
 }
@@ -121,6 +123,7 @@ __all__ = [
     "show",
     "simulate",
     "simulation",
+    "sweep",
     "testing",
     "trace",
     "units",

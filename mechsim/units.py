@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 
 Array = NDArray[np.float64]
+# (unit as written, SI unit) -> how many of the second one of the first is, as far as was asked
+_FACTORS: dict[tuple[str, str], float] = {}
 Unit = Literal[
     "m",
     "rad",
@@ -287,6 +289,12 @@ def _factor(written: str, unit: Unit, text: str, name: str) -> float:
     """Return how many of `unit` one of the written unit is."""
     if written in ("", unit):
         return 1.0
+    if (written, unit) not in _FACTORS:
+        _FACTORS[written, unit] = _converted(written, unit, text, name)
+    return _FACTORS[written, unit]
+
+
+def _converted(written: str, unit: Unit, text: str, name: str) -> float:
     if len(written) > LONGEST_UNIT or not _UNIT.fullmatch(written):
         raise _refusal(text, unit, name, f"has unit {_short(written)!r}, which is not known")
     registry = _registry()

@@ -70,6 +70,10 @@ COMMANDS = {
         "trace.trace",
         "Trace all assemblies of a mechanism with one freedom as closed curves, past every dead centre.",
     ),
+    "sweep": (
+        "sweep.sweep",
+        "Measure many designs of a mechanism; write .nc, .zarr, .parquet or .csv, part by part.",
+    ),
     "synthesize": (
         "synthesize.synthesize",
         "Find frame, frame angle and rocker so that the coupler point, in the plane, follows a line.",

@@ -41,7 +41,7 @@ def family(
         form = LoopForm(model) if isinstance(model, Mechanism) else model
         return catalog_family(form) if isinstance(form, ClosedForm) else placed_family(form)
     given = {name: str(value) for name, value in (set or {}).items()}
-    form, path = load(model, given, **asked), _toml(model)
+    form, path = load(model, given, **asked), toml_path(model)
     if isinstance(form, ClosedForm):
         return catalog_family(form)
     found = {} if path is None else {one.name: one for one in _parameters(path, given)}
@@ -60,7 +60,7 @@ def family(
     return DesignFamily(form.name, found, lambda values: make(values).mechanism, make, acted)
 
 
-def _toml(model: str) -> str | None:
+def toml_path(model: str) -> str | None:
     """Return the TOML file that a model is read from; None where it is none."""
     if is_file(model):
         return model if model.lower().endswith(".toml") else None

@@ -57,7 +57,13 @@ def read_toml(
     Raises:
         InputError: for what the file may not hold; names file, line, key, value and remedy.
     """
-    source = read_source(path)
+    return toml_subject(read_source(path), changed, drivers=drivers)
+
+
+def toml_subject(
+    source: TomlSource, changed: Mapping[str, str] | None = None, *, drivers: tuple[str, ...] = ()
+) -> TomlSubject:
+    """Return the mechanism of a file that was read; as `read_toml`."""
     document = {name: one for name, one in source.document.items() if name not in ("parameters", "units")}
     told = parameter_units(source.document) if changed else {}
     values = values_of(source).with_parameters(source.document.get("parameters", {}), changed or {}, told)
@@ -83,7 +89,7 @@ def read_toml(
     form = LoopForm(
         mechanism,
         parameters=values.parameters,
-        formula=_formula(path, read),
+        formula=_formula(source.path, read),
         forces=forces_of(values, mechanism, read),
     )
     return TomlSubject(form, programs_of(of, read, driver), read.get("duration"))

@@ -120,7 +120,7 @@ FACE = """
     Agreement AssemblyError Check Coupling End Forces Friction Gear Inertia InputError Joint JointSpring Link Load
     Mechanism MechsimError Motion Pose Programs Run Scene Settings Spring Tolerance Verdict __version__
     catalog closure course crosscheck dynamics load motors plots render rods show simulate simulation
-    testing trace units validate
+    sweep testing trace units validate
 """
 NAMES = FACE.split()
 

@@ -1,0 +1,255 @@
+"""Designs: which parameters vary, and what they are in each design."""
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from mechsim import units
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.catalog.many_designs import AXES
+from mechsim.analytic.derivatives.dimensions import DesignFamily
+from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
+from mechsim.maths.given import numbers
+from mechsim.maths.memory import require_room
+from mechsim.subjects.toml_source import nearest
+from mechsim.units import Unit
+
+# of the random numbers of samples
+SEED = 20240607
+# designs of one list, which is held in memory
+MOST_LISTED = 200_000_000
+RANGE = "p=a:b:n, as in crank=12mm:15mm:31"
+SPAN = "p=a:b, as in crank=12mm:15mm"
+
+Spread = Literal["grid", "list"]
+
+
+@dataclass(frozen=True)
+class Designs:
+    """Designs as a grid, all values of each parameter with all of the others, or as a list.
+
+    Attributes:
+        values: parameter -> values in SI: along its own axis of a grid, or of each design of a list.
+        units: parameter -> SI unit.
+        spread: "grid" or "list".
+        said: how they were made, in words.
+    """
+
+    values: Mapping[str, Array]
+    units: Mapping[str, str]
+    spread: Spread
+    said: str
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the table: the grid's, or (designs,)."""
+        lengths = tuple(len(one) for one in self.values.values())
+        return lengths if self.spread == "grid" else lengths[:1]
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        total = 1
+        for length in self.shape:
+            total *= length
+        return total
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Names of the table's dimensions."""
+        return tuple(self.values) if self.spread == "grid" else ("design",)
+
+    def rows(self, low: int, high: int) -> dict[str, Array]:
+        """Return the parameters of designs low to high, (high - low,) each in SI."""
+        if self.spread == "list":
+            return {name: one[low:high] for name, one in self.values.items()}
+        places = np.unravel_index(np.arange(low, high), self.shape)
+        return {name: one[at] for (name, one), at in zip(self.values.items(), places, strict=True)}
+
+
+def parameter_units(family: DesignFamily, form: object) -> dict[str, str]:
+    """Return what may vary of a subject: name -> SI unit; choices of the catalogue, as branch, too."""
+    found = {name: one.unit for name, one in family.dimensions.items()}
+    if isinstance(form, ClosedForm):
+        for one in fields(form):
+            whole = isinstance(one.default, int) or "options" in one.metadata
+            if whole and not isinstance(one.default, str) and one.name not in found:
+                found[one.name] = "1"
+    return found
+
+
+def known(name: str, model: str, there: Mapping[str, str]) -> str:
+    """Return a parameter's unit.
+
+    Raises:
+        InputError: for an unknown one, with the nearest.
+    """
+    if name not in there:
+        parts = [f"{name}.{axis}" for axis in AXES if f"{name}.{axis}" in there]
+        if parts:
+            raise InputError(f"{name} of {model} is a place; vary its parts, {', '.join(parts)}")
+        raise InputError(f"{model} has no parameter {name!r} to vary{nearest(name, there)}")
+    return there[name]
+
+
+def parsed_range(text: str, model: str, there: Mapping[str, str], *, sampled: bool) -> tuple[str, Array]:
+    """Return a parameter and its values in SI, (n,), from `p=a:b:n` or `p=v,w,...`; sampled: its ends, (2,).
+
+    Raises:
+        InputError: for what is none of these, an unknown parameter, or a range that runs backwards.
+    """
+    name, equals, rest = text.partition("=")
+    name = name.strip()
+    if not equals:
+        raise InputError(f"--vary {text!r} has no '='; write --vary {SPAN if sampled else RANGE}")
+    unit: Unit = known(name, model, there)  # pyright: ignore[reportAssignmentType]
+    what = f"{name} of {model}"
+    parts = rest.split(":")
+    if len(parts) == 1 and not sampled:
+        return name, np.array(units.parse_vector(rest, unit, what))
+    if len(parts) != (2 if sampled else 3):
+        wanted = f"a sample takes {SPAN}" if sampled else f"a grid takes {RANGE}, or p=a:b with --sample"
+        raise InputError(f"--vary {text!r} is no range: {wanted}")
+    low, high = units.parse_vector(",".join(parts[:2]), unit, what)
+    if low > high:
+        raise InputError(
+            f"--vary {text!r} runs backwards, from {low:g} to {high:g}; give the lower end first"
+        )
+    if sampled:
+        return name, np.array([low, high])
+    return name, np.linspace(low, high, _count(parts[2], text))
+
+
+def _count(text: str, given: str) -> int:
+    try:
+        count = int(text)
+    except ValueError:
+        count = 0
+    if count < 1:
+        raise InputError(f"--vary {given!r} has {text.strip()!r} values; give a whole number, as in {RANGE}")
+    require_room(f"{count:,} values", count, 16.0, "{most} fit: take fewer")
+    return count
+
+
+def grid(values: Mapping[str, object], model: str, there: Mapping[str, str]) -> Designs:
+    """Return all values of each parameter with all of the others, the last one varying fastest.
+
+    Raises:
+        InputError: for an unknown parameter, or values that are no numbers.
+    """
+    kept = {name: _row(name, one, model, there) for name, one in values.items()}
+    if not kept:
+        raise InputError(f"no parameter of {model} varies; give --vary {RANGE}")
+    said = " x ".join(f"{len(one)} {name}" for name, one in kept.items())
+    return Designs(kept, {name: there[name] for name in kept}, "grid", f"grid of {said}")
+
+
+def listed(values: Mapping[str, object], model: str, there: Mapping[str, str], said: str) -> Designs:
+    """Return designs one by one: parameter -> values, (n,) each in SI.
+
+    Raises:
+        InputError: for an unknown parameter, values that are no numbers, or lists of other lengths.
+    """
+    kept = {name: _row(name, one, model, there) for name, one in values.items()}
+    if not kept:
+        raise InputError(f"{said} names no parameter of {model}; known are {', '.join(there)}")
+    lengths = {name: len(one) for name, one in kept.items()}
+    if len(set(lengths.values())) > 1:
+        raise InputError(f"parameters have different counts of values: {lengths}; give one for each design")
+    return Designs(kept, {name: there[name] for name in kept}, "list", said)
+
+
+def _row(name: str, given: object, model: str, there: Mapping[str, str]) -> Array:
+    known(name, model, there)
+    try:
+        row = np.atleast_1d(numbers(given))  # pyright: ignore[reportArgumentType]
+    except (TypeError, ValueError):
+        row = np.array([[np.nan]])
+    if row.ndim != 1 or not len(row) or np.isnan(row).any():
+        raise InputError(f"{name} of {model} is varied over what is no list of numbers; give numbers in SI")
+    return row.astype(np.float64)
+
+
+def sampled(
+    text: str, spans: Mapping[str, object], model: str, there: Mapping[str, str], seed: int = SEED
+) -> Designs:
+    """Return designs spread over spans of parameters: `sobol:N`, `halton:N`, `latin:N` or `random:N`.
+
+    Args:
+        text: which points, and how many.
+        spans: parameter -> (low, high) in SI.
+        model: name of the subject.
+        there: parameter -> unit.
+        seed: of their scrambling.
+
+    Raises:
+        InputError: for another word, or a count that is none.
+    """
+    word, _, number = text.partition(":")
+    count = int(number) if number.isdigit() else 0
+    if word not in ("sobol", "halton", "latin", "random") or not 1 <= count <= MOST_LISTED:
+        words = nearest(word, ("sobol", "halton", "latin", "random"))
+        raise InputError(f"--sample {text!r} is none{words}; write sobol:N with N up to {MOST_LISTED:,}")
+    if not spans:
+        raise InputError(f"no parameter of {model} varies; give --vary {SPAN}")
+    ends = {name: _row(name, one, model, there) for name, one in spans.items()}
+    for name, one in ends.items():
+        if len(one) != 2 or not one[0] <= one[1]:
+            raise InputError(f"{name} of {model} runs from {one.tolist()}; give its lower and its upper end")
+    points = _points(word, len(ends), count, seed)
+    values = {name: low + (high - low) * points[:, i] for i, (name, (low, high)) in enumerate(ends.items())}
+    return Designs(values, {name: there[name] for name in values}, "list", f"{text}, seed {seed}")
+
+
+def _points(word: str, dimensions: int, count: int, seed: int) -> Array:
+    """Return points in the unit cube, (count, dimensions)."""
+    from scipy.stats import qmc
+
+    if word == "random":
+        return np.random.default_rng(seed).random((count, dimensions))
+    if word == "sobol":
+        # so many that they are balanced, of which the first are taken
+        engine = qmc.Sobol(dimensions, scramble=True, rng=seed)
+        return engine.random_base2(max(0, (count - 1).bit_length()))[:count]
+    kinds = {"halton": qmc.Halton, "latin": qmc.LatinHypercube}
+    return kinds[word](dimensions, rng=seed).random(count)
+
+
+def read_designs(path: str, model: str, there: Mapping[str, str]) -> Designs:
+    """Return the designs of a CSV file: a column a parameter; cells may carry units.
+
+    Raises:
+        InputError: for a file that is not there, or cells that are no values.
+    """
+    try:
+        with Path(path).open(encoding="utf-8-sig", newline="") as file:
+            head, *rows = list(csv.reader(file)) or [[]]
+    except FileNotFoundError:
+        raise InputError(f"there is no file {path}; name one that can be read") from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
+    names = [name.strip() for name in head]
+    rows = [row for row in rows if row]
+    if not rows:
+        raise InputError(f"{path} has no row of numbers under a header; give a column a parameter")
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise InputError(f"column {twice!r} stands twice in {path}; give it once")
+    columns: dict[str, Array] = {}
+    for i, name in enumerate(names):
+        unit = known(name, model, there)
+        columns[name] = np.array([_cell(row, i, unit, path, line) for line, row in enumerate(rows, 2)])
+    return listed(columns, model, there, f"{len(rows)} designs of {Path(path).name}")
+
+
+def _cell(row: Sequence[str], i: int, unit: str, path: str, line: int) -> float:
+    if i >= len(row):
+        raise InputError(f"line {line} of {path} has {len(row)} values; give one under each name")
+    try:
+        return float(row[i])
+    except ValueError:
+        return units.parse(row[i], unit, f"line {line} of {path}")  # pyright: ignore[reportArgumentType]

@@ -1,0 +1,200 @@
+"""By which road designs are measured: one formula for many, loop equations for many, or one by one."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
+from mechsim.analytic.catalog.many_designs import allowed, can_be_many, ranges, solved, turning
+from mechsim.analytic.dynamics import machine, prescribed
+from mechsim.analytic.forms import Form, closed_form
+from mechsim.errors import AssemblyError, InputError, MechsimError, MobilityError
+from mechsim.maths.arrays import Array
+from mechsim.model.forces import Forces
+from mechsim.model.motion import taken
+from mechsim.studies.motion_source import programs_of
+from mechsim.studies.sweep.measures import FACTS, table_of
+from mechsim.studies.sweep.task import Measured, SweepTask, nothing_measured
+from mechsim.studies.sweep.turns import TRANSMISSION, Turns
+
+Rows = NDArray[np.intp]
+# poses solved in one go: their arrays stay in a core's own cache
+BLOCK = 8192
+# characters of a reason that are kept
+LONGEST = 240
+
+
+def measured(task: SweepTask, low: int, high: int) -> Measured:
+    """Return what designs low to high measure; no bad one among them is an error."""
+    rows = task.designs.rows(low, high)
+    found = nothing_measured(task, high - low)
+    left = np.arange(high - low)
+    if by_one_formula(task):
+        left = _formula(task, rows, found)
+    _one_by_one(task, rows, left, found)
+    return found
+
+
+def by_one_formula(task: SweepTask) -> bool:
+    """Whether designs are measured by one formula on arrays."""
+    form = task.subject.form
+    alone = task.loaded or task.steps or task.wants("function") or task.wants(TRANSMISSION)
+    return not alone and isinstance(form, ClosedForm) and can_be_many(form, task.designs.values)
+
+
+def _formula(task: SweepTask, rows: Mapping[str, Array], found: Measured) -> Rows:
+    """Measure designs by one formula; return those that it does not settle."""
+    form = task.subject.form
+    assert isinstance(form, TwoBranchForm)
+    good = np.flatnonzero(allowed(form, rows))
+    left = [np.setdiff1d(np.arange(len(found.outcome)), good)]
+    known = turning(form, _some(rows, good)) if len(good) else None
+    if known is not None:
+        left.append(good[known.doubtful])
+        settled = ~known.doubtful
+        facts = _facts(task, known) if any(one.kind in FACTS for one in task.measures) else {}
+        if len(task.angles):
+            swings = good[settled & ~known.full]
+            degrees = np.round(np.rad2deg(known.lowest[settled & ~known.full])).astype(int) % 360
+            for angle in np.unique(degrees):
+                why = f"the crank does not turn fully: the loop does not close near {angle} deg"
+                found.refuse(swings[degrees == angle], "cannot assemble", why)
+            fits = settled & known.full
+        else:
+            fits = settled
+        left += _blocks(task, rows, good[fits], {name: one[fits] for name, one in facts.items()}, found)
+        for name, values in facts.items():
+            found.values[name][good[settled]] = values[settled]
+    return np.sort(np.concatenate(left))
+
+
+def _facts(task: SweepTask, known: object) -> dict[str, Array]:
+    """Return what is known of designs without a motion."""
+    widths, ends = ranges(known)  # pyright: ignore[reportArgumentType]
+    there = {"crank_range": widths, "dead_centres": ends.astype(float)}
+    there["assemblies"] = np.where(widths > 0.0, 2.0, 0.0)
+    return {one.kind: there[one.kind] for one in task.measures if one.kind in FACTS}
+
+
+def _blocks(
+    task: SweepTask, rows: Mapping[str, Array], fits: Rows, facts: Mapping[str, Array], found: Measured
+) -> list[Rows]:
+    """Measure designs that turn fully, some at a time; return those of which a measure is no number."""
+    form, angles, left = task.subject.form, task.angles, [np.zeros(0, dtype=np.intp)]
+    assert isinstance(form, ClosedForm)
+    step = max(1, BLOCK // max(1, len(angles)))
+    for first in range(0, len(fits), step):
+        part = slice(first, first + step)
+        block = fits[part]
+        own = {name: one[part] for name, one in facts.items()}
+        with np.errstate(all="ignore"):
+            if len(angles):
+                jointed = any(one.jointed for one in task.measures)
+                motion = solved(form, _some(rows, block), angles, task.pace, rates=task.rated, joints=jointed)
+            else:
+                motion = taken(form.solve(np.zeros(1), links=False), slice(0, 0))
+            values = table_of(task.measures, Turns(len(block), len(angles), motion, facts=own), task.places)
+        finite = np.all([np.isfinite(one) for one in values.values()], axis=0)
+        if "crank_range" in own:
+            finite &= own["crank_range"] > 0.0
+        found.take(block[finite], {name: one[finite] for name, one in values.items()})
+        left.append(block[~finite])
+    return left
+
+
+def _some(rows: Mapping[str, Array], index: Rows) -> dict[str, Array]:
+    return {name: values[index] for name, values in rows.items()}
+
+
+def _one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, found: Measured) -> None:
+    """Measure designs each by itself; what goes wrong with one is its outcome."""
+    for i in index:
+        row = np.array([i])
+        try:
+            form = task.subject.make({name: float(values[i]) for name, values in rows.items()})
+            facts = _facts_alone(task, form)
+            for name, value in facts.items():
+                found.values[name][i] = value
+            values = alone(task, form, facts)
+        except MechsimError as error:
+            found.refuse(row, _outcome(error), str(error)[:LONGEST])
+            continue
+        except (ArithmeticError, np.linalg.LinAlgError, ValueError) as error:
+            found.refuse(row, "diverged", f"{type(error).__name__}: {error}"[:LONGEST])
+            continue
+        lost = [name for name, value in values.items() if not np.isfinite(value)]
+        found.take(row, {name: np.array([value]) for name, value in values.items()})
+        if lost:
+            found.refuse(row, "diverged", f"{lost[0]} is no finite number")
+
+
+def _outcome(error: MechsimError) -> str:
+    return error.outcome if isinstance(error, MobilityError) else "cannot assemble"
+
+
+def _facts_alone(task: SweepTask, form: Form) -> dict[str, float]:
+    wanted = [one.kind for one in task.measures if one.kind in FACTS]
+    found: dict[str, float] = {}
+    for kind in wanted:
+        arcs = form.crank_range()
+        if kind == "crank_range":
+            found[kind] = float(sum(high - low for low, high in arcs.arcs))
+        elif kind == "dead_centres":
+            found[kind] = float(len(form.dead_centres()))
+        else:
+            there = closed_form(form, "the number of assemblies")
+            found[kind] = float(len(there.assemblies(arcs.start()))) if arcs.arcs else 0.0
+    return found
+
+
+def alone(task: SweepTask, form: Form, facts: Mapping[str, float]) -> dict[str, float]:
+    """Return the measures of one design.
+
+    Raises:
+        AssemblyError: where it cannot be put together all along the motion.
+    """
+    angles = task.angles
+    kept = {name: np.array([value]) for name, value in facts.items()}
+    if not len(angles):
+        if not form.crank_range().arcs:
+            raise AssemblyError(f"{form.name}: the loops close at no crank angle")
+        return {one.name: facts[one.kind] for one in task.measures}
+    if programs_of(form) is None and isinstance(form, ClosedForm):
+        arcs = form.crank_range()
+        if not arcs.full:
+            where = f"it can stand {arcs}" if arcs.arcs else "it can close nowhere in the turn"
+            raise AssemblyError(f"{form.name}: the crank does not turn fully; {where}")
+    motion = form.solve(angles, task.pace)
+    shape = (1, len(angles))
+    efforts: dict[str, Array] = {}
+    if task.loaded:
+        acting = getattr(form, "forces", None) or Forces()
+        study = prescribed(machine(form, acting), angles, task.pace)
+        efforts = {name: column.reshape(shape) for name, column in study.columns()}
+    transmission = None
+    if task.wants(TRANSMISSION):
+        transmission = closed_form(form, "a transmission angle").transmission_angle(angles).reshape(shape)
+    turns = Turns(1, len(angles), motion, efforts, transmission, kept)
+    return {name: float(one[0]) for name, one in table_of(task.measures, turns, task.places).items()}
+
+
+def require_measurable(task: SweepTask) -> None:
+    """Refuse measures that no design of a subject can have.
+
+    Raises:
+        InputError: naming the measure and the remedy.
+    """
+    form = task.subject.form
+    for one in task.measures:
+        if one.kind == "assemblies" and not isinstance(form, ClosedForm):
+            raise InputError(
+                f"the number of assemblies is known for mechanisms of the catalogue only, and {form.name!r} "
+                "is none; `mechsim trace` finds those of any other"
+            )
+        if one.of is not None and one.of.kind == "transmission":
+            closed_form(form, "a transmission angle")
+    if programs_of(form) is None and not form.mechanism.has_crank:
+        raise InputError(
+            f"{form.name} has no lone crank to turn; give its drivers programs with --drive JOINT=PROGRAM"
+        )

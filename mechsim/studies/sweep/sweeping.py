@@ -1,0 +1,214 @@
+"""One call from a subject and what varies of it to a table of measures."""
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mechsim.analytic.forms import Form
+from mechsim.errors import InputError
+from mechsim.maths.memory import require_room
+from mechsim.model.mechanism import Mechanism
+from mechsim.studies.sweep.chunks import bounds, run_parts
+from mechsim.studies.sweep.designs import Designs, grid, listed, parameter_units, read_designs, sampled
+from mechsim.studies.sweep.identity import identity
+from mechsim.studies.sweep.measures import measures
+from mechsim.studies.sweep.parts import BESIDE, PartFolder, require_disk
+from mechsim.studies.sweep.roads import require_measurable
+from mechsim.studies.sweep.subject import SweptSubject, swept
+from mechsim.studies.sweep.table import (
+    MARK,
+    dataset,
+    ending,
+    read_sweep,
+    require_libraries,
+    write_sweep,
+)
+from mechsim.studies.sweep.task import Measured, SweepTask, nothing_measured
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+# poses a turn
+SAMPLES, MOST_SAMPLES = 72, 1_000_000
+# bytes that a text takes in a table
+TEXT = 16.0
+
+Watch = Callable[[str, float], None]
+
+
+def sweep(
+    model: str | Form | Mechanism,
+    vary: Mapping[str, Any] | None = None,
+    measure: Sequence[str] | str = (),
+    *,
+    design: Mapping[str, Any] | str | None = None,
+    sample: str | None = None,
+    set: Mapping[str, str | float] | None = None,
+    samples: int = SAMPLES,
+    speed: float = 1.0,
+    output: str | Path | None = None,
+    resume: bool = False,
+    scheduler: Any = None,
+    watch: Watch = lambda _, __: None,
+    **asked: Any,
+) -> "Dataset":
+    """Measure many designs of a mechanism.
+
+    Args:
+        model: as `load` takes it, or what moves itself.
+        vary: parameter -> values in SI, of which all are taken with all others; with `sample` its lower and
+            upper end.
+        measure: such as "range:rocker", "max:P3.vx", "stroke:P3", "at:90deg:rocker", "crank_range",
+            "FILE.py:FUNC" (see `measures.measure`).
+        design: parameter -> values in SI, one for each design, or a CSV file of them; in place of `vary`.
+        sample: "sobol:N", "halton:N", "latin:N" or "random:N".
+        set: parameter -> its value where it does not vary, as `load` takes it.
+        samples: poses a turn, or over the programs of drivers.
+        speed: of the crank in [rad/s].
+        output: .nc, .zarr, .parquet or .csv to write, part by part.
+        resume: whether a sweep that was stopped is to go on.
+        scheduler: of Dask: None for its own in this process, an address tcp://..., or a Client.
+        watch: told how far it has come, in words and as a part of the whole, 0 to 1.
+        asked: what else `load` takes.
+
+    Returns:
+        Measures over the parameters, with units, and for each design `outcome`, "met" where it was built,
+        and `reason`.
+
+    Raises:
+        InputError: for an unknown parameter or measure, more designs than memory or disk hold, or an output
+            that holds another sweep.
+        MissingToolError: where a library of `mechsim[sweep]` is not installed.
+    """
+    require_libraries(output)
+    task = swept_task(
+        model, vary, measure, design=design, sample=sample, set=set, samples=samples, speed=speed, **asked
+    )
+    return run_sweep(task, output, resume=resume, scheduler=scheduler, watch=watch)
+
+
+def swept_designs(
+    model: str | Form | Mechanism | SweptSubject, set: Mapping[str, str | float] | None = None, **asked: Any
+) -> tuple[SweptSubject, dict[str, str]]:
+    """Return what is swept, and what may vary of it: parameter -> SI unit."""
+    subject = model if isinstance(model, SweptSubject) else swept(model, set, **asked)
+    return subject, parameter_units(subject.family, subject.form)
+
+
+def swept_task(
+    model: str | Form | Mechanism | SweptSubject,
+    vary: Mapping[str, Any] | None,
+    measure: Sequence[str] | str,
+    *,
+    design: Mapping[str, Any] | str | None = None,
+    sample: str | None = None,
+    set: Mapping[str, str | float] | None = None,
+    samples: int = SAMPLES,
+    speed: float = 1.0,
+    **asked: Any,
+) -> SweepTask:
+    """Return a sweep, checked, as yet not begun; as `sweep`."""
+    if not 1 <= samples <= MOST_SAMPLES:
+        raise InputError(f"{samples} samples a turn; give 1 to {MOST_SAMPLES:,}")
+    subject, there = swept_designs(model, set, **asked)
+    designs = _designs(subject.name, vary or {}, design, sample, there)
+    texts = [measure] if isinstance(measure, str) else list(measure)
+    task = SweepTask(subject, designs, measures(texts, subject.form.mechanism), int(samples), float(speed))
+    require_measurable(task)
+    return task
+
+
+def _designs(
+    name: str,
+    vary: Mapping[str, Any],
+    design: Mapping[str, Any] | str | None,
+    sample: str | None,
+    there: Mapping[str, str],
+) -> Designs:
+    if design is not None and (vary or sample is not None):
+        raise InputError("designs are given and ranges too; give one of them")
+    if isinstance(design, str):
+        return read_designs(design, name, there)
+    if design is not None:
+        return listed(design, name, there, "list of designs")
+    return grid(vary, name, there) if sample is None else sampled(sample, vary, name, there)
+
+
+def run_sweep(
+    task: SweepTask,
+    output: str | Path | None = None,
+    *,
+    resume: bool = False,
+    scheduler: Any = None,
+    watch: Watch = lambda _, __: None,
+) -> "Dataset":
+    """Measure all designs of a sweep; write them where that is asked for; as `sweep`."""
+    count, each = task.designs.count, 8.0 * (len(task.measures) + 1) + TEXT
+    # while a table is put together it is there twice
+    require_room(f"{count:,} designs", count, 2.0 * each + BESIDE, "{most} fit: take fewer")
+    mark = identity(task)
+    place = None if output is None else Path(output)
+    if place is not None:
+        ending(place)
+        require_disk(place, count, each)
+        if _done(place, mark, resume):
+            return read_sweep(place)
+    parts = bounds(task)
+    folder = None if place is None else PartFolder(place, mark, len(parts))
+    done = {} if folder is None else folder.begin(resume=resume)
+    whole = nothing_measured(task, count)
+    ended, lock = len(done), threading.Lock()
+
+    def keep(number: int, found: Measured) -> None:
+        nonlocal ended
+        if folder is not None:
+            folder.write(number, found)
+        _put(whole, parts[number], found.values.values(), found.outcome, found.reason)
+        with lock:
+            ended += 1
+            watch(f"{parts[number][1] - parts[number][0]:,} designs", ended / len(parts))
+
+    for number in done:
+        assert folder is not None
+        _put(whole, parts[number], *folder.read(number))
+    left = [(i, *ends) for i, ends in enumerate(parts) if i not in done]
+    if left:
+        run_parts(task, left, keep, scheduler)
+    found = dataset(task, whole.values, whole.outcome, whole.reason, {MARK: mark})
+    if place is not None and folder is not None:
+        write_sweep(place, found)
+        folder.remove()
+    return found
+
+
+def _put(whole: Measured, ends: tuple[int, int], values: Any, outcome: Any, reason: Any) -> None:
+    rows = slice(*ends)
+    for column, some in zip(whole.values.values(), values, strict=True):
+        column[rows] = some
+    whole.outcome[rows] = outcome
+    whole.reason[rows] = reason
+
+
+def _done(place: Path, mark: str, resume: bool) -> bool:
+    """Whether an output is there and is this sweep's, which is to go on; refuse one of another sweep."""
+    if not place.exists():
+        return False
+    held = ""
+    if ending(place) != ".csv":
+        try:
+            held = str(read_sweep(place).attrs.get(MARK, ""))
+        except InputError:
+            held = ""
+    if held != mark:
+        raise InputError(
+            f"{place} is there already and holds another sweep; name another output, or remove it first"
+        )
+    return resume
+
+
+def built(found: "Dataset") -> int:
+    """Return how many designs of a sweep could be built."""
+    return int(np.count_nonzero(found["outcome"].values == "met"))

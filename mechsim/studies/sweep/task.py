@@ -1,0 +1,113 @@
+"""A sweep as it is sent to workers: what is swept, what is measured, and over which poses."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
+from mechsim.studies.motion_source import programs_of
+from mechsim.studies.sweep.designs import Designs
+from mechsim.studies.sweep.measures import TurnMeasure
+from mechsim.studies.sweep.subject import SweptSubject
+
+# outcomes of designs, as they are kept
+OUTCOMES = ("met", "cannot assemble", "diverged", "undetermined", "overdriven", "missed", "changed assembly")
+MET = 0
+
+
+@dataclass(frozen=True)
+class SweepTask:
+    """A sweep.
+
+    Attributes:
+        subject: what is swept.
+        designs: which.
+        measures: of each.
+        samples: poses a turn, or over programs.
+        speed: of the crank in [rad/s]; programs have their own.
+        steps: RK4 steps a turn in MuJoCo; 0 takes formulas.
+    """
+
+    subject: SweptSubject
+    designs: Designs
+    measures: tuple[TurnMeasure, ...]
+    samples: int
+    speed: float
+    steps: int = 0
+
+    @property
+    def pace(self) -> float:
+        """Speed of the crank or of the programs' clock in [rad/s]."""
+        programs = programs_of(self.subject.form)
+        return self.speed if programs is None else programs.pace
+
+    @cached_property
+    def places(self) -> dict[float, int]:
+        """Angle at which some measures are taken -> which of the poses that is."""
+        asked = dict.fromkeys(one.angle for one in self.measures if one.angle is not None)
+        return {angle: self.samples + i for i, angle in enumerate(asked)}
+
+    @cached_property
+    def angles(self) -> Array:
+        """Angles of the crank or of the programs' clock, (poses,) in [rad]; empty where none is wanted."""
+        if not any(one.turns for one in self.measures):
+            return np.zeros(0)
+        programs = programs_of(self.subject.form)
+        if programs is None:
+            turn = TURN * np.arange(self.samples) / self.samples
+        else:
+            turn = np.linspace(0.0, programs.pace * programs.duration, self.samples)
+        return np.concatenate([turn, [*self.places]])
+
+    @property
+    def rated(self) -> bool:
+        """Whether velocities or accelerations are needed."""
+        return any(one.rated for one in self.measures)
+
+    @property
+    def loaded(self) -> bool:
+        """Whether forces are needed."""
+        return any(one.loaded for one in self.measures)
+
+    def wants(self, kind: str) -> bool:
+        """Whether a measure is of a kind, or of a quantity of a kind."""
+        return any(kind == one.kind or (one.of is not None and one.of.kind == kind) for one in self.measures)
+
+
+@dataclass
+class Measured:
+    """What was measured of some designs.
+
+    Attributes:
+        values: measure -> (n,) in SI; not a number where there is none.
+        outcome: place in `OUTCOMES`, (n,).
+        reason: why there is nothing, (n,); empty where it was built.
+    """
+
+    values: dict[str, Array]
+    outcome: NDArray[np.int8]
+    reason: NDArray[np.object_] = field(default_factory=lambda: np.zeros(0, dtype=object))
+
+    def take(self, rows: NDArray[np.intp], found: Mapping[str, Array]) -> None:
+        """Keep what was measured of some of the designs."""
+        for name, values in found.items():
+            self.values[name][rows] = values
+        self.outcome[rows] = MET
+        self.reason[rows] = ""
+
+    def refuse(self, rows: NDArray[np.intp], outcome: str, reason: str) -> None:
+        """Say of some designs why there is nothing."""
+        self.outcome[rows] = OUTCOMES.index(outcome)
+        self.reason[rows] = reason
+
+
+def nothing_measured(task: SweepTask, count: int) -> Measured:
+    """Return a table of designs of which nothing is known."""
+    values = {one.name: np.full(count, np.nan) for one in task.measures}
+    return Measured(
+        values, np.full(count, OUTCOMES.index("diverged"), dtype=np.int8), np.full(count, "", dtype=object)
+    )

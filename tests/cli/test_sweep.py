@@ -1,0 +1,63 @@
+"""`mechsim sweep` as it is typed."""
+
+import json
+
+import pytest
+
+from mechsim.studies.sweep.table import read_sweep
+
+VARY = ("--vary", "crank=20mm:60mm:5", "--vary", "coupler=30mm:100mm:4")
+
+
+def test_a_sweep_is_written_and_told(mechsim):
+    done = mechsim("sweep", "four_bar", *VARY, "--measure", "range:rocker", "-o", "out.nc")
+    assert done.code == 0
+    assert "10 of 20 designs built" in done.out
+    assert "10 not built: the crank does not turn fully" in done.out
+    found = read_sweep("out.nc")
+    assert found["range:rocker"].dims == ("crank", "coupler")
+    assert found.attrs["speed"] == pytest.approx(62.83185307)
+
+
+def test_json_is_one_object(mechsim):
+    words = (
+        "--sample",
+        "sobol:16",
+        "--vary",
+        "crank=25mm:35mm",
+        "--measure",
+        "max:P3.v",
+        "-o",
+        "out.csv",
+        "--json",
+    )
+    done = mechsim("sweep", "rssr", *(one.replace("25mm:35mm", "12mm:14mm") for one in words))
+    told = json.loads(done.out)
+    assert (told["designs"], told["built"]) == (16, 16)
+    assert told["seconds"] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--vary", "crnk=1mm:2mm:3"), "did you mean 'crank'"),
+        (("--vary", "crank=60mm:20mm:5"), "runs backwards"),
+        ((*VARY, "--measure", "rnge:rocker"), "no measure 'rnge:rocker'; did you mean"),
+        ((*VARY, "--vary", "crank=1mm:2mm:3"), "twice"),
+        ((*VARY, "--design", "none.csv"), "give one of them"),
+        ((), "no parameter of four_bar varies"),
+        ((*VARY, "--samples", "0"), "0 samples"),
+    ],
+)
+def test_bad_input_is_one_line_and_nothing_is_written(mechsim, tmp_path, words, said):
+    done = mechsim("sweep", "four_bar", *words, "--measure", "range:rocker", "-o", "out.nc")
+    assert done.code == 2
+    assert said in done.err
+    assert done.err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_output_that_cannot_be_is_refused_before_any_work(mechsim):
+    for name, said in (("out.xls", "sweeps are .nc"), ("nowhere/out.nc", "make it first")):
+        done = mechsim("sweep", "four_bar", *VARY, "--measure", "range:rocker", "-o", name)
+        assert (done.code, said in done.err) == (2, True), done.err

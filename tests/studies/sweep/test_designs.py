@@ -1,0 +1,87 @@
+"""Designs: grids, lists and samples from text, and what is refused."""
+
+import numpy as np
+import pytest
+
+from mechsim.errors import InputError
+from mechsim.studies.sweep.designs import grid, parsed_range, read_designs, sampled
+from mechsim.studies.sweep.sweeping import swept_designs
+
+SUBJECT, THERE = swept_designs("rssr")
+
+
+def ranged(text, **options):
+    return parsed_range(text, "rssr", THERE, **({"sampled": False} | options))
+
+
+def test_a_range_has_both_ends_and_its_last_unit_stands_for_both():
+    name, values = ranged("crank=12:15mm:4")
+    assert name == "crank"
+    np.testing.assert_allclose(values, [0.012, 0.013, 0.014, 0.015], rtol=1e-15)
+
+
+def test_places_vary_by_parts_and_choices_by_their_values():
+    assert ranged("pivot.x=40mm:44mm:2")[1].tolist() == [0.04, 0.044]
+    assert ranged("branch=1,-1")[1].tolist() == [1.0, -1.0]
+
+
+def test_a_grid_has_all_with_all_and_any_part_of_it_is_made_by_itself():
+    designs = grid({"crank": [1.0, 2.0], "rocker": [3.0, 4.0, 5.0]}, "rssr", THERE)
+    assert designs.shape == (2, 3)
+    whole = designs.rows(0, 6)
+    assert whole["crank"].tolist() == [1.0] * 3 + [2.0] * 3
+    assert designs.rows(2, 5)["rocker"].tolist() == whole["rocker"][2:5].tolist()
+
+
+def test_samples_fill_their_spans_and_are_the_same_each_time():
+    spans = {"crank": (1.0, 2.0), "rocker": (5.0, 9.0)}
+    first, again = (sampled("sobol:100", spans, "rssr", THERE) for _ in range(2))
+    crank, rocker = first.values.values()
+    assert 1.0 <= crank.min() < 1.02 < 1.98 < crank.max() <= 2.0
+    assert abs(rocker.mean() - 7.0) < 0.1
+    np.testing.assert_array_equal(crank, again.values["crank"])
+
+
+def test_a_file_gives_designs_with_units_in_its_cells(tmp_path):
+    path = tmp_path / "designs.csv"
+    path.write_text("crank,rocker\n13 mm,0.027\n0.014,28mm\n")
+    found = read_designs(str(path), "rssr", THERE)
+    assert found.rows(0, 2)["crank"].tolist() == [0.013, 0.014]
+    assert found.dims == ("design",)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("crnk=1mm:2mm:3", "did you mean 'crank'"),
+        ("crank=15mm:12mm:3", "runs backwards"),
+        ("crank=1mm:2mm:0", "whole number"),
+        ("crank=1mm:2mm", "a grid takes"),
+        ("crank=1rpm:2rpm:3", "does not measure that"),
+        ("pivot=1mm:2mm:3", "vary its parts, pivot.x"),
+        ("crank", "no '='"),
+        ("crank=1mm:2mm:1000000000000000", "fit: take fewer"),
+    ],
+)
+def test_what_is_no_range_is_refused(text, said):
+    with pytest.raises(InputError, match=said):
+        ranged(text)
+
+
+def test_other_designs_that_cannot_be_are_refused(tmp_path):
+    for text in ("sobl:8", "sobol:0", "sobol:x", "sobol"):
+        with pytest.raises(InputError, match="sobol:N"):
+            sampled(text, {"crank": (1.0, 2.0)}, "rssr", THERE)
+    with pytest.raises(InputError, match="lower and its upper end"):
+        sampled("sobol:8", {"crank": (2.0, 1.0)}, "rssr", THERE)
+    path = tmp_path / "designs.csv"
+    for text, said in (
+        ("crank\n", "no row"),
+        ("crank,crank\n1,1\n", "twice"),
+        ("crank,rocker\n1\n", "line 2"),
+    ):
+        path.write_text(text)
+        with pytest.raises(InputError, match=said):
+            read_designs(str(path), "rssr", THERE)
+    with pytest.raises(InputError, match="there is no file"):
+        read_designs(str(tmp_path / "none.csv"), "rssr", THERE)

@@ -1,0 +1,110 @@
+"""A sweep from call to file: what is written, what goes on where it was stopped, what is refused."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.errors import InputError
+from mechsim.studies.sweep import chunks, sweeping
+from mechsim.studies.sweep.sweeping import built
+from mechsim.studies.sweep.table import read_sweep
+
+VARY = {"crank": np.linspace(0.02, 0.06, 5), "coupler": np.linspace(0.03, 0.1, 4)}
+MEASURES = ["range:rocker", "crank_range"]
+
+
+@pytest.mark.parametrize("ending", ["nc", "zarr", "parquet", "csv"])
+def test_what_is_written_reads_back(tmp_path, ending):
+    path = tmp_path / f"out.{ending}"
+    found = ms.sweep("four_bar", VARY, MEASURES, output=path)
+    again = read_sweep(path)
+    np.testing.assert_array_equal(again["range:rocker"], found["range:rocker"])
+    np.testing.assert_array_equal(again["crank"], found["crank"])
+    assert again["reason"].values.tolist() == found["reason"].values.tolist()
+    assert again["range:rocker"].dims == ("crank", "coupler")
+    assert [one.name for one in tmp_path.iterdir()] == [path.name]
+    if ending != "csv":
+        assert again["range:rocker"].attrs["units"] == "rad"
+        assert again.attrs["model"] == "four_bar"
+        assert again["crank"].attrs["units"] == "m"
+
+
+def stopped_after(monkeypatch, count):
+    """Stop sweeps after so many parts."""
+    run = chunks.run_parts
+
+    def short(task, parts, keep, scheduler=None):
+        run(task, parts[:count], keep, "synchronous")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(chunks, "MANY", 4)
+    monkeypatch.setattr(sweeping, "run_parts", short)
+    return run
+
+
+@pytest.mark.parametrize("ending", ["nc", "parquet", "csv"])
+def test_a_sweep_that_was_stopped_goes_on_and_gives_the_same_file(tmp_path, monkeypatch, ending):
+    whole, cut = tmp_path / f"whole.{ending}", tmp_path / f"cut.{ending}"
+    run = stopped_after(monkeypatch, 2)
+    with pytest.raises(KeyboardInterrupt):
+        ms.sweep("four_bar", VARY, MEASURES, output=cut)
+    assert not cut.exists()
+    with pytest.raises(InputError, match="--resume"):
+        ms.sweep("four_bar", VARY, MEASURES, output=cut)
+    with pytest.raises(InputError, match="another sweep"):
+        ms.sweep("four_bar", VARY, ["crank_range"], output=cut, resume=True)
+    left = []
+    monkeypatch.setattr(
+        sweeping, "run_parts", lambda task, parts, *rest: left.append(parts) or run(task, parts, *rest)
+    )
+    ms.sweep("four_bar", VARY, MEASURES, output=cut, resume=True)
+    assert [one[0] for one in left[0]] == [2, 3, 4]
+    ms.sweep("four_bar", VARY, MEASURES, output=whole)
+    assert cut.read_bytes() == whole.read_bytes()
+
+
+def test_a_part_that_was_cut_off_is_made_again(tmp_path, monkeypatch):
+    path = tmp_path / "out.nc"
+    run = stopped_after(monkeypatch, 3)
+    with pytest.raises(KeyboardInterrupt):
+        ms.sweep("four_bar", VARY, MEASURES, output=path)
+    part = next(path.with_name("out.nc.parts").glob("*1.npz"))
+    part.write_bytes(part.read_bytes()[:100])
+    monkeypatch.setattr(sweeping, "run_parts", run)
+    found = ms.sweep("four_bar", VARY, MEASURES, output=path, resume=True)
+    np.testing.assert_array_equal(found["range:rocker"], ms.sweep("four_bar", VARY, MEASURES)["range:rocker"])
+
+
+def test_another_sweeps_output_is_not_written_over(tmp_path):
+    path = tmp_path / "out.nc"
+    found = ms.sweep("four_bar", VARY, MEASURES, output=path)
+    before = path.read_bytes()
+    assert built(ms.sweep("four_bar", VARY, MEASURES, output=path, resume=True)) == built(found)
+    for other in ({"samples": 10}, {"speed": 2.0}, {"set": {"rocker": 0.08}}):
+        with pytest.raises(InputError, match="holds another sweep"):
+            ms.sweep("four_bar", VARY, MEASURES, output=path, **other)
+    assert path.read_bytes() == before
+
+
+def test_more_designs_than_there_is_room_for_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("mechsim.maths.memory.room", lambda: 1000.0)
+    with pytest.raises(InputError, match="fit"):
+        ms.sweep("four_bar", VARY, MEASURES)
+    monkeypatch.undo()
+    usage = type("Usage", (), {"free": 1000})
+    monkeypatch.setattr("mechsim.studies.sweep.parts.shutil.disk_usage", lambda _: usage)
+    with pytest.raises(InputError, match=r"of disk, .* fit"):
+        ms.sweep("four_bar", VARY, MEASURES, output=tmp_path / "out.nc")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_library_is_named_with_what_brings_it(tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "dask", None)
+    with pytest.raises(ms.MechsimError, match=r"dask.*pip install 'mechsim\[sweep\]'"):
+        ms.sweep("four_bar", VARY, MEASURES)
+
+
+def test_no_scheduler_that_does_not_answer(monkeypatch):
+    monkeypatch.setattr(chunks, "ANSWER", 0.2)
+    with pytest.raises(InputError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
+        ms.sweep("four_bar", VARY, MEASURES, scheduler="tcp://127.0.0.1:9")
