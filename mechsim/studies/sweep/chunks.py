@@ -43,7 +43,7 @@ def run_parts(
         InputError: for a scheduler that does not answer.
         MissingToolError: where Dask is not installed.
     """
-    dask = library("dask", "a sweep")
+    dask = library("dask")
     if scheduler is None or scheduler in ("threads", "synchronous"):
         _here(dask, task, parts, keep, scheduler or "threads")
     else:
@@ -65,7 +65,7 @@ def _here(
 
 
 def _there(task: SweepTask, parts: Sequence[tuple[int, int, int]], keep: Keep, scheduler: Any) -> None:
-    distributed = library("distributed", "a sweep on a cluster")
+    distributed = library("distributed")
     own = isinstance(scheduler, str)
     client = _answering(distributed, scheduler) if own else scheduler
     try:

@@ -3,18 +3,14 @@
 from importlib import import_module
 from typing import Any
 
-from mechsim.errors import MissingToolError
-
-REMEDY = "pip install 'mechsim[sweep]' brings it"
+from mechsim.errors import needs
 
 
-def library(name: str, what: str) -> Any:
+def library(name: str) -> Any:
     """Return a library.
 
     Raises:
         MissingToolError: where it is not installed.
     """
-    try:
+    with needs("sweep"):
         return import_module(name)
-    except ImportError:
-        raise MissingToolError(f"{what} needs {name.partition('.')[0]}, which is missing; {REMEDY}") from None

@@ -38,7 +38,7 @@ def dataset(
     Dimensions are the parameters of a grid, or `design`; variables the measures, called as they were asked
     for (of FILE.py:FUNC without the folder), `outcome` and `reason`.
     """
-    xarray = library("xarray", "a sweep")
+    xarray = library("xarray")
     designs, shape, dims = task.designs, task.designs.shape, task.designs.dims
     variables: dict[str, Any] = {}
     for one in task.measures:
@@ -81,7 +81,7 @@ def require_libraries(path: str | Path | None) -> None:
     """
     needed = {".nc": ("netCDF4",), ".zarr": ("zarr",), ".parquet": ("pyarrow",)}
     for name in ("dask", "xarray", *needed.get("" if path is None else ending(path), ())):
-        library(name, "a sweep" if path is None else f"{Path(path).suffix} of a sweep")
+        library(name)
 
 
 def write_sweep(path: str | Path, found: "Dataset") -> None:
@@ -136,7 +136,7 @@ def _write_csv(path: Path, found: "Dataset") -> None:
 def _write_parquet(path: Path, found: "Dataset") -> None:
     import json
 
-    arrow, parquet = library("pyarrow", "a sweep"), library("pyarrow.parquet", "a sweep")
+    arrow, parquet = library("pyarrow"), library("pyarrow.parquet")
     about = {
         "attributes": {name: _plain(value) for name, value in found.attrs.items()},
         "units": {str(name): one.attrs.get("units", "1") for name, one in found.variables.items()},
@@ -161,7 +161,7 @@ def read_sweep(path: str | Path) -> "Dataset":
     Raises:
         InputError: for a file that is not there, or holds no sweep.
     """
-    kind, xarray = ending(path), library("xarray", "a sweep")
+    kind, xarray = ending(path), library("xarray")
     if not Path(path).exists():
         raise InputError(f"there is no {path}; name a sweep that was written")
     require_libraries(path)
@@ -185,7 +185,7 @@ def read_sweep(path: str | Path) -> "Dataset":
 def _read_parquet(path: str | Path) -> "Dataset":
     import json
 
-    table = library("pyarrow.parquet", "a sweep").read_table(path)
+    table = library("pyarrow.parquet").read_table(path)
     about = json.loads(table.schema.metadata[b"mechsim"])
     read = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
     return _from_columns(read, about["units"], about["grid"], about["attributes"])
@@ -207,7 +207,7 @@ def _number(text: str) -> float:
 def _from_columns(
     read: Mapping[str, Any], units: Mapping[str, str], grid: list[str], attributes: Mapping[str, Any]
 ) -> "Dataset":
-    xarray = library("xarray", "a sweep")
+    xarray = library("xarray")
     # parameters are named so that nothing of them has the colon of a measure
     measured = [name for name in read if name in TEXTS or ":" in name or name in FACT_NAMES]
     given = [name for name in read if name not in measured]
