@@ -41,8 +41,9 @@ def reduce(
     if not 0.0 < bound < float("inf"):
         raise InputError(f"the tolerance is {tolerance}; give one above 0, as in 10um")
     scene = user_scene(model, asked)
+    keep = {part for text in asked.track for part in text.partition("@")[0].split(",")} | set(scene.places)
     with progress("reduce", 100) as tick:
-        found = reduced(scene, parsed(model)[0], bound, by=by, tell=_Told(tick))
+        found = reduced(scene, parsed(model)[0], bound, keep=keep, by=by, tell=_Told(tick))
     with files.written_beside(place) as path:
         path.write_text(with_comment(found, Path(model).name, bound, unit))
     if as_json:

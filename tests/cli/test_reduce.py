@@ -2,8 +2,9 @@ import json
 
 import pytest
 from scene_texts import FINGER
+from studies.test_reduction import few_trials
 
-FED = ("--ctrl", "servo=0.5*sin(2*pi*t)", "--duration", "0.3s")
+FED = ("--ctrl", "servo=0.5*sin(2*pi*t)", "--duration", "0.2s")
 
 
 @pytest.fixture
@@ -12,7 +13,10 @@ def finger(tmp_path):
     return "finger.xml"
 
 
-def test_reduce_writes_a_scene_and_tells_what_each_thing_left_out_costs(mechsim, finger, tmp_path):
+def test_reduce_writes_a_scene_and_tells_what_each_thing_left_out_costs(
+    mechsim, finger, tmp_path, monkeypatch
+):
+    few_trials(monkeypatch)
     said = mechsim("reduce", finger, "--tolerance", "7um", "--track", "pad", *FED, "-o", "out.xml", "--json")
     assert said.code == 0, said.err
     told = json.loads(said.out)

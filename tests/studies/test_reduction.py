@@ -20,7 +20,7 @@ from mechsim.studies.reduction.candidate import Candidate, NotThere, changed
 from mechsim.studies.reduction.evidence import evidence
 from mechsim.studies.reduction.second_motion import REACH, second_motion
 from mechsim.studies.reduction.spelled_out import spelled_out
-from mechsim.studies.scenes import scene_of
+from mechsim.studies.scenes import scene_of, step_time
 from mechsim.subjects.actuator_programs import actuator_programs
 from mechsim.subjects.subject import load
 
@@ -57,6 +57,12 @@ def scene(folder, text, *, ctrl=FED, drive=None, duration=0.5, track=("tip,pad@0
     return made, mujoco.MjSpec.from_file(str(path))
 
 
+def few_trials(patch):
+    """Let a search try few steps and time them roughly."""
+    patch.setattr(stepping, "LONGER", (1, 2, 4))
+    patch.setattr(step_time, "LEAST", 1e-4)
+
+
 def bench(user, spec):
     full = spelled_out(spec)
     named = full.copy().compile()
@@ -89,7 +95,9 @@ def cluttered(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(cluttered):
-    return reduced(*cluttered[:2], BOUND)
+    with pytest.MonkeyPatch.context() as patch:
+        few_trials(patch)
+        return reduced(*cluttered[:2], BOUND)
 
 
 def test_a_reduced_scene_keeps_the_tolerance_in_plain_mujoco_over_motions_not_used_to_choose(found):
@@ -139,7 +147,8 @@ def test_only_what_nothing_joins_is_apart(cluttered):
 def test_a_limit_that_is_reached_stays(tmp_path):
     text = CLUTTER.replace('name="knuckle"', 'name="knuckle" range="-15 15" limited="true"')
     one = bench(*scene(tmp_path, text))
-    (away,) = limits.propose(seen(one))
+    away, reached = limits.propose(seen(one))
+    assert "knuckle" in reached.what
     lean = changed(one.spec, away).compile()
     assert lean.jnt_limited[lean.joint("knuckle").id]
     assert not lean.jnt_limited[lean.joint("elbow").id]

@@ -165,3 +165,10 @@ def test_balls_and_free_bodies_are_closed_in_their_own_coordinates(tmp_path):
     mujoco.mj_integratePos(one.model, later, qvel, 1e-6)
     moved = replace(run, qpos=later[None])
     assert one.closure.errors(moved.qpos, moved.points).max() < 1e-10
+
+
+def test_beside_flywheels_the_solver_stops_at_the_same_cost_as_without_them(fed, driven):
+    # MuJoCo stops where an iteration gains less than tolerance times mean inertia times freedoms
+    plain, wheeled = (one.model.opt.tolerance * one.model.stat.meaninertia for one in (fed, driven))
+    assert driven.model.stat.meaninertia > 1e6 * fed.model.stat.meaninertia
+    assert wheeled == pytest.approx(plain, rel=1e-9)

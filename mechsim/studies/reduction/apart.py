@@ -58,7 +58,7 @@ def ties(seen: Evidence) -> "nx.Graph[str]":
     for group in (*_equalities(seen.spec), *_tendons(seen.spec)):
         inside = [name for name in group if name in graph]
         nx.add_path(graph, inside)
-    touching = [_body(seen.spec.geom(name)) for name in seen.touched if seen.spec.geom(name) is not None]
+    touching = [body_of(seen.spec.geom(name)) for name in seen.touched if seen.spec.geom(name) is not None]
     nx.add_path(graph, [name for name in touching if name in graph])
     return graph
 
@@ -67,7 +67,7 @@ def needed_bodies(seen: Evidence) -> set[str]:
     """Return the bodies of the joints that programs drive or whose actuators they feed."""
     spec, found = seen.spec, set[str]()
     for name in seen.scene.drive:
-        found.add(_body(spec.joint(name)))
+        found.add(body_of(spec.joint(name)))
     for name in seen.scene.ctrl:
         found |= bodies_of(spec, spec.actuator(name))
     return found
@@ -81,8 +81,8 @@ def bodies_of(spec: mujoco.MjSpec, actuator: mujoco.MjsActuator) -> set[str]:
     if kind == mujoco.mjtTrn.mjTRN_BODY:
         return {actuator.target}
     if kind in (mujoco.mjtTrn.mjTRN_SITE, mujoco.mjtTrn.mjTRN_SLIDERCRANK):
-        return {_body(spec.site(actuator.target))}
-    return {_body(spec.joint(actuator.target))}
+        return {body_of(spec.site(actuator.target))}
+    return {body_of(spec.joint(actuator.target))}
 
 
 def _equalities(spec: mujoco.MjSpec) -> list[list[str]]:
@@ -91,11 +91,11 @@ def _equalities(spec: mujoco.MjSpec) -> list[list[str]]:
     for equality in spec.equalities:
         names = [name for name in (equality.name1, equality.name2) if name]
         if equality.type == JOINT:
-            found.append([_body(spec.joint(name)) for name in names])
+            found.append([body_of(spec.joint(name)) for name in names])
         elif equality.type == TENDON:
             found.append([body for name in names for body in _of_tendon(spec.tendon(name))])
         elif equality.objtype == mujoco.mjtObj.mjOBJ_SITE:
-            found.append([_body(spec.site(name)) for name in names])
+            found.append([body_of(spec.site(name)) for name in names])
         else:
             found.append(names)
     return found
@@ -108,11 +108,12 @@ def _tendons(spec: mujoco.MjSpec) -> list[list[str]]:
 def _of_tendon(tendon: mujoco.MjsTendon) -> list[str]:
     """Return the bodies that a tendon runs over."""
     if joints_of(tendon):
-        return [_body(part.target) for part in tendon.path]
-    return [_body(part.target) for part in tendon.path if hasattr(part.target, "parent")]
+        return [body_of(part.target) for part in tendon.path]
+    return [body_of(part.target) for part in tendon.path if hasattr(part.target, "parent")]
 
 
-def _body(part: "mujoco.MjsJoint | mujoco.MjsSite | mujoco.MjsGeom") -> str:
+def body_of(part: "mujoco.MjsJoint | mujoco.MjsSite | mujoco.MjsGeom") -> str:
+    """Return the body of a joint, a site or a geom."""
     return str(part.parent.name)
 
 

@@ -138,11 +138,11 @@ def _efforts(run: SceneRun) -> dict[str, Array]:
 
 @quiet()
 def _energies(run: SceneRun) -> Array:
-    """Return the energy since the first instant, without that of flywheels, (n,) in [J]."""
+    """Return the energy since the first instant, without that of driven rotors, (n,) in [J]."""
     model, data = run.model, mujoco.MjData(run.model)
     wheels = np.zeros(model.nv)
-    for dof, (inertia, own) in zip(run.scene.driven_dofs, run.scene.wheels.values(), strict=True):
-        wheels[dof] = inertia - own
+    for dof, (inertia, _) in zip(run.scene.driven_dofs, run.scene.wheels.values(), strict=True):
+        wheels[dof] = inertia
     found = np.empty(len(run.time))
     for i, (qpos, qvel) in enumerate(zip(run.qpos, run.qvel, strict=True)):
         data.qpos[:], data.qvel[:] = qpos, qvel

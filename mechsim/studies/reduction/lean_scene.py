@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.maths.arrays import Array
-from mechsim.studies.scenes.user_scene import UserScene
+from mechsim.studies.scenes.user_scene import UserScene, as_exact
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ def lean_scene(
         ValueError: where MuJoCo refuses what is left, or a part that the motion needs is left out.
     """
     spec = spec.copy()
+    plain = spec.compile()
     wheels: dict[str, tuple[float, float]] = {}
     for name in full.drive:
         joint = spec.joint(name)
@@ -49,7 +50,7 @@ def lean_scene(
             raise ValueError(f"joint {name} is prescribed and cannot be left out")
         wheels[name] = full.wheels[name][0], float(joint.armature)
         joint.armature = full.wheels[name][0]
-    model = spec.compile()
+    model = as_exact(plain, spec.compile(), spec) if wheels else plain
     known = {model.actuator(i).name for i in range(model.nu)}
     if missing := [name for name in full.ctrl if name not in known]:
         raise ValueError(f"actuator {missing[0]} is fed and cannot be left out")

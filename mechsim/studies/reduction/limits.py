@@ -1,5 +1,7 @@
 """Limits that are never reached."""
 
+from collections.abc import Collection
+
 import mujoco
 
 from mechsim.studies.reduction.candidate import Candidate, counted
@@ -15,13 +17,18 @@ def propose(seen: Evidence) -> list[Candidate]:
     joints = [model.joint(j).name for j in range(model.njnt) if model.jnt_limited[j]]
     tendons = [model.tendon(t).name for t in range(model.ntendon) if model.tendon_limited[t]]
     free = [name for name in (*joints, *tendons) if name not in seen.limited]
-    if not free:
-        return []
-    what = f"{counted(len(free), 'limit')} that {'was' if len(free) == 1 else 'were'} never reached"
-    return [Candidate(FAMILY, what, lambda spec: _without(spec, free))]
+    found: list[Candidate] = []
+    if free:
+        what = f"{counted(len(free), 'limit')} that {'was' if len(free) == 1 else 'were'} never reached"
+        found.append(Candidate(FAMILY, what, lambda spec: _without(spec, free)))
+    for name in (*joints, *tendons):
+        if name in seen.limited:
+            edit = lambda spec, names=(name,): _without(spec, names)  # noqa: E731
+            found.append(Candidate(FAMILY, f"limit of {name}", edit, pays=True))
+    return found
 
 
-def _without(spec: mujoco.MjSpec, names: list[str]) -> None:
+def _without(spec: mujoco.MjSpec, names: Collection[str]) -> None:
     for part in (*spec.joints, *spec.tendons):
         if part.name in names:
             part.limited = NONE

@@ -1,6 +1,6 @@
 """Candidates tried alone and together: what is left out, judged as a whole over two motions."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -22,7 +22,7 @@ from mechsim.studies.scenes import UserScene
 
 By = Literal["trajectory", "torque"]
 # part of the tolerance that what is left out may cost on the motion that chooses
-PART = 0.7
+PART = 0.9
 # part of the tolerance that is no error
 NOTHING = 1e-3
 # part of the time that must be saved where leaving out costs accuracy
@@ -85,6 +85,7 @@ def reduced(
     spec: mujoco.MjSpec,
     tolerance: float,
     *,
+    keep: Collection[str] = (),
     by: By = "trajectory",
     tell: Tell = lambda _, __: None,
 ) -> Reduction:
@@ -94,6 +95,7 @@ def reduced(
         scene: the full scene and the user's motion, by which is chosen.
         spec: of its file; not changed.
         tolerance: in [m], or in [N m] or [N] by torque.
+        keep: names of bodies that stay bodies.
         by: what counts.
         tell: told what is tried and what part is done.
 
@@ -112,8 +114,13 @@ def reduced(
                 f"{scene.path} diverges over {which}: {bench.run.broken}; mend the scene, or ask for less"
             )
     search = _Search(first, tolerance, by, tell)
+    search.bodies |= {name for name in keep if full.body(name) is not None}
     search.go()
     return search.judged(second)
+
+
+_Steps = tuple[float, Candidate, float]
+_State = tuple[mujoco.MjSpec, float, tuple[LeftOut, ...], tuple[_Steps, ...]]
 
 
 class _Search:
@@ -125,19 +132,49 @@ class _Search:
         self.spec, self.error, self.tried = bench.spec, 0.0, 0
         self.left_out: list[LeftOut] = []
         # ratio of time, steps, error: of steps that keep the tolerance too
-        self.steps: list[tuple[float, Candidate, float]] = []
+        self.steps: list[_Steps] = []
+        self.costly = False
         self.bodies = frozenset(body for body, _ in bench.tracked.values())
 
     def seen(self, spec: mujoco.MjSpec) -> Evidence:
         return evidence(spec, self.bench.lean(spec), self.bodies, self.tolerance)
 
     def go(self) -> None:
-        """Try all families, then longer steps."""
+        """Try what costs nothing, then what costs accuracy and longer steps, in the better order."""
+        self.families(0.0, costly=False)
+        before = self.state
+        found: list[_State] = []
+        for number, steps_first in enumerate((False, True)):
+            self.state = before
+            if steps_first:
+                self.coarser(0.6)
+            self.families(0.2 + 0.4 * number, costly=True)
+            if not steps_first:
+                self.coarser(0.4)
+            found.append(self.state)
+        ratios = time_ratios(self.bench.full, [self.bench.lean(one[0]) for one in found])
+        self.state = found[int(np.argmin(ratios))]
+
+    @property
+    def state(self) -> "_State":
+        """What is left, its error, what is left out, and steps that keep the tolerance too."""
+        return self.spec, self.error, tuple(self.left_out), tuple(self.steps)
+
+    @state.setter
+    def state(self, value: "_State") -> None:
+        self.spec, self.error, left_out, steps = value
+        self.left_out, self.steps = list(left_out), list(steps)
+
+    def families(self, begun: float, *, costly: bool) -> None:
+        """Try all families, those that cost nothing alone or all."""
+        self.costly = costly
         for number, propose in enumerate(table.FAMILIES):
-            self.tell(propose.__module__.rpartition(".")[2], 0.5 * number / len(table.FAMILIES))
+            self.tell(
+                propose.__module__.rpartition(".")[2].replace("_", " "),
+                begun + 0.2 * number / len(table.FAMILIES),
+            )
             for candidate in propose(self.seen(self.spec)):
                 self.together(candidate)
-        self.coarser()
 
     def together(self, candidate: Candidate) -> None:
         """Leave a candidate out beside all that is, if that keeps the tolerance and saves time."""
@@ -145,7 +182,10 @@ class _Search:
         if tried is None:
             return
         spec, scene, error = tried
-        if error - self.error > NOTHING * self.tolerance:
+        costs = error - self.error > NOTHING * self.tolerance
+        if costs and not self.costly:
+            return
+        if candidate.pays or costs:
             ratio = float(time_ratios(self.bench.lean(self.spec), [scene])[0])
             if ratio > WORTH:
                 return
@@ -166,12 +206,12 @@ class _Search:
         self.left_out.append(LeftOut(candidate, BROKEN, np.nan, error))
         self.spec, self.error = spec, error
 
-    def coarser(self) -> None:
+    def coarser(self, begun: float) -> None:
         """Take the longest steps that keep the tolerance; know the next ones, should these not hold."""
         kept: list[tuple[Candidate, LeanScene, float]] = []
         options = table.LAST(self.seen(self.spec))
         for number, candidate in enumerate(options):
-            self.tell(candidate.what, 0.5 + 0.4 * number / len(options))
+            self.tell(candidate.what, begun + 0.2 * number / len(options))
             if (tried := self.trial(candidate)) is not None:
                 kept.append((candidate, *tried[1:]))
             if len(kept) == ENOUGH:

@@ -21,15 +21,19 @@ def propose(seen: Evidence) -> list[Candidate]:
     """Propose to take each kind away from all joints and tendons that have it, and each by itself."""
     found: list[Candidate] = []
     for field, what in KINDS.items():
-        names = [part.name for part in (*seen.spec.joints, *seen.spec.tendons) if _has(part, field)]
+        parts = (*seen.spec.joints, *seen.spec.tendons)
+        # where a joint is prescribed these are of the drive's effort alone
+        names = [part.name for part in parts if _has(part, field) and part.name not in seen.scene.drive]
         if not names:
             continue
         if len(names) > 1:
             edit = lambda spec, names=tuple(names), field=field: _without(spec, names, field)  # noqa: E731
-            found.append(Candidate(FAMILY, f"{what} of all {len(names)} joints that have one", edit))
+            found.append(
+                Candidate(FAMILY, f"{what} of all {len(names)} joints that have one", edit, pays=True)
+            )
         for name in names:
             edit = lambda spec, names=(name,), field=field: _without(spec, names, field)  # noqa: E731
-            found.append(Candidate(FAMILY, f"{what} of {name}", edit))
+            found.append(Candidate(FAMILY, f"{what} of {name}", edit, pays=True))
     return found
 
 

@@ -46,6 +46,8 @@ def cheaper(seen: Evidence) -> list[Candidate]:
         found.append(Candidate(FAMILY, "the energy flag", _no_energy))
     if not option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ISLAND):
         found.append(Candidate(FAMILY, "looking for islands", _no_islands))
+    if option.iterations > 1:
+        found.append(Candidate(FAMILY, "iterations of the solver after the first", _once, pays=True))
     return found
 
 
@@ -81,6 +83,10 @@ def _dense(spec: mujoco.MjSpec) -> None:
 
 def _no_energy(spec: mujoco.MjSpec) -> None:
     spec.option.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+
+
+def _once(spec: mujoco.MjSpec) -> None:
+    spec.option.iterations = 1
 
 
 def _no_islands(spec: mujoco.MjSpec) -> None:

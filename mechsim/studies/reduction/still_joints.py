@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 
+from mechsim.maths.arrays import Array
 from mechsim.studies.reduction.candidate import Candidate, NotThere
 from mechsim.studies.reduction.evidence import Evidence
 
@@ -31,22 +32,32 @@ def propose(seen: Evidence) -> list[Candidate]:
 
 
 def fuse(spec: mujoco.MjSpec, name: str, value: float) -> None:
-    """Take a hinge or slide away, its body standing as with the joint at a value in [rad] or [m].
+    """Take a hinge or slide away that nothing acts on, its body standing as with the joint at a value.
 
     Raises:
         NotThere: where there is no such joint, something acts on it, or its body has others that moving
             the body would move too.
     """
-    joint = spec.joint(name)
-    if joint is None:
+    if spec.joint(name) is None:
         raise NotThere(f"joint {name} is left out already")
     require_unused(spec, name)
+    fuse_at(spec, name, np.array([value]))
+
+
+def fuse_at(spec: mujoco.MjSpec, name: str, value: Array) -> None:
+    """Take a joint away, its body standing as with the joint at coordinates, (1,) or of a ball (4,).
+
+    Raises:
+        NotThere: where its body has other joints, which moving the body would move too.
+    """
+    joint = spec.joint(name)
     model = spec.compile()
     data, own = mujoco.MjData(model), model.joint(name)
+    place = slice(int(own.qposadr[0]), int(own.qposadr[0]) + len(value))
     body = int(own.bodyid[0])
-    if model.body_jntnum[body] > 1 and abs(value - float(model.qpos0[own.qposadr[0]])) > 0.0:
+    if model.body_jntnum[body] > 1 and not np.array_equal(value, model.qpos0[place]):
         raise NotThere(f"joint {name} is one of several of a body, and not where it is at rest")
-    data.qpos[own.qposadr[0]] = value
+    data.qpos[place] = value
     mujoco.mj_kinematics(model, data)
     parent = int(model.body_parentid[body])
     turn = data.xmat[parent].reshape(3, 3)

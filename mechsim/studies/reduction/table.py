@@ -8,10 +8,14 @@ from mechsim.studies.reduction import (
     contacts,
     limits,
     loop_rows,
+    merged,
     ornaments,
+    passive_chains,
+    rod_lengths,
     springs,
     stepping,
     still_joints,
+    twins,
 )
 from mechsim.studies.reduction.candidate import Candidate
 from mechsim.studies.reduction.evidence import Evidence
@@ -22,8 +26,12 @@ FAMILIES: tuple[Callable[[Evidence], list[Candidate]], ...] = (
     limits.propose,
     actuators.propose,
     apart.propose,
+    twins.propose,
     loop_rows.propose,
     still_joints.propose,
+    passive_chains.propose,
+    rod_lengths.propose,
+    merged.propose,
     springs.propose,
     stepping.cheaper,
 )

@@ -169,7 +169,7 @@ def scene_of(
         }
     closure = exact_closure(mechanism, plain, points)
     wheels = _put_flywheels(spec, plain, mechanism, tuple(drive))
-    model = plain if not wheels else spec.compile()
+    model = plain if not wheels else as_exact(plain, spec.compile(), spec)
     data = mujoco.MjData(model)
     if key is not None:
         mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
@@ -207,6 +207,17 @@ def _put_flywheels(
         wheels[name] = inertia, float(joint.armature)
         joint.armature = inertia
     return wheels
+
+
+def as_exact(plain: mujoco.MjModel, wheeled: mujoco.MjModel, spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """Return a model with flywheels whose solver is as exact as that of the same without.
+
+    By the mean inertia MuJoCo's solver judges what is small: with flywheels it would end before its time,
+    and what is light would shake.
+    """
+    spec.option.tolerance *= plain.stat.meaninertia / wheeled.stat.meaninertia
+    wheeled.opt.tolerance = spec.option.tolerance
+    return wheeled
 
 
 def _started(

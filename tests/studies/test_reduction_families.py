@@ -1,0 +1,90 @@
+"""Families of what may be left out: each changes a scene as it says, and one that must not is condemned."""
+
+import mujoco
+import numpy as np
+import pytest
+from scene_texts import FINGER
+from studies.test_reduction import BOUND, bench, scene, seen
+
+from mechsim.studies.reduction import merged, passive_chains, rod_lengths, twins
+from mechsim.studies.reduction.candidate import changed
+from mechsim.studies.reduction.rods import add_weight, loose_chains
+
+SIDE = """<body name="{0}" pos="0 {1} 0"><inertial mass="{2}" pos="0.03 0 0" diaginertia="1e-5 1e-5 1e-5"/>
+<joint name="{0}" axis="0 0 1" damping="0.01" armature="1e-4"/></body>"""
+HANDS = """<mujoco><worldbody>{0}{1}</worldbody>
+<tendon><fixed name="both"><joint joint="left" coef="0.5"/><joint joint="right" coef="0.5"/></fixed></tendon>
+<equality><joint joint1="left" joint2="right"/></equality>
+<actuator><position name="servo" tendon="both" kp="2" kv="0.05"/></actuator></mujoco>"""
+
+
+NAIL = """<body name="nail"><inertial mass="1e-3" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/></body>"""
+
+
+def hands(masses=(0.1, 0.1)):
+    return HANDS.format(SIDE.format("left", 0.1, masses[0]), SIDE.format("right", -0.1, masses[1]))
+
+
+def test_a_twin_goes_and_what_stays_moves_as_before_unless_it_was_none(tmp_path):
+    for masses, same in (((0.1, 0.1), True), ((0.1, 0.3), False)):
+        one = bench(*scene(tmp_path, hands(masses), track=("P,left@0.06,0,0",)))
+        (away,) = twins.propose(seen(one))
+        lean = one.lean(changed(one.spec, away))
+        assert [lean.model.joint(j).name for j in range(lean.model.njnt)] == ["left"]
+        assert (one.errors(lean).trajectory < 1e-12) is same
+
+
+def test_a_rod_is_a_length_between_its_ends_and_weighs_as_much(tmp_path):
+    smooth = FINGER.replace('name="elbow"', 'name="elbow" damping="0"')
+    one = bench(*scene(tmp_path, smooth, track=("P,lever@0,0.06,0",)))
+    found = seen(one)
+    assert [(chain.joints, chain.closing) for chain in loose_chains(found)] == [(("elbow",), "closing")]
+    specs = [changed(one.spec, rod) for rod in rod_lengths.propose(found)]
+    whole, lean = one.spec.copy().compile(), specs[0].copy().compile()
+    assert lean.nv == whole.nv - 1
+    assert lean.body_mass.sum() == pytest.approx(whole.body_mass.sum(), rel=1e-14)
+    right = min(one.errors(one.lean(spec)).trajectory for spec in specs)
+    longer = specs[0].copy()
+    data = longer.equality("closing").data
+    data[0] += 1e-3
+    longer.equality("closing").data = data
+    assert right < 2e-4
+    assert one.errors(one.lean(longer)).trajectory > 5e-4
+
+
+def test_a_leaf_of_which_nothing_is_tracked_is_fused_halfway(tmp_path):
+    one = bench(*scene(tmp_path, FINGER, track=("P,lever@0,0.06,0",)))
+    ways = {way.what: way for way in passive_chains.propose(seen(one))}
+    leaf = next(way for what, way in ways.items() if "pad" in what)
+    lean = one.lean(changed(one.spec, leaf))
+    assert "swing" not in [lean.model.joint(j).name for j in range(lean.model.njnt)]
+    assert one.errors(lean).trajectory < 10 * BOUND
+    loop = next(way for what, way in ways.items() if "closing" in what)
+    assert one.errors(one.lean(changed(one.spec, loop))).trajectory > 1e-3
+
+
+def test_bodies_without_joints_are_merged_except_those_that_are_named(tmp_path):
+    text = FINGER.replace('name="swing" stiffness="0.05" damping="0.001"', 'name="swing"').replace(
+        '<joint name="swing"/>',
+        '<body name="nail"><inertial mass="1e-3" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/></body>',
+    )
+    one = bench(*scene(tmp_path, text, track=("nail",)))
+    assert [len(merged.propose(seen(one)))] == [1]
+    lean = changed(one.spec, merged.propose(seen(one))[0]).compile()
+    assert one.errors(one.lean(changed(one.spec, merged.propose(seen(one))[0]))).trajectory < BOUND
+    assert lean.nbody < one.named.nbody
+
+
+def test_a_weight_added_keeps_mass_centre_and_moments(tmp_path):
+    model = bench(*scene(tmp_path, FINGER)).named
+    body, turn = model.body("rod").id, np.empty(9)
+    own = float(model.body_mass[body]), model.body_ipos[body].copy(), model.body_inertia[body].copy()
+    at, mass = np.array([0.01, -0.02, 0.03]), 0.05
+    add_weight(model, body, mass, at, np.zeros((3, 3)))
+    mujoco.mju_quat2Mat(turn, model.body_iquat[body])
+    axes = turn.reshape(3, 3)
+    about = lambda m, r: m * (r @ r * np.eye(3) - np.outer(r, r))  # noqa: E731
+    centre = model.body_ipos[body]
+    assert np.allclose(centre * (own[0] + mass), own[0] * own[1] + mass * at)
+    origin = axes @ np.diag(model.body_inertia[body]) @ axes.T + about(own[0] + mass, centre)
+    assert np.allclose(origin, np.diag(own[2]) + about(own[0], own[1]) + about(mass, at), atol=1e-18)
