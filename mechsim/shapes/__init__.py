@@ -6,6 +6,7 @@ metres look alike. Nothing here is physics: the shapes carry no mass and meet no
 
 from mechsim.shapes.body import link_colours, rod_radius, span
 from mechsim.shapes.draw import link_shapes
+from mechsim.shapes.facets import Facets
 from mechsim.shapes.planar import planar_normals
 from mechsim.shapes.shape import HOUSING, PALETTE, STEEL, Kind, Rgba, Shape
 from mechsim.shapes.sides import free_sides
@@ -14,6 +15,7 @@ __all__ = [
     "HOUSING",
     "PALETTE",
     "STEEL",
+    "Facets",
     "Kind",
     "Rgba",
     "Shape",

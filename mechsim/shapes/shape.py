@@ -8,9 +8,10 @@ from numpy.typing import ArrayLike
 
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Vector
+from mechsim.shapes.facets import Facets
 
 Rgba = tuple[float, float, float, float]
-Kind = Literal["capsule", "cylinder", "sphere", "box"]
+Kind = Literal["capsule", "cylinder", "sphere", "box", "facets"]
 Role = Literal["body", "bearing"]
 
 # Okabe and Ito's colours, which stay apart for colour-blind eyes; the brightest last, as it fades on white
@@ -32,13 +33,15 @@ class Shape:
     """One solid in a link's own frame ("ground": in the world's).
 
     Attributes:
-        kind: capsule, cylinder and box reach from `frm` to `to`; a sphere sits at `frm`.
+        kind: capsule, cylinder and box reach from `frm` to `to`; a sphere sits at `frm`; facets stand where
+            their vertices say.
         frm: start point in [m].
         to: end point in [m]; equal to `frm` for a sphere.
         size: (radius,), or for a box (half width, half thickness) in [m].
         rgba: colour, each part 0 to 1.
         thickness: of a box, the direction of its thickness.
         role: "bearing" for what a stand can carry, else "body".
+        facets: the triangles of a body made of them.
     """
 
     kind: Kind
@@ -48,6 +51,7 @@ class Shape:
     rgba: Rgba
     thickness: Vector = (0.0, 0.0, 1.0)
     role: Role = "body"
+    facets: Facets | None = None
 
     @property
     def centre(self) -> Array:
@@ -75,6 +79,8 @@ class Shape:
     @property
     def bounds(self) -> tuple[Array, float]:
         """Points whose balls of the returned radius hold the shape, (k, 3) and [m]."""
+        if self.facets is not None:
+            return self.facets.corners, 0.0
         if self.kind != "box":
             return np.array([self.frm, self.to]), self.size[0]
         corners = np.array(np.meshgrid(*((-h, h) for h in self.half_sizes))).reshape(3, -1)

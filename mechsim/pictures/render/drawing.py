@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
-from mechsim.model.mechanism import Mechanism
+from mechsim.maths.arrays import Array
+from mechsim.model.joints import KINDS
+from mechsim.model.mechanism import GROUND, Mechanism
 from mechsim.model.motion import Motion
 from mechsim.pictures.render import gl_backend as backends
 from mechsim.pictures.render.drawn_model import CAMERA, DrawnModel
@@ -135,11 +137,21 @@ def draw(drawn: DrawnModel, backend: backends.Backend) -> Generator[Picture]:
             drawing.update_scene(drawn.data, CAMERA)
             trace.put(drawing.scene, frame)
             picture = drawing.render()
-            labels = {name: path[frame] for name, path in drawn.frames.points.items()} if look.labels else {}
+            labels = _named(drawn, frame) if look.labels else {}
             instant = drawn.frames.instant(frame) if look.overlay == 1 else ""
             yield (
                 written(picture, drawn.camera, labels, clear, notes, instant) if labels or notes else picture
             )
+
+
+def _named(drawn: DrawnModel, frame: int) -> dict[str, Array]:
+    """What carries a name: tracked points, and fixed pivots unless the bodies are a user's own."""
+    named = {name: path[frame] for name, path in drawn.frames.points.items()}
+    for joint in drawn.mechanism.joints if not drawn.look.bodies else ():
+        for end in (joint.a, joint.b):
+            if end.link == GROUND and KINDS[joint.kind].hinge:
+                named.setdefault(joint.name, np.array(end.point))
+    return named
 
 
 def _legend(drawn: DrawnModel) -> tuple[tuple[str, Ink], ...]:

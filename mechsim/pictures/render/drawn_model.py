@@ -16,7 +16,7 @@ from mechsim.pictures.render.arrows import Arrows, arrows
 from mechsim.pictures.render.frame_poses import FramePoses
 from mechsim.pictures.render.ghost import Ghost
 from mechsim.pictures.render.look import Look
-from mechsim.shapes import Rgba, free_sides, link_shapes, planar_normals, rod_radius
+from mechsim.shapes import Rgba, Shape, free_sides, link_shapes, planar_normals, rod_radius
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.extent import extent, travels
 from mechsim.shapes.walls import Wall, backdrop, corner, stands
@@ -45,10 +45,10 @@ class DrawnModel:
         self.mechanism, self.frames, self.look, self.ghost = mechanism, frames, look, ghost
         self.radius = rod_radius(mechanism)
         self.forward = bool(frames.angle[-1] >= frames.angle[0])
-        self.shapes = link_shapes(mechanism, travels(mechanism, frames.poses), self._free_sides())
+        self.shapes = self._shapes()
         balls, radii = self._extent()
         self.low, self.high = (balls - radii[:, None]).min(0), (balls + radii[:, None]).max(0)
-        if not planar_normals(mechanism):
+        if not (planar_normals(mechanism) or look.bodies):
             balls, radii = self._add_stands(balls, radii)
         self.arrows = self._arrows()
         for one in self.arrows:
@@ -102,6 +102,13 @@ class DrawnModel:
         """Return a path projected square on a wall, lifted off it by less than can be seen."""
         height = (path - wall.point) @ wall.normal - 0.15 * self.radius
         return path - height[:, None] * wall.normal
+
+    def _shapes(self) -> dict[str, list[Shape]]:
+        """The bodies of links that the look gives, else those drawn from the joints."""
+        links = [GROUND, *(link.name for link in self.mechanism.links)]
+        if self.look.bodies:
+            return {link: list(self.look.bodies.get(link, ())) for link in links}
+        return link_shapes(self.mechanism, travels(self.mechanism, self.frames.poses), self._free_sides())
 
     def _slot(self, body: str) -> int:
         return int(self.model.body(body).mocapid[0])
@@ -169,16 +176,16 @@ class DrawnModel:
         for i, wall in enumerate(self.walls):
             scenery.add_grid(spec, f"wall{i}", wall, self.cell, self.missed(wall))
         for shape in self.shapes[GROUND]:
-            scenery.add_shape(spec.worldbody, shape)
+            scenery.add_shape(spec, spec.worldbody, shape)
         for link in self.mechanism.links:
             for copy in range(look.overlay):
                 body = spec.worldbody.add_body(name=_body(link.name, copy), mocap=True)
                 for shape in self.shapes[link.name]:
-                    scenery.add_shape(body, shape)
+                    scenery.add_shape(spec, body, shape)
         for name in self.ghost.poses if self.ghost else ():
             body = spec.worldbody.add_body(name=_ghost(name), mocap=True)
             for shape in self.shapes[name]:
-                scenery.add_shape(body, replace(shape, rgba=GHOST))
+                scenery.add_shape(spec, body, replace(shape, rgba=GHOST))
         scenery.add_camera(spec, CAMERA, self.camera)
         return spec
 

@@ -60,6 +60,6 @@ def add_picture(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
     scenery.add_camera(spec, CAMERA, camera)
     for link, body in bodies.items():
         for shape in shapes[link]:
-            scenery.add_shape(body, shape)
+            scenery.add_shape(spec, body, shape)
     for site in spec.sites:
         site.group, site.size = SITE_GROUP, [0.5 * radius] * 3

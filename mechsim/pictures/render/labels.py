@@ -1,5 +1,6 @@
 """What is written on a picture: names of points, scale bar, crank angle."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.util import find_spec
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from mechsim.errors import needs
 from mechsim.maths.arrays import Array
 from mechsim.pictures.number_text import prefixed
+from mechsim.pictures.render.label_places import Rectangle, placed, shared
 from mechsim.shapes.camera import Camera, nice
 
 if TYPE_CHECKING:
@@ -60,41 +62,59 @@ def written(
         from PIL import Image
     image = Image.fromarray(picture)
     edge = max(10, round(camera.size[1] / 34))
-    _labels(image, camera, labels, 0.7 * clear * camera.scale + 0.3 * edge, edge)
-    if notes:
-        _notes(image, camera, notes, instant, edge)
+    taken = _notes(image, camera, notes, instant, edge) if notes else []
+    _labels(image, camera, labels, 0.7 * clear * camera.scale + 0.3 * edge, edge, taken)
     return np.asarray(image)
 
 
-def _labels(image: "Image.Image", camera: Camera, labels: dict[str, Array], off: float, edge: int) -> None:
-    """Write names beside their points, each off the middle of them all, so that links stay clear."""
-    if not labels:
-        return
-    places = {name: camera.pixel(place) for name, place in labels.items()}
-    middle = np.mean(list(places.values()), axis=0)
-    for name, (x, y) in places.items():
-        left = len(places) > 1 and x < middle[0]
-        at = (x - off if left else x + off, y - off)
-        _text(image, at, name, edge, "rs" if left else "ls")
+def _labels(
+    image: "Image.Image",
+    camera: Camera,
+    labels: dict[str, Array],
+    off: float,
+    edge: int,
+    taken: Sequence[Rectangle],
+) -> None:
+    """Write names beside their points where there is room; points that coincide share one."""
+    named = shared({name: camera.pixel(place) for name, place in labels.items()})
+    widths = [_font(edge).getlength(name) for name, _ in named]
+    spots = placed([at for _, at in named], widths, 1.1 * edge, off, camera.size, taken)
+    for (name, _), spot in zip(named, spots, strict=True):
+        _text(image, (spot.left, spot.bottom - 0.2 * edge), name, edge, "ls")
 
 
-def _notes(image: "Image.Image", camera: Camera, notes: Notes, instant: str, edge: int) -> None:
+def _notes(image: "Image.Image", camera: Camera, notes: Notes, instant: str, edge: int) -> list[Rectangle]:
+    """Write name, instant, scale bar and legend at the edges; return where.
+
+    A legend that would reach over the scale bar stands above it.
+    """
     width, height = camera.size
-    pad = round(0.8 * edge)
-    _text(image, (pad, pad), notes.name.replace("_", "-"), edge, "la")
+    pad, long = round(0.8 * edge), _font(edge).getlength
+    name = notes.name.replace("_", "-")
+    _text(image, (pad, pad), name, edge, "la")
+    taken = [Rectangle(0.0, 0.0, pad + long(name), pad + 1.3 * edge)]
     if instant:
         _text(image, (width - pad, pad), instant, edge, "ra")
+        taken.append(Rectangle(width - pad - long(instant), 0.0, width, pad + 1.3 * edge))
     length, text = scale_bar(camera)
     pixels = length * camera.scale
     y = height - pad
-    from PIL import ImageDraw
-
+    with needs("pictures"):
+        from PIL import ImageDraw
     pen = ImageDraw.Draw(image)
     pen.rectangle((pad - 1, y - edge // 4 - 1, pad + pixels + 1, y + 1), fill=HALO)
     pen.rectangle((pad, y - edge // 4, pad + pixels, y), fill=INK)
     _text(image, (pad + pixels + 0.4 * edge, y + 1), text, edge, "ls")
-    for i, (line, ink) in enumerate(reversed(notes.legend)):
-        _text(image, (width - pad, y + 1 - 1.45 * edge * i), line, edge, "rs", ink)
+    bar = Rectangle(0.0, y - 1.2 * edge, pad + pixels + 0.8 * edge + long(text), float(height))
+    lines = list(reversed(notes.legend))
+    widest = max((long(line) for line, _ in lines), default=0.0)
+    foot = y - 1.5 * edge if width - pad - widest < bar.right else float(y)
+    for i, (line, ink) in enumerate(lines):
+        _text(image, (width - pad, foot + 1 - 1.45 * edge * i), line, edge, "rs", ink)
+    if lines:
+        top = foot - 1.45 * edge * len(lines)
+        taken.append(Rectangle(width - pad - widest, top, width, float(height)))
+    return [*taken, bar]
 
 
 def scale_bar(camera: Camera) -> tuple[float, str]:

@@ -1,10 +1,12 @@
 """What a picture shows: size, camera, paths, labels, projections, overlaid positions."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, get_args
 
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
+from mechsim.shapes import Shape
 from mechsim.shapes.camera import PRESETS
 from mechsim.units import option, parse_names
 
@@ -44,6 +46,7 @@ class Look:
         magnify: factor on the error between a run and the ghost of the closed form; None takes the
             power of ten that makes it plain to see.
         caption: a line to write at the foot of the picture.
+        bodies: link -> its body, as a user's file has it; None draws bodies from the joints.
     """
 
     size: tuple[int, int] = option((640, 480), "Pixels, width x height.", read=parse_pixels, text="960x720")
@@ -66,6 +69,7 @@ class Look:
     )
     magnify: float | None = option(None, "Factor on the error with --from both; a power of ten if left out.")
     caption: str = ""
+    bodies: Mapping[str, Sequence[Shape]] | None = None
 
     def __post_init__(self) -> None:
         if self.camera not in PRESETS:

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.shapes import Shape
+from mechsim.shapes import Facets, Rgba, Shape
 from mechsim.shapes.camera import Camera
 from mechsim.shapes.walls import Wall
 from mechsim.simulation.mjcf.body_inertia import quaternion
@@ -22,13 +22,27 @@ MATTE = "matte"
 AMBIENT, HEADLIGHT, LAMP = 0.42, 0.28, 0.30
 
 
-def add_shape(body: mujoco.MjsBody, shape: Shape) -> None:
+def add_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape) -> None:
     """Add a shape to a body as a geom of material MATTE; see `prepare`."""
+    if shape.facets is not None:
+        _add_facets(spec, body, shape.facets, shape.rgba)
+        return
     sizes = [*shape.half_sizes, 0.0, 0.0][:3]
     geom = body.add_geom(
         type=GEOMS[shape.kind], pos=shape.centre, size=sizes, rgba=shape.rgba, material=MATTE
     )
     geom.quat = quaternion(shape.frame)
+    geom.contype = geom.conaffinity = 0
+    geom.mass = 0.0
+
+
+def _add_facets(spec: mujoco.MjSpec, body: mujoco.MjsBody, facets: Facets, rgba: Rgba) -> None:
+    name = f"facets{len(spec.meshes)}"
+    # a sheet has no inside
+    mesh = spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+    mesh.uservert = facets.vertices.ravel()
+    mesh.userface = facets.faces.ravel()
+    geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=rgba, material=MATTE)
     geom.contype = geom.conaffinity = 0
     geom.mass = 0.0
 

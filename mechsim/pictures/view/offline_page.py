@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim._version import __version__
 from mechsim.errors import MissingToolError, needs
@@ -69,10 +70,13 @@ def three_js() -> str:
 def _data(view: View) -> dict[str, Any]:
     mechanism = view.mechanism
     poses = _some_poses(mechanism, view.grids)
-    shapes = link_shapes(mechanism, travels(mechanism, poses), free_sides(mechanism, poses))
-    radius, floor = rod_radius(mechanism), None
+    if view.bodies:
+        shapes = {link: list(view.bodies.get(link, ())) for link in poses}
+    else:
+        shapes = link_shapes(mechanism, travels(mechanism, poses), free_sides(mechanism, poses))
+    radius = rod_radius(mechanism)
     balls, radii = extent((poses[link], shapes[link]) for link in shapes)
-    if not planar_normals(mechanism):
+    if not (planar_normals(mechanism) or view.bodies):
         floor = float((balls[:, 1] - radii).min()) - 2.0 * radius
         posts = stands(shapes[GROUND], floor, radius)
         shapes[GROUND].extend(posts)
@@ -116,13 +120,22 @@ def _rotations(q: Array) -> Array:
 
 
 def _solid(shape: Shape) -> dict[str, Any]:
+    if shape.facets is not None:
+        return {
+            "kind": "facets",
+            "at": [0.0, 0.0, 0.0],
+            "turn": [1.0, 0.0, 0.0, 0.0],
+            "half": [],
+            "vertices": _packed(shape.facets.vertices),
+            "faces": _counted(shape.facets.faces),
+            "rgba": [float(f"{part:.3g}") for part in shape.rgba],
+        }
     return {
         "kind": shape.kind,
         "at": _short(shape.centre),
         "turn": _short(quaternions(shape.frame)),
         "half": _short(np.array(shape.half_sizes)),
-        "rgba": shape.rgba,
-        "role": shape.role,
+        "rgba": [float(f"{part:.3g}") for part in shape.rgba],
     }
 
 
@@ -224,6 +237,11 @@ def _ghost(ghost: GhostTrack, links: Sequence[str]) -> dict[str, Any]:
 def _packed(values: Array) -> str:
     """Return numbers as little-endian floats of 32 bits in base64: 6e-8 of the value."""
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
+
+
+def _counted(values: NDArray[np.int32]) -> str:
+    """Return indices as little-endian whole numbers of 32 bits in base64."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<u4").tobytes()).decode("ascii")
 
 
 def _short(values: Array) -> list[float]:

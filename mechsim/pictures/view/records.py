@@ -1,11 +1,12 @@
 """What a page shows, as plain records: sliders, poses on the grid of their nodes, read-outs, marks."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
+from mechsim.shapes import Shape
 
 # of a slider; "%" goes round a curve of assemblies
 SliderUnit = Literal["rad", "m", "s", "%"]
@@ -120,9 +121,11 @@ class View:
         grids: what can be chosen; the first is shown at first.
         title: heading.
         facts: lines that say what it is and where it comes from.
+        bodies: link -> its body, as a user's file has it; None draws bodies from the joints.
     """
 
     mechanism: Mechanism
     grids: Sequence[PoseGrid]
     title: str
-    facts: Sequence[str] = field(default_factory=tuple)
+    facts: Sequence[str] = ()
+    bodies: Mapping[str, Sequence[Shape]] | None = None

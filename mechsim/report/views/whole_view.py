@@ -12,6 +12,9 @@ from mechsim.report.views.crank_grids import crank_grids
 from mechsim.report.views.curve_grids import curve_grids
 from mechsim.report.views.driver_grids import box_of, hand_grids, program_grid
 
+# of a scene that says where it starts
+NOT_SOUGHT = "Other assemblies than that in which the file starts were not sought."
+
 
 def mechanism_view(form: Form, speed: float, limits: Mapping[str, tuple[float, float]] | None = None) -> View:
     """Return what a page shows of a mechanism.
@@ -19,16 +22,16 @@ def mechanism_view(form: Form, speed: float, limits: Mapping[str, tuple[float, f
     Args:
         form: what moves.
         speed: of its crank in [rad/s], for speeds and for the run that is the ghost.
-        limits: joint -> its range in SI, where a file tells it.
+        limits: joint -> its range in SI, where a file of MJCF tells it; its other assemblies are not sought.
 
     Raises:
         AssemblyError: where it can stand nowhere.
     """
-    limits = limits or {}
+    searched, limits = limits is None, limits or {}
     road = "closed form" if isinstance(form, ClosedForm) else "loop equations"
     if form.mechanism.has_crank and not (isinstance(form, LoopForm) and form.programs is not None):
         grids = crank_grids(form, speed, limits.get(form.mechanism.crank.name))
-        others, said = curve_grids(form)
+        others, said = curve_grids(form) if searched else ([], NOT_SOUGHT)
         facts = [f"Solved by its {road}; speeds are at a crank speed of {speed * 60.0 / TURN:g} rpm.", said]
         return _view(form, [*grids, *others], facts)
     assert isinstance(form, LoopForm)

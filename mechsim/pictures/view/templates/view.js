@@ -123,12 +123,11 @@ function geometryOf(solid) {
   const [a, b, c] = solid.half;
   if (solid.kind === "box") return new THREE.BoxGeometry(2 * a, 2 * b, 2 * c);
   if (solid.kind === "sphere") return new THREE.SphereGeometry(a, 32, 20);
-  if (solid.kind === "mesh") {
-    const made = new THREE.BufferGeometry();
-    made.setAttribute("position", new THREE.BufferAttribute(floats(solid.vertices), 3));
-    const flat = made;
-    flat.computeVertexNormals();
-    return flat;
+  if (solid.kind === "facets") {
+    const facets = new THREE.BufferGeometry();
+    facets.setAttribute("position", new THREE.BufferAttribute(floats(solid.vertices), 3));
+    facets.setIndex(new THREE.BufferAttribute(new Uint32Array(floats(solid.faces).buffer), 1));
+    return facets;
   }
   const made = new THREE.CylinderGeometry(a, a, 2 * b, 32);
   made.rotateX(Math.PI / 2);
@@ -138,7 +137,7 @@ function geometryOf(solid) {
 function solidsOf(solids, material) {
   const group = new THREE.Group();
   for (const solid of solids) {
-    const made = material || new THREE.MeshStandardMaterial({ roughness: 0.6, metalness: 0.05, side: THREE.DoubleSide });
+    const made = material || new THREE.MeshStandardMaterial({ roughness: 0.6, metalness: 0.05, side: THREE.DoubleSide, flatShading: solid.kind === "facets" });
     if (!material) { made.userData.rgba = solid.rgba; steels.push(made); }
     const holder = new THREE.Group();
     holder.add(new THREE.Mesh(geometryOf(solid), made));

@@ -1,0 +1,131 @@
+"""The bodies of a user's MJCF file as it draws them: geoms and meshes in the colours of their materials."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from mechsim.maths.arrays import Array
+from mechsim.model.mechanism import Pose
+from mechsim.shapes import Facets, Kind, Rgba, Shape
+from mechsim.shapes.shape import vector
+from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf_reader import MjcfModel
+from mechsim.simulation.mjcf_reader.link_places import carriers, shifted
+
+ROUND: Mapping[int, Kind] = {
+    int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
+    int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
+}
+BOX, BALL, MESH = (
+    int(kind)
+    for kind in (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID, mujoco.mjtGeom.mjGEOM_MESH)
+)
+# MuJoCo shows these groups of geoms unless told otherwise; collision shapes lie in the others
+SHOWN = 2
+# more triangles than this are made fewer, by cells that grow from this part of the whole
+MOST, CELL = 60_000, 1.0 / 400.0
+# meridians and parallels of an ellipsoid
+ELLIPSOID = (24, 12)
+
+
+@quiet()
+def file_bodies(read: MjcfModel) -> dict[str, list[Shape]] | None:
+    """Return the bodies of a file's links, "ground" included; None where it draws nothing on them.
+
+    Planes and height fields are left out. Materials give their colour, textures the mean of theirs.
+    """
+    model = read.spec.copy().compile()
+    carried = carriers(model)
+    shown = [i for i in range(model.ngeom) if model.geom_group[i] <= SHOWN] or list(range(model.ngeom))
+    bodies: dict[str, list[Shape]] = {}
+    for i in shown:
+        carrier = carried[model.geom_bodyid[i]]
+        shape = _shape(model, i, shifted(carrier.at, model.geom_pos[i], model.geom_quat[i]))
+        if shape is not None:
+            bodies.setdefault(carrier.link, []).append(shape)
+    moving = {link.name for link in read.mechanism.links}
+    return _few(bodies) if moving & bodies.keys() else None
+
+
+def _shape(model: mujoco.MjModel, i: int, at: Pose) -> Shape | None:
+    kind, size, colour = int(model.geom_type[i]), model.geom_size[i], _colour(model, i)
+    middle, along = at.position, at.rotation[:, 2]
+    if kind in ROUND:
+        half = 0.0 if ROUND[kind] == "sphere" else float(size[1])
+        return Shape(
+            ROUND[kind],
+            vector(middle, -half * along),
+            vector(middle, half * along),
+            (float(size[0]),),
+            colour,
+        )
+    if kind == BOX:
+        ends = vector(middle, -size[2] * along), vector(middle, size[2] * along)
+        return Shape("box", *ends, (float(size[0]), float(size[1])), colour, vector(at.rotation[:, 1]))
+    facets = (
+        _mesh(model, int(model.geom_dataid[i]))
+        if kind == MESH
+        else _ellipsoid(size)
+        if kind == BALL
+        else None
+    )
+    if facets is None:
+        return None
+    placed = Facets(middle + facets.vertices @ at.rotation.T, facets.faces)
+    return Shape("facets", vector(middle), vector(middle), (0.0,), colour, facets=placed)
+
+
+def _mesh(model: mujoco.MjModel, mesh: int) -> Facets:
+    first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    face, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+    return Facets(
+        np.array(model.mesh_vert[first : first + count], dtype=np.float64),
+        np.array(model.mesh_face[face : face + faces]),
+    )
+
+
+def _ellipsoid(size: Array) -> Facets:
+    n, m = ELLIPSOID
+    turn, height = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, n + 1), np.linspace(0.0, np.pi, m + 1))
+    ball = np.stack([np.sin(height) * np.cos(turn), np.sin(height) * np.sin(turn), np.cos(height)], -1)
+    row, column = (part.ravel() for part in np.meshgrid(range(m), range(n), indexing="ij"))
+    a, b = row * (n + 1) + column, (row + 1) * (n + 1) + column
+    faces = np.concatenate([np.stack([a, b, a + 1], -1), np.stack([a + 1, b, b + 1], -1)])
+    return Facets(ball.reshape(-1, 3) * size, faces.astype(np.int32)).coarser(1e-6 * float(size.min()))
+
+
+def _colour(model: mujoco.MjModel, i: int) -> Rgba:
+    material = int(model.geom_matid[i])
+    rgba = np.array(model.geom_rgba[i] if material < 0 else model.mat_rgba[material], dtype=np.float64)
+    if material >= 0:
+        texture = int(model.mat_texid[material, int(mujoco.mjtTextureRole.mjTEXROLE_RGB)])
+        if texture >= 0:
+            first, channels = int(model.tex_adr[texture]), int(model.tex_nchannel[texture])
+            count = int(model.tex_width[texture]) * int(model.tex_height[texture]) * channels
+            texels = model.tex_data[first : first + count].reshape(-1, channels)
+            rgba[:3] *= np.broadcast_to(texels.mean(0)[: min(3, channels)], 3) / 255.0
+    red, green, blue, alpha = np.clip(rgba, 0.0, 1.0).tolist()
+    return (red, green, blue, alpha)
+
+
+def _few(bodies: Mapping[str, Sequence[Shape]]) -> dict[str, list[Shape]]:
+    """Return bodies with no more triangles than a page can hold, their small features gone."""
+    made = {link: list(shapes) for link, shapes in bodies.items()}
+    whole = max((_extent(shape) for shapes in made.values() for shape in shapes), default=0.0)
+    cell = CELL * whole
+    while sum(len(s.facets.faces) for shapes in made.values() for s in shapes if s.facets) > MOST:
+        made = {link: [_coarser(shape, cell) for shape in shapes] for link, shapes in made.items()}
+        cell *= 1.5
+    return made
+
+
+def _coarser(shape: Shape, cell: float) -> Shape:
+    return replace(shape, facets=shape.facets.coarser(cell)) if shape.facets else shape
+
+
+def _extent(shape: Shape) -> float:
+    points, _ = shape.bounds
+    return float(np.linalg.norm(np.ptp(points, axis=0)))

@@ -1,0 +1,73 @@
+"""Bodies of a user's file are drawn as the file has them: places, colours, few enough triangles."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.pictures.render.file_bodies import file_bodies
+from mechsim.pictures.view import page
+from mechsim.report.views import mechanism_view
+from mechsim.shapes import Facets
+
+SCENE = """
+<mujoco model="arm">
+  <asset>
+    <material name="red" rgba="0.8 0.1 0.1 1"/>
+    <mesh name="wedge" vertex="0 0 0  0.1 0 0  0 0.1 0  0 0 0.1"/>
+  </asset>
+  <worldbody>
+    <geom type="plane" size="1 1 1"/>
+    <geom type="box" size="0.1 0.02 0.03" pos="0 0 -0.1"/>
+    <body name="arm">
+      <joint name="crank" axis="0 1 0"/>
+      <geom type="mesh" mesh="wedge" material="red" pos="0.1 0 0" euler="0 0 90"/>
+      <geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.01" rgba="0 0.5 0 1"/>
+      <geom type="sphere" size="0.5" group="3"/>
+      <body name="tip" pos="0.2 0 0"><geom type="ellipsoid" size="0.03 0.02 0.01"/></body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.fixture
+def form(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(SCENE)
+    return ms.load(str(path))
+
+
+def test_geoms_are_where_the_file_has_them_in_its_colours(form):
+    bodies = file_bodies(form.source)
+    assert set(bodies) == {"ground", "arm"}
+    (box,) = bodies["ground"]  # a plane has no end
+    assert (box.kind, box.half_sizes) == ("box", pytest.approx((0.1, 0.02, 0.03)))
+    wedge, capsule, ball = bodies["arm"]  # what collides is not what is seen
+    assert wedge.rgba == pytest.approx((0.8, 0.1, 0.1, 1.0))
+    corners = np.array([[0.1, 0, 0], [0.1, 0.1, 0], [0, 0, 0], [0.1, 0, 0.1]])
+    found = wedge.facets.vertices
+    assert sorted(map(tuple, found.round(6))) == sorted(map(tuple, corners.round(6)))
+    assert capsule.rgba[1] == pytest.approx(0.5)
+    assert sorted([capsule.frm, capsule.to])[1] == pytest.approx((0.2, 0.0, 0.0), abs=1e-12)
+    low, high = ball.facets.vertices.min(0), ball.facets.vertices.max(0)
+    np.testing.assert_allclose((low + high) / 2, [0.2, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose((high - low) / 2, [0.03, 0.02, 0.01], rtol=0.02)
+
+
+def test_the_page_holds_them(form):
+    from dataclasses import replace
+
+    view = mechanism_view(form, 6.0, form.source.limits)
+    assert '"facets"' not in page(view)
+    assert page(replace(view, bodies=file_bodies(form.source))).count('"facets"') == 2
+
+
+def test_fewer_triangles_keep_the_outline():
+    turn, height = np.meshgrid(np.linspace(0, 2 * np.pi, 80), np.linspace(0, np.pi, 40))
+    ball = np.stack([np.sin(height) * np.cos(turn), np.sin(height) * np.sin(turn), np.cos(height)], -1)
+    a = (np.arange(39)[:, None] * 80 + np.arange(79)).ravel()
+    whole = Facets(ball.reshape(-1, 3), np.stack([a, a + 1, a + 80], -1).astype(np.int32))
+    less = whole.coarser(0.2)
+    assert len(less.faces) < 0.3 * len(whole.faces)
+    np.testing.assert_allclose(np.ptp(less.vertices, axis=0), 2.0, atol=0.2)
+    assert less.faces.max() < len(less.vertices)

@@ -1,0 +1,30 @@
+import numpy as np
+
+from mechsim.pictures.render.label_places import Rectangle, placed, shared
+
+RANDOM = np.random.default_rng(2)
+SIZE = (400, 300)
+
+
+def overlaps(spots):
+    return sum(a.meets(b) for i, a in enumerate(spots) for b in spots[:i])
+
+
+def test_crowded_labels_stand_apart_and_inside():
+    points = [np.array(at) for at in RANDOM.uniform([150.0, 100.0], [250.0, 170.0], (9, 2))]
+    note = Rectangle(0.0, 270.0, 160.0, 300.0)
+    spots = placed(points, [45.0] * 9, 14.0, 8.0, SIZE, [note])
+    assert overlaps([*spots, note]) == 0
+    assert all(spot.inside(SIZE) for spot in spots)
+    naive = [Rectangle(x + 8.0, y - 22.0, x + 53.0, y - 8.0) for x, y in points]
+    assert overlaps(naive) > 3  # where each stood by itself they lay over one another
+
+
+def test_a_label_at_the_edge_goes_inwards():
+    (spot,) = placed([np.array([395.0, 5.0])], [60.0], 14.0, 6.0, SIZE)
+    assert spot.inside(SIZE)
+
+
+def test_points_that_coincide_share_one_label():
+    named = shared({"A": np.array([10.0, 10.0]), "B": np.array([50.0, 50.0]), "crank": np.array([10.4, 9.8])})
+    assert [name for name, _ in named] == ["A, crank", "B"]
