@@ -43,7 +43,7 @@ class SceneOptions:
     key: str | None = option(None, "Start from this keyframe.", metavar="NAME")
     track: tuple[str, ...] = option(
         (),
-        "Follow this point; all body origins if left out.",
+        "Follow this point; all body origins, and where loops are closed, if left out.",
         read=str,
         many=True,
         metavar="NAME[,BODY@X,Y,Z]",

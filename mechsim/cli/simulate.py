@@ -9,6 +9,7 @@ import typer
 from mechsim import files, simulation, units
 from mechsim.analytic.forms import Form
 from mechsim.cli.declared_options import spread
+from mechsim.cli.fed_scene import simulate_fed
 from mechsim.cli.options import (
     SPEED,
     DriveOptions,
@@ -66,14 +67,36 @@ def simulate(
     ] = None,
     scene: Annotated[str, typer.Option(help="pose, motion, dynamics or picture.")] = "motion",
     driven: DriveOptions,
+    ctrl: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ACTUATOR=PROGRAM",
+            help="Feed an actuator of an MJCF file, in its control's own unit: a number, 0.3*sin(2*pi*t), "
+            "FILE.csv. The file is then stepped as it is, but for settings asked for; --drive prescribes.",
+        ),
+    ] = None,
     sets: Sets = None,
     output: Output = None,
     as_json: Json = False,
 ) -> None:
     """Run a mechanism in MuJoCo under a driven crank, or under programs of its drivers."""
     place = None if output is None else writable(output, ".csv", ".npz")
-    drive = moving(form_of(model, sets, driven))
     wanted = None if tolerance is None else units.parse_length(tolerance, "the tolerance")
+    if ctrl:
+        _require_no_crank(speed=speed, turns=turns, profile=profile, every=every, method=method)
+        simulate_fed(
+            model,
+            ctrl,
+            driven,
+            tolerance=wanted,
+            timestep=timestep,
+            asked=asked,
+            samples=samples,
+            place=place,
+            output=output,
+            as_json=as_json,
+        )
+    drive = moving(form_of(model, sets, driven))
     programs = programs_of(drive)
     if programs is None:
         steady = speed_of(speed or SPEED)

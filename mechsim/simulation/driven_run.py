@@ -14,6 +14,7 @@ from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import PLACE, Outcome
 from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.divergence_cause import STIFF, met_last, near_singular
 from mechsim.simulation.model_loops import CLOSED
 from mechsim.simulation.open_freedoms import require_within_limits
 from mechsim.simulation.pose_errors import in_another_assembly, pose_errors
@@ -154,10 +155,17 @@ class DrivenRun:
         stride = -(-total // self.samples)
         return stride * self.samples, stride
 
+    def _cause(self, steps: Steps) -> str:
+        """Return what a run met before it went bad: a singular pose, a limit, a contact, else stiffness."""
+        loops, states = self.closed.loops, steps.states
+        distance = loops.conditioning(loops.linearise(states.qpos)[1])
+        seen = near_singular(states.time, distance)
+        return seen or met_last(self.closed.model, states.time, states.qpos, states.qvel) or STIFF
+
     def _broken(self, steps: Steps, motion: Motion) -> str:
         """Return in one sentence why a run is none; nothing where it is one."""
         if steps.diverged:
-            return f"MuJoCo's state went bad after {steps.states.time[-1]:.6g} s"
+            return f"MuJoCo's state went bad after {steps.states.time[-1]:.6g} s, by {self._cause(steps)}"
         meant = self.profile.state(steps.states.time)[0]
         what: list[tuple[str, Array, Array, float, str]] = [("the crank", motion.angle, meant, LOST, "rad")]
         loops = self.closed.loops

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from mechsim.maths.angles import TURN
 from mechsim.maths.convergence import believed_order
 from mechsim.simulation.driven_run import DrivenRun
-from mechsim.simulation.refine import AIM, Attempt, refine, rounded, steps_for
+from mechsim.simulation.refine import AIM, MOST, Attempt, refine, rounded, steps_for
 from mechsim.simulation.run_result import Run
 from mechsim.simulation.settings import Settings
 
@@ -34,8 +35,15 @@ def within(drive: DrivenRun, settings: Settings, tolerance: float) -> Run:
 
     def attempt(steps: int) -> Attempt[Run]:
         run = drive.stepped(_with(settings, steps), tolerance)
-        final = run.outcome not in ("met", "missed")
-        return Attempt(run=run, steps=run.steps, estimates={"place": run.estimate}, order=ORDER, final=final)
+        final = run.outcome not in ("met", "missed", "diverged")
+        return Attempt(
+            run=run,
+            steps=run.steps,
+            estimates={"place": run.estimate},
+            order=ORDER,
+            final=final,
+            lost=run.outcome == "diverged",
+        )
 
     def why(steps: int, estimate: float) -> str:
         return f"{steps} steps a turn leave the places off by {estimate:.2g} m"
@@ -51,7 +59,7 @@ def _steps(drive: DrivenRun, settings: Settings, tolerance: float) -> tuple[int,
     known = float(short.tried(_with(settings, TRIAL_STEPS)).max())
     spent = round(TRIAL_STEPS * short.profile.turns)
     if not np.isfinite(known):
-        return settings.steps_per_turn, spent
+        return _after_diverging(drive, short, settings, tolerance, spent)
     steps = _whole(steps_for(TRIAL_STEPS, known, AIM * tolerance, ORDER))
     part = drive.first(np.round(float(np.clip(PART * drive.profile.turns, *TURNS))))
     if steps >= ENOUGH * TRIAL_STEPS or part.profile.turns > 0.5 * drive.profile.turns:
@@ -68,6 +76,25 @@ def _steps(drive: DrivenRun, settings: Settings, tolerance: float) -> tuple[int,
         steps = _whole(steps_for(steps, whole, tolerance, order))
         steps = steps if steps <= WORTH * TRIAL_STEPS else TRIAL_STEPS
     return steps, spent
+
+
+def _after_diverging(
+    drive: DrivenRun, short: DrivenRun, settings: Settings, tolerance: float, spent: int
+) -> tuple[int, int]:
+    """Return the steps a turn by finer trials, where the first diverges; and steps spent.
+
+    Of a file of one's own its own step is one of them.
+    """
+    finer = {settings.steps_per_turn}
+    if drive.closed.own:
+        turn = TURN / drive.profile.fastest
+        finer.add(round(min(turn / float(drive.closed.model.opt.timestep), MOST)))
+    for trial in sorted(one for one in finer if one > TRIAL_STEPS):
+        known = float(short.tried(_with(settings, trial)).max())
+        spent += round(trial * short.profile.turns)
+        if np.isfinite(known):
+            return max(trial, _whole(steps_for(trial, known, AIM * tolerance, ORDER))), spent
+    return settings.steps_per_turn, spent
 
 
 def _whole(steps: float) -> int:

@@ -14,6 +14,8 @@ R = TypeVar("R")
 AIM = 0.5
 # times as many steps as before, at least and at most; and the most in a turn that are spent
 LEAST, FURTHEST, MOST = 1.5, 4.0, 100_000
+# steps in a turn up to which a run that diverges is followed by a finer one
+LOST = 25_000
 # more steps help where what is left of the error is less than this part of what was
 GAIN = 0.5
 
@@ -64,6 +66,7 @@ class Attempt(Generic[R]):
         trials: steps taken on other runs for the sake of the estimates.
         change: what the estimate is made of, where that tells better whether the error falls.
         final: whether no number of steps would help.
+        lost: whether the run diverged, so that it tells nothing of what more steps do.
     """
 
     run: R
@@ -73,6 +76,7 @@ class Attempt(Generic[R]):
     trials: int = 0
     change: float = field(default=np.nan)
     final: bool = False
+    lost: bool = False
 
     @property
     def estimate(self) -> float:
@@ -111,7 +115,8 @@ def refine(
     while True:
         now = attempt(steps)
         spent += now.trials + now.steps
-        gained = best is None or now.left < GAIN * left
+        lost = now.lost and steps < LOST
+        gained = best is None or now.left < GAIN * left or lost
         if best is None or now.estimate < best.estimate:
             best = now
         if now.estimate <= tolerance or now.final or not gained or steps >= MOST:

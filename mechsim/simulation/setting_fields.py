@@ -10,7 +10,7 @@ from mechsim.errors import InputError
 from mechsim.maths import given
 
 
-def choice(default: str, options: tuple[str, ...], about: str, **told: Any) -> Any:
+def choice(default: str | None, options: tuple[str, ...], about: str, **told: Any) -> Any:
     """Declare a setting that takes one of a few words."""
     return setting(default, about, options=options, **told)
 

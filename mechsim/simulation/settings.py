@@ -16,6 +16,7 @@ from mechsim.simulation.model_loops import ModelLoops
 
 INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4", "discrete")
 JACOBIANS = ("auto", *KINDS)
+SOLVERS = ("PGS", "CG", "Newton")
 # time constant of the constraints, in steps, below which stepping rings
 LEAST_CONSTANT = 10.0
 
@@ -92,6 +93,43 @@ class Settings:
         JACOBIANS,
         "Matrices in the constraint solver; auto takes the quicker, and dense wherever the two do not agree.",
     )
+    solver: str | None = setting_fields.choice(
+        None,
+        SOLVERS,
+        "MuJoCo's constraint solver; None takes Newton's method.",
+        doc=f"{', '.join(SOLVERS[:-1])} or {SOLVERS[-1]}; {SOLVERS[-1]} if left out.",
+    )
+    iterations: int | None = setting_fields.number(
+        None,
+        "Iterations of the solver, at most; None takes what is exact.",
+        least=1,
+        remedy="{name} is {value}; give a whole number above 0",
+        doc="Iterations of the solver, at most; what is exact if left out.",
+    )
+    ls_iterations: int | None = setting_fields.number(
+        None,
+        "Iterations of the solver's line search, at most; None leaves MuJoCo's.",
+        least=1,
+        remedy="{name} is {value}; give a whole number above 0",
+        doc="Iterations of the solver's line search, at most.",
+    )
+    residual: float | None = setting_fields.number(
+        None,
+        "At which the solver stops; None never before its iterations are made.",
+        least=0.0,
+        remedy="{name} is {value}; give a finite number, 0 or above",
+        doc="At which the solver stops.",
+    )
+    eulerdamp: bool = setting_fields.switch(
+        True,
+        "Whether Euler takes joint damping implicitly.",
+        doc="Whether Euler takes joint damping implicitly.",
+    )
+    island: bool = setting_fields.switch(
+        False,
+        "Whether constraints are solved island by island.",
+        doc="Whether constraints are solved island by island.",
+    )
     flywheel: float | None = setting_fields.number(
         None,
         "Inertia on the crank, or on each driver, that holds its speed, in [kg m2]; None for 1e12 times that "
@@ -131,7 +169,14 @@ class Settings:
             # the cost is then quadratic: one step of Newton's method is exact
             option.iterations = 1
         disable, enable = mujoco.mjtDisableBit, mujoco.mjtEnableBit
-        _set(option, "disableflags", int(disable.mjDSBL_ISLAND | disable.mjDSBL_SENSOR), True)
+        if self.solver is not None:
+            option.solver = int(getattr(mujoco.mjtSolver, f"mjSOL_{self.solver.upper()}"))
+        option.iterations = option.iterations if self.iterations is None else int(self.iterations)
+        option.ls_iterations = option.ls_iterations if self.ls_iterations is None else int(self.ls_iterations)
+        option.tolerance = option.tolerance if self.residual is None else self.residual
+        _set(option, "disableflags", int(disable.mjDSBL_SENSOR), True)
+        _set(option, "disableflags", int(disable.mjDSBL_ISLAND), not self.island)
+        _set(option, "disableflags", int(disable.mjDSBL_EULERDAMP), not self.eulerdamp)
         _set(option, "disableflags", int(disable.mjDSBL_REFSAFE), not self.refsafe)
         _set(option, "enableflags", int(enable.mjENBL_DIAGEXACT), self.diagexact)
         model.eq_solref[:] = self.solref or self._solref(timestep, self.constant)

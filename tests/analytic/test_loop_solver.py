@@ -74,7 +74,9 @@ def test_what_no_loop_holds_is_kept_where_it_is_in_units_of_the_size():
     step = np.zeros((loops.tree.count, 1))
     step[loops.unknown] = 0.25
     moved = loops.moved(at, step)
-    assert moved.values[loops.unknown, 0] - at.values[loops.unknown, 0] == pytest.approx(0.25 * mechanism.size)
+    assert moved.values[loops.unknown, 0] - at.values[loops.unknown, 0] == pytest.approx(
+        0.25 * mechanism.size
+    )
     assert solver.linearise(moved).right[0] == pytest.approx([0.25])
 
 

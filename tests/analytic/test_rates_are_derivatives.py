@@ -110,7 +110,7 @@ def racks() -> Mechanism:
             ),
             start=mechanisms.START,
         ),
-        {name: ((0.01, 0.0, 0.02), (0.0, 0.0, 0.3)) for name in names},
+        dict.fromkeys(names, ((0.01, 0.0, 0.02), (0.0, 0.0, 0.3))),
     )
 
 

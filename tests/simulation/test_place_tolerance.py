@@ -5,10 +5,12 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from scene_texts import FINGER
 
 from mechsim import catalog, units
 from mechsim.simulation import Settings, driven_run, place_tolerance, simulate
 from mechsim.simulation.place_tolerance import TRIAL_STEPS
+from mechsim.subjects.subject import load
 
 TURNS = 10.0
 SPEED = units.rpm(100.0)
@@ -87,3 +89,15 @@ def test_no_error_at_all_asks_for_the_fewest_steps() -> None:
             return np.zeros(max(1, round(self.profile.turns)))
 
     assert place_tolerance._steps(Exact(), Settings(), 1e-6)[0] == place_tolerance.LEAST_STEPS
+
+
+def test_a_trial_that_diverges_is_followed_by_finer_ones(tmp_path):
+    path = tmp_path / "stiff.xml"
+    path.write_text(FINGER.replace('damping="0.001"', 'damping="0.02"'))
+    model = load(str(path), drive={"knuckle": "0.3*sin(2*pi*t)"}, duration=0.2)
+    coarse = simulate(model, settings=Settings(steps_per_turn=100))
+    assert coarse.outcome == "diverged"
+    assert "stiffness" in coarse.motion.broken
+    run = simulate(model, tolerance=1e-6)
+    assert run.outcome == "met"
+    assert run.settings.steps_per_turn >= 1000

@@ -117,8 +117,17 @@ def test_a_tracked_point_on_a_body_is_where_mujoco_has_it(fed):
     data = mujoco.MjData(fed.model)
     data.qpos[:] = run.qpos[3]
     mujoco.mj_kinematics(fed.model, data)
-    for name, point in zip(fed.places, run.points[3], strict=True):
-        assert data.body(name).xpos == pytest.approx(point, abs=1e-15)
+    points = dict(zip(fed.places, run.points[3], strict=True))
+    for name in ("crank", "rod", "lever", "pad"):
+        assert data.body(name).xpos == pytest.approx(points[name], abs=1e-15)
+
+
+def test_where_a_loop_is_closed_is_tracked_by_itself(fed):
+    run = stepped(fed, records=20)
+    points = dict(zip(fed.places, np.moveaxis(run.points, 1, 0), strict=True))
+    open_by = np.linalg.norm(points["closing@rod"] - points["closing@lever"], axis=1).max()
+    assert open_by > 1e-7
+    assert errors_of(run).closure > 0.4 * open_by
 
 
 def test_a_finer_step_costs_more_a_simulated_second(fed):

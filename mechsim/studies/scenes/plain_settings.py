@@ -7,9 +7,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mechsim.simulation.settings import INTEGRATORS
+from mechsim.simulation.settings import INTEGRATORS, SOLVERS
 
-SOLVERS = ("PGS", "CG", "Newton")
 JACOBIANS = ("dense", "sparse", "auto")
 # flag of MJCF -> its bit, and whether the bit stands for off
 FLAGS = {

@@ -19,6 +19,8 @@ from mechsim.studies.scenes.user_scene import UserScene
 
 # steps in the coarsest run, at least; and in the finest, at most; each next has twice as many
 LEAST, MOST = 2000, 400_000
+# tolerance of the solver, in its usual one
+EXACTER = 1e-4
 # instants recorded of each
 RECORDED = 2000
 # time constant of the loops in steps, and MuJoCo's hardest impedance
@@ -70,7 +72,9 @@ def interpolated(known: Array, values: Array, time: Array) -> Array:
     return sum(weights[:, a].reshape(-1, *(1,) * (values.ndim - 1)) * values[i + a] for a in range(4))  # pyright: ignore[reportReturnType]
 
 
-def hardened(model: mujoco.MjModel, timestep: float, integrator: str) -> mujoco.MjModel:
+def hardened(
+    model: mujoco.MjModel, timestep: float, integrator: str, tolerance: float = 1e-12
+) -> mujoco.MjModel:
     """Return a copy of a model with smaller steps and loops as hard as MuJoCo has them."""
     model = copy.copy(model)
     option = model.opt
@@ -78,7 +82,7 @@ def hardened(model: mujoco.MjModel, timestep: float, integrator: str) -> mujoco.
     option.integrator = int(getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}"))
     option.solver = int(mujoco.mjtSolver.mjSOL_NEWTON)
     option.iterations, option.ls_iterations = max(option.iterations, 100), max(option.ls_iterations, 50)
-    option.tolerance = min(option.tolerance, 1e-12)
+    option.tolerance = min(option.tolerance, tolerance) or tolerance
     model.eq_solref[:] = CONSTANT * timestep, 1.0
     model.eq_solimp[:] = HARDEST
     return model
@@ -127,7 +131,7 @@ def _finer(
     # the next takes twice as long as the last
     while steps <= MOST and (len(runs) < 3 or perf_counter() + 2.0 * took < ends):
         tell(f"limit: {integrator}, {steps:,} steps")
-        model = hardened(scene.model, scene.duration / steps, integrator)
+        model = hardened(scene.model, scene.duration / steps, integrator, EXACTER * scene.usual_tolerance)
         began = perf_counter()
         run = stepped(scene, model, records=RECORDED, held=0.5)
         took, steps = perf_counter() - began, 2 * steps

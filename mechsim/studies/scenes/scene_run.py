@@ -63,6 +63,18 @@ class SceneRun:
         return np.stack(found, 1) if found else np.empty((len(self.qpos), 0, 3))
 
     @cached_property
+    def velocities(self) -> Array:
+        """The tracked points' velocities, (n, k, 3) in [m/s]."""
+        sims = batch.Batch(self.model, len(self.qpos), 1)
+        sims.bind("qpos")[:] = self.qpos
+        with quiet():
+            found = [
+                np.einsum("nij,nj->ni", sims.jac(body, self.points[:, k])[0], self.qvel)
+                for k, (body, _) in enumerate(self.scene.places.values())
+            ]
+        return np.stack(found, 1) if found else np.empty((len(self.qpos), 0, 3))
+
+    @cached_property
     def efforts(self) -> Array:
         """Forces of the actuators, then what prescribes each joint, (n, nu + driven) in [N m] and [N]."""
         model, scene = self.model, self.scene

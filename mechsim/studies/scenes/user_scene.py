@@ -36,6 +36,8 @@ class UserScene:
         drive: prescribed joint -> its program.
         ctrl: actuator -> its program; the others stay at what the start has.
         wheels: prescribed joint -> (inertia of its flywheel, its own armature), in [kg m2] or [kg].
+        key: keyframe in which it starts; None for the reference configuration.
+        lighter: mean inertia without flywheels over that with them.
     """
 
     path: str
@@ -48,6 +50,7 @@ class UserScene:
     ctrl: Mapping[str, State] = field(default_factory=dict[str, State])
     wheels: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
     key: str | None = None
+    lighter: float = 1.0
 
     @property
     def mechanism(self) -> Mechanism:
@@ -71,6 +74,11 @@ class UserScene:
         """Indices of the actuators that programs feed, in the order of `ctrl`."""
         names = [self.model.actuator(i).name or f"actuator{i + 1}" for i in range(self.model.nu)]
         return np.array([names.index(name) for name in self.ctrl], dtype=np.intp)
+
+    @property
+    def usual_tolerance(self) -> float:
+        """MuJoCo's own tolerance of the solver, smaller by as much as flywheels make inertia larger."""
+        return float(f"{mujoco.MjOption().tolerance * self.lighter:.3g}")
 
     @cached_property
     def size(self) -> float:
@@ -145,7 +153,7 @@ def scene_of(
         drive: joint -> its program: prescribed.
         ctrl: actuator -> its program: fed.
         duration: in [s].
-        points: to track: name -> (link, place in its frame in [m]); None for all moving bodies.
+        points: to track: name -> (link, place in its frame in [m]); None for body origins and ends of loops.
         key: keyframe to start from.
         spec: of the scene, in place of the file; not changed.
 
@@ -159,17 +167,14 @@ def scene_of(
     spec = parsed(read.path)[0] if spec is None else spec.copy()
     plain = spec.compile()
     _require_actuators(plain, ctrl)
-    chained = carriers(named := read.spec.copy().compile())
+    named = read.spec.copy().compile()
     bodies = {link_name(named, b): b for b in range(1, named.nbody) if named.body_jntnum[b]} | {GROUND: 0}
     if points is None:
-        points = {
-            named.body(b).name: (chained[b].link, vector(chained[b].at.position))
-            for b in range(1, named.nbody)
-            if chained[b].link != GROUND
-        }
+        points = _every_point(mechanism, named)
     closure = exact_closure(mechanism, plain, points)
     wheels = _put_flywheels(spec, plain, mechanism, tuple(drive))
     model = plain if not wheels else as_exact(plain, spec.compile(), spec)
+    lighter = float(plain.stat.meaninertia / model.stat.meaninertia)
     data = mujoco.MjData(model)
     if key is not None:
         mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
@@ -178,8 +183,34 @@ def scene_of(
         start = _started(closure, model, start[0], drive)
     places = {name: (bodies[link], np.array(local)) for name, (link, local) in points.items()}
     return UserScene(
-        read.path, model, start, float(duration), closure, places, dict(drive), dict(ctrl), wheels, key
+        read.path,
+        model,
+        start,
+        float(duration),
+        closure,
+        places,
+        dict(drive),
+        dict(ctrl),
+        wheels,
+        key,
+        lighter,
     )
+
+
+def _every_point(mechanism: Mechanism, model: mujoco.MjModel) -> dict[str, tuple[str, Vector]]:
+    """Return the origins of all moving bodies, and the points at which joints close the loops."""
+    chained = carriers(model)
+    found = {
+        model.body(b).name: (chained[b].link, vector(chained[b].at.position))
+        for b in range(1, model.nbody)
+        if chained[b].link != GROUND
+    }
+    for joint in mechanism.joints[model.njnt :]:
+        for end in (joint.a, joint.b):
+            place = (end.link, end.point)
+            if end.link != GROUND and place not in found.values():
+                found[f"{joint.name}@{end.link}"] = place
+    return found
 
 
 def _require_actuators(model: mujoco.MjModel, ctrl: Mapping[str, State]) -> None:

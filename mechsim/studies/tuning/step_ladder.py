@@ -103,7 +103,7 @@ def variants(scene: UserScene, settings: PlainSettings) -> Iterator[PlainSetting
         {"iterations": 1},
         {"iterations": 2},
         {"iterations": 1, "ls_iterations": 4},
-        {"tolerance": 1e-6},
+        {"tolerance": 100.0 * scene.usual_tolerance},
         {"jacobian": "dense" if own.jacobian != "dense" else "sparse"},
         {"jacobian": "sparse"},
         {"island": False},
@@ -134,4 +134,6 @@ def _settings(scene: UserScene, step: float, integrator: str, constant: float | 
         solref=solref,
         solimp=HARDEST,
         refsafe=False if unsafe else None,
+        # one that never stops by itself takes all its iterations
+        tolerance=None if scene.model.opt.tolerance > 0.0 else scene.usual_tolerance,
     )

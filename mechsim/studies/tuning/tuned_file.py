@@ -67,6 +67,8 @@ def tuned_text(scene: UserScene, settings: PlainSettings, comment: Sequence[str]
     softness = {name: _numbers(told[name]) for name in ("solref", "solimp") if name in told}
     options = {name: _word(told[name]) for name in OPTIONS if name in told}
     flags = {name: told[name] for name in FLAGS if name in told}
+    if scene.drive:
+        options.setdefault("tolerance", _word(float(scene.model.opt.tolerance)))
 
     def concerned(root: Element) -> bool:
         sections = {one.tag for one in root.children}

@@ -1,0 +1,143 @@
+"""What `mechsim simulate --ctrl` does: a user's scene as it is, its actuators fed, judged by its closure."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import typer
+
+from mechsim import files, units
+from mechsim.cli.options import DriveOptions
+from mechsim.cli.output import print_json
+from mechsim.cli.scene_options import SceneOptions, user_scene
+from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
+from mechsim.model.outcome import PLACE, Outcome
+from mechsim.studies.scenes import SceneErrors, SceneRun, UserScene
+from mechsim.studies.scenes.plain_settings import PlainSettings
+from mechsim.studies.scenes.why_broken import why_broken
+from mechsim.studies.tuning.finer_steps import finer
+
+# settings of a driven run -> what plain MuJoCo calls them
+CALLED = {"residual": "tolerance"}
+NO_PLAIN = {"steps_per_turn", "constant_steps", "flywheel"}
+
+
+def simulate_fed(
+    model: str,
+    ctrl: list[str],
+    driven: DriveOptions,
+    *,
+    tolerance: float | None,
+    timestep: str | None,
+    asked: Mapping[str, Any],
+    samples: int | None,
+    place: Path | None,
+    output: str | None,
+    as_json: bool,
+) -> None:
+    """Run a scene, its actuators fed, and say how it ended; the exit code is that of `simulate`."""
+    if driven.hold or driven.hold_base:
+        raise InputError("--ctrl runs the file as it is; hold joints in the file, and leave out --hold")
+    pairs = tuple(_pair(text) for text in ctrl)
+    scene = user_scene(
+        model,
+        SceneOptions(
+            drive=driven.drive, ctrl=pairs, key=driven.key, track=driven.track, duration=driven.duration
+        ),
+    )
+    settings = plain_settings(asked, timestep)
+    bound = PLACE * scene.size if tolerance is None else tolerance
+    run, errors, used = finer(scene, settings, bound, fixed=tolerance is None, records=samples)
+    outcome: Outcome = "diverged" if run.broken else "met" if errors.closure <= bound else "missed"
+    if place is not None:
+        files.write_table(place, table_of(run))
+    _tell(scene, run, errors, used, outcome, bound, output, as_json)
+    raise typer.Exit(0 if outcome == "met" else 1)
+
+
+def _pair(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not equals or not name.strip():
+        raise InputError(f"--ctrl {text!r} has no '='; write --ctrl servo=0.3*sin(2*pi*t)")
+    return name.strip(), value.strip()
+
+
+def plain_settings(asked: Mapping[str, Any], timestep: str | None) -> PlainSettings:
+    """Return what plain MuJoCo is told of the settings of a run; what is not asked for the file says.
+
+    Raises:
+        InputError: for a setting that only a driven run has.
+    """
+    for name in NO_PLAIN & {*asked}:
+        raise InputError(
+            f"--{name.replace('_', '-')} is of a driven run; with --ctrl give --timestep, --solref and so on"
+        )
+    known = {one.name for one in fields(PlainSettings)}
+    told = {CALLED.get(name, name): value for name, value in asked.items()}
+    step = None if timestep is None else units.parse_time(timestep, "the time step")
+    if step is not None and not 0.0 < step < np.inf:
+        raise InputError(f"time step is {timestep}; give a finite time above 0")
+    return PlainSettings(timestep=step, **{name: value for name, value in told.items() if name in known})
+
+
+def table_of(run: SceneRun) -> dict[str, Array]:
+    """Return the columns of a run: time, points with velocities, joints, actuators' efforts."""
+    scene, model = run.scene, run.model
+    table = {"time": run.time}
+    velocities = run.velocities
+    for k, name in enumerate(scene.places):
+        for axis, label in enumerate("xyz"):
+            table[f"{name}.{label}"] = run.points[:, k, axis]
+        for axis, label in enumerate("xyz"):
+            table[f"{name}.v{label}"] = velocities[:, k, axis]
+    for j, joint in enumerate(scene.mechanism.joints[: model.njnt]):
+        if len(joint.coordinates) == 1:
+            table[f"{joint.name}.q"] = run.qpos[:, model.jnt_qposadr[j]]
+            table[f"{joint.name}.v"] = run.qvel[:, model.jnt_dofadr[j]]
+    names = [model.actuator(i).name or f"actuator{i + 1}" for i in range(model.nu)]
+    for i, name in enumerate([*names, *scene.drive]):
+        table[f"effort:{name}"] = run.efforts[:, i]
+    return table
+
+
+def _tell(
+    scene: UserScene,
+    run: SceneRun,
+    errors: SceneErrors,
+    used: PlainSettings,
+    outcome: str,
+    bound: float,
+    output: str | None,
+    as_json: bool,
+) -> None:
+    note = why_broken(run) if run.broken else ""
+    if as_json:
+        print_json(
+            {
+                "outcome": outcome,
+                "tolerance": bound,
+                "estimate": errors.closure if np.isfinite(errors.closure) else None,
+                "steps": run.steps,
+                "seconds": run.seconds,
+                "method": "step",
+                "note": note,
+                "settings": used.as_dict() | {"timestep": float(run.model.opt.timestep)},
+                "mechanism": scene.mechanism.name,
+                "output": output,
+                "rows": len(run.time),
+            }
+        )
+        return
+    if run.broken:
+        typer.echo(f"{outcome}: {run.broken}: {note}")
+    else:
+        typer.echo(
+            f"{outcome}: points within {errors.closure:.3g} m of the exact closure at the run's own drivers "
+            f"(bound {bound:.3g} m)"
+        )
+    typer.echo(f"{run.steps} steps in {run.seconds:.4g} s, in plain MuJoCo")
+    if output is not None:
+        typer.echo(f"wrote {len(run.time)} rows to {output}")

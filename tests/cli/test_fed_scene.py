@@ -1,0 +1,65 @@
+"""`mechsim simulate --ctrl`: a file's own actuators fed, the file stepped as it is."""
+
+import json
+
+import mujoco
+import numpy as np
+import pytest
+from scene_texts import FINGER
+
+from mechsim import files
+
+
+@pytest.fixture(autouse=True)
+def finger(tmp_path):
+    (tmp_path / "finger.xml").write_text(FINGER)
+
+
+FEED = ("simulate", "finger.xml", "--ctrl", "servo=0.5*sin(2*pi*t)", "--duration", "0.4s")
+
+
+def test_a_fed_run_is_what_plain_mujoco_does(mechsim, tmp_path):
+    answer = mechsim(*FEED, "--samples", "21", "-o", "run.csv", "--json")
+    told = json.loads(answer.out)
+    assert told["outcome"] in ("met", "missed")
+    assert answer.code == (0 if told["outcome"] == "met" else 1)
+    table = files.read(tmp_path / "run.csv")
+    model = mujoco.MjModel.from_xml_string(FINGER)
+    data = mujoco.MjData(model)
+    for _ in range(200):
+        data.ctrl[0] = 0.5 * np.sin(2 * np.pi * data.time)
+        mujoco.mj_step(model, data)
+    assert table["knuckle.q"][-1] == pytest.approx(data.qpos[0], abs=1e-12)
+    assert table["pad.x"][-1] == pytest.approx(0.07 - 0.06 * np.sin(data.qpos[2]), abs=1e-9)
+    speed = np.gradient(table["pad.x"], table["time"])[5:-5]
+    assert table["pad.vx"][5:-5] == pytest.approx(speed, abs=0.05 * np.abs(speed).max())
+    assert len(table["effort:servo"]) == told["rows"]
+
+
+def test_settings_asked_for_replace_those_of_the_file_and_no_others(mechsim):
+    answer = mechsim(*FEED, "--timestep", "1ms", "--integrator", "implicitfast", "--solver", "CG", "--json")
+    settings = json.loads(answer.out)["settings"]
+    assert settings == {"timestep": 1e-3, "integrator": "implicitfast", "solver": "CG"}
+
+
+def test_a_tolerance_chooses_steps_and_hardness(mechsim):
+    told = json.loads(mechsim(*FEED, "--tolerance", "1um", "--json").out)
+    assert told["outcome"] == "met"
+    assert told["estimate"] <= 1e-6
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--ctrl", "motor=1"), "actuators of the model are servo"),
+        (("--ctrl", "servo"), "has no '='"),
+        (("--ctrl", "servo=1", "--hold", "swing"), "--hold"),
+        (("--ctrl", "servo=1", "--speed", "3"), "--speed"),
+        (("--ctrl", "servo=1", "--steps-per-turn", "50"), "--steps-per-turn"),
+    ],
+)
+def test_what_does_not_go_with_it_is_refused_in_one_line(mechsim, words, said):
+    answer = mechsim("simulate", "finger.xml", *words)
+    assert answer.code == 2
+    assert said in answer.err
+    assert len(answer.err.strip().splitlines()) == 1
