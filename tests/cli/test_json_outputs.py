@@ -1,0 +1,109 @@
+"""What commands print with --json is as their schemas say."""
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from mechsim.cli import COMMANDS, main
+from mechsim.cli.json_outputs import OUTPUTS, output_schema
+
+ROOT = Path(__file__).parents[2]
+LINES = """
+list
+doctor
+show rssr --angle 30deg
+show five_bar
+show planetary_gear
+show examples/own_model.xml
+solve rssr --angles 0:90:45deg
+solve five_bar --samples 3
+simulate slider_crank --turns 0.05 --tolerance 1um
+simulate five_bar --samples 5
+dynamics slider_crank --method pose --samples 12 --coefficient 0.01
+dynamics slider_crank --turns 0.1 --tolerance 1e-4
+dynamics four_bar --motor constant:0.5 --turns 0.2
+dynamics five_bar --samples 12
+synthesize looper --through 12.8751,29.9574mm --tilt 1.3905deg --length 4mm
+trace four_bar --set crank=90mm
+tradeoff slider_crank --budget 1s
+validate slider_crank
+validate --reference four_bar
+""".strip().splitlines()
+# long runs; their schemas are held against what their own tests print
+ELSEWHERE = {"extremes", "reduce"}
+
+
+def printed(line, monkeypatch, capsys):
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr("sys.argv", ["mechsim", *shlex.split(line), "--json"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code in (0, None, 1)
+    return json.loads(capsys.readouterr().out)
+
+
+def undescribed(value, schema, path=""):
+    """Return where an output holds keys of which its schema says nothing."""
+    options = schema.get("anyOf", [schema])
+    if isinstance(value, dict):
+        known = [one for one in options if "properties" in one or "additionalProperties" in one]
+        if not known:
+            return []
+        own, rest = known[-1].get("properties", {}), known[-1].get("additionalProperties")
+        found = []
+        for key, one in value.items():
+            found += (
+                undescribed(one, own.get(key, rest), f"{path}.{key}")
+                if own.get(key, rest) is not None
+                else [f"{path}.{key}"]
+            )
+        return found
+    if isinstance(value, list):
+        items = next((one["items"] for one in options if "items" in one), {})
+        return [where for one in value for where in undescribed(one, items, f"{path}[]")]
+    return []
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_what_is_printed_is_as_the_schema_says(line, monkeypatch, capsys):
+    told, schema = printed(line, monkeypatch, capsys), output_schema(line.split()[0])
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(told, schema)
+    # only a trade's points hold more than is said of them
+    assert {
+        re.sub(r"\.(points|pareto|recommended)\b.*", r".\1", one) for one in undescribed(told, schema)
+    } <= {
+        ".points",
+        ".pareto",
+        ".recommended",
+    }
+    # a schema that lets everything pass would say nothing
+    first = schema["required"][0]
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({key: one for key, one in told.items() if key != first}, schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(told | {first: object}, schema)
+
+
+def test_every_command_with_json_has_a_schema(capsys, monkeypatch):
+    from mechsim.cli import loaded
+
+    with_json = {name for name in COMMANDS if any("--json" in option.opts for option in loaded(name).params)}
+    assert with_json == set(OUTPUTS)
+    assert {line.split()[0] for line in LINES} | ELSEWHERE == set(OUTPUTS)
+
+
+def test_schema_prints_the_one_asked_for(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["mechsim", "schema", "validate"])
+    with pytest.raises(SystemExit):
+        main()
+    assert json.loads(capsys.readouterr().out) == output_schema("validate")
+    monkeypatch.setattr("sys.argv", ["mechsim", "schema", "sundial"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert "no schema of 'sundial'; known are" in capsys.readouterr().err
