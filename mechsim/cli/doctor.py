@@ -1,6 +1,7 @@
 """Command about this machine: doctor."""
 
 import platform
+from importlib.util import find_spec
 from typing import Any
 
 import typer
@@ -37,6 +38,8 @@ def examine() -> dict[str, Any]:
     found = versions() | {"machine": platform.platform()}
     backends = describe_backend()
     remedies: list[str] = []
+    if find_spec("OpenGL") is None:
+        remedies.append("pip install 'mechsim[pictures]'")
     if not any(row["works"] for row in backends):
         packages = " ".join(str(row["package"]) for row in backends if row["package"])
         remedies.append(f"apt-get install {packages}")

@@ -91,7 +91,9 @@ OUTPUTS: dict[str, Schema] = {
     "list": record(mechanisms=named(TEXT), gallery=named(TEXT)),
     "doctor": record(
         versions=named(TEXT),
-        opengl=many(record(name=TEXT, works=YES, software=YES, driver=TEXT, version=TEXT, package=TEXT)),
+        opengl=many(
+            record(name=TEXT, works=YES, software=maybe(YES), driver=TEXT, version=TEXT, package=TEXT)
+        ),
         ffmpeg=maybe(TEXT),
         remedy=TEXT,
     ),

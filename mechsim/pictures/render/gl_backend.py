@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import mujoco
 from mujoco.rendering.classic import gl_context
 
-from mechsim.errors import InputError, MissingToolError
+from mechsim.errors import InputError, MissingToolError, require_extra
 
 # in the order they are tried; macOS and Windows have one way each
 ORDER = {"linux": ("egl", "osmesa"), "darwin": ("cgl",), "win32": ("glfw",)}.get(sys.platform, ("glfw",))
@@ -60,10 +60,11 @@ def choose(forced: str | None = None) -> Backend:
 
     Raises:
         InputError: for a name this platform does not know, or one this process can no longer use.
-        MissingToolError: where none works; names the package that brings one.
+        MissingToolError: where none works; names the package that brings one, or the extra of mechsim.
     """
     if forced is not None and forced not in ORDER:
         raise InputError(f"there is no OpenGL back end {forced!r} here; known are {', '.join(ORDER)}")
+    require_extra("pictures", "OpenGL")
     settled = _settled()
     if forced and settled and forced != settled:
         raise InputError(

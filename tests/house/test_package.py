@@ -1,0 +1,55 @@
+"""What is said of the package in several places is the same in all of them."""
+
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import mechsim
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+# what conda-forge calls otherwise
+CALLED = {"mujoco-python": "mujoco-core", "matplotlib-base": "matplotlib"}
+
+
+def floors(asked):
+    """Return package -> lowest version."""
+    found = [re.fullmatch(r"([\w-]+)(?:\[.*\])?\s*>=([\w.]+)", one.strip()) for one in asked]
+    return {one[1]: one[2] for one in found if one}
+
+
+def listed(recipe, key):
+    """Return the lines of a list in a recipe."""
+    block = re.search(rf"^  {key}:\n((?:    - .*\n)+)", recipe, re.MULTILINE)[1]
+    return [line.removeprefix("    - ") for line in block.splitlines()]
+
+
+def test_the_recipe_needs_what_the_package_needs():
+    recipe = (ROOT / "recipe" / "recipe.yaml").read_text()
+    extras = PROJECT["optional-dependencies"]
+    run = {CALLED.get(name, name): floor for name, floor in floors(listed(recipe, "run")).items()}
+    assert run.pop("python") == PROJECT["requires-python"].removeprefix(">=")
+    assert run == floors(PROJECT["dependencies"])
+    beside = {
+        CALLED.get(name, name): floor for name, floor in floors(listed(recipe, "run_constraints")).items()
+    }
+    brought = floors([*extras["pictures"], *extras["tables"]])
+    assert beside.items() <= brought.items()
+    assert set(brought) - set(beside) == {"mujoco", "jupyter-threejs-sage"}
+    assert f'version: "{mechsim.__version__}"' in recipe
+
+
+def test_extras_make_up_all_and_tests_install_it():
+    extras = PROJECT["optional-dependencies"]
+    assert extras["all"] == ["mechsim[pictures,tables]"]
+    assert "mechsim[all]" in extras["test"]
+
+
+def test_both_descriptions_for_a_doi_are_whole_and_name_the_authors_of_the_citation():
+    (author,) = re.findall(r'- name: "(.+)"', (ROOT / "CITATION.cff").read_text())
+    for path, kind in ((".zenodo.json", "software"), ("reference/.zenodo.json", "dataset")):
+        told = json.loads((ROOT / path).read_text())
+        assert {"title", "description", "license", "keywords"} <= set(told)
+        assert told["upload_type"] == kind
+        assert told["creators"] == [{"name": author}]
