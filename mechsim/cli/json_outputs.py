@@ -257,6 +257,44 @@ OUTPUTS["reduce"] = record(
     unit=TEXT,
     output=maybe(TEXT),
 )
+TRIED = record(error=NUMBER, ms_per_s=NUMBER, settings=named(ANY), errors=named(ANY))
+OUTPUTS["tune"] = record(
+    mechanism=TEXT,
+    by=TEXT,
+    tolerance=NUMBER,
+    unit=TEXT,
+    reached=YES,
+    published=TRIED,
+    tuned=record(error=NUMBER, estimate=NUMBER, ms_per_s=NUMBER, settings=named(ANY), errors=named(ANY)),
+    by_python=maybe(TRIED),
+    limit=record(what=TEXT, error=NUMBER, effort_error=NUMBER),
+    put_in=many(ANY),
+    diff=ANY,
+    seconds=NUMBER,
+    tried=many(TRIED),
+    output=maybe(TEXT),
+    python=maybe(TEXT),
+)
+OUTPUTS["sensitivity"] = record(
+    {
+        "tolerances": record(
+            {"monte_carlo": maybe(named(ANY))},
+            bounds=named(NUMBER),
+            distribution=TEXT,
+            quantities=named(ANY),
+            paths=named(ANY),
+        )
+    },
+    mechanism=TEXT,
+    rows=WHOLE,
+    over={"enum": ["angle", "t"]},
+    dimensions=named(record(value=NUMBER, unit=TEXT)),
+    units=named(TEXT),
+    columns=named(NUMBERS),
+    left_out=named(ANY),
+    output=maybe(TEXT),
+    plot=maybe(TEXT),
+)
 
 
 def output_schema(command: str) -> Schema:
