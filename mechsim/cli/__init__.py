@@ -24,7 +24,10 @@ COMMANDS = {
     ),
     "solve": ("solve.solve", "Solve a mechanism in closed form; write .csv or .npz, or print a table."),
     "export": ("export.export", "Write the MuJoCo model of a mechanism, or the mechanism as TOML."),
-    "schema": ("schema.schema", "Print the JSON Schema of mechanisms in TOML."),
+    "schema": (
+        "schema.schema",
+        "Print the JSON Schema of mechanisms in TOML, or of what a command prints with --json.",
+    ),
     "simulate": (
         "simulate.simulate",
         "Run a mechanism in MuJoCo under a driven crank, or under programs of its drivers.",

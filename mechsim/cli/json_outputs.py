@@ -275,6 +275,7 @@ OUTPUTS["tune"] = record(
     output=maybe(TEXT),
     python=maybe(TEXT),
 )
+OUTPUTS["sweep"] = record(model=TEXT, output=TEXT, designs=WHOLE, built=WHOLE, seconds=NUMBER)
 OUTPUTS["sensitivity"] = record(
     {
         "tolerances": record(

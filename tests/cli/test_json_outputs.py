@@ -35,9 +35,9 @@ validate slider_crank
 validate --reference four_bar
 """.strip().splitlines()
 # long runs
-ELSEWHERE = {"extremes", "reduce", "tune"}
+ELSEWHERE = {"extremes", "reduce", "tune", "sweep"}
 # commands that are being added beside these
-AWAITED = {"sweep", "fit"}
+AWAITED = {"fit"}
 
 
 def printed(line, monkeypatch, capsys):

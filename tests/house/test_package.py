@@ -10,7 +10,7 @@ import mechsim
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # what conda-forge calls otherwise
-CALLED = {"mujoco-python": "mujoco-core", "matplotlib-base": "matplotlib"}
+CALLED = {"mujoco-python": "mujoco-core", "matplotlib-base": "matplotlib", "netcdf4": "netCDF4"}
 
 
 def floors(asked):
@@ -34,7 +34,7 @@ def test_the_recipe_needs_what_the_package_needs():
     beside = {
         CALLED.get(name, name): floor for name, floor in floors(listed(recipe, "run_constraints")).items()
     }
-    brought = floors([*extras["pictures"], *extras["tables"]])
+    brought = floors([*extras["pictures"], *extras["tables"], *extras["sweep"]])
     assert beside.items() <= brought.items()
     assert set(brought) - set(beside) == {"mujoco", "jupyter-threejs-sage"}
     assert f'version: "{mechsim.__version__}"' in recipe
@@ -42,7 +42,7 @@ def test_the_recipe_needs_what_the_package_needs():
 
 def test_extras_make_up_all_and_tests_install_it():
     extras = PROJECT["optional-dependencies"]
-    assert extras["all"] == ["mechsim[pictures,tables]"]
+    assert extras["all"] == ["mechsim[pictures,tables,sweep]"]
     assert "mechsim[all]" in extras["test"]
 
 
