@@ -165,6 +165,19 @@ class Comparand:
         return self._by_dimension[key, name]
 
     @cached_property
+    def _variants(self) -> dict[str, "Comparand | None"]:
+        return {}
+
+    def variant(self, key: str, make: "Callable[[], Comparand]") -> "Comparand | None":
+        """Return what `make` makes, made and solved once; None where it cannot stand."""
+        if key not in self._variants:
+            self._variants[key] = None
+            with suppress(MechsimError):
+                made = make()
+                self._variants[key] = replace(made, solved=made.motion)
+        return self._variants[key]
+
+    @cached_property
     def _assemblies(self) -> list[tuple[str, Form]]:
         return []
 

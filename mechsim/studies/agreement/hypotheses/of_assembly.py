@@ -20,7 +20,7 @@ from mechsim.studies.agreement.hypotheses.hypothesis import DISCRETE, Hypothesis
 from mechsim.studies.agreement.miss import Miss, Values
 
 # random starts from which loops are closed, and how far apart two assemblies are, in parts of the size
-STARTS, APART, SEED = 40, 1e-4, 20
+STARTS, APART, SEED = 16, 1e-4, 20
 
 
 def assemblies(miss: Miss) -> Iterator[Hypothesis]:

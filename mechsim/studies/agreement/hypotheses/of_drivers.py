@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.programs import Programs, State
@@ -18,6 +19,8 @@ from mechsim.studies.motion_source import programs_of
 DEG = 180.0 / np.pi
 # most samples of a delay
 LATE = 12
+# farthest that a driver under a program is taken off it, in [rad] or sizes
+FAR = 2.5
 
 
 def _driven(comparand: Comparand, changes: Mapping[str, Callable[[State], State]]) -> Comparand:
@@ -35,6 +38,9 @@ def _driven(comparand: Comparand, changes: Mapping[str, Callable[[State], State]
     for name, state in programs.by_name.items():
         if name in changes:
             value, rate, second = (np.broadcast_to(part, time.shape) for part in changes[name](state)(time))
+            unit = form.mechanism.size if form.mechanism.unit(name) == "m" else 1.0
+            if not np.abs(value - joints[name].value).max() < FAR * unit:
+                raise AssemblyError(f"{name} would go farther than a mechanism under programs is followed")
             joints[name] = replace(joints[name], value=value, rate=rate, acceleration=second)
     assert isinstance(form, LoopForm)
     motion = form.solve_as(replace(comparand.motion, joints=joints))
@@ -61,6 +67,19 @@ def _linear(scale: float, offset: float) -> Callable[[State], State]:
     return make
 
 
+def _once(miss: Miss, driver: str, scale: float, offset: float) -> Comparand:
+    """Return a comparand with a driver that goes otherwise, solved once for all claims.
+
+    Raises:
+        AssemblyError: where it cannot go so.
+    """
+    key = f"{driver} {scale} {offset}"
+    found = miss.comparand.variant(key, lambda: _driven(miss.comparand, {driver: _linear(scale, offset)}))
+    if found is None:
+        raise AssemblyError(f"{driver} cannot go so")
+    return found
+
+
 def _late(lag: float) -> Callable[[State], State]:
     return lambda state: lambda time: state(time - lag)
 
@@ -77,7 +96,7 @@ def driver_senses(miss: Miss) -> Iterator[Hypothesis]:
             of = "" if about == 0.0 else f" about {first:.6g} {_unit(miss, driver)}, where it starts"
 
             def turned(_: Array, driver: str = driver, about: float = about) -> Values:
-                return miss.predicted(_driven(miss.comparand, {driver: _linear(-1.0, about)}))
+                return miss.predicted(_once(miss, driver, -1.0, about))
 
             yield Hypothesis(
                 "sense",
@@ -101,7 +120,7 @@ def driver_degrees(miss: Miss) -> Iterator[Hypothesis]:
         for factor, said in factors.items():
 
             def scaled(_: Array, driver: str = driver, factor: float = factor) -> Values:
-                return miss.predicted(_driven(miss.comparand, {driver: _linear(factor, 0.0)}))
+                return miss.predicted(_once(miss, driver, factor, 0.0))
 
             yield Hypothesis(
                 kind,
@@ -250,7 +269,13 @@ def drivers_swapped(miss: Miss) -> Iterator[Hypothesis]:
         def taken(
             _: Array, one: str = one, other: str = other, a: State = first, b: State = second
         ) -> Values:
-            return miss.predicted(_driven(miss.comparand, {one: lambda _: b, other: lambda _: a}))
+            def made() -> Comparand:
+                return _driven(miss.comparand, {one: lambda _: b, other: lambda _: a})
+
+            found = miss.comparand.variant(f"{one} {other}", made)
+            if found is None:
+                raise AssemblyError(f"{one} and {other} cannot go so")
+            return miss.predicted(found)
 
         what = f"{one}, {other}"
         yield Hypothesis("swapped", what, DISCRETE, taken, lambda _, w=what: f"the drivers {w} are swapped")

@@ -1,0 +1,442 @@
+"""How often the cause of a wrong formula is named right: seeded mistakes over catalogue, gallery and public scenes.
+
+    python validation/robustness/diagnosis.py [--cases 500] [--first 0] [--scenes FOLDER] [--show]
+
+Each case takes a mechanism, some of its quantities, and one mistake at one of three sizes; what would then be
+claimed is made by solving anew, or by changing values, never by what is judged. A cause counts as named where
+it is said first or said to explain as much as the first; a wrong cause as stated as sure where all that is said
+to be sure is wrong. Right formulas, with the rounding of another one, are to be left in peace.
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from mechsim.analytic import catalog, dynamics
+from mechsim.analytic.catalog.base import SELECTORS, ClosedForm
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.errors import MechsimError
+from mechsim.model.forces import Forces
+from mechsim.studies.agreement.agreement import agreement
+from mechsim.studies.agreement.claim import Claim
+from mechsim.studies.agreement.comparand import Comparand, comparand_of
+from mechsim.studies.agreement.named_quantities import names_of
+from mechsim.subjects import gallery
+from mechsim.subjects.families import family
+
+SPEED = 20.0 * np.pi
+SIZES = (1e-4, 3e-3, 5e-2)
+SCENES = {
+    "g1_ankle.xml": {
+        "drive": {
+            "left_motor_joint": "0.3*sin(2*pi*0.6*t)",
+            "right_motor_joint": "-0.15*sin(2*pi*0.6*t)+0.05*sin(2*pi*1.2*t)",
+        },
+        "duration": 1.6,
+    },
+    "robotiq_2f85.xml": {
+        "drive": {"right_driver_joint": "0.3*(1-cos(2*pi*t))"},
+        "hold": ("right_coupler_joint", "left_coupler_joint"),
+    },
+}
+# of another formula, as a part of what it measures
+ROUNDING = 1e-13
+# slow to solve, and not more telling than others
+LEFT_OUT = ("peaucellier_lipkin",)
+
+
+@dataclass
+class Subject:
+    """A mechanism of the study, and what is kept of it from case to case."""
+
+    name: str
+    asked: dict = field(default_factory=dict)
+
+    @cached_property
+    def family(self):
+        """The mechanism among others."""
+        return family(self.name, **self.asked)
+
+    @cached_property
+    def form(self):
+        """What moves."""
+        return self.family.make({})
+
+    @cached_property
+    def comparand(self) -> Comparand:
+        """Its instants."""
+        return comparand_of(self.form, SPEED)
+
+    @cached_property
+    def names(self):
+        """Of its quantities."""
+        return names_of(self.form.mechanism)
+
+    def solved(self, form=None, **changed) -> Comparand:
+        """Return the same instants of something else, or elsewhere, solved anew."""
+        made = self.form if form is None else form
+        if isinstance(made, LoopForm) and isinstance(self.form, LoopForm):
+            made = replace(made, programs=changed.pop("programs", self.form.programs))
+        one = self.comparand
+        return Comparand(
+            made,
+            changed.get("angle", one.angle),
+            changed.get("speed", one.speed),
+            one.acceleration,
+            one.time,
+            machine=changed.get("machine"),
+        )
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """What was claimed, and by which names its cause may be called."""
+
+    kind: str
+    what: tuple[str, ...]
+    values: list
+
+    def named_by(self, finding) -> bool:
+        """Whether a finding is of this cause."""
+        if finding.kind != self.kind:
+            return False
+        return not self.what or any(
+            finding.what == one or finding.what.startswith(f"{one}.") for one in self.what
+        )
+
+
+def quantities(subject: Subject, random) -> list:
+    """Return some quantities of a subject: points, or points and joints, or with rates."""
+    points = list(subject.form.mechanism.points)
+    chosen = list(random.permutation(points)[: max(2, random.integers(1, 4))])
+    names = [(one, 3) for one in chosen]
+    # of links that stand no one draws a curve
+    motion = subject.comparand.motion
+    joints = [
+        one
+        for one in motion.joints
+        if one in subject.names.coordinates and one not in subject.form.mechanism.drivers
+    ]
+    if random.random() < 0.6:
+        names += [(one, None) for one in random.permutation(joints)[:2] if one not in points]
+    if random.random() < 0.3:
+        names += [(f"{one}.v", 3) for one in chosen[:1]]
+    return [subject.names.read(str(name), width, "the study") for name, width in names]
+
+
+def of_dimension(subject: Subject, named: list, size: float, random) -> Mistake:
+    """One dimension larger or smaller."""
+    dimensions = [one for name, one in subject.family.dimensions.items() if ".tilt." not in name]
+    one = dimensions[random.integers(len(dimensions))]
+    whole = subject.form.mechanism.size if one.unit == "m" else 1.0
+    scale = abs(one.value) if abs(one.value) > 1e-3 * whole else whole
+    made = subject.family.make({one.name: one.value + random.choice([-1.0, 1.0]) * size * scale})
+    kind = "dimension"
+    gear = getattr(subject.form, "gear", "")
+    if gear:
+        kind = {gear: "gear", "phase": "phase"}.get(one.name, kind)
+    elif (
+        one.unit != "m"
+        and subject.form.mechanism.laws
+        and made.mechanism.joints == subject.form.mechanism.joints
+    ):
+        slopes = [law.slope for law in made.mechanism.laws]
+        kind = "phase" if slopes == [law.slope for law in subject.form.mechanism.laws] else "gear"
+    what = (one.name, one.name.split(".")[0]) if ".at." in one.name else (one.name,)
+    return Mistake(kind, what, subject.solved(made).all(named))
+
+
+def shifted(subject: Subject, change: dict) -> Comparand:
+    """Return a subject whose drivers go otherwise: name -> (scale, offset, late by)."""
+    programs = getattr(subject.form, "programs", None)
+    if programs is None:
+        scale, offset, _ = next(iter(change.values()))
+        angle = scale * subject.comparand.angle + offset
+        return subject.solved(angle=angle, speed=scale * subject.comparand.speed)
+
+    def moved(name: str, state):
+        scale, offset, late = change.get(name, (1.0, 0.0, 0.0))
+
+        def other(t):
+            value, rate, second = state(t - late)
+            return scale * value + offset, scale * rate, scale * second
+
+        return other
+
+    states = tuple(moved(name, state) for name, state in zip(programs.drivers, programs.states, strict=True))
+    return subject.solved(programs=replace(programs, states=states))
+
+
+def driver_of(subject: Subject, random) -> str:
+    return str(random.choice(list(subject.form.mechanism.drivers)))
+
+
+def of_offset(subject, named, size, random) -> Mistake:
+    driver = driver_of(subject, random)
+    unit = subject.form.mechanism.size if subject.form.mechanism.unit(driver) == "m" else 1.0
+    return Mistake("offset", (driver,), shifted(subject, {driver: (1.0, size * unit, 0.0)}).all(named))
+
+
+def of_sense(subject, named, size, random) -> Mistake:
+    driver = driver_of(subject, random)
+    return Mistake("sense", (driver,), shifted(subject, {driver: (-1.0, 0.0, 0.0)}).all(named))
+
+
+def of_degrees(subject, named, size, random) -> Mistake:
+    angles = [i for i, one in enumerate(named) if one.unit == "rad"]
+    if not angles:
+        driver = driver_of(subject, random)
+        if subject.form.mechanism.unit(driver) == "m":
+            raise MechsimError("no angle")
+        return Mistake("degrees", (driver,), shifted(subject, {driver: (np.pi / 180.0, 0.0, 0.0)}).all(named))
+    values = subject.comparand.all(named)
+    for i in angles:
+        values[i] = np.rad2deg(values[i])
+    return Mistake("degrees", (), values)
+
+
+def of_phase(subject, named, size, random) -> Mistake:
+    programs = getattr(subject.form, "programs", None)
+    if programs is None or len(programs.drivers) < 2:
+        raise MechsimError("one driver")
+    driver = driver_of(subject, random)
+    late = size * programs.duration
+    return Mistake("phase", (driver,), shifted(subject, {driver: (1.0, 0.0, late)}).all(named))
+
+
+def of_delay(subject, named, size, random) -> Mistake:
+    late = 1 + SIZES.index(size)
+    values = subject.comparand.all(named)
+    return Mistake("delay", (), [np.concatenate([one[:1].repeat(late, 0), one[:-late]]) for one in values])
+
+
+def of_units(subject, named, size, random) -> Mistake:
+    factor = (1000.0, 0.001, 0.01)[SIZES.index(size)]
+    values = subject.comparand.all(named)
+    return Mistake(
+        "units",
+        (),
+        [factor * v if one.unit in ("m", "m/s") else v for one, v in zip(named, values, strict=True)],
+    )
+
+
+def of_swapped(subject, named, size, random) -> Mistake:
+    places = [i for i, one in enumerate(named) if one.kind == "position"]
+    if len(places) < 2 or any(one.kind == "velocity" for one in named):
+        raise MechsimError("one point")
+    values = subject.comparand.all(named)
+    i, j = places[:2]
+    values[i], values[j] = values[j], values[i]
+    both = named[i].subject, named[j].subject
+    return Mistake("swapped", (", ".join(both), ", ".join(both[::-1])), values)
+
+
+def turned(subject, named, matrix, shift) -> list:
+    return [
+        v @ matrix.T + (shift if one.kind == "position" else 0.0) if one.axes else v
+        for one, v in zip(named, subject.comparand.all(named), strict=True)
+    ]
+
+
+def of_mirror(subject, named, size, random) -> Mistake:
+    signs = np.ones(3)
+    signs[random.integers(3)] = -1.0
+    return Mistake("mirror", (), turned(subject, named, np.diag(signs), 0.0))
+
+
+def of_frame(subject, named, size, random) -> Mistake:
+    vector = random.normal(size=3)
+    vector *= size / np.linalg.norm(vector)
+    if random.random() < 0.5:
+        return Mistake("frame", (), turned(subject, named, np.eye(3), vector * subject.form.mechanism.size))
+    from scipy.spatial.transform import Rotation
+
+    return Mistake("frame", (), turned(subject, named, Rotation.from_rotvec(vector).as_matrix(), 0.0))
+
+
+def of_assembly(subject, named, size, random) -> Mistake:
+    form = subject.form
+    if not isinstance(form, ClosedForm):
+        raise MechsimError("no closed form")
+    own = {name: getattr(form, name) for name in SELECTORS if hasattr(form, name)}
+    middle = float(subject.comparand.angle[len(subject.comparand) // 3])
+    others = [one for one in form.assemblies(middle) if {name: getattr(one, name) for name in own} != own]
+    other = others[random.integers(len(others))] if others else None
+    if other is None:
+        raise MechsimError("one assembly")
+    return Mistake("assembly", (), subject.solved(other).all(named))
+
+
+def of_loads(subject, named, size, random) -> Mistake:
+    """A torque and a reaction under another gravity, or with a link of another mass."""
+    forces = Forces(gravity=(0.0, -9.81, 0.0))
+    machine = dynamics.machine(subject.form, forces)
+    subject.under = machine
+    if random.random() < 0.5:
+        other, kind, what = (
+            machine.with_forces(Forces(gravity=(0.0, -9.81 * (1.0 + size), 0.0))),
+            "gravity",
+            (),
+        )
+    else:
+        links = list(machine.mechanism.links)
+        k = random.integers(len(links))
+        inertia = links[k].inertia
+        rows = tuple(tuple((1.0 + size) * x for x in row) for row in inertia.moments)
+        links[k] = replace(links[k], inertia=replace(inertia, mass=(1.0 + size) * inertia.mass, moments=rows))
+        other = replace(machine, mechanism=replace(machine.mechanism, links=tuple(links)))
+        kind, what = "mass", (links[k].name,)
+    return Mistake(kind, what, subject.solved(machine=other).all(named))
+
+
+KINDS: dict[str, tuple[Callable, int]] = {
+    "dimension": (of_dimension, 9),
+    "offset": (of_offset, 4),
+    "sense": (of_sense, 2),
+    "degrees": (of_degrees, 2),
+    "phase": (of_phase, 3),
+    "delay": (of_delay, 2),
+    "units": (of_units, 2),
+    "swapped": (of_swapped, 2),
+    "mirror": (of_mirror, 2),
+    "frame": (of_frame, 3),
+    "assembly": (of_assembly, 3),
+    "loads": (of_loads, 3),
+}
+
+
+def subjects(scenes: Path | None) -> Iterator[Subject]:
+    for name in [*catalog.DRIVES, *gallery.files()]:
+        if name not in LEFT_OUT:
+            yield Subject(name)
+    for file, asked in SCENES.items() if scenes else ():
+        if (scenes / file).exists():
+            yield Subject(str(scenes / file), dict(asked))
+
+
+def judged(subject: Subject, named: list, values: list, random, under=None):
+    """Return what is said of claims, with the rounding of another formula on them."""
+    claims = []
+    for one, value in zip(named, values, strict=True):
+        scale = max(1.0, float(np.abs(value).max()))
+        claims.append(Claim(one, value + ROUNDING * scale * random.normal(size=value.shape)))
+    comparand = subject.comparand if under is None else replace(subject.comparand, machine=under)
+    return agreement(comparand, claims, "the study", None, subject.family)
+
+
+def one_case(number: int, among: list[Subject]) -> dict:
+    """Return what came of one case; no verdict where a mistake cannot be made or cannot be seen."""
+    random = np.random.default_rng(1000 + number)
+    kinds = [kind for kind, (_, times) in KINDS.items() for _ in range(times)]
+    for _ in range(60):
+        kind, size = kinds[random.integers(len(kinds))], SIZES[number % 3]
+        subject = among[random.integers(len(among))]
+        loads = kind == "loads"
+        try:
+            if loads and not (subject.form.mechanism.has_crank and isinstance(subject.form, ClosedForm)):
+                continue
+            named = quantities(subject, random)
+            if loads:
+                crank = subject.form.mechanism.crank.name
+                named = [subject.names.read(f"torque:{crank}", None, "the study")]
+            mistake = KINDS[kind][0](subject, named, size, random)
+        except (MechsimError, KeyError, ValueError, np.linalg.LinAlgError):
+            continue
+        begin = time.process_time()
+        found = judged(subject, named, mistake.values, random, subject.under if loads else None)
+        if found.passed:
+            continue
+        findings = [one for one in found.findings if one.kind != "none"]
+        named_right = [mistake.named_by(one) for one in findings]
+        return {
+            "case": number,
+            "subject": Path(subject.name).stem,
+            "kind": mistake.kind,
+            "what": mistake.what,
+            "size": size,
+            "first": bool(named_right[:1] and named_right[0]),
+            "named": any(named_right),
+            "sure_wrong": any(one.sure for one in findings)
+            and not any(right for right, one in zip(named_right, findings, strict=True) if one.sure),
+            "said": [one.say for one in found.findings],
+            "quantities": [one.name for one in named],
+            "seconds": time.process_time() - begin,
+        }
+    raise SystemExit(f"case {number}: no mistake could be made")
+
+
+def right_ones(among: list[Subject]) -> list[str]:
+    """Return the subjects whose right formula was accused."""
+    accused = []
+    for k, subject in enumerate(among):
+        random = np.random.default_rng(k)
+        for _ in range(3):
+            named = quantities(subject, random)
+            found = judged(subject, named, subject.comparand.all(named), random)
+            if not found.passed or found.findings:
+                accused.append(subject.name)
+    return accused
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--cases", type=int, default=500)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--scenes", type=Path)
+    parser.add_argument("--show", action="store_true", help="print the cases that were not named")
+    parser.add_argument("--lines", action="store_true", help="print each case as JSON and nothing else")
+    asked = parser.parse_args()
+    among = list(subjects(asked.scenes))
+    rows = []
+    for number in range(asked.first, asked.first + asked.cases):
+        rows.append(one_case(number, among))
+        if asked.lines:
+            print(json.dumps(rows[-1]), flush=True)
+    accused = right_ones(among)
+    if asked.lines:
+        print(json.dumps({"accused": accused, "right": 3 * len(among)}), flush=True)
+        return 0
+    return told(rows, accused, 3 * len(among), asked.show)
+
+
+def told(rows: list[dict], accused: list[str], right: int, show: bool) -> int:
+    """Print what came of the cases; 0 where it is what was asked for."""
+    by: dict[str, list[dict]] = defaultdict(list)
+    for row in rows:
+        by[row["kind"]].append(row)
+    print(f"{'cause':<12}{'cases':>6}{'named':>7}{'first':>7}{'sure, wrong':>13}")
+    for kind, some in sorted(by.items()):
+        print(
+            f"{kind:<12}{len(some):>6}{_sum(some, 'named'):>7}{_sum(some, 'first'):>7}{_sum(some, 'sure_wrong'):>13}"
+        )
+    count = len(rows)
+    named, first, wrong = (_sum(rows, name) for name in ("named", "first", "sure_wrong"))
+    print(f"{'all':<12}{count:>6}{named:>7}{first:>7}{wrong:>13}")
+    for size, some in Counter(row["size"] for row in rows).items():
+        right_named = sum(row["named"] for row in rows if row["size"] == size)
+        print(f"size {size:g}: {right_named} of {some}")
+    print(
+        f"named {100 * named / count:.1f} %, first {100 * first / count:.1f} %, wrong and sure {100 * wrong / count:.1f} %"
+    )
+    print(f"right formulas accused: {len(accused)} of {right} {' '.join(sorted(set(accused)))}")
+    print(f"median {np.median([row['seconds'] for row in rows]):.2f} s of processor time a case")
+    for row in rows if show else ():
+        if not row["named"] or row["sure_wrong"]:
+            print({name: value for name, value in row.items() if name not in ("first", "seconds")})
+    return 0 if named >= 0.95 * count and wrong <= 0.01 * count and not accused else 1
+
+
+def _sum(rows: list[dict], name: str) -> int:
+    return sum(bool(row[name]) for row in rows)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
