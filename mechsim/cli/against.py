@@ -1,5 +1,8 @@
 """`mechsim validate MODEL --against`: one model held against a function or a table."""
 
+import shutil
+import textwrap
+
 import typer
 
 from mechsim.analytic.forms import Form
@@ -48,8 +51,20 @@ def told(name: str, found: Agreement, everything: bool) -> list[str]:
     lines += [_line(check) for check in (shown if everything else shown[:FEW])]
     if left > 0 and not everything:
         lines.append(f"  {left} more; --all shows them")
-    lines += [f"  {finding.say}" for finding in found.findings]
+    for finding in found.findings:
+        likely = "cause" if finding.sure else "perhaps" if finding.kind != "none" else "cause"
+        lines += _wrapped(f"{likely}: {finding.say}")
+    if "says" in found.attribution:
+        lines += _wrapped(str(found.attribution["says"]))
+    elif "note" in found.attribution:
+        lines += _wrapped(f"not run in time: {found.attribution['note']}")
     return lines
+
+
+def _wrapped(text: str) -> list[str]:
+    """Return text in lines that fit the terminal, those after the first set in."""
+    width = max(40, min(shutil.get_terminal_size((100, 24)).columns, 100))
+    return textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="    ", break_on_hyphens=False)
 
 
 def _line(check: Check) -> str:

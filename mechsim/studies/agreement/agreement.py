@@ -1,7 +1,7 @@
 """Whether a model agrees with somebody else's formula or table, and if not, why."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from mechsim.model.finding import Finding
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.outcome import Outcome
 from mechsim.model.programs import State
+from mechsim.studies.agreement.attribution import AskedAgain, told
 from mechsim.studies.agreement.claim import Claim, claimed
 from mechsim.studies.agreement.comparand import Comparand, comparand_of
 from mechsim.studies.agreement.comparison import bounds, check, scales_of
@@ -101,6 +102,7 @@ def validate(
     duration: str | float | None = None,
     speed: float = SPEED,
     tolerance: float | None = None,
+    attribute: bool = True,
 ) -> Agreement:
     """Hold a model against somebody's formula or table, and say whether and why they differ.
 
@@ -113,15 +115,19 @@ def validate(
         duration: of the programs, as `load` takes it.
         speed: of a crank, in [rad/s].
         tolerance: bound on places in [m], on other quantities in proportion; None takes 1e-8 of the reach.
+        attribute: whether a run in time is made, and its distance from the claim taken apart.
 
     Raises:
         InputError: for a model, a function or a table that cannot be used; one sentence.
         AssemblyError: where the loops of the model close nowhere.
     """
     found = _family(model, set, drive, duration)
-    source, comparand, claims = _claims(found.make({}), against, speed)
+    source, comparand, claims, again = _claims(found.make({}), against, speed)
     function = not (isinstance(against, str | Path) and _is_table(against))
-    return agreement(comparand, claims, source, tolerance, found, function=function)
+    said = agreement(comparand, claims, source, tolerance, found, function=function)
+    if not attribute:
+        return said
+    return replace(said, attribution=told(comparand, claims, scales_of(comparand, claims), again))
 
 
 def agreement(
@@ -188,8 +194,10 @@ def _is_table(against: str | Path) -> bool:
     return str(against).lower().endswith(".csv")
 
 
-def _claims(form: Form, against: Against | None, speed: float) -> tuple[str, Comparand, list[Claim]]:
-    """Return what is held against a form: its name, the instants, and what it says there."""
+def _claims(
+    form: Form, against: Against | None, speed: float
+) -> tuple[str, Comparand, list[Claim], AskedAgain | None]:
+    """Return what is held against a form: its name, the instants, what it says, what asks it again."""
     if against is None:
         against = form.formula if isinstance(form, LoopForm) else ""
         if not against:
@@ -200,7 +208,7 @@ def _claims(form: Form, against: Against | None, speed: float) -> tuple[str, Com
     if isinstance(against, str | Path) and _is_table(against):
         source, table = str(against), read_table(str(against))
         comparand, used = tabled_comparand(form, table, speed, source)
-        return source, comparand, claims_of_table(table, used, names, source)
+        return source, comparand, claims_of_table(table, used, names, source), None
     if isinstance(against, str | Path):
         source, function = str(against), object_of(str(against))
     else:
@@ -214,4 +222,8 @@ def _claims(form: Form, against: Against | None, speed: float) -> tuple[str, Com
         )
     comparand = comparand_of(form, speed)
     parameters = dict(form.parameters) if isinstance(form, LoopForm) else None
-    return source, comparand, claimed(function, comparand, names, source, parameters)
+
+    def again(there: Comparand) -> list[Claim]:
+        return claimed(function, there, names, source, parameters)
+
+    return source, comparand, again(comparand), again
