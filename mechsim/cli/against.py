@@ -14,6 +14,8 @@ from mechsim.verdict.checks import Check
 
 # quantities told where not all are asked for
 FEW = 4
+# characters of the name of a quantity
+LONGEST = 36
 
 
 def held_against(
@@ -63,10 +65,11 @@ def told(name: str, found: Agreement, everything: bool) -> list[str]:
 
 def _wrapped(text: str) -> list[str]:
     """Return text in lines that fit the terminal, those after the first set in."""
-    width = max(40, min(shutil.get_terminal_size((100, 24)).columns, 100))
+    width = max(40, min(shutil.get_terminal_size((80, 24)).columns, 100))
     return textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="    ", break_on_hyphens=False)
 
 
 def _line(check: Check) -> str:
     said = "met" if check.passed else "MISSED"
-    return f"  {check.quantity:<28} {check.worst:8.1e} of {check.bound:7.1e} {check.unit:<6} {said}"
+    name = textwrap.shorten(check.quantity, LONGEST, placeholder=" ...")
+    return f"  {name:<{LONGEST}} {check.worst:8.1e} of {check.bound:7.1e} {check.unit:<6} {said}"
