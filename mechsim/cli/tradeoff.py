@@ -7,8 +7,11 @@ import typer
 
 from mechsim import units
 from mechsim.cli import endings
+from mechsim.cli.declared_options import spread
 from mechsim.cli.options import Json, Output, Sets, Speed, form_of, speed_of, writable
 from mechsim.cli.output import Tick, print_json, print_table, progress
+from mechsim.cli.scene_costs import print_costs
+from mechsim.cli.scene_options import SceneOptions
 from mechsim.errors import InputError
 from mechsim.pictures import plots
 from mechsim.studies.tradeoff import (
@@ -33,6 +36,7 @@ TOLD, DRAWN = 0.1, 0.7
 NAMED = 3
 
 
+@spread
 def tradeoff(
     model: Annotated[
         str,
@@ -40,6 +44,11 @@ def tradeoff(
             metavar="MODEL", help="A catalogue name, FILE.toml, FILE.py:OBJECT, or an MJCF file of your own."
         ),
     ],
+    *,
+    costs: Annotated[
+        bool, typer.Option("--costs", help="Tell instead what each thing in a scene of your own costs.")
+    ] = False,
+    asked: SceneOptions,
     speed: Speed = "600rpm",
     budget: Annotated[
         str, typer.Option(help="Time to spend on all of it, by the clock; a bare number is seconds.")
@@ -56,6 +65,13 @@ def tradeoff(
     as_json: Json = False,
 ) -> None:
     """Measure how fast and how accurate MuJoCo's settings are on one mechanism; recommend some."""
+    if costs:
+        if sets or output or plot:
+            raise InputError("--costs measures an MJCF file as it is; leave out --set, --plot and -o")
+        print_costs(model, asked, as_json=as_json)
+        return
+    if asked != SceneOptions():
+        raise InputError("--drive, --ctrl, --key, --track and --duration are for --costs; give it too")
     place = None if output is None else writable(output, ".csv")
     drawing = None if plot is None else writable(plot, ".svg", ".png", ".pdf")
     if by not in COMPARED:

@@ -4,9 +4,14 @@ One turn at 600 rpm, 720 steps, RK4 with hard loops; the worst place error of an
 the closed form, in units of the crank. Processor time of a step, the median of interleaved turns.
 A step recorded is time, coordinates and rates.
 
+What can be turned on or off in any scene is measured by the product (`mechsim tradeoff FILE.xml --costs`),
+here of the exported models, their crank prescribed.
+
 Run: python validation/choices/scene_costs.py [--out DIR]
 """
 
+import tempfile
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +25,11 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.model.scene import LEVELS, Scene
 from mechsim.simulation import mjcf
 from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.mjcf_reader.parsed_file import parsed
 from mechsim.simulation.recorded_motion import add_sensors
+from mechsim.studies.scenes import scene_of
+from mechsim.studies.tradeoff.scene_costs import scene_costs
+from mechsim.subjects.subject import load
 
 STEPS, ROUNDS = 720, 41
 OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit
@@ -149,6 +158,21 @@ def _row(drive: ClosedForm, name: str, bare: Bare, usual: float) -> dict[str, An
     }
 
 
+def turned_on_and_off(name: str, folder: str) -> list[dict[str, Any]]:
+    """Return what each thing that can be turned on or off costs in an exported model."""
+    path = Path(folder) / f"{name}.xml"
+    path.write_text(mjcf.to_xml(assembled(catalog.make(name).mechanism, Scene(level="motion"))))
+    form = load(str(path), drive={"crank": "600rpm"})
+    scene = scene_of(
+        form.source,
+        form.mechanism,
+        drive=dict(form.programs.by_name),
+        duration=0.1,
+        points=form.mechanism.points,
+    )
+    return [{"mechanism": name} | asdict(one) for one in scene_costs(scene, parsed(str(path))[0])]
+
+
 def plot(rows: list[dict[str, Any]], out: Path) -> None:
     import matplotlib as mpl
 
@@ -168,6 +192,9 @@ def main() -> None:
     out = sheet.folder(__doc__ or "")
     rows = measured(catalog.make("rssr"), ("P2", "P3")) + measured(catalog.make("four_bar"), ("A", "B"))
     sheet.show(rows, out, "scene_costs")
+    with tempfile.TemporaryDirectory() as folder:
+        rows_too = [row for name in ("rssr", "four_bar") for row in turned_on_and_off(name, folder)]
+    sheet.show(rows_too, out, "scene_costs_turned")
     if out is not None:
         plot(rows, out)
 

@@ -40,7 +40,7 @@ def cheaper(seen: Evidence) -> list[Candidate]:
     option = seen.spec.option
     if option.solver != mujoco.mjtSolver.mjSOL_NEWTON:
         found.append(Candidate(FAMILY, "the solver: Newton", _newton))
-    if option.jacobian != mujoco.mjtJacobian.mjJAC_DENSE and seen.model.nv < 60:
+    if mujoco.mj_isSparse(seen.model):
         found.append(Candidate(FAMILY, "sparse matrices: dense", _dense))
     if option.enableflags & int(mujoco.mjtEnableBit.mjENBL_ENERGY):
         found.append(Candidate(FAMILY, "the energy flag", _no_energy))

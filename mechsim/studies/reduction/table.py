@@ -35,5 +35,7 @@ FAMILIES: tuple[Callable[[Evidence], list[Candidate]], ...] = (
     springs.propose,
     stepping.cheaper,
 )
+# of what costs time and acts on nothing
+ORNAMENTS = (ornaments.propose, limits.propose, loop_rows.propose, merged.propose)
 # of these the cheapest that holds is taken, last of all
 LAST = stepping.coarser

@@ -1,0 +1,43 @@
+import mujoco
+import numpy as np
+import pytest
+from studies.test_reduction import CLUTTER, few_trials, scene
+
+from mechsim.errors import InputError
+from mechsim.studies.tradeoff.scene_costs import scene_costs
+
+
+@pytest.fixture(scope="module")
+def costs(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        few_trials(patch)
+        found = scene_costs(*scene(tmp_path_factory.mktemp("costs"), CLUTTER), rounds=1)
+    return {one.what: one for one in found}
+
+
+def test_each_thing_is_turned_on_or_off_alone_and_judged_against_the_scene_as_it_is(costs):
+    own = costs["as it is"]
+    assert (own.error, own.ratio) == (0.0, 1.0)
+    model = mujoco.MjModel.from_xml_string(CLUTTER)
+    assert own.freedoms == model.nv
+    for what in (
+        "contacts off",
+        "sensors off",
+        "islands off",
+        "energy on",
+        "without 1 sensor",
+        "integrator RK4",
+    ):
+        assert np.isfinite(costs[what].step), what
+    assert costs["energy on"].error == costs["without 1 sensor"].error == 0.0
+
+
+def test_what_is_needed_is_seen_to_be(costs):
+    loops = costs["without 1 loop: no rows"]
+    assert loops.rows < costs["as it is"].rows
+    assert loops.error > 1e-3
+
+
+def test_costs_of_a_scene_that_diverges_are_refused(tmp_path):
+    with pytest.raises(InputError, match="diverges"):
+        scene_costs(*scene(tmp_path, CLUTTER.replace('kv="0.02"', 'kv="50"')))
