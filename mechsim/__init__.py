@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from mechsim.report.notebook import show
     from mechsim.simulation import Run, Settings, simulate
     from mechsim.studies.agreement.agreement import Agreement, validate
+    from mechsim.studies.fit.asked import fit
+    from mechsim.studies.sensitivity.asked import moved, sensitivity
+    from mechsim.studies.sensitivity.study import tolerance_study
     from mechsim.studies.sweep.sweeping import sweep
     from mechsim.subjects.subject import load
     from mechsim.theory.continuation import trace
@@ -75,10 +78,14 @@ _HOMES = _MODULES | {
     "Tolerance": "verdict.tolerances",
     "Verdict": "verdict.checks",
     "crosscheck": "verdict.judge",
+    "fit": "studies.fit.asked",
     "load": "subjects.subject",
+    "moved": "studies.sensitivity.asked",
+    "sensitivity": "studies.sensitivity.asked",
     "show": "report.notebook",
     "simulate": "simulation",
     "sweep": "studies.sweep.sweeping",
+    "tolerance_study": "studies.sensitivity.study",
     "trace": "theory.continuation",
     "validate": "studies.agreement.agreement",
 }
@@ -115,16 +122,20 @@ __all__ = [
     "course",
     "crosscheck",
     "dynamics",
+    "fit",
     "load",
     "motors",
+    "moved",
     "plots",
     "render",
     "rods",
+    "sensitivity",
     "show",
     "simulate",
     "simulation",
     "sweep",
     "testing",
+    "tolerance_study",
     "trace",
     "units",
     "validate",

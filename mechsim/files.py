@@ -158,7 +158,7 @@ def write_in_parts(path: str | Path, parts: Iterable[Tabled]) -> None:
     Raises:
         OutputError: where the file cannot be written.
     """
-    with written_beside(path) as beside, beside.open("w", encoding="ascii", newline="") as file:
+    with written_beside(path) as beside, beside.open("w", encoding="utf-8", newline="") as file:
         for number, part in enumerate(parts):
             table = dict(part.columns())
             if number == 0:
@@ -192,7 +192,7 @@ def read(path: str | Path) -> Table:
 
 
 def _write_csv(path: Path, table: Mapping[str, Array]) -> None:
-    with path.open("w", encoding="ascii", newline="") as file:
+    with path.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join(table) + "\n")
         file.writelines(csv_lines(table))
 

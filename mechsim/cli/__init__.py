@@ -65,6 +65,10 @@ COMMANDS = {
         "Plot motions, curves, transmission, errors, velocity plans, dynamics or studies: "
         ".svg, .pdf or .png.",
     ),
+    "fit": (
+        "fit.fit",
+        "Find dimensions from measured motion, with their uncertainty; say which cannot be told apart.",
+    ),
     "sensitivity": (
         "sensitivity.sensitivity",
         "Derive quantities by dimensions, exactly; say what tolerances make of them, and who is to blame.",

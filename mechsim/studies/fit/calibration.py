@@ -1,0 +1,258 @@
+"""Dimensions fitted to measured motion by least squares, with exact derivatives."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from mechsim.errors import InputError, MechsimError
+from mechsim.maths.arrays import Array
+from mechsim.model.display import short_repr
+from mechsim.studies.fit.measured import Measured
+from mechsim.studies.sensitivity.moved_family import MovedFamily, beside
+from mechsim.studies.sensitivity.quantities import unit_of
+from mechsim.studies.sensitivity.table import dimensions_asked
+
+# singular values of the scaled derivatives below this part of the largest tell nothing
+BLIND = 1e-7
+# part of such a direction that makes a dimension one of those that cannot be told apart
+PART = 0.1
+# mechanisms tried at the most, and the relative change at which a fit has come to rest
+MOST, REST = 200, 1e-12
+
+FitOutcome = Literal["fitted", "undetermined", "not converged"]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Dimensions that fit measured motion best.
+
+    Attributes:
+        moved: the mechanism with them, moved as it was measured.
+        outcome: "undetermined" where what was measured does not tell some dimensions apart.
+        start: dimension -> value from which it began, in SI.
+        values: dimension -> value found.
+        deviations: dimension -> standard deviation; none of those that cannot be told apart.
+        covariance: of the dimensions in their order, (p, p); of those that can be told from the others.
+        together: groups of dimensions that cannot be told apart: what was measured tells of each group one
+            dimension fewer than it has.
+        rms: quantity -> root mean square of what is left, in SI.
+        spread: root of what is left by the numbers measured beyond those wanted, in the deviations that were
+            given; about 1 where these are true. Without any, what they would have to be, as parts of the
+            mechanism's size and in [rad].
+        weighed: whether deviations were given.
+        condition: of the scaled derivatives: how much worse the worst combination is told than the best.
+        tried: mechanisms solved.
+    """
+
+    moved: MovedFamily
+    outcome: FitOutcome
+    start: Mapping[str, float]
+    values: Mapping[str, float]
+    deviations: Mapping[str, float]
+    covariance: Array
+    together: Sequence[tuple[str, ...]]
+    rms: Mapping[str, float]
+    spread: float
+    weighed: bool
+    condition: float
+    tried: int
+
+    __repr__ = short_repr
+
+    @property
+    def correlations(self) -> dict[tuple[str, str], float]:
+        """Correlation of each two dimensions that have a deviation."""
+        names = list(self.values)
+        scale = np.sqrt(np.diag(self.covariance))
+        pairs = [(i, j) for i in range(len(names)) for j in range(i) if scale[i] * scale[j] > 0.0]
+        return {(names[j], names[i]): float(self.covariance[i, j] / (scale[i] * scale[j])) for i, j in pairs}
+
+
+def fit_dimensions(
+    moved: MovedFamily,
+    measured: Measured,
+    vary: Sequence[str],
+    *,
+    watch: Callable[[str, float], None] = lambda _, __: None,
+) -> Fit:
+    """Return the dimensions with which a mechanism moves most nearly as it was measured.
+
+    The sum of squares of what is left, in the deviations given, is made smallest by scipy's `least_squares`
+    (trust region) with exact derivatives, from the dimensions as they stand. Where no deviations are given,
+    lengths count in the mechanism's size and angles in [rad].
+
+    Args:
+        moved: the mechanism, and its speed and forces; its angles are those measured.
+        measured: what was measured.
+        vary: names of dimensions, whole places by their parts.
+        watch: told now and then how far it has come.
+
+    Raises:
+        InputError: for an unknown dimension or quantity, or fewer numbers than dimensions.
+        AssemblyError: where the mechanism from which it begins cannot stand at what was measured.
+    """
+    from scipy.optimize import least_squares
+
+    family = replace(moved, angles=measured.angles)
+    columns, names = family.quantities([*measured.values]), dimensions_asked(family, vary)
+    if columns != list(measured.values):
+        lost = next(one for one in measured.values if one not in columns)
+        raise InputError(f"column {lost} is no single quantity; name columns as P3.x or rocker.q")
+    if measured.count < len(names):
+        raise InputError(
+            f"{measured.count} numbers are measured and {len(names)} dimensions wanted; "
+            "measure more, or vary fewer"
+        )
+    problem = _Problem(family, measured, columns, names, watch)
+    problem.residuals(np.zeros(len(names)))
+    slopes: Any = problem.slopes
+    found: Any = least_squares(
+        problem.tried,
+        np.zeros(len(names)),
+        slopes,
+        method="trf",
+        xtol=REST,
+        ftol=REST,
+        gtol=REST,
+        max_nfev=MOST,
+    )
+    return problem.told(found.x, found.status > 0)
+
+
+class _Problem:
+    """What least squares asks for, in parts of each dimension's scale."""
+
+    def __init__(
+        self,
+        moved: MovedFamily,
+        measured: Measured,
+        columns: list[str],
+        names: list[str],
+        watch: Callable[[str, float], None],
+    ):
+        self.moved, self.measured, self.columns, self.names, self.watch = (
+            moved,
+            measured,
+            columns,
+            names,
+            watch,
+        )
+        mechanism = moved.form.mechanism
+        self.start = {name: moved.family.dimensions[name].value for name in names}
+        units = {name: moved.family.dimensions[name].unit for name in names}
+        lengths = {name: mechanism.size if units[name] == "m" else 1.0 for name in names}
+        own = {
+            name: abs(value) or 1.0 if units[name] == "1" else lengths[name]
+            for name, value in self.start.items()
+        }
+        self.scale = np.array([own[name] for name in names])
+        self.units = {one: unit_of(one, mechanism) for one in columns}
+        self.weighed = bool(measured.deviations)
+        self.weights = {one: self._weight(one, mechanism.size) for one in columns}
+        self.count = 0
+
+    def _weight(self, column: str, size: float) -> Array:
+        """Return what a number of a column counts in, (n,)."""
+        given = self.measured.deviations.get(column)
+        if given is not None:
+            return given
+        if self.weighed:
+            known = ", ".join(self.measured.deviations)
+            raise InputError(
+                f"it is said how well {known} is known, but not how well {column} is; add a column {column}±"
+            )
+        length = self.units[column].startswith("m")
+        return np.full(len(self.measured.angles), size if length else 1.0)
+
+    def dimensions(self, x: Array) -> dict[str, float]:
+        """Return dimensions from parts of their scales."""
+        return {
+            name: self.start[name] + float(part)
+            for name, part in zip(self.names, x * self.scale, strict=True)
+        }
+
+    def residuals(self, x: Array) -> Array:
+        """Return what is left, (m,), in the deviations.
+
+        Raises:
+            MechsimError: for dimensions that leave no assembly.
+        """
+        self.count += 1
+        self.watch(f"{self.count} mechanisms", min(1.0, self.count / MOST))
+        found = self.moved.values(self.columns, self.dimensions(x))
+        return np.concatenate([self._off(one, found[one]) / self.weights[one] for one in self.columns])
+
+    def _off(self, column: str, values: Array) -> Array:
+        off = values - self.measured.values[column]
+        # turns are not measured
+        return off - 2.0 * np.pi * np.round(off / (2.0 * np.pi)) if self.units[column] == "rad" else off
+
+    def tried(self, x: Array) -> Array:
+        """Return what is left; infinite where there is no assembly, which least squares goes back from."""
+        try:
+            return self.residuals(x)
+        except MechsimError:
+            return np.full(self.measured.count, np.inf)
+
+    def slopes(self, x: Array) -> Array:
+        """Return exact derivatives of what is left, (m, p)."""
+        by = self.moved.slopes(self.columns, self.names, self.dimensions(x)).by
+        rows = [
+            np.concatenate([by[name][one] / self.weights[one] for one in self.columns]) for name in self.names
+        ]
+        return np.array(rows).T * self.scale
+
+    def told(self, x: Array, rested: bool) -> Fit:
+        """Return what came of it."""
+        left, slopes = self.residuals(x), self.slopes(x)
+        _, singular, right = np.linalg.svd(slopes, full_matrices=True)
+        singular = np.pad(singular, (0, len(self.names) - len(singular)))
+        seen = singular > BLIND * singular[0]
+        free = self.measured.count - int(seen.sum())
+        spread = float(np.sqrt((left**2).sum() / free)) if free > 0 else 0.0
+        unit = 1.0 if self.weighed else spread
+        covariance = (right[seen].T / singular[seen] ** 2) @ right[seen] * unit**2
+        covariance = covariance * np.outer(self.scale, self.scale)
+        together = tuple(_groups(right[~seen], self.names))
+        lost = {name for group in together for name in group}
+        values = self.dimensions(x)
+        parts = np.split(left, len(self.columns))
+        rms = {
+            one: float(np.sqrt(((part * self.weights[one]) ** 2).mean()))
+            for one, part in zip(self.columns, parts, strict=True)
+        }
+        deviations = {
+            name: float(np.sqrt(covariance[i, i])) for i, name in enumerate(self.names) if name not in lost
+        }
+        outcome: FitOutcome = "undetermined" if together else "fitted" if rested else "not converged"
+        return Fit(
+            moved=replace(self.moved, family=beside(self.moved.family, values)),
+            outcome=outcome,
+            start=self.start,
+            values=values,
+            deviations=deviations,
+            covariance=covariance,
+            together=together,
+            rms=rms,
+            spread=spread,
+            weighed=self.weighed,
+            condition=float(singular[0] / singular[-1]) if singular[-1] > 0.0 else np.inf,
+            tried=self.count,
+        )
+
+
+def _groups(blind: Array, names: Sequence[str]) -> list[tuple[str, ...]]:
+    """Return groups of dimensions that directions (d, p) join, along which nothing measured changes."""
+    reach = np.sqrt((blind**2).sum(0))
+    joined = (np.abs(blind.T @ blind) > PART**2) & np.outer(reach > PART, reach > PART)
+    left = [i for i in range(len(names)) if reach[i] > PART]
+    groups: list[tuple[str, ...]] = []
+    while left:
+        group = {left[0]}
+        while more := {j for i in group for j in np.flatnonzero(joined[i]).tolist()} - group:
+            group |= more
+        groups.append(tuple(names[i] for i in sorted(group)))
+        left = [i for i in left if i not in group]
+    return groups

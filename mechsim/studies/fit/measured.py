@@ -1,0 +1,82 @@
+"""Measured motion: a table whose columns are named like ours, some with how well they are known."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechsim.analytic.forms import Form
+from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
+from mechsim.studies.motion_source import programs_of
+
+# what marks the column that says how well another is known, before or after its name
+MARKS = ("±", "+-")
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What was measured at n instants.
+
+    Attributes:
+        angles: of the crank, or of the clock of programs, (n,) in [rad].
+        values: quantity -> (n,), in SI.
+        deviations: quantity -> standard deviation of each, (n,), of those of which it is known.
+    """
+
+    angles: Array
+    values: Mapping[str, Array]
+    deviations: Mapping[str, Array]
+
+    @property
+    def count(self) -> int:
+        """How many numbers were measured."""
+        return len(self.angles) * len(self.values)
+
+
+def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table") -> Measured:
+    """Return what a table of columns holds: angle (or t under programs), quantities, and ± columns of some.
+
+    Raises:
+        InputError: without angle or t, for numbers that are not finite, or a ± column that is of nothing.
+    """
+    programs = programs_of(form)
+    over = "angle" if programs is None else "t"
+    if over not in table:
+        unit = "crank angles in rad" if over == "angle" else "times in s"
+        raise InputError(f"{where} has no column {over} ({unit}); it has {', '.join(table) or 'none'}")
+    columns = {name: np.asarray(values, dtype=np.float64) for name, values in table.items()}
+    for name, column in columns.items():
+        if not np.isfinite(column).all():
+            row = int(np.argmin(np.isfinite(column))) + 1
+            raise InputError(f"{where}: column {name} is no finite number in row {row}; take the row out")
+    deviations: dict[str, Array] = {}
+    values: dict[str, Array] = {}
+    for name, column in columns.items():
+        of = _marked(name)
+        if of is None:
+            values[name] = column
+        elif of not in columns:
+            raise InputError(
+                f"{where}: column {name} says how well {of} is known, but there is no column {of}"
+            )
+        elif not (column > 0.0).all():
+            row = int(np.argmin(column > 0.0)) + 1
+            raise InputError(f"{where}: column {name} is {column[row - 1]:g} in row {row}; give it above 0")
+        else:
+            deviations[of] = column
+    at = values.pop(over)
+    # what says when, or what was asked for, was not measured
+    for name in ("angle", "time", "speed", "acceleration", *form.mechanism.drivers):
+        values.pop(name, None)
+    if not values:
+        raise InputError(f"{where} holds no measured quantity; add columns as P3.x or rocker.q")
+    return Measured(at if programs is None else programs.pace * at, values, deviations)
+
+
+def _marked(name: str) -> str | None:
+    """Return the quantity of which a column says how well it is known; None for other columns."""
+    for mark in MARKS:
+        if name.startswith(mark) or name.endswith(mark):
+            return name.removeprefix(mark).removesuffix(mark).strip()
+    return None

@@ -1,0 +1,64 @@
+"""Command `mechsim fit`."""
+
+import json
+
+import numpy as np
+import pytest
+
+from mechsim import files
+from mechsim.analytic import catalog
+
+ANGLES = np.linspace(0.0, 6.0, 7)
+
+
+@pytest.fixture
+def fit(mechsim):
+    return lambda *words: mechsim("fit", *words)
+
+
+@pytest.fixture
+def table(tmp_path):
+    motion = catalog.make("four_bar", coupler=0.0913).solve(ANGLES)
+    columns = {"angle": ANGLES, "rocker.q": motion.joints["rocker"].value, "rocker.q±": np.full(7, 1e-4)}
+    files.write_table(tmp_path / "measured.csv", columns)
+
+
+def test_a_fit_is_told_with_its_uncertainty_and_written(fit, table, tmp_path):
+    asked = ("four_bar", "--to", "measured.csv", "--vary", "coupler")
+    code, out, err = fit(*asked, "--json", "-o", "fit.json")
+    assert code == 0, err
+    told = json.loads(out)
+    one = told["dimensions"]["coupler"]
+    assert (told["outcome"], one["unit"]) == ("fitted", "m")
+    assert one["value"] == pytest.approx(0.0913, rel=1e-9)
+    assert 0.0 < one["deviation"] < 1e-4
+    assert json.loads((tmp_path / "fit.json").read_text())["dimensions"]["coupler"] == one
+    code, out, err = fit(*asked, "-o", "rows.csv")
+    assert code == 0, err
+    assert "coupler" in out
+    rows = files.read(tmp_path / "rows.csv")
+    assert np.abs(rows["rocker.q.left"]).max() <= 1e-9
+
+
+def test_what_cannot_be_told_apart_ends_in_one(fit, table):
+    code, out, err = fit("four_bar", "--to", "measured.csv", "--vary", "ground,crank,coupler,rocker")
+    assert code == 1, err
+    assert "cannot be told apart by what was measured: ground, crank, coupler, rocker" in " ".join(
+        out.split()
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--vary", "coupler"], "no measured motion is given; name a table with --to"),
+        (["--to", "measured.csv"], "no dimension is to be found; name some"),
+        (["--to", "none.csv", "--vary", "coupler"], "there is no file none.csv"),
+        (["--to", "measured.csv", "--vary", "cuopler"], "did you mean 'coupler'"),
+    ],
+)
+def test_what_cannot_be_is_said_in_one_line(fit, table, words, said):
+    code, out, err = fit("four_bar", *words)
+    assert (code, out) == (2, "")
+    assert said in err
+    assert len(err.strip().splitlines()) == 1

@@ -1,0 +1,117 @@
+"""Dimensions from measured motion: found again, with uncertainties that are true, and what cannot be told."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic import catalog
+from mechsim.errors import AssemblyError, InputError
+
+ANGLES = np.linspace(0.0, 6.0, 13)
+TRUE = {"coupler": 0.0913, "rocker": 0.0735, "arm_angle": 0.55}
+
+
+def measured(noise=0.0, seed=0, points="C"):
+    random = np.random.default_rng(seed)
+    motion = catalog.make("four_bar", **TRUE).solve(ANGLES)
+    table = {"angle": ANGLES}
+    for i, axis in enumerate("xy"):
+        places = motion.points[points].position[:, i]
+        table[f"{points}.{axis}"] = places + noise * random.standard_normal(len(ANGLES))
+        if noise:
+            table[f"{points}.{axis}±"] = np.full(len(ANGLES), noise)
+    return table
+
+
+def test_dimensions_are_found_again_to_rounding():
+    found = ms.fit("four_bar", measured(), [*TRUE])
+    assert found.outcome == "fitted"
+    for name, value in TRUE.items():
+        assert found.values[name] == pytest.approx(value, rel=1e-10)
+    assert found.start["coupler"] == 0.091
+    assert max(found.rms.values()) <= 1e-13
+
+
+def test_uncertainties_are_those_of_many_measurements():
+    fits = [ms.fit("four_bar", measured(2e-5, seed), ["coupler", "rocker"]) for seed in range(25)]
+    for name in ("coupler", "rocker"):
+        scatter = np.std([fit.values[name] for fit in fits], ddof=1)
+        # a deviation from 25 is itself known to a seventh
+        assert 0.55 <= scatter / fits[0].deviations[name] <= 1.6
+    assert 0.7 <= np.mean([fit.spread for fit in fits]) <= 1.3
+
+
+def test_without_deviations_what_is_left_tells_them():
+    table = measured(2e-5)
+    bare = {name: column for name, column in table.items() if "±" not in name}
+    weighed, plain = (ms.fit("four_bar", one, ["coupler", "rocker"]) for one in (table, bare))
+    assert plain.deviations["coupler"] == pytest.approx(
+        weighed.deviations["coupler"] * weighed.spread, rel=1e-6
+    )
+
+
+def test_what_a_joint_alone_does_not_tell_is_named():
+    motion = catalog.make("four_bar", rocker=0.0735).solve(ANGLES)
+    table = {"angle": ANGLES, "rocker.q": motion.joints["rocker"].value + 4.0 * np.pi}
+    found = ms.fit("four_bar", table, ["ground", "crank", "coupler", "rocker"])
+    assert found.outcome == "undetermined"
+    # all lengths together may be of any size
+    assert found.together == (("ground", "crank", "coupler", "rocker"),)
+    assert not found.deviations
+    shape = np.array([*found.values.values()]) / found.values["ground"]
+    assert np.abs(shape - np.array([0.1, 0.032, 0.091, 0.0735]) / 0.1).max() <= 1e-8
+
+
+def test_a_dimension_that_nothing_measured_depends_on_is_named_alone():
+    table = measured(points="B")
+    found = ms.fit("four_bar", table, ["coupler", "rocker", "arm"])
+    assert found.together == (("arm",),)
+    assert found.values["coupler"] == pytest.approx(TRUE["coupler"], rel=1e-9)
+    assert set(found.deviations) == {"coupler", "rocker"}
+
+
+def test_a_file_of_the_gallery_is_fitted_under_a_program():
+    of = ms.moved("rack_steering")
+    true = (
+        of.family.make({"rod": of.family.dimensions["rod"].value * 1.01})
+        if "rod" in of.family.dimensions
+        else None
+    )
+    if true is None:
+        pytest.skip("the gallery's steering has no rod of its own")
+    motion = true.solve(of.angles[::12], of.rate)
+    columns = dict(motion.columns())
+    names = [name for name in columns if name.endswith((".x", ".y"))]
+    table = {"t": columns["t"], **{name: columns[name] for name in names}}
+    found = ms.fit("rack_steering", table, ["rod"])
+    assert found.values["rod"] == pytest.approx(true.parameters["rod"] / 1000.0, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("change", "vary", "said"),
+    [
+        ({"angle": None}, ["coupler"], "has no column angle"),
+        ({"C.x": np.full(13, np.nan)}, ["coupler"], r"column C\.x is no finite number in row 1"),
+        ({"D.x": ANGLES}, ["coupler"], r"has no quantity 'D\.x'"),
+        ({}, ["couplr"], "did you mean 'coupler'"),
+        ({"C.x±": np.zeros(13)}, ["coupler"], r"column C\.x± is 0 in row 1; give it above 0"),
+        ({"C.x±": np.ones(13)}, ["coupler"], r"but not how well C\.y is; add a column C\.y±"),
+        ({"B.x±": np.ones(13)}, ["coupler"], r"there is no column B\.x"),
+        ({"C.x": None, "C.y": None}, ["coupler"], "holds no measured quantity"),
+    ],
+)
+def test_a_table_that_does_not_serve_is_refused_in_one_line(change, vary, said):
+    table = {name: column for name, column in {**measured(), **change}.items() if column is not None}
+    with pytest.raises(InputError, match=said):
+        ms.fit("four_bar", table, vary)
+
+
+def test_fewer_numbers_than_dimensions_are_refused():
+    table = {name: column[:1] for name, column in measured().items()}
+    with pytest.raises(InputError, match="2 numbers are measured and 3 dimensions wanted"):
+        ms.fit("four_bar", table, [*TRUE])
+
+
+def test_a_start_that_cannot_stand_where_it_was_measured_is_refused():
+    with pytest.raises(AssemblyError, match="does not close"):
+        ms.fit(catalog.make("four_bar", rocker=0.035), measured(), ["coupler"])
