@@ -41,11 +41,10 @@ def test_a_fit_is_told_with_its_uncertainty_and_written(fit, table, tmp_path):
 
 
 def test_what_cannot_be_told_apart_ends_in_one(fit, table):
-    code, out, err = fit("four_bar", "--to", "measured.csv", "--vary", "ground,crank,coupler,rocker")
+    code, out, err = fit("four_bar", "--to", "measured.csv", "--vary", "coupler,arm")
     assert code == 1, err
-    assert "cannot be told apart by what was measured: ground, crank, coupler, rocker" in " ".join(
-        out.split()
-    )
+    assert "nothing that was measured depends on arm" in out
+    assert "not told" in out
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ BLIND = 1e-7
 # part of such a direction that makes a dimension one of those that cannot be told apart
 PART = 0.1
 # mechanisms tried at the most, and the relative change at which a fit has come to rest
-MOST, REST = 200, 1e-12
+MOST, REST = 100, 1e-10
 
 FitOutcome = Literal["fitted", "undetermined", "not converged"]
 
