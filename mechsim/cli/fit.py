@@ -12,7 +12,7 @@ from mechsim.cli.force_options import MachineOptions
 from mechsim.cli.options import SPEED, DriveOptions, Json, Model, Output, Sets, family_of, speed_of, writable
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.errors import InputError
-from mechsim.studies.fit import Fit, Measured, fit_dimensions, measured_of
+from mechsim.studies.fit import Fit, MeasuredMotion, fit_dimensions, measured_of
 from mechsim.studies.sensitivity import Loading, MovedFamily
 from mechsim.units import option
 
@@ -75,7 +75,7 @@ def fit(
     raise typer.Exit(0 if found.outcome == "fitted" else 1)
 
 
-def _write(place: Path, found: Fit, measured: Measured, told: dict[str, Any]) -> None:
+def _write(place: Path, found: Fit, measured: MeasuredMotion, told: dict[str, Any]) -> None:
     if place.suffix.lower() == ".json":
         files.write_json(place, told)
         return
@@ -87,7 +87,7 @@ def _write(place: Path, found: Fit, measured: Measured, told: dict[str, Any]) ->
     files.write_table(place, table)
 
 
-def _told(found: Fit, measured: Measured) -> dict[str, Any]:
+def _told(found: Fit, measured: MeasuredMotion) -> dict[str, Any]:
     """Return a fit as plain data."""
     dimensions = found.moved.family.dimensions
     return {
@@ -114,7 +114,7 @@ def _told(found: Fit, measured: Measured) -> dict[str, Any]:
     }
 
 
-def _print(found: Fit, measured: Measured) -> None:
+def _print(found: Fit, measured: MeasuredMotion) -> None:
     dimensions = found.moved.family.dimensions
     rows = [
         (

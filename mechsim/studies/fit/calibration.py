@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.errors import InputError, MechsimError
 from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
-from mechsim.studies.fit.measured import Measured
+from mechsim.studies.fit.measured import MeasuredMotion
 from mechsim.studies.sensitivity.moved_family import MovedFamily, beside
 from mechsim.studies.sensitivity.quantities import unit_of
 from mechsim.studies.sensitivity.table import dimensions_asked
@@ -72,7 +72,7 @@ class Fit:
 
 def fit_dimensions(
     moved: MovedFamily,
-    measured: Measured,
+    measured: MeasuredMotion,
     vary: Sequence[str],
     *,
     watch: Callable[[str, float], None] = lambda _, __: None,
@@ -127,7 +127,7 @@ class _Problem:
     def __init__(
         self,
         moved: MovedFamily,
-        measured: Measured,
+        measured: MeasuredMotion,
         columns: list[str],
         names: list[str],
         watch: Callable[[str, float], None],

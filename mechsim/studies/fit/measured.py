@@ -15,7 +15,7 @@ MARKS = ("±", "+-")
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredMotion:
     """What was measured at n instants.
 
     Attributes:
@@ -34,7 +34,7 @@ class Measured:
         return len(self.angles) * len(self.values)
 
 
-def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table") -> Measured:
+def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table") -> MeasuredMotion:
     """Return what a table of columns holds: angle (or t under programs), quantities, and ± columns of some.
 
     Raises:
@@ -71,7 +71,7 @@ def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table"
         values.pop(name, None)
     if not values:
         raise InputError(f"{where} holds no measured quantity; add columns as P3.x or rocker.q")
-    return Measured(at if programs is None else programs.pace * at, values, deviations)
+    return MeasuredMotion(at if programs is None else programs.pace * at, values, deviations)
 
 
 def _marked(name: str) -> str | None:
