@@ -2,14 +2,15 @@
 
 A constraint asks MuJoCo for the acceleration -b v - k d r of its gap r, gets it but for R f, the force f
 times its softness, and stands still where r = -R f / (k d): b and k come from `solref`, the impedance d and
-R from `solimp`. The forces are those that a motion with closed loops takes. Motions must be slow
-beside the time constant of the loops.
+R from `solimp`. The forces are those that a motion with closed loops takes, and dampers that the integrator
+takes implicitly hold back a part of it besides. Motions must be slow beside the time constant of the loops.
 """
 
 import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
+from mechsim.simulation.findings.implicit_damping import damping
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected
 from mechsim.simulation.findings.swing import Swing
 from mechsim.simulation.mjcf.silence import quiet
@@ -30,23 +31,28 @@ def gaps_at_rest(scene: Inspected) -> dict[int, float]:
     data.qpos[:] = scene.read.qpos if scene.closed is None else scene.closed
     with quiet():
         mujoco.mj_forward(scene.bare, data)
-    rows = data.efc_type == EQUALITY
-    return _of_each(_soft(scene, data, data.efc_force[rows]), data.efc_id[rows])
+    force = data.efc_force[data.efc_type == EQUALITY]
+    return _gaps(scene, data, force, np.zeros(len(force)))
 
 
 def gaps_in(scene: Inspected, motion: Swing) -> dict[int, float]:
     """Return the widest gap of each loop over a motion, loop's number -> [m] or [rad]."""
-    widest: dict[int, float] = {}
-    data = mujoco.MjData(scene.bare)
+    model, widest = scene.bare, dict[int, float]()
+    data, inertia = mujoco.MjData(model), np.zeros((model.nv, model.nv))
     inputs = driven_by(scene)
+    held_back = damping(model, moments(scene, scene.read.qpos)) * float(model.opt.timestep)
     for qpos, qvel, qacc in zip(motion.qpos, motion.qvel, motion.qacc, strict=True):
         data.qpos[:], data.qvel[:] = qpos, qvel
         with quiet():
-            mujoco.mj_forward(scene.bare, data)
+            mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, inertia)
+        # what the constraints must ask for so that the integrator leaves the acceleration meant
+        asked = qacc + np.linalg.solve(inertia, held_back @ qacc)
         rows = data.efc_type == EQUALITY
-        force = loop_forces(scene, data, qacc, inputs)
-        found = _of_each(_soft(scene, data, force), data.efc_id[rows])
-        widest = {loop: max(by, widest.get(loop, 0.0)) for loop, by in found.items()}
+        slope = data.efc_J.reshape(-1, model.nv)[rows]
+        force = loop_forces(scene, data, asked, inputs)
+        for loop, by in _gaps(scene, data, force, slope @ (asked - qacc)).items():
+            widest[loop] = max(by, widest.get(loop, 0.0))
     return widest
 
 
@@ -97,25 +103,32 @@ def loop_forces(scene: Inspected, data: mujoco.MjData, qacc: Array, inputs: Arra
 
 def _friction(data: mujoco.MjData, slope: Array, qacc: Array) -> Array:
     """Return the dry friction in its rows, (m,), 0 in others: soft at low speed, as MuJoCo has it."""
-    damping = data.efc_KBIP.reshape(-1, 4)[:, 1]
-    stopping = -(damping * data.efc_vel + slope @ qacc) / data.efc_R
+    rate = data.efc_KBIP.reshape(-1, 4)[:, 1]
+    stopping = -(rate * data.efc_vel + slope @ qacc) / data.efc_R
     dry = np.isin(data.efc_type, DRY)
     return np.where(dry, np.clip(stopping, -data.efc_frictionloss, data.efc_frictionloss), 0.0)
 
 
-def _soft(scene: Inspected, data: mujoco.MjData, force: Array) -> Array:
-    """Return where the rows of loops come to rest under forces, (m,), their impedance following the gap."""
+def _gaps(scene: Inspected, data: mujoco.MjData, force: Array, missed: Array) -> dict[int, float]:
+    """Return where loops come to rest, their impedance following the gap, loop's number -> [m] or [rad].
+
+    Args:
+        scene: of the loops.
+        data: a state of it.
+        force: in the rows of the loops, (m,).
+        missed: accelerations that the integrator holds back in them, (m,).
+    """
     model, rows = scene.bare, data.efc_type == EQUALITY
-    of = data.efc_id[rows]
     stiffness, _, now, _ = data.efc_KBIP.reshape(-1, 4)[rows].T
-    # gaps at an impedance of which (1 - d) / d^2 is one
-    gap = -force * data.efc_R[rows] * now / (1.0 - now) / stiffness
-    for loop in np.unique(of):
-        own = of == loop
+    # a gap is softness (1 - d) / d^2 + missed / d at the impedance d
+    soft = force * data.efc_R[rows] * now / (1.0 - now) / stiffness
+    found: dict[int, float] = {}
+    for loop in np.unique(data.efc_id[rows]):
+        # of a weld the place
+        own = np.flatnonzero(data.efc_id[rows] == loop)[:3]
         solimp = model.opt.o_solimp if overridden(model) else model.eq_solimp[loop]
-        wide = float(np.linalg.norm(gap[own]))
-        gap[own] *= _at_rest(wide, solimp) / wide if wide > 0.0 else 1.0
-    return gap
+        found[int(loop)] = _at_rest(soft[own], missed[own] / stiffness[own], solimp)
+    return found
 
 
 def overridden(model: mujoco.MjModel) -> bool:
@@ -123,12 +136,12 @@ def overridden(model: mujoco.MjModel) -> bool:
     return bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE))
 
 
-def _at_rest(wide: float, solimp: Array) -> float:
-    """Return the gap that is `wide` times what its own impedance d makes of it, (1 - d) / d^2, by halving."""
+def _at_rest(soft: Array, missed: Array, solimp: Array) -> float:
+    """Return the gap that its own impedance makes of softness and what is missed, by halving."""
 
     def held(gap: float) -> float:
         d = impedance(solimp, gap)
-        return wide * (1.0 - d) / d**2
+        return float(np.linalg.norm(soft * (1.0 - d) / d**2 + missed / d))
 
     low, high = 0.0, held(0.0)
     for _ in range(HALVINGS):
@@ -154,7 +167,3 @@ def impedance(solimp: Array, gap: float) -> float:
     else:
         y = 1.0 - ((1.0 - x) / (1.0 - middle)) ** power * (1.0 - middle)
     return low + y * (high - low)
-
-
-def _of_each(gap: Array, of: Array) -> dict[int, float]:
-    return {int(loop): float(np.linalg.norm(gap[of == loop][:3])) for loop in np.unique(of)}

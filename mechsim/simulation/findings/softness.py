@@ -1,7 +1,7 @@
 """Loops that will open by what shows, time constants that MuJoCo clamps, steps too long for a loop."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -10,7 +10,7 @@ from mechsim.maths.arrays import Array
 from mechsim.model.finding import Finding
 from mechsim.simulation.findings.inspected import EQUALITY, OFF, Inspected, Loop, rank
 from mechsim.simulation.findings.predicted_gap import HARDEST, gaps_at_rest, gaps_in, overridden
-from mechsim.simulation.findings.swing import swing
+from mechsim.simulation.findings.swing import Swing, swing
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader.equality_rows import TENDON
 
@@ -27,49 +27,53 @@ def soft(scene: Inspected) -> Iterator[Finding]:
     if not scene.loops:
         return
     motion = swing(scene)
-    wide = gaps_at_rest(scene) if motion is None else gaps_in(scene, motion)
+    wide = _gaps(scene, motion)
+    shown = [
+        loop
+        for loop in scene.loops
+        if wide.get(loop.number, 0.0) > SHOWN * (scene.size if loop.closes else 1.0)
+    ]
+    if not shown:
+        return
+    hard, solref = _hardened(scene, shown)
+    left = _gaps(hard, motion)
     when = "at rest where the scene starts" if motion is None else f"in {motion.said}"
-    for loop in scene.loops:
-        by, yardstick = wide.get(loop.number, 0.0), scene.size if loop.closes else 1.0
-        if by > SHOWN * yardstick:
-            unit = "m" if loop.closes or loop.kind == TENDON else "rad"
-            yield Finding(
-                kind="soft",
-                what=loop.name,
-                by=by,
-                explains=0.0,
-                say=f"{loop.name} is soft: its own forces will open it by {by:.2g} {unit} {when}",
-                remedy=_harder(scene, loop, by, unit),
-                line=loop.line,
-            )
+    for loop in shown:
+        by, after = wide[loop.number], left.get(loop.number, 0.0)
+        unit = "m" if loop.closes or loop.kind == TENDON else "rad"
+        remedy = f'{solref} solimp="{HARDEST:g} {HARDEST:g} 0.001 0.5 2" leaves about {after:.1g} {unit}'
+        if after > 0.1 * by:
+            remedy += ", for dampers that the integrator takes implicitly hold the rest back: a smaller step"
+        yield Finding(
+            kind="soft",
+            what=loop.name,
+            by=by,
+            explains=0.0,
+            say=f"{loop.name} is soft: its own forces will open it by {by:.2g} {unit} {when}",
+            remedy=f"{remedy}; mechsim tune finds what your tolerance needs",
+            line=loop.line,
+        )
 
 
-def _harder(scene: Inspected, loop: Loop, by: float, unit: str) -> str:
-    """Return the hardest that the step allows, and what it will leave of a gap."""
-    model = scene.bare
-    step = float(model.opt.timestep)
-    (constant, ratio), solimp = timing(scene, loop)
-    high = min(float(solimp[1]), HARDEST)
-    hardest = max(SAFE * step, 1e-12)
-    # the gap goes with (1 - d) / d^2 and with the square of the time constant that impedance scales
-    part = (1.0 - HARDEST) / (1.0 - high) * (high / HARDEST) ** 2
-    if constant > 0.0:
-        part *= (hardest / (constant * ratio)) ** 2 * (HARDEST / high) ** 2
-    left = f"leaves about {by * part:.1g} {unit}"
-    return (
-        f'solref="{hardest:g} 1" solimp="{HARDEST:g} {HARDEST:g} 0.001 0.5 2" {left}; '
-        "mechsim tune finds what your tolerance needs"
-    )
+def _gaps(scene: Inspected, motion: Swing | None) -> dict[int, float]:
+    return gaps_at_rest(scene) if motion is None else gaps_in(scene, motion)
 
 
-def timing(scene: Inspected, loop: Loop) -> tuple[tuple[float, float], Array]:
-    """Return time constant in [s] and damping ratio of a loop, 0 and 0 if given directly, and its solimp."""
-    model = scene.bare
-    whole = overridden(model)
-    solref = model.opt.o_solref if whole else model.eq_solref[loop.number]
-    solimp = model.opt.o_solimp if whole else model.eq_solimp[loop.number]
-    first, second = (float(value) for value in solref)
-    return ((first, second) if first > 0.0 else (0.0, 0.0)), solimp
+def _hardened(scene: Inspected, loops: Sequence[Loop]) -> tuple[Inspected, str]:
+    """Return a scene with loops as hard as its step allows, and the time constant in words."""
+    spec, hardest = scene.read.spec.copy(), SAFE * float(scene.model.opt.timestep)
+    equalities = list(spec.equalities)
+    for loop in loops:
+        equalities[loop.number].solref = np.array([hardest, 1.0])
+        equalities[loop.number].solimp = np.array([HARDEST, HARDEST, 0.001, 0.5, 2.0])
+    return Inspected(replace(scene.read, spec=spec), scene.programs), f'solref="{hardest:g} 1"'
+
+
+def _time_constant(scene: Inspected, loop: Loop) -> float:
+    """Return the time constant of a loop in [s]; 0 where its stiffness is given directly."""
+    model = scene.model
+    solref = model.opt.o_solref if overridden(model) else model.eq_solref[loop.number]
+    return max(float(solref[0]), 0.0)
 
 
 def refsafe(scene: Inspected) -> Iterator[Finding]:
@@ -80,7 +84,7 @@ def refsafe(scene: Inspected) -> Iterator[Finding]:
     least = SAFE * float(model.opt.timestep)
     groups: dict[float, list[Loop]] = {}
     for loop in scene.loops:
-        (constant, _), _ = timing(scene, loop)
+        constant = _time_constant(scene, loop)
         if 0.0 < constant < least * (1.0 - 1e-9):
             groups.setdefault(constant, []).append(loop)
     for constant, loops in groups.items():

@@ -1,0 +1,91 @@
+"""Gaps foretold of soft loops, against what MuJoCo's own steps show."""
+
+import mujoco
+import numpy as np
+import pytest
+from sound_scene import changed
+
+from mechsim.model.programs import programs
+from mechsim.simulation.findings.inspected import EQUALITY, Inspected
+from mechsim.simulation.findings.predicted_gap import gaps_at_rest, gaps_in, impedance
+from mechsim.simulation.findings.swing import swing, wave
+from mechsim.simulation.mjcf_reader import read_model
+
+# the crank is led along its program by a servo that hardly yields
+SERVO = ('kp="10" kv="0.1"', 'kp="200" kv="4"')
+STIFFLY = ('timestep="0.001"', 'timestep="0.001" integrator="implicitfast"')
+HARD = 'solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"'
+SOFT = [
+    'solref="0.005 1" solimp="0.9 0.95 0.001 0.5 2"',
+    'solref="0.01 0.7" solimp="0.5 0.99 0.0002 0.3 3"',
+    'solref="-4000 -130" solimp="0.9 0.9 0.001 0.5 2"',
+]
+
+
+@pytest.fixture
+def scene(tmp_path):
+    def read(softness, *more):
+        path = tmp_path / "scene.xml"
+        path.write_text(changed((HARD, softness), SERVO, STIFFLY, *more))
+        source = read_model(str(path))
+        moves = programs(source.mechanism, {"crank": wave(0.0, 1.0)}, 1.0)
+        return Inspected(source, moves)
+
+    return read
+
+
+def stepped(scene, *, moving):
+    """Return the widest gap in [m] once the first jerk is over."""
+    model, data = scene.model, mujoco.MjData(scene.model)
+    # a link that meets another would carry what the loop carries
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    state, widest = wave(0.0, 1.0), 0.0
+    for _ in range(round(1.0 / model.opt.timestep)):
+        if moving:
+            at, rate, _ = state(np.array([data.time]))
+            data.ctrl[0] = at[0] + 0.02 * rate[0]
+        mujoco.mj_step(model, data)
+        if data.time > (0.2 if moving else 0.9):
+            widest = max(widest, float(np.linalg.norm(data.efc_pos[data.efc_type == EQUALITY])))
+    return widest
+
+
+@pytest.mark.parametrize("softness", SOFT)
+def test_the_gap_foretold_of_a_motion_is_what_steps_show(scene, softness):
+    found = scene(softness)
+    motion = swing(found)
+    assert motion is not None
+    (told,) = gaps_in(found, motion).values()
+    seen = stepped(found, moving=True)
+    assert told > 1e-6
+    assert 0.5 <= told / seen <= 2.0
+
+
+@pytest.mark.parametrize("softness", SOFT)
+def test_the_gap_foretold_at_rest_is_what_steps_show(scene, softness):
+    found = scene(softness, ('gravity="0 0 -9.81"', 'gravity="0 -9.81 0"'))
+    (told,) = gaps_at_rest(found).values()
+    seen = stepped(found, moving=False)
+    assert 0.5 <= told / seen <= 2.0
+
+
+def test_harder_loops_are_foretold_to_open_by_less(scene):
+    gaps = []
+    for softness in (SOFT[0], 'solref="0.002 1" solimp="0.9999 0.9999 0.001 0.5 2"'):
+        found = scene(softness)
+        gaps += gaps_in(found, swing(found)).values()
+    assert gaps[1] < 0.2 * gaps[0]
+
+
+@pytest.mark.parametrize(
+    "solimp", [(0.9, 0.95, 0.001, 0.5, 2), (0.2, 0.8, 0.01, 0.3, 3), (0.5, 0.5, 0.1, 0.5, 1)]
+)
+def test_the_impedance_is_the_one_that_mujoco_takes(solimp):
+    text = """<mujoco><worldbody><body><joint type="slide"/><geom size="1"/></body></worldbody><equality>
+    <joint joint1="s" solimp="{}"/></equality></mujoco>""".replace('type="slide"', 'name="s" type="slide"')
+    model = mujoco.MjModel.from_xml_string(text.format(" ".join(map(str, solimp))))
+    data = mujoco.MjData(model)
+    for gap in (1e-5, 2e-4, 6e-4, 3e-3, 0.2):
+        data.qpos[0] = gap
+        mujoco.mj_forward(model, data)
+        assert impedance(np.array(solimp), gap) == pytest.approx(data.efc_KBIP[0, 2], abs=1e-12)
