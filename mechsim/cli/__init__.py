@@ -131,7 +131,9 @@ def _without_mujocos_log(command: Callable[..., None]) -> Callable[..., None]:
 
 
 app = typer.Typer(
-    cls=LoadedWhenTyped, help="Check an analytic model of a linkage against a multibody simulator.", **PLAIN
+    cls=LoadedWhenTyped,
+    help="Check an analytic model of a linkage against a multibody simulator.",
+    **PLAIN | {"add_completion": True},
 )
 for known, (_, about) in COMMANDS.items():
     app.command(known, help=about)(lambda: None)

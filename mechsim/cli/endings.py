@@ -85,6 +85,9 @@ def _failed(error: BaseException) -> int:
         return _refused(error.format_message() if hasattr(error, "format_message") else str(error))
     if isinstance(error, KeyboardInterrupt | Abort):
         return _ended_by(signal.SIGINT)
+    if isinstance(error, SystemExit) and error.code in (0, None):
+        # what a shell asks for at the Tab key was answered
+        return 0
     if isinstance(error, BrokenPipeError | SystemExit):
         # the command-line library, too, ends so when nobody reads on
         return CLOSED_PIPE

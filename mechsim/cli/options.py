@@ -12,7 +12,9 @@ from mechsim import files, units
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
+from mechsim.cli import completion
 from mechsim.cli.endings import tell
+from mechsim.cli.slips import asked_parameters
 from mechsim.errors import InputError, OutputError, require_extra
 from mechsim.model.forces import Forces
 from mechsim.model.programs import Programs
@@ -28,7 +30,11 @@ SLOWEST, FASTEST = 1e-4, 1e9
 
 Model = Annotated[
     str,
-    typer.Argument(metavar="MODEL", help="A name that `mechsim list` gives, FILE.toml or FILE.py:OBJECT."),
+    typer.Argument(
+        metavar="MODEL",
+        help="A name that `mechsim list` gives, FILE.toml, FILE.xml or FILE.py:OBJECT.",
+        autocompletion=completion.models,
+    ),
 ]
 Sets = Annotated[
     list[str] | None,
@@ -36,6 +42,7 @@ Sets = Annotated[
         "--set",
         metavar="NAME=VALUE",
         help="Change a parameter: crank=13mm, pivot=43,-10,-24mm; a bare number is SI.",
+        autocompletion=completion.parameters,
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
@@ -44,8 +51,11 @@ SpeedIfAny = Annotated[
     str | None, typer.Option("--speed", help=f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
 ]
 Speed = Annotated[str, typer.Option(help="Crank speed; a bare number is rad/s.")]
-File = Annotated[str, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
-Output = Annotated[str | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
+WHERE = typer.Option(
+    "-o", "--output", metavar="FILE", help="Where to write.", autocompletion=completion.files
+)
+File = Annotated[str, WHERE]
+Output = Annotated[str | None, WHERE]
 
 ThroughChange = Annotated[
     str,
@@ -107,7 +117,10 @@ class DriveOptions:
 
 def form_of(model: str, sets: list[str] | None, driven: DriveOptions | None = None) -> Form:
     """Return what a command was given, with the parameters of `--set`, driven as it was asked."""
-    return _told(load(model, changed_by(sets), **_driven(driven)))
+    changed = changed_by(sets)
+    found = load(model, changed, **_driven(driven))
+    asked_parameters(found, changed)
+    return _told(found)
 
 
 def family_of(model: str, sets: list[str] | None, driven: DriveOptions | None = None) -> DesignFamily:

@@ -22,6 +22,7 @@ from mechsim.cli.options import (
     writable,
 )
 from mechsim.cli.output import progress
+from mechsim.cli.slips import asked_angle
 from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
 from mechsim.model.motion import Motion
@@ -93,6 +94,7 @@ def render(
     place = writable(output, ".png", ".mp4", ".webm", ".gif", "")
     _check(output, film, look)
     at = None if film.angle is None else parse_angle(film.angle, "the crank angle")
+    asked_angle("--angle", film.angle or "")
     drive = moving(form_of(model, sets, driven))
     if isinstance(drive, MjcfForm) and drive.source:
         look = replace(look, bodies=file_bodies(drive.source))

@@ -10,6 +10,7 @@ from mechsim.cli.declared_options import spread
 from mechsim.cli.options import DriveOptions, Json, Model, Sets, form_of
 from mechsim.cli.output import print_json, print_table
 from mechsim.cli.scene_findings import found_in, in_json, print_findings
+from mechsim.cli.slips import asked_angle
 from mechsim.report.facts import OWN, facts
 
 
@@ -29,6 +30,7 @@ def show(
     """Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups."""
     drive = form_of(model, sets, driven)
     at = None if angle is None else units.parse_angle(angle, "the crank angle")
+    asked_angle("--angle", angle or "")
     found = facts(drive, at, driver)
     scene = found_in(drive)
     if as_json:

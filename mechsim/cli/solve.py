@@ -28,6 +28,7 @@ from mechsim.cli.options import (
     writable,
 )
 from mechsim.cli.output import Tick, print_json, progress
+from mechsim.cli.slips import asked_angles
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.memory import require_room
@@ -93,6 +94,7 @@ def solve(
         units.parse_angles(asked.angles or ANGLES, "the crank angles"),
         speed_of(asked.speed or SPEED),
     )
+    asked_angles("--angles", asked.angles or ANGLES)
     if as_json or (place is not None and place.suffix.lower() == ".npz"):
         numbers = len(angles) * (1.0 + 9.0 * len(drive.mechanism.points) + 3.0 * len(drive.mechanism.joints))
         what = f"{len(angles):,} crank angles"

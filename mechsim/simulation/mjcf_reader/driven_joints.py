@@ -57,7 +57,8 @@ def driven(model: mujoco.MjModel, wanted: Sequence[str], held: Sequence[str]) ->
     if not found:
         raise InputError(
             "nothing says what is driven: no actuator acts on a joint, and no hinge is called crank; "
-            f"name joints by --drive; there are {listed(known)}"
+            f"name joints by --drive, as in --drive '{(known or ['hip'])[0]}=0.1*sin(t)'; "
+            f"there are {listed(known)}"
         )
     return found
 

@@ -1,0 +1,61 @@
+"""What a shell offers at the Tab key: mechanisms, files, parameters. Nothing is solved for it."""
+
+import sys
+import tomllib
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from mechsim.analytic import catalog
+from mechsim.subjects import gallery
+
+MODELS = (".toml", ".xml", ".py")
+
+
+def models(incomplete: str) -> list[str]:
+    """Return mechanisms, and folders and files that may be one."""
+    names = [name for name in (*catalog.DRIVES, *gallery.files()) if name.startswith(incomplete)]
+    return names + _paths(incomplete, MODELS)
+
+
+def files(incomplete: str) -> list[str]:
+    """Return folders and files."""
+    return _paths(incomplete, ())
+
+
+def parameters(ctx: Any, incomplete: str) -> list[str]:
+    """Return the parameters of the mechanism that was named, with their equals sign."""
+    given = ctx.params.get("model") or next((one for one in sys.argv[2:] if not one.startswith("-")), "")
+    return [f"{name}=" for name in _parameters(str(given)) if name.startswith(incomplete)]
+
+
+def _parameters(model: str) -> list[str]:
+    if model in catalog.DRIVES:
+        return [field.name for field in fields(catalog.DRIVES[model])]
+    path = gallery.files().get(model, Path(model))
+    if path.suffix.lower() != ".toml":
+        return []
+    try:
+        read = tomllib.loads(path.read_text(encoding="utf-8")).get("parameters", {})
+    except (OSError, ValueError):
+        return []
+    return list(read) if isinstance(read, dict) else []
+
+
+def _paths(incomplete: str, endings: tuple[str, ...]) -> list[str]:
+    folder, _, start = incomplete.rpartition("/")
+    found: list[str] = []
+    try:
+        entries = sorted(Path(f"{folder}/" if "/" in incomplete else ".").iterdir())
+    except OSError:
+        return []
+    for path in entries:
+        hidden = path.name.startswith(".") and not start.startswith(".")
+        if not path.name.startswith(start) or hidden:
+            continue
+        shown = f"{folder}/{path.name}" if "/" in incomplete else path.name
+        if path.is_dir():
+            found.append(f"{shown}/")
+        elif not endings or path.suffix.lower() in endings:
+            found.append(shown)
+    return found

@@ -1,0 +1,49 @@
+import os
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from mechsim.cli import completion
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_arm.toml").write_text("[parameters]\nreach = 1\nwidth = 2\n")
+    (tmp_path / "broken.toml").write_text("[parameters\n")
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "robots" / "leg.xml").write_text("<mujoco/>")
+    (tmp_path / "robots" / "notes.txt").write_text("")
+    return tmp_path
+
+
+def test_mechanisms_and_files_that_may_be_one_are_offered():
+    assert completion.models("four") == ["four_bar"]
+    assert completion.models("klan") == ["klann"]
+    assert completion.models("my") == ["my_arm.toml"]
+    assert completion.models("robots/") == ["robots/leg.xml"]
+    assert completion.models("nowhere/") == []
+    assert completion.files("robots/n") == ["robots/notes.txt"]
+
+
+def test_parameters_are_those_of_the_mechanism_named():
+    def offered(model, incomplete=""):
+        return completion.parameters(SimpleNamespace(params={"model": model}), incomplete)
+
+    assert offered("four_bar", "co") == ["coupler="]
+    assert offered("my_arm.toml") == ["reach=", "width="]
+    assert "crank=" in offered("quick_return")
+    assert offered("broken.toml") == offered("robots/leg.xml") == []
+
+
+def test_a_shell_is_answered():
+    asked = os.environ | {
+        "_MECHSIM_COMPLETE": "complete_bash",
+        "COMP_WORDS": "mechsim show rss",
+        "COMP_CWORD": "2",
+    }
+    line = "import sys; sys.argv = ['mechsim']; from mechsim.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", line], env=asked, capture_output=True, text=True)
+    assert (done.returncode, done.stdout.split()) == (0, ["rssr"])
