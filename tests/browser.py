@@ -1,153 +1,146 @@
-"""A headless browser for tests of pages: the DevTools protocol over two pipes, nothing installed for it."""
+"""A headless Chromium for tests, spoken to by its own protocol over a pair of pipes: no driver, no port."""
 
 import base64
 import fcntl
+import io
 import json
 import os
-import select
 import shutil
 import subprocess
 import sys
-import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
 
-PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-PROGRAM = next(filter(None, map(shutil.which, PROGRAMS)), None)
-MISSING = "" if PROGRAM else f"no browser here to show the page in; looked for {', '.join(PROGRAMS)}"
-QUIET = """
-    --headless --no-sandbox --use-angle=swiftshader --enable-unsafe-swiftshader --disable-quic --no-first-run
-    --disable-background-networking --disable-component-update --disable-sync --hide-scrollbars
-    --remote-debugging-pipe
-"""
-# seconds that anything may take on a loaded machine
-PATIENCE = 90.0
-LAUNCH = """
-import os, sys
+import numpy as np
+from PIL import Image
+
+PROGRAM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+SWITCHES = [
+    "--headless",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--disable-dev-shm-usage",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--autoplay-policy=no-user-gesture-required",
+    "--remote-debugging-pipe",
+]
+# the protocol wants its pipes as descriptors 3 and 4
+START = """import os, sys
 os.dup2(int(sys.argv[1]), 3)
 os.dup2(int(sys.argv[2]), 4)
-os.execv(sys.argv[3], sys.argv[3:])
-"""
+os.execv(sys.argv[3], sys.argv[3:])"""
+TROUBLE = ("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded")
 
 
 class Browser:
-    """One page of a browser; `errors` holds what its console complained of."""
+    """One page in a browser; use it in a `with` block.
 
-    def __init__(self, profile, width=1280, height=900):
-        (there, self._out), (self._in, back) = os.pipe(), os.pipe()
-        high = [fcntl.fcntl(end, fcntl.F_DUPFD, 50) for end in (there, back)]
-        words = [PROGRAM, *QUIET.split(), f"--user-data-dir={profile}", f"--window-size={width},{height}"]
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", LAUNCH, *map(str, high), *words, "about:blank"],
-            pass_fds=high,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+    Attributes:
+        complaints: what the console and the page's scripts and loads had to complain of.
+    """
+
+    def __init__(self, profile: Path):
+        self.complaints: list[dict[str, Any]] = []
+        self._count = 0
+        assert PROGRAM is not None
+        with ExitStack() as ours:
+            theirs: list[int] = []
+            ends = os.pipe(), os.pipe()
+            for mine, yours in ((ends[0][1], ends[0][0]), (ends[1][0], ends[1][1])):
+                ours.callback(os.close, mine)
+                theirs.append(fcntl.fcntl(yours, fcntl.F_DUPFD, 10))
+                os.close(yours)
+            self._out, self._in = ends[0][1], ends[1][0]
+            command = [sys.executable, "-c", START, *map(str, theirs), PROGRAM, *SWITCHES]
+            self._process = subprocess.Popen(
+                [*command, f"--user-data-dir={profile}", "about:blank"],
+                pass_fds=theirs,
+                stderr=subprocess.DEVNULL,
+            )
+            ours.callback(self._process.wait, 30)
+            ours.callback(self._process.terminate)
+            for end in theirs:
+                os.close(end)
+            self._begin()
+            self._ours = ours.pop_all()
+
+    def _begin(self) -> None:
+        self._rest, self._session = b"", None
+        (page,) = [one for one in self._tell("Target.getTargets")["targetInfos"] if one["type"] == "page"]
+        attached = self._tell("Target.attachToTarget", targetId=page["targetId"], flatten=True)
+        self._session = attached["sessionId"]
+        for domain in ("Page", "Runtime", "Log"):
+            self._tell(f"{domain}.enable")
+
+    def __enter__(self) -> "Browser":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ours.close()
+
+    def open(self, page: Path, width: int, scheme: str, fragment: str = "") -> None:
+        """Load a page at a width in pixels, for a reader who likes "light" or "dark"."""
+        self._tell(
+            "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False
         )
-        for end in (there, back, *high):
-            os.close(end)
-        self._left, self._count, self._session, self.errors, self.asked = b"", 0, None, [], []
-        pages = self.send("Target.getTargets")["targetInfos"]
-        page = next(one["targetId"] for one in pages if one["type"] == "page")
-        self._session = self.send("Target.attachToTarget", targetId=page, flatten=True)["sessionId"]
-        for domain in ("Page", "Runtime", "Log", "Network"):
-            self.send(f"{domain}.enable")
-        self.resize(width, height)
+        self._tell("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        # the same page with another fragment alone would not be loaded anew
+        self._tell("Page.navigate", url="about:blank")
+        self._tell("Page.navigate", url=page.as_uri() + fragment)
+        self.run("document.readyState === 'complete' || new Promise(done => addEventListener('load', done))")
 
-    def close(self):
-        """End the browser and what it started."""
-        self._session = None
-        try:
-            self.send("Browser.close")
-            self._process.wait(20)
-        finally:
-            self._process.kill()
-            self._process.wait()
-            os.close(self._in)
-            os.close(self._out)
+    def run(self, script: str) -> Any:
+        """Return what a script comes to, awaited, as plain data."""
+        said = self._tell("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
+        assert "exceptionDetails" not in said, said
+        return said["result"].get("value")
 
-    def send(self, method, **parameters):
-        """Return the answer to a command; raise what the browser refuses."""
-        self._count += 1
-        said = {"id": self._count, "method": method, "params": parameters}
-        if self._session:
-            said["sessionId"] = self._session
-        os.write(self._out, json.dumps(said).encode() + b"\0")
-        wanted = self._count
-        while True:
-            heard = self._hear()
-            if heard.get("id") == wanted:
-                assert "error" not in heard, heard
-                return heard["result"]
-
-    def open(self, address):
-        """Go to an address and wait until the page says that it is ready."""
-        self.send("Page.navigate", url="about:blank")
-        self.errors.clear()
-        self.send("Page.navigate", url=address)
-        began = time.monotonic()
-        while self.value("document.documentElement?.dataset.ready") != "yes":
-            assert time.monotonic() - began < PATIENCE, f"{address} does not get ready: {self.errors}"
-            time.sleep(0.05)
-
-    def value(self, script):
-        """Return what a script comes to."""
-        answer = self.send("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
-        assert "exceptionDetails" not in answer, answer["exceptionDetails"]
-        return answer["result"].get("value")
-
-    def drag(self, start, *places):
+    def drag(self, start: tuple[float, float], *places: tuple[float, float]) -> None:
         """Press the mouse at a place of the page, draw it over others, and let it go at the last."""
 
-        def mouse(kind, place, **more):
-            self.send("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], button="left", **more)
+        def mouse(kind: str, place: tuple[float, float], **more: int) -> None:
+            self._tell("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], button="left", **more)
 
         mouse("mousePressed", start, clickCount=1)
         for place in places:
             mouse("mouseMoved", place, buttons=1)
         mouse("mouseReleased", (start, *places)[-1], clickCount=1)
 
-    def key(self, name, code=0):
+    def press(self, key: str, code: int = 0) -> None:
         """Press a key and let it go."""
-        text = {"text": name} if len(name) == 1 else {}
+        text = {"text": key} if len(key) == 1 else {}
         for kind in ("keyDown", "keyUp"):
-            self.send("Input.dispatchKeyEvent", type=kind, key=name, windowsVirtualKeyCode=code, **text)
+            self._tell("Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=code, **text)
 
-    def resize(self, width, height):
-        """Give the page another size, in pixels."""
-        self.send(
-            "Emulation.setDeviceMetricsOverride",
-            width=width,
-            height=height,
-            deviceScaleFactor=1,
-            mobile=False,
-        )
+    def look(self) -> np.ndarray:
+        """Return a picture of the window, (height, width, 3)."""
+        data = base64.b64decode(self._tell("Page.captureScreenshot")["data"])
+        return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
 
-    def prefer(self, scheme):
-        """Say that the reader prefers "dark" or "light"."""
-        self.send("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+    def _tell(self, method: str, **params: Any) -> dict[str, Any]:
+        self._count += 1
+        message = {"id": self._count, "method": method, "params": params}
+        if self._session:
+            message["sessionId"] = self._session
+        text = json.dumps(message).encode() + b"\0"
+        while text:
+            text = text[os.write(self._out, text) :]
+        while (answer := self._heard()).get("id") != self._count:
+            if answer.get("method") in TROUBLE:
+                self.complaints.append(answer["params"])
+        assert "error" not in answer, (method, answer)
+        return answer["result"]
 
-    def picture(self):
-        """Return what is seen, as the bytes of a PNG."""
-        return base64.b64decode(self.send("Page.captureScreenshot", format="png")["data"])
-
-    def _hear(self):
-        began = time.monotonic()
-        while b"\0" not in self._left:
-            assert time.monotonic() - began < PATIENCE, "the browser does not answer"
-            if select.select([self._in], [], [], 1.0)[0]:
-                part = os.read(self._in, 1 << 20)
-                assert part, "the browser has ended"
-                self._left += part
-        one, _, self._left = self._left.partition(b"\0")
-        heard = json.loads(one)
-        self._note(heard.get("method"), heard.get("params", {}))
-        return heard
-
-    def _note(self, method, said):
-        if method == "Runtime.exceptionThrown":
-            details = said["exceptionDetails"]
-            self.errors.append(details.get("exception", {}).get("description") or details["text"])
-        elif method == "Runtime.consoleAPICalled" and said["type"] in ("error", "warning", "assert"):
-            self.errors.append(" ".join(str(one.get("value")) for one in said["args"]))
-        elif method == "Log.entryAdded" and said["entry"]["level"] in ("error", "warning"):
-            self.errors.append(said["entry"]["text"])
-        elif method == "Network.requestWillBeSent":
-            self.asked.append(said["request"]["url"])
+    def _heard(self) -> dict[str, Any]:
+        while b"\0" not in self._rest:
+            piece = os.read(self._in, 1 << 16)
+            assert piece, "the browser ended"
+            self._rest += piece
+        message, _, self._rest = self._rest.partition(b"\0")
+        return json.loads(message)

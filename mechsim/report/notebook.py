@@ -5,15 +5,21 @@ import tempfile
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, overload
+
+from mechsim.errors import InputError
+from mechsim.maths.angles import TURN
 
 if TYPE_CHECKING:
+    from mechsim.analytic.forms import Form
     from mechsim.model.mechanism import Mechanism
     from mechsim.model.motion import Motion
     from mechsim.pictures.render import Look
     from mechsim.verdict.checks import Verdict
 
 GOOD, BAD = "#00694c", "#a8261a"
+# of the crank on a page, in [rad/s]
+SPEED = 10.0 * TURN
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +42,72 @@ class Film:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class FramedPage:
+    """A page to turn a mechanism by hand, where it is the last line of a notebook's cell.
+
+    Attributes:
+        text: of the page, HTML; written to a file it is what `mechsim view` writes.
+        height: in pixels.
+    """
+
+    text: str
+    height: int
+
+    def _repr_html_(self) -> str:
+        return (
+            f'<iframe srcdoc="{escape(self.text)}" width="100%" height="{self.height}" '
+            'style="border: 0" title="mechanism to turn by hand"></iframe>'
+        )
+
+
+@overload
+def show(mechanism: "Form | Mechanism", *, speed: float = SPEED, height: int = 720) -> FramedPage: ...
+@overload
 def show(
+    mechanism: "Mechanism",
+    motion: "Motion",
+    look: "Look | None" = None,
+    *,
+    frames_per_turn: int = 48,
+    fps: float = 24.0,
+    size: tuple[int, int] = (480, 360),
+    exact: "Motion | None" = None,
+    **options: Any,
+) -> Film: ...
+def show(mechanism: Any, motion: "Motion | None" = None, look: "Look | None" = None, **asked: Any) -> Any:
+    """Return a page to turn a mechanism by hand; with a motion, a film of it.
+
+    Args:
+        mechanism: what moves, as `ms.load` returns it; for a film its description.
+        motion: how it moves, from either road; None for a page.
+        look: as `film` takes it.
+        asked: `speed` of the crank in [rad/s] and `height` in pixels of a page; what else `film` takes.
+    """
+    if motion is not None:
+        return film(mechanism, motion, look, **asked)
+    return turned(mechanism, **asked)
+
+
+def turned(source: "Form | Mechanism", *, speed: float = SPEED, height: int = 720) -> FramedPage:
+    """Return a page to turn a mechanism by hand, its crank turning at a speed in [rad/s].
+
+    Raises:
+        InputError: for what does not move.
+    """
+    from mechsim.analytic.catalog.base import ClosedForm
+    from mechsim.analytic.closure.loop_form import LoopForm
+    from mechsim.model.mechanism import described
+    from mechsim.pictures.view import page
+    from mechsim.report.views import mechanism_view
+
+    if isinstance(source, str):
+        raise InputError(f"{source!r} is a name; give ms.load({source!r})")
+    form = source if isinstance(source, ClosedForm | LoopForm) else LoopForm(described(source))
+    return FramedPage(page(mechanism_view(form, speed)), height)
+
+
+def film(
     mechanism: "Mechanism",
     motion: "Motion",
     look: "Look | None" = None,

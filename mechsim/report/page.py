@@ -51,6 +51,7 @@ class Section:
         facts: what is known without a run: name of the fact -> value, or list of lines.
         still: PNG of one position.
         video: file to embed (mp4, webm or gif).
+        turned: name of the page beside in which it is turned by hand; empty for none.
         plots: (caption, SVG or PNG bytes).
         checks: of the verdict.
         settings: how the run was made and what it cost.
@@ -61,6 +62,7 @@ class Section:
     facts: Mapping[str, Any] = field(default_factory=dict)
     still: bytes | None = None
     video: Path | None = None
+    turned: str = ""
     plots: Sequence[tuple[str, bytes]] = ()
     checks: Sequence[Check] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)

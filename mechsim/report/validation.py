@@ -12,10 +12,12 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import MissingToolError, OutputError
 from mechsim.files import written_beside
 from mechsim.pictures import plots
+from mechsim.pictures.view import page, three_js
 from mechsim.report.facts import OWN, facts
 from mechsim.report.page import Section, write_report
 from mechsim.report.plot_table import PLOTS, PlotSource
 from mechsim.report.studies import studies_in
+from mechsim.report.views import case_view
 from mechsim.studies.validate import Case
 
 SIZE = (640, 480)
@@ -47,6 +49,7 @@ def write_validation_report(
     sections: list[Section] = []
     for name, case in cases.items():
         still, video = _drawn(folder, name, case, notes)
+        turned = _turned(folder, name, case)
         drawings = _plots(case)
         for kind, drawing in drawings.items():
             with written_beside(folder / f"{_stem(name)}_{kind}.svg") as beside:
@@ -58,6 +61,7 @@ def write_validation_report(
                 facts=_facts(case),
                 still=still,
                 video=video,
+                turned=turned,
                 plots=[(PLOTS[kind].about, drawing) for kind, drawing in drawings.items()],
                 checks=case.checks,
                 settings=_settings(case),
@@ -96,6 +100,21 @@ def _drawn(folder: Path, name: str, case: Case, notes: list[str]) -> tuple[bytes
             notes.append(str(error))
         return still, None
     return still, video
+
+
+def _turned(folder: Path, name: str, case: Case) -> str:
+    """Write a page to turn the mechanism by hand and return its name; empty where there is none.
+
+    All pages share one file of three.js.
+    """
+    shown = case_view(case)
+    if shown is None:
+        return ""
+    library, place = folder / "three.min.js", folder / f"{_stem(name)}.view.html"
+    for path, text in ((library, three_js()), (place, page(shown, library.name))):
+        with written_beside(path) as beside:
+            beside.write_text(text, encoding="utf-8")
+    return place.name
 
 
 def _plots(case: Case) -> dict[str, bytes]:

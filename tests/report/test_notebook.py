@@ -88,3 +88,16 @@ def test_a_plot_shows_itself_and_a_figure_of_pyplot_is_left_to_pyplot(run):
     figure = plt.figure()
     assert page_of(figure) is None
     plt.close(figure)
+
+
+def test_a_model_shows_itself_as_a_page_to_turn_by_hand():
+    shown = ms.show(ms.load("four_bar"), height=500)
+    framed = shown._repr_html_()
+    assert framed.startswith("<iframe srcdoc=")
+    assert 'height="500"' in framed
+    assert shown.text.startswith("<!doctype html>")
+    assert "<!doctype" not in framed  # a page within a page is quoted
+    by_loops = ms.show(ms.catalog.make("four_bar").mechanism)
+    assert "loop equations" in by_loops.text
+    with pytest.raises(ms.InputError, match=r"give ms\.load\('four_bar'\)"):
+        ms.show("four_bar")

@@ -28,6 +28,11 @@ def test_the_report_holds_page_numbers_plots_picture_and_video(monkeypatch, tmp_
     assert beside["mechanisms"]["slider_crank"]["checks"] == printed["mechanisms"]["slider_crank"]["checks"]
     page = (tmp_path / "out" / "index.html").read_text()
     assert "data:video/mp4" in page
+    assert 'href="slider_crank.view.html"' in page
+    turned = (tmp_path / "out" / "slider_crank.view.html").read_text()
+    assert 'src="three.min.js"' in turned
+    assert (tmp_path / "out" / "three.min.js").is_file()
+    assert len(turned) < 400_000
     # every quantity printed stands on the page, with how much of its bound was used
     checks = printed["mechanisms"]["slider_crank"]["checks"]
     assert f"{len(checks)} of {len(checks)}" in page
@@ -63,7 +68,9 @@ def test_a_case_without_steps_is_told_by_a_still_and_its_paths(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {
         "index.html",
         "validate.json",
+        "three.min.js",
         "yoke.png",
+        "yoke.view.html",
         "yoke_curve.svg",
     }
     assert results["mechanisms"]["yoke"]["steps"] == 0

@@ -5,7 +5,7 @@ All that moves was solved before: the page interpolates between dense samples an
 
 from mechsim.pictures.view.gathering import between, ghost_of, motion_grid
 from mechsim.pictures.view.interpolation import interpolated, quaternions
-from mechsim.pictures.view.offline_page import page
+from mechsim.pictures.view.offline_page import page, three_js
 from mechsim.pictures.view.records import GhostTrack, Mark, PoseGrid, Readout, Slider, SliderUnit, View
 
 __all__ = [
@@ -22,4 +22,5 @@ __all__ = [
     "motion_grid",
     "page",
     "quaternions",
+    "three_js",
 ]

@@ -29,8 +29,12 @@ LIBRARY, BUILD = "jupyter_threejs_sage", "static/r130/three.min.js"
 SOME = 360
 
 
-def page(view: View) -> str:
+def page(view: View, library: str = "") -> str:
     """Return the page as HTML text, with all it needs inside.
+
+    Args:
+        view: what it shows.
+        library: file beside the page that holds three.js; empty puts it into the page.
 
     Raises:
         MissingToolError: where the package that brings three.js is not installed.
@@ -49,7 +53,8 @@ def page(view: View) -> str:
         errors=[(grid.name, prefixed(grid.error, "m")) for grid in view.grids if np.isfinite(grid.error)],
         # no text of a mechanism may end the element it stands in
         data=data.replace("<", "\\u003c"),
-        three=three_js(),
+        three="" if library else three_js(),
+        library=library,
     )
 
 

@@ -45,7 +45,7 @@ def crank_grid(form: Form, name: str, speed: float, limits: tuple[float, float] 
     angles, middles = _angles(form, limits)
     motion = form.solve(angles, speed)
     extra: list[Readout] = []
-    marks = _marks(form)
+    marks = marks_of(form)
     if isinstance(form, ClosedForm):
         transmission = form.transmission_angle(angles)
         extra.append(Readout("transmission angle", "rad", {"": transmission}))
@@ -58,7 +58,7 @@ def crank_grid(form: Form, name: str, speed: float, limits: tuple[float, float] 
         form.mechanism,
         motion,
         driver=form.mechanism.crank.name,
-        marks=[one for mark in marks for one in _lapped(mark, angles)],
+        marks=[one for mark in marks for one in lapped(mark, angles)],
         extra=extra,
         ghost=_ghost(form, speed, angles),
     )
@@ -99,12 +99,13 @@ def _angles(form: Form, limits: tuple[float, float] | None) -> tuple[Array, Arra
     return angles, 0.5 * (angles[cells] + angles[cells + 1])
 
 
-def _marks(form: Form) -> list[Mark]:
+def marks_of(form: Form) -> list[Mark]:
+    """Return the dead centres of a crank and where assemblies meet."""
     marks = [Mark(at, "dead centre", "dead") for at in form.dead_centres()]
     return marks + [Mark(at, "assemblies meet", "meets") for at in form.change_points()]
 
 
-def _lapped(mark: Mark, angles: Array) -> list[Mark]:
+def lapped(mark: Mark, angles: Array) -> list[Mark]:
     """Return a mark counted on the laps of the slider; none where it lies beyond."""
     low, high = float(angles[0]), float(angles[-1])
     near = 1e-3 * (high - low)

@@ -5,9 +5,10 @@ import pytest
 
 import mechsim as ms
 from mechsim.analytic.closure.start_values import start_poses
-from mechsim.pictures.view import interpolated
-from mechsim.report.views import mechanism_view
+from mechsim.pictures.view import interpolated, quaternions
+from mechsim.report.views import case_view, mechanism_view
 from mechsim.report.views.driver_grids import box_of, hand_grids, program_grid
+from mechsim.studies.validate import validate
 
 SPEED = ms.units.rpm(600)
 
@@ -83,3 +84,14 @@ def test_more_than_three_drivers_are_moved_one_at_a_time(monkeypatch):
     grids = hand_grids(form, box_of(form, {}, start_poses(form.mechanism)[1]))
     assert [grid.name for grid in grids] == [f"l{i} by hand" for i in range(1, 7)]
     assert all(grid.shape == (5,) for grid in grids)
+
+
+def test_a_validation_is_shown_by_the_motion_it_judged():
+    case = validate(ms.catalog.make("four_bar", crank=0.09))
+    (grid,) = case_view(case).grids
+    (slider,) = grid.sliders
+    assert (np.diff(slider.nodes) > 0.0).all()  # of a swing to and fro one way
+    assert 0.0 < grid.error < 1e-5
+    assert grid.ghost is not None
+    first = case.exact.links["rocker"].rotation[0]
+    assert abs(quaternions(first) @ grid.quaternion["rocker"][0]) == pytest.approx(1.0)
