@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.closure.spanning_tree import SpanningTree
-from mechsim.analytic.closure.tree_motion import Placed, cross
+from mechsim.analytic.closure.tree_motion import Placed, carried_frame, carried_point, cross, on_ground
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import COLUMN, KINDS
 from mechsim.model.mechanism import GROUND, Joint
@@ -73,10 +73,10 @@ class Cut:
         found: list[Array] = []
         for link, point, frame in self.ends:
             if link < 0:
-                found += [point[:, None], frame[..., None]]
+                found += on_ground(frame, point)[::-1]
             else:
                 turn = here.rotation[link]
-                found += [here.position[link] + point @ turn, frame.T @ turn]
+                found += [here.position[link] + carried_point(point, turn), carried_frame(frame, turn)]
         return found[0], found[1], found[2], found[3]
 
     def residual_and_slope(self, here: Placed) -> tuple[Array, Array]:

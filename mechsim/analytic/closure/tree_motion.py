@@ -54,11 +54,11 @@ def placed(tree: SpanningTree, at: Coordinates) -> Placed:
     for branch in tree.branches:
         fixed = tree.constants[branch.far]
         if branch.near < 0:
-            frame, point = fixed.near_frame[..., None], fixed.near_point[:, None]
+            frame, point = on_ground(fixed.near_frame, fixed.near_point)
         else:
             turn = rotation[branch.near]
-            frame = fixed.near_frame.T @ turn
-            point = position[branch.near] + fixed.near_point @ turn
+            frame = carried_frame(fixed.near_frame, turn)
+            point = position[branch.near] + carried_point(fixed.near_point, turn)
         if branch.kind.ball:
             other = product(frame, at.turns[ball] if branch.forward else at.turns[ball].transpose(1, 0, 2))
             ball += 1
@@ -79,9 +79,29 @@ def placed(tree: SpanningTree, at: Coordinates) -> Placed:
             screws[k, 3:] = about if branch.forward else -about
             screws[k, :3] = cross(centre, screws[k, 3:])
             k += 1
-        rotation[branch.far] = fixed.far_frame @ other
-        position[branch.far] = there - fixed.far_point @ rotation[branch.far]
+        rotation[branch.far] = _turn_of(fixed.far_frame, other)
+        position[branch.far] = there - carried_point(fixed.far_point, rotation[branch.far])
     return Placed(position, rotation, screws)
+
+
+def on_ground(frame: Array, point: Array) -> tuple[Array, Array]:
+    """Return a frame and a point of the ground, as (3, 3, n) and (3, n) or with 1 for n."""
+    return (frame[..., None], point[:, None]) if frame.ndim == 2 else (frame, point)
+
+
+def carried_frame(frame: Array, turn: Array) -> Array:
+    """Return a frame (3, 3) of a link, or (3, 3, n) of many designs, where the link is turned, (3, 3, n)."""
+    return frame.T @ turn if frame.ndim == 2 else product(turn, frame)
+
+
+def carried_point(point: Array, turn: Array) -> Array:
+    """Return a point (3,) of a link, or (3, n) of many designs, where the link is turned, (3, n)."""
+    return point @ turn if point.ndim == 1 else np.einsum("kn,ikn->in", point, turn)
+
+
+def _turn_of(frame: Array, placed: Array) -> Array:
+    """Return the turn of a link (3, 3, n) from where one of its frames is placed."""
+    return frame @ placed if frame.ndim == 2 else np.einsum("jkn,ikn->ijn", frame, placed)
 
 
 def _turned(branch: TreeJoint, frame: Array, values: Array) -> Array:
@@ -142,7 +162,9 @@ def _centre(tree: SpanningTree, branch: TreeJoint, here: Placed) -> Array:
     """Return where side b's point of a branch is, (3, n) or (3, 1)."""
     fixed = tree.constants[branch.far]
     link, point = (branch.far, fixed.far_point) if branch.forward else (branch.near, fixed.near_point)
-    return point[:, None] if link < 0 else here.position[link] + point @ here.rotation[link]
+    if link < 0:
+        return point[:, None] if point.ndim == 1 else point
+    return here.position[link] + carried_point(point, here.rotation[link])
 
 
 def _summed(tree: SpanningTree, of: Array) -> Array:

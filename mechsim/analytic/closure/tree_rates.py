@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.closure.followed_path import FollowedPath
 from mechsim.analytic.closure.loop_solver import Linearised, LoopSolver
+from mechsim.analytic.closure.spanning_tree import SpanningTree
 from mechsim.analytic.closure.tree_motion import Coordinates, cross, drifts, product, twists
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
@@ -83,6 +85,22 @@ class Instants:
     def some(self, index: NDArray[np.intp]) -> "Instants":
         """Return some of them."""
         return Instants(*(getattr(self, field.name)[..., index] for field in fields(self)))
+
+
+class Blind(Protocol):
+    """What knows where loops tell nothing, and what its polynomials tell there."""
+
+    def blind(self, s: Array) -> NDArray[np.bool_]:
+        """Return which parameters are so, (n,)."""
+        ...
+
+    def derivatives(self, s: Array) -> tuple[Array, Array]:
+        """Return first and second derivatives of flattened states, (n, w) each."""
+        ...
+
+    def rough(self, s: Array) -> Coordinates:
+        """Return coordinates at parameters (n,)."""
+        ...
 
 
 def loop_motion(path: FollowedPath, instants: Instants) -> LoopMotion:
@@ -186,13 +204,13 @@ def _regular(matrix: Array, blind: NDArray[np.bool_]) -> Array:
     return np.where(blind[:, None, None], np.eye(matrix.shape[1]), matrix) if blind.any() else matrix
 
 
-def rated(path: FollowedPath, part: ClosedPart) -> LoopMotion:
-    """Return places, rates and accelerations of instants that are closed."""
+def rated(path: Blind, part: ClosedPart, *, conditioned: bool = True) -> LoopMotion:
+    """Return places, rates and accelerations of instants that are closed; conditioning 1 unless asked for."""
     solver, at, found, instants = part.solver, part.at, part.loops, part.instants
     loops, blind = solver.loops, path.blind(instants.at)
     tree, units, driven = loops.tree, loops.units[:, None], list(loops.driven)
     matrix = _regular(found.matrix, blind)
-    first, bend = _along(path, instants.at[blind]) if blind.any() else (None, None)
+    first, bend = _along(path, tree, instants.at[blind]) if blind.any() else (None, None)
 
     def solved(asked: Array, bias: Array) -> Array:
         """Return the coordinates' rates of one order, in their units."""
@@ -228,7 +246,7 @@ def rated(path: FollowedPath, part: ClosedPart) -> LoopMotion:
         found.here.rotation.transpose(3, 0, 1, 2),
         velocity.transpose(2, 0, 1),
         changed.transpose(2, 0, 1),
-        _conditioning(found, loops.unknown, len(solver.rows)),
+        _conditioning(found, loops.unknown, len(solver.rows)) if conditioned else np.ones(len(at)),
     )
 
 
@@ -240,9 +258,8 @@ def _conditioning(found: Linearised, unknown: NDArray[np.intp], rank: int) -> Ar
     return np.asarray(values[:, rank - 1], dtype=np.float64)
 
 
-def _along(path: FollowedPath, angle: Array) -> tuple[Array, Array]:
+def _along(path: Blind, tree: SpanningTree, angle: Array) -> tuple[Array, Array]:
     """Return first and second derivatives of the coordinates by the parameter, off the polynomials."""
-    tree = path.loops.tree
     first, second = path.derivatives(angle)
     once, twice = first[:, : tree.count].T.copy(), second[:, : tree.count].T.copy()
     here = path.rough(angle)

@@ -10,8 +10,8 @@ from mechsim.studies.sweep.libraries import library
 from mechsim.studies.sweep.roads import by_one_formula, measured
 from mechsim.studies.sweep.task import Measured, SweepTask
 
-# designs of a part: by one formula, and each by itself
-MANY, FEW = 8192, 64
+# designs of a part: by one formula, by loop equations together, and each by itself
+MANY, SOME, FEW = 8192, 256, 64
 # parts of a sweep at most: more designs make longer parts
 MOST_PARTS = 20_000
 # seconds in which a scheduler must answer, and parts under way on a cluster for each of its threads
@@ -23,7 +23,8 @@ Keep = Callable[[int, Measured], None]
 def bounds(task: SweepTask) -> list[tuple[int, int]]:
     """Return the first design of each part, and the one after its last; the same wherever they run."""
     count = task.designs.count
-    size = max(MANY if by_one_formula(task) else FEW, -(-count // MOST_PARTS))
+    usual = MANY if by_one_formula(task) else FEW if task.together is None else SOME
+    size = max(usual, -(-count // MOST_PARTS))
     return [(low, min(low + size, count)) for low in range(0, count, size)]
 
 

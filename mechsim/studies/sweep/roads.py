@@ -1,17 +1,20 @@
 """By which road designs are measured: one formula for many, loop equations for many, or one by one."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
 from mechsim.analytic.catalog.many_designs import allowed, can_be_many, ranges, solved, turning
+from mechsim.analytic.closure.many_motion import many_motion
 from mechsim.analytic.dynamics import machine, prescribed
 from mechsim.analytic.forms import Form, closed_form
 from mechsim.errors import AssemblyError, InputError, MechsimError, MobilityError
 from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import taken
 from mechsim.studies.motion_source import programs_of
 from mechsim.studies.sweep.measures import FACTS, table_of
@@ -32,6 +35,8 @@ def measured(task: SweepTask, low: int, high: int) -> Measured:
     left = np.arange(high - low)
     if by_one_formula(task):
         left = _formula(task, rows, found)
+    elif task.together is not None:
+        left = _loops(task, rows, found)
     _one_by_one(task, rows, left, found)
     return found
 
@@ -101,6 +106,32 @@ def _blocks(
         found.take(block[finite], {name: one[finite] for name, one in values.items()})
         left.append(block[~finite])
     return left
+
+
+def _loops(task: SweepTask, rows: Mapping[str, Array], found: Measured) -> Rows:
+    """Measure designs by loop equations, all together; return those that this does not settle."""
+    assert task.together is not None
+    mechanisms: list[Mechanism] = []
+    made: list[int] = []
+    for i in range(len(found.outcome)):
+        row = {name: float(values[i]) for name, values in rows.items()}
+        with suppress(MechsimError, ArithmeticError, ValueError):
+            mechanisms.append(task.subject.make(row).mechanism)
+            made.append(i)
+    index = np.array(made, dtype=np.intp)
+    if not made:
+        return np.arange(len(found.outcome))
+    try:
+        motion, good = many_motion(
+            task.together, mechanisms, task.angles, task.pace, task.joints, rates=task.rated
+        )
+    except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
+        return np.arange(len(found.outcome))
+    with np.errstate(all="ignore"):
+        values = table_of(task.measures, Turns(len(made), len(task.angles), motion), task.places)
+    good &= np.all([np.isfinite(one) for one in values.values()], axis=0)
+    found.take(index[good], {name: one[good] for name, one in values.items()})
+    return np.setdiff1d(np.arange(len(found.outcome)), index[good])
 
 
 def _some(rows: Mapping[str, Array], index: Rows) -> dict[str, Array]:

@@ -1,22 +1,29 @@
 """A sweep as it is sent to workers: what is swept, what is measured, and over which poses."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.closure.many_motion import can_be_followed_together
+from mechsim.analytic.closure.tree_loops import TreeLoops
+from mechsim.errors import MechsimError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.studies.motion_source import programs_of
 from mechsim.studies.sweep.designs import Designs
-from mechsim.studies.sweep.measures import TurnMeasure
+from mechsim.studies.sweep.measures import FACTS, TurnMeasure
 from mechsim.studies.sweep.subject import SweptSubject
 
 # outcomes of designs, as they are kept
 OUTCOMES = ("met", "cannot assemble", "diverged", "undetermined", "overdriven", "missed", "changed assembly")
 MET = 0
+# measures that each design is asked for by itself, where no formula is
+ALONE = ("function", *FACTS)
 
 
 @dataclass(frozen=True)
@@ -72,6 +79,23 @@ class SweepTask:
     def loaded(self) -> bool:
         """Whether forces are needed."""
         return any(one.loaded for one in self.measures)
+
+    @property
+    def joints(self) -> list[str]:
+        """The joints that are measured."""
+        asked = (one.of for one in self.measures)
+        return [*dict.fromkeys(of.subject for of in asked if of is not None and of.kind == "joint")]
+
+    @cached_property
+    def together(self) -> TreeLoops | None:
+        """The loops by which designs are followed together; None where each must be by itself."""
+        form = self.subject.form
+        alone = self.loaded or self.steps or any(one.kind in ALONE for one in self.measures)
+        if alone or not isinstance(form, LoopForm) or form.programs is not None or form.through != "smooth":
+            return None
+        with suppress(MechsimError):
+            return can_be_followed_together(form.mechanism, self.joints)
+        return None
 
     def wants(self, kind: str) -> bool:
         """Whether a measure is of a kind, or of a quantity of a kind."""

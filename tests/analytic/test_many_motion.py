@@ -1,0 +1,103 @@
+"""Many designs by loop equations together: each as it is by itself, in the assembly of its own guess."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.closure import many_paths
+from mechsim.analytic.closure.many_motion import can_be_followed_together, many_motion
+
+ANGLES = 2.0 * np.pi * np.arange(24) / 24
+JOINTS = {
+    "watt_six_bar": ("crank", 0.025, ("B", "output", "rocker")),
+    "quick_return": ("crank", 0.03, ("lever",)),
+}
+
+
+def designs(name, parameter, values):
+    return [ms.load(name, {parameter: float(one)}).mechanism for one in values]
+
+
+def moved(name, parameter, values, joints):
+    loops = can_be_followed_together(ms.load(name).mechanism, joints)
+    return many_motion(loops, designs(name, parameter, values), ANGLES, 3.0, joints, rates=True)
+
+
+@pytest.mark.parametrize("name", ["watt_six_bar", "quick_return"])
+def test_each_design_moves_as_it_does_by_itself(name):
+    parameter, middle, joints = JOINTS[name]
+    values = middle * np.linspace(0.9, 1.1, 9)
+    motion, told = moved(name, parameter, values, joints)
+    assert told.sum() >= 7
+    for i in np.flatnonzero(told):
+        alone = ms.load(name, {parameter: float(values[i])}).solve(ANGLES, 3.0)
+        rows = slice(i * len(ANGLES), (i + 1) * len(ANGLES))
+        for point, exact in alone.points.items():
+            for part in ("position", "velocity", "acceleration"):
+                wanted, found = getattr(exact, part), getattr(motion.points[point], part)[rows]
+                np.testing.assert_allclose(found, wanted, atol=1e-11 * np.abs(wanted).max())
+        for joint in joints:
+            exact, found = alone.joints[joint], motion.joints[joint]
+            np.testing.assert_allclose(np.unwrap(found.value[rows]), np.unwrap(exact.value), atol=1e-11)
+            for part in ("rate", "acceleration"):
+                wanted = getattr(exact, part)
+                np.testing.assert_allclose(
+                    getattr(found, part)[rows], wanted, atol=1e-11 * np.abs(wanted).max()
+                )
+
+
+def test_designs_that_cannot_turn_or_are_not_alike_are_left_to_themselves():
+    _, told = moved("watt_six_bar", "crank", [0.025, 0.3, 0.024, 0.026, 0.0251], ("output",))
+    assert told.tolist() == [True, False, True, True, True]
+    loops = can_be_followed_together(ms.load("watt_six_bar").mechanism, ("output",))
+    others = designs("watt_six_bar", "crank", [0.025, 0.0251, 0.0252])
+    others.append(ms.load("stephenson_six_bar").mechanism)
+    _, told = many_motion(loops, others, ANGLES, 1.0, ("output",), rates=False)
+    assert told.tolist() == [True, True, True, False]
+
+
+def test_another_assembly_is_not_taken_for_the_one_that_is_meant():
+    both = [ms.catalog.make("four_bar", branch=branch).mechanism for branch in (1, -1)] * 3
+    loops = can_be_followed_together(both[0], ("rocker",))
+    motion, told = many_motion(loops, both, ANGLES, 1.0, ("rocker",), rates=False)
+    assert told.all()
+    for i, branch in enumerate((1, -1)):
+        exact = ms.catalog.make("four_bar", branch=branch).solve(ANGLES).points["B"].position
+        rows = slice(i * len(ANGLES), (i + 1) * len(ANGLES))
+        np.testing.assert_allclose(motion.points["B"].position[rows], exact, atol=1e-13)
+
+
+def flat_and_others():
+    """Return a kite that can be laid flat and others beside it, put together at the same crank angle."""
+    lengths = {"ground": 0.1, "coupler": 0.1, "rocker": 0.04}
+    found = []
+    for crank in (0.04, 0.038, 0.037, 0.036):
+        mechanism = ms.catalog.make("four_bar", crank=crank, **lengths).mechanism
+        there = ms.closure.follow(mechanism, [2.0])
+        found.append(mechanism.with_guess({name: pose.at(0) for name, pose in there.items()}, 2.0))
+    return found
+
+
+def test_a_design_whose_assemblies_meet_is_not_followed_through_with_others():
+    mechanisms = flat_and_others()
+    loops = can_be_followed_together(mechanisms[-1], ())
+    _, told = many_motion(loops, mechanisms, ANGLES, 1.0, (), rates=False)
+    assert told.tolist() == [False, True, True, True]
+
+
+def test_a_side_that_is_not_watched_is_found_out_by_that(monkeypatch):
+    mechanisms = flat_and_others()
+    loops = can_be_followed_together(mechanisms[-1], ())
+    whole = np.linalg.slogdet
+    monkeypatch.setattr(
+        many_paths.np.linalg, "slogdet", lambda matrix: (np.ones(len(matrix)), whole(matrix)[1])
+    )
+    _, told = many_motion(loops, mechanisms, ANGLES, 1.0, (), rates=False)
+    assert told[0]
+
+
+def test_what_spins_is_coupled_or_has_several_drivers_is_left_to_itself():
+    spins = ms.catalog.make("rssr").mechanism
+    for mechanism in (spins, ms.load("planetary_gear").mechanism, ms.load("five_bar").mechanism):
+        assert can_be_followed_together(mechanism, ()) is None
+    assert can_be_followed_together(ms.catalog.make("rssr", guide=True).mechanism, ()) is not None
