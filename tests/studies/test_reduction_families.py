@@ -6,7 +6,7 @@ import pytest
 from scene_texts import FINGER
 from studies.test_reduction import BOUND, bench, scene, seen
 
-from mechsim.studies.reduction import merged, passive_chains, rod_lengths, twins
+from mechsim.studies.reduction import joint_polynomials, merged, passive_chains, rod_lengths, twins
 from mechsim.studies.reduction.candidate import changed
 from mechsim.studies.reduction.rods import add_weight, loose_chains
 
@@ -88,3 +88,46 @@ def test_a_weight_added_keeps_mass_centre_and_moments(tmp_path):
     assert np.allclose(centre * (own[0] + mass), own[0] * own[1] + mass * at)
     origin = axes @ np.diag(model.body_inertia[body]) @ axes.T + about(own[0] + mass, centre)
     assert np.allclose(origin, np.diag(own[2]) + about(own[0], own[1]) + about(mass, at), atol=1e-18)
+
+
+def test_the_best_polynomial_errs_as_chebyshevs_does_and_takes_no_degree_it_does_not_need():
+    x = np.linspace(-1.0, 1.0, 2001)
+    # the best cubic for x^4 leaves T4 / 8; degree 4 leaves nothing
+    fit = joint_polynomials.best_polynomial(x, x**4, 1e-6)
+    assert fit.degree() == 4
+    assert np.abs(fit(x) - x**4).max() < 1e-7
+    five = joint_polynomials.best_polynomial(x, x**5, 1e-2)
+    # the best quartic for x^5 leaves T5 / 16
+    assert np.abs(five(x) - x**5).max() == pytest.approx(1 / 16, rel=0.05)
+    assert joint_polynomials.best_polynomial(x, np.sin(9 * x), 1e-6) is None
+    assert joint_polynomials.best_polynomial(x, 2.0 + 3.0 * x, 1e-6).degree() == 1
+
+
+def test_a_loop_is_what_it_does_to_its_joints_and_what_goes_is_made_up_for_on_the_crank(tmp_path):
+    rigid = FINGER.replace('<joint name="swing" stiffness="0.05" damping="0.001"/>', "")
+    hard = rigid.replace(
+        'solref="0.005 1" solimp="0.95 0.99 0.001"', 'solref="0.004 1" solimp="0.9999 0.9999"'
+    )
+    one = bench(*scene(tmp_path, hard, track=("P,lever@0,0.06,0",)))
+    needed, all_of_them = joint_polynomials.propose(seen(one))
+    lean = one.lean(changed(one.spec, all_of_them))
+    assert (lean.model.nv, lean.model.neq) == (3, 2)
+    assert one.errors(lean).trajectory < 2 * BOUND
+    spec = changed(one.spec, needed)
+    lean = one.lean(spec)
+    assert (lean.model.nv, lean.model.neq) == (2, 1)
+    assert one.errors(lean).trajectory < 1e-4
+    freedom = joint_polynomials.one_freedom(seen(one), "knuckle")
+    felt = [
+        np.mean(
+            [
+                joint_polynomials._reflected(model, freedom, at)
+                for at in np.linspace(freedom.low, freedom.high, 41)
+            ],
+            0,
+        )
+        for model in (one.named, lean.model)
+    ]
+    # the rod that went is a tenth of the inertia
+    assert felt[1] == pytest.approx(felt[0], rel=1e-6, abs=1e-9)
+    assert lean.model.dof_armature[0] > 1.05 * one.named.dof_armature[0]
