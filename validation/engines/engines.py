@@ -1,0 +1,64 @@
+"""Engines that step an MJCF model: MuJoCo in C, and MJWarp where it is installed.
+
+Each takes a compiled model, a start and a number of steps, and gives the coordinates after every step and the
+processor time of the steps alone; kernels are compiled before.
+"""
+
+import time
+from collections.abc import Callable
+from importlib.util import find_spec
+
+import mujoco
+import numpy as np
+from mujoco import batch
+
+Array = np.ndarray
+# model, qpos (nq,), qvel (nv,), steps -> qpos after each step (steps, nq), seconds
+Engine = Callable[[mujoco.MjModel, Array, Array, int], tuple[Array, float]]
+
+
+def by_c(model: mujoco.MjModel, qpos: Array, qvel: Array, steps: int) -> tuple[Array, float]:
+    """MuJoCo itself, float64."""
+    sims = batch.Batch(model, 1, 1)
+    sims.bind("qpos")[:], sims.bind("qvel")[:] = qpos, qvel
+    begun = time.process_time()
+    out = sims.rollout(steps, record=("qpos",))
+    return out["qpos"][0], time.process_time() - begun
+
+
+def by_warp(model: mujoco.MjModel, qpos: Array, qvel: Array, steps: int) -> tuple[Array, float]:
+    """MJWarp, float32, on the device that Warp takes first: a GPU, else the CPU."""
+    import mujoco_warp as mjw
+    import warp as wp
+
+    wp.config.quiet = True
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = qpos, qvel
+    mujoco.mj_forward(model, data)
+    there = mjw.put_model(model)
+    mjw.step(there, mjw.put_data(model, data))
+    state = mjw.put_data(model, data)
+    found = np.empty((steps, model.nq))
+    begun = time.process_time()
+    for row in found:
+        mjw.step(there, state)
+        row[:] = state.qpos.numpy()[0]
+    return found, time.process_time() - begun
+
+
+# engine -> the module it needs, how it steps
+ENGINES: dict[str, tuple[str, Engine]] = {
+    "MuJoCo C": ("mujoco", by_c),
+    "MJWarp": ("mujoco_warp", by_warp),
+}
+
+
+def installed() -> tuple[dict[str, Engine], list[str]]:
+    """Return the engines there are, and a line for each that is missing."""
+    there = {name: engine for name, (module, engine) in ENGINES.items() if find_spec(module)}
+    missing = [
+        f"{name} is not installed and left out: pip install -e '.[engines]'"
+        for name in ENGINES
+        if name not in there
+    ]
+    return there, missing
