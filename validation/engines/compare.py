@@ -4,8 +4,8 @@ Problem: mechanisms of the catalogue as `mechsim export` writes them, one turn a
 start. Settings: as exported (time constant 2 ms, impedance .9999, RK4, references not adapted to the step),
 with a time constant of a tenth of a turn, and MuJoCo's own loops and integrator. The solver takes two
 iterations, for with equalities alone one is exact. Reference: the closed form at the run's own crank angles;
-its error is rounding. Places come from the recorded coordinates by MuJoCo's kinematics in float64, so that what
-errs is the stepping.
+its error is rounding. Places come from the recorded coordinates by MuJoCo's kinematics in float64: what errs
+is the stepping.
 
     python validation/engines/compare.py [--out DIR]
 """
