@@ -72,9 +72,13 @@ class Comparand:
     def with_dimensions(self, form: Form) -> "Comparand":
         """Return the same with what has other dimensions, solved from the motion here where that can be."""
         if self._beside is None:
-            return replace(self, form=form, machine=None, solved=None)
+            return replace(self, form=form, machine=self.machine_of(form), solved=None)
         motion = self._beside.of(form.mechanism)
-        return replace(self, form=form, machine=None, solved=replace(motion, origin=None))
+        return replace(self, form=form, machine=self.machine_of(form), solved=replace(motion, origin=None))
+
+    def machine_of(self, form: Form) -> Machine | None:
+        """Return another form under the forces that act here; None where no others than its own do."""
+        return None if self.machine is None else dynamics.machine(form, self.machine.forces)
 
     @cached_property
     def conditioning(self) -> Array:

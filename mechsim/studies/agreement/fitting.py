@@ -1,5 +1,6 @@
 """The size of a hypothesis fitted to a miss: least squares, confirmed by solving again with that size."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -120,9 +121,11 @@ def _shortened(
 def _slope(miss: Miss, hypothesis: Hypothesis, sizes: Array, here: Array) -> Array | None:
     """Return the derivatives of what is left by the sizes, (m, p)."""
     if hypothesis.slope is not None and not sizes.any() and len(sizes) == 1:
-        at = hypothesis.slope()
-        parts = [-(values / bound).ravel() for values, bound in zip(at, miss.bounds, strict=True)]
-        return np.concatenate(parts)[:, None]
+        # of efforts, and where loops would be torn, there are differences only
+        with suppress(MechsimError, KeyError):
+            at = hypothesis.slope()
+            parts = [-(values / bound).ravel() for values, bound in zip(at, miss.bounds, strict=True)]
+            return np.concatenate(parts)[:, None]
     columns: list[Array] = []
     for i, step in enumerate(hypothesis.steps):
         beside = sizes.copy()

@@ -28,7 +28,8 @@ def assemblies(miss: Miss) -> Iterator[Hypothesis]:
     for what, form in others(miss):
 
         def predict(_: Array, form: Form = form) -> Values:
-            return miss.predicted(replace(miss.comparand, form=form, machine=None))
+            other = replace(miss.comparand, form=form, machine=miss.comparand.machine_of(form), solved=None)
+            return miss.predicted(other)
 
         yield Hypothesis(
             "assembly", what, DISCRETE, predict, lambda _, w=what: f"it is in another assembly: {w}"

@@ -109,7 +109,7 @@ def _hypothesis(miss: Miss, family: DesignFamily, dimension: Dimension, tier: fl
 def remade(comparand: Comparand, form: Form) -> Comparand:
     """Return a comparand with what has other dimensions."""
     if isinstance(form, ClosedForm):
-        return replace(comparand, form=form, machine=None)
+        return replace(comparand, form=form, machine=comparand.machine_of(form), solved=None)
     return comparand.with_dimensions(form)
 
 
