@@ -1,15 +1,26 @@
 """`mechsim validate MODEL --against`: one model held against a function or a table."""
 
+import math
 import shutil
 import textwrap
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
 
 import typer
 
-from mechsim.analytic.forms import Form
+from mechsim import units
+from mechsim.analytic.derivatives import DesignFamily
 from mechsim.cli.endings import tell
+from mechsim.cli.options import DriveOptions, form_of, pair_of, writable
 from mechsim.cli.output import print_json
-from mechsim.cli.scene_findings import found_in, in_json, tell_findings
+from mechsim.errors import InputError
+from mechsim.pictures import plots
+from mechsim.pictures.plots.agreement import agreement_plot
+from mechsim.report.agreement import worst_first, write_agreement_report
 from mechsim.studies.agreement.agreement import Agreement, validate
+from mechsim.subjects.families import family
+from mechsim.units import option
 from mechsim.verdict.checks import Check
 
 # quantities told where not all are asked for
@@ -18,31 +29,80 @@ FEW = 4
 LONGEST = 36
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AgainstOptions:
+    """Against what one model is held, and how that is told."""
+
+    against: str | None = option(
+        None,
+        "Hold one model against a function of your own, which is run, or a table.",
+        metavar="FILE.py:FUNC|FILE.csv",
+    )
+    tolerance: str | None = option(
+        None, "Bound on places with --against, others in proportion; 1e-8 of the reach if left out."
+    )
+    plot: str | None = option(None, "Draw the quantity farthest off with --against.", metavar="FILE")
+    everything: bool = option(False, "Print every quantity, not the tightest only.", name="--all")
+
+
 def held_against(
-    model: str, form: Form, against: str, speed: float, *, everything: bool, as_json: bool
-) -> None:
+    model: str,
+    sets: list[str] | None,
+    driven: DriveOptions,
+    asked: AgainstOptions,
+    told_how: tuple[float, Path | None, bool],
+) -> NoReturn:
     """Say whether a model agrees with a function or a table, and why not; ends the command.
 
     Args:
         model: as it was called.
-        form: what it is.
-        against: FILE.py:FUNC or FILE.csv.
-        speed: of a crank in [rad/s].
-        everything: whether all quantities are told.
-        as_json: whether one JSON object is.
+        sets: its changed parameters, as NAME=VALUE.
+        driven: how it is driven.
+        asked: against what it is held, and how that is told.
+        told_how: speed of a crank in [rad/s], folder for a page or None, whether JSON is printed.
     """
-    if not against.lower().endswith(".csv"):
-        tell(f"mechsim: runs {against.rpartition(':')[0] or against}: a formula is code")
-    found = validate(form, against, speed=speed)
+    speed, report, as_json = told_how
+    source = asked.against or ""
+    place = None if asked.plot is None else writable(asked.plot)
+    if place is not None:
+        plots.form_of(place)
+    if not source.lower().endswith(".csv"):
+        tell(f"mechsim: runs {source.rpartition(':')[0] or source}: a formula is code")
+    bound = None if asked.tolerance is None else units.parse_length(asked.tolerance, "the tolerance")
+    if bound is not None and not 0.0 < bound < math.inf:
+        raise InputError(f"--tolerance is {asked.tolerance}; give a length above 0, as in 1um")
+    form_of(model, sets, driven)
+    found = validate(_family(model, sets, driven), source, speed=speed, tolerance=bound)
+    form = found.form
+    results = {"passed": found.passed, "mechanisms": {form.name: found.as_dict()}}
+    if place is not None:
+        plots.write(place, agreement_plot(worst_first(found)[0]))
+    notes = [] if report is None else write_agreement_report(report, found, results)
+    for note in notes:
+        tell(note)
     if as_json:
-        said = found.as_dict()
-        said["findings"] += in_json(found_in(form)).get("findings", [])
-        print_json({"passed": found.passed, "mechanisms": {form.name: said}})
+        print_json(results)
     else:
-        tell_findings(found_in(form))
-        for line in told(form.name, found, everything):
+        for line in told(form.name, found, asked.everything):
             typer.echo(line)
+        if report is not None:
+            typer.echo(f"report: {report / 'index.html'}")
     raise typer.Exit(0 if found.passed else 1)
+
+
+def _family(model: str, sets: list[str] | None, driven: DriveOptions) -> DesignFamily:
+    """Return the model among others of other dimensions, driven as it was asked."""
+    read = pair_of("--set", "--set crank=13mm")
+    return family(
+        model,
+        {name: value or "" for name, value in map(read, sets or ())},
+        drive=dict(driven.drive),
+        hold=dict(driven.hold),
+        hold_base=driven.hold_base,
+        key=driven.key,
+        track=driven.track,
+        duration=driven.duration,
+    )
 
 
 def told(name: str, found: Agreement, everything: bool) -> list[str]:

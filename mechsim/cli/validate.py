@@ -9,7 +9,7 @@ import typer
 
 from mechsim.analytic import catalog
 from mechsim.analytic.forms import Form
-from mechsim.cli.against import held_against
+from mechsim.cli.against import AgainstOptions, held_against
 from mechsim.cli.declared_options import spread
 from mechsim.cli.endings import tell
 from mechsim.cli.options import DriveOptions, Json, Sets, Speed, folder_for, form_of, moving, speed_of
@@ -37,16 +37,6 @@ def validate(
     whole_gallery: Annotated[
         bool, typer.Option("--gallery", help="The gallery in full, beside what is named or the catalogue.")
     ] = False,
-    against: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE.py:FUNC|FILE.csv",
-            help="Hold one model against a function of your own, which is run, or a table.",
-        ),
-    ] = None,
-    everything: Annotated[
-        bool, typer.Option("--all", help="Print every quantity, not the tightest only.")
-    ] = False,
     reference: Annotated[
         bool,
         typer.Option("--reference", help="Judge both roads by the reference data instead: 30 digits."),
@@ -55,6 +45,7 @@ def validate(
         str | None, typer.Option(metavar="DIR", help="Write plots, pictures, videos and a page here.")
     ] = None,
     speed: Speed = "600rpm",
+    held: AgainstOptions,
     driven: DriveOptions,
     sets: Sets = None,
     as_json: Json = False,
@@ -64,23 +55,20 @@ def validate(
     The formula that a file names is code, and is run.
     """
     if reference:
-        if against or sets or report or whole_gallery or driven != DriveOptions():
+        if held != AgainstOptions() or sets or report or whole_gallery or driven != DriveOptions():
             raise InputError(
                 "--reference judges what the data describe; leave out all else but names and --json"
             )
         raise typer.Exit(0 if validate_by_reference(models or (), as_json) else 1)
-    if against is not None:
+    if held.against is not None:
         if models is None or len(models) != 1 or whole_gallery:
             raise InputError("--against is of one model; name it, and no others")
-        held_against(
-            models[0],
-            form_of(models[0], sets, driven),
-            against,
-            speed_of(speed),
-            everything=everything,
-            as_json=as_json,
+        place = None if report is None else folder_for(report)
+        held_against(models[0], sets, driven, held, (speed_of(speed), place, as_json))
+    if held != AgainstOptions():
+        raise InputError(
+            "--plot, --tolerance and --all go with --against; say what the model is held against"
         )
-        return
     shown = list(gallery.files())
     wanted = list(models or catalog.DRIVES)
     if whole_gallery or not models:

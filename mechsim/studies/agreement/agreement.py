@@ -94,7 +94,7 @@ class Agreement:
 
 
 def validate(
-    model: str | Form | Mechanism,
+    model: str | Form | Mechanism | DesignFamily,
     against: Against | None = None,
     *,
     set: Mapping[str, str | float] | None = None,
@@ -107,7 +107,8 @@ def validate(
     """Hold a model against somebody's formula or table, and say whether and why they differ.
 
     Args:
-        model: a name, FILE.toml, FILE.xml, FILE.py:OBJECT, or what `load` or `catalog.make` returns.
+        model: a name, FILE.toml, FILE.xml, FILE.py:OBJECT, or what `load` or `catalog.make` returns; a family
+            of dimensions says which may be wrong.
         against: a function of the drivers' coordinates, FILE.py:FUNC, or FILE.csv; None takes the formula
             that the model's file names. The function is run.
         set: parameter -> its value, as `load` takes it.
@@ -174,7 +175,7 @@ def agreement(
 
 
 def _family(
-    model: str | Form | Mechanism,
+    model: str | Form | Mechanism | DesignFamily,
     set: Mapping[str, str | float] | None,
     drive: Mapping[str, str | State] | None,
     duration: str | float | None,
@@ -183,6 +184,8 @@ def _family(
         return dimension_family(model, set, drive=drive, duration=duration)
     if set or drive or duration is not None:
         raise InputError("set, drive and duration are of a model given by name; give them where it is loaded")
+    if isinstance(model, DesignFamily):
+        return model
     if isinstance(model, ClosedForm | LoopForm | Mechanism):  # pyright: ignore[reportUnnecessaryIsInstance]
         return dimension_family(model)
     raise InputError(

@@ -26,7 +26,8 @@ def test_a_right_formula_of_points_in_a_plane_and_of_a_joint_is_met():
 
 
 def test_a_formula_a_thousandth_off_is_missed():
-    found = ms.validate("slider_crank", against=changed(B=lambda one: one["B"] * 1.001))
+    function = changed(B=lambda one: one["B"] * 1.001)
+    found = ms.validate("slider_crank", against=function, attribute=False)
     assert not found.passed
     assert "position of B" in found.why
     assert [check.passed for check in found.checks] == [True, False, True]
@@ -71,7 +72,8 @@ def test_several_drivers_come_by_name():
         return {"P": np.column_stack([at.real, at.imag])}
 
     assert ms.validate("five_bar", against=tool).passed
-    assert not ms.validate("five_bar", against=lambda d: {"P": 1.001 * tool(d)["P"]}).passed
+    wrong = ms.validate("five_bar", against=lambda d: {"P": 1e3 * tool(d)["P"]}, attribute=False)
+    assert [one.kind for one in wrong.findings] == ["units"]
 
 
 @pytest.mark.parametrize(
@@ -146,3 +148,24 @@ def test_the_distance_of_a_run_is_taken_apart_and_its_parts_add_up():
     assert sum(parts) == pytest.approx(found["whole"], rel=0.05)
     assert found["formula"] == pytest.approx(2.5e-4, rel=1e-3)
     assert max(map(abs, parts[1:])) < 1e-8
+
+
+def test_a_missed_formula_gets_its_plot_and_a_page_that_names_the_cause(monkeypatch, capsys, tmp_path):
+    (tmp_path / "own.py").write_text(
+        "import numpy as np\ndef f(a):\n    return {'A': 0.051 * np.column_stack([np.cos(a), np.sin(a)])}\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    words = ("slider_crank", "--against", "own.py:f", "--plot", "a.svg", "--report", "out")
+    code, out, _ = told(monkeypatch, capsys, "validate", *words)
+    assert code == 1
+    assert "cause: crank is 0.051 m instead of 0.05 m (+2 %)" in out
+    assert (tmp_path / "a.svg").read_text().startswith("<?xml")
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert "crank is 0.051 m instead of 0.05 m" in page
+    assert (tmp_path / "out" / "against_A.svg").exists()
+
+
+def test_options_of_against_alone_are_refused(monkeypatch, capsys):
+    code, _, err = told(monkeypatch, capsys, "validate", "slider_crank", "--plot", "a.svg")
+    assert code == 2
+    assert "go with --against" in err

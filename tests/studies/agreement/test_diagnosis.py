@@ -1,0 +1,181 @@
+"""What explains a difference is named, with its size; what does not is not; what is right is not accused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic import dynamics
+from mechsim.model.forces import Forces
+from mechsim.studies.agreement.agreement import agreement
+from mechsim.studies.agreement.claim import Claim
+from mechsim.studies.agreement.comparand import comparand_of
+from mechsim.studies.agreement.named_quantities import names_of
+from mechsim.subjects.families import family
+
+SPEED = 20 * np.pi
+
+
+def said(function, model="four_bar", **asked):
+    return ms.validate(model, against=function, attribute=False, **asked)
+
+
+def bar(offset=0.0, scale=1.0, **changed):
+    """Return the formula of a four-bar with other dimensions, at crank angles taken otherwise."""
+    form = ms.catalog.make("four_bar", **changed)
+
+    def function(angle):
+        motion = form.solve(scale * angle + offset)
+        points = {name: motion.points[name].position for name in ("B", "C")}
+        return points | {"rocker": motion.joints["rocker"].value}
+
+    return function
+
+
+def valued(change):
+    """Return the right formula of a four-bar with its values changed."""
+    return lambda angle: change(bar()(angle))
+
+
+def points(change):
+    return valued(lambda v: v | {name: change(v[name]) for name in ("B", "C")})
+
+
+def on(name, change):
+    return valued(lambda v: v | {name: change(v[name])})
+
+
+TURN = np.array([[np.cos(0.01), -np.sin(0.01), 0], [np.sin(0.01), np.cos(0.01), 0], [0, 0, 1]])
+RIGHT = {
+    name: getattr(ms.catalog.make("four_bar"), name) for name in ("crank", "coupler", "rocker", "ground")
+}
+CASES = {
+    "coupler": (bar(coupler=1.001 * RIGHT["coupler"]), "dimension", "coupler", 1e-3),
+    "rocker": (bar(rocker=0.95 * RIGHT["rocker"]), "dimension", "rocker", -0.05),
+    "crank": (bar(crank=1.0001 * RIGHT["crank"]), "dimension", "crank", 1e-4),
+    "offset": (bar(offset=0.02), "offset", "crank", 0.02),
+    "quarter": (bar(offset=1.5), "offset", "crank", 1.5),
+    "sense": (bar(scale=-1.0), "sense", "crank", -1.0),
+    "assembly": (bar(branch=-ms.catalog.make("four_bar").branch), "assembly", "branch = -1", None),
+    "mm": (points(lambda v: 1000 * v), "units", "", 1000.0),
+    "degrees": (on("rocker", np.rad2deg), "degrees", "", 180 / np.pi),
+    "of a driver": (bar(scale=np.pi / 180), "degrees", "crank", np.pi / 180),
+    "swapped": (valued(lambda v: v | {"B": v["C"], "C": v["B"]}), "swapped", "B, C", None),
+    "mirror": (points(lambda v: v * [1, -1, 1]), "mirror", "x, -y, z", None),
+    "shifted": (points(lambda v: v + UP), "frame", "y", 1e-4),
+    "turned": (points(lambda v: v @ TURN.T), "frame", "turn about z", 0.01),
+    "zero": (on("rocker", lambda v: v + 0.1), "offset", "rocker", 0.1),
+    "joint's sense": (on("rocker", np.negative), "sense", "rocker", -1.0),
+    "late": (
+        valued(lambda v: {name: np.roll(one, 2, 0) for name, one in v.items()}),
+        "delay",
+        "samples",
+        2.0,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_cause_of_a_difference_is_named_with_its_size(name):
+    function, kind, what, by = CASES[name]
+    found = said(function)
+    first = found.findings[0]
+    assert not found.passed
+    assert (first.kind, first.what) == (kind, what), found.why
+    assert first.sure
+    assert first.explains > 0.999
+    assert by is None or first.by == pytest.approx(by, rel=1e-3)
+
+
+def test_a_right_formula_is_not_accused():
+    found = said(bar())
+    assert found.passed
+    assert not found.findings
+
+
+def test_what_nothing_explains_is_said_to_be_so():
+    found = said(points(lambda v: v + 1e-4 * np.sin(7 * np.arange(len(v)))[:, None]))
+    assert not found.passed
+    assert not any(one.sure for one in found.findings)
+    assert "none of the causes" in found.findings[-1].say
+
+
+def test_a_difference_hardly_beyond_its_bound_is_not_explained():
+    found = said(points(lambda v: v + HARDLY), tolerance=1e-6)
+    assert not found.passed
+    assert [one.kind for one in found.findings] == ["none"]
+
+
+def test_of_two_that_explain_alike_both_are_said():
+    # a point on a circle about the ground's origin cannot tell them apart
+    found = said(lambda angle: {"A": ms.catalog.make("four_bar").solve(angle + 0.02).points["A"].position})
+    assert {(one.kind, one.what) for one in found.findings} == {
+        ("offset", "crank"),
+        ("frame", "turn about z"),
+    }
+    assert "as does another" in found.why
+
+
+def test_a_program_out_of_phase_is_named():
+    form = ms.load("five_bar")
+    late = ms.load(
+        "five_bar", drive={"left": "120deg + 25deg*sin(2*pi*(t-0.01))", "right": "60deg + 20deg*sin(4*pi*t)"}
+    )
+
+    def claimed(other):
+        return lambda drivers, t: {
+            "P": other.solve(other.programs.pace * t, other.programs.pace).points["P"].position
+        }
+
+    first = said(claimed(late), form).findings[0]
+    assert (first.kind, first.what, first.sure) == ("phase", "left", True)
+    assert first.by == pytest.approx(0.01, rel=1e-3)
+
+
+def test_a_joint_in_another_place_of_a_model_without_parameters_is_named():
+    form = ms.load("four_bar")
+    mechanism = form.mechanism
+    joint = mechanism.joints[-1]
+    x, y, z = joint.a.point
+    moved = replace(joint, a=replace(joint.a, point=(x + 1e-4, y, z)))
+    other = replace(mechanism, joints=(*mechanism.joints[:-1], moved))
+    found = said(lambda angle: {"B": ms.closure.solve(other, angle).points["B"].position}, mechanism)
+    assert found.findings[0].kind == "dimension"
+    assert found.findings[0].what.startswith(f"{joint.name}.")
+    assert found.findings[0].sure
+
+
+@pytest.mark.parametrize(("factor", "kind"), [(0.0, "gravity"), (None, "mass")])
+def test_gravity_and_masses_are_named_by_a_torque(factor, kind):
+    form = ms.catalog.make("four_bar")
+    machine = dynamics.machine(form, Forces(gravity=(0.0, -9.81, 0.0)))
+    comparand = replace(comparand_of(form, SPEED), machine=machine)
+    if factor is None:
+        one, *rest = machine.mechanism.links
+        heavy = replace(one.inertia, mass=1.1 * one.inertia.mass)
+        other = replace(
+            machine, mechanism=replace(machine.mechanism, links=(replace(one, inertia=heavy), *rest))
+        )
+    else:
+        other = machine.with_forces(Forces(gravity=(0.0, -9.81 * factor, 0.0)))
+    named = names_of(form.mechanism).read("torque:crank", None, "the test")
+    claim = Claim(named, replace(comparand, machine=other).exact(named))
+    found = agreement(comparand, [claim], "the test", None, family(form))
+    assert found.findings[0].kind == kind, found.why
+    assert found.findings[0].sure
+
+
+def test_a_table_with_uncertainty_is_met_within_it_and_diagnosed_beyond_it(tmp_path):
+    random, angle = np.random.default_rng(1), np.linspace(0, 6, 60)
+    true = ms.catalog.make("four_bar").solve(angle).points["B"].position
+    wrong = ms.catalog.make("four_bar", coupler=1.05 * RIGHT["coupler"]).solve(angle).points["B"].position
+    for name, place, passed in (("right", true, True), ("wrong", wrong, False)):
+        noisy = 1e3 * place[:, :2] + random.uniform(-0.01, 0.01, (60, 2))
+        rows = [f"{a:.12g},{x:.12g},{y:.12g},0.011,0.011" for a, (x, y) in zip(angle, noisy, strict=True)]
+        path = tmp_path / f"{name}.csv"
+        path.write_text("\n".join(["angle,B.x [mm],B.y [mm],B.x ± [mm],± B.y [mm]", *rows]))
+        found = ms.validate("four_bar", against=path, attribute=False)
+        assert found.passed == passed, found.why
+    assert (found.findings[0].kind, found.findings[0].what) == ("dimension", "coupler")
+    assert found.findings[0].by == pytest.approx(0.05, abs=2e-3)
