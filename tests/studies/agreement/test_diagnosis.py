@@ -46,6 +46,7 @@ def on(name, change):
     return valued(lambda v: v | {name: change(v[name])})
 
 
+UP, HARDLY = np.array([0, 1e-4, 0]), np.array([0, 1.2e-6, 0])
 TURN = np.array([[np.cos(0.01), -np.sin(0.01), 0], [np.sin(0.01), np.cos(0.01), 0], [0, 0, 1]])
 RIGHT = {
     name: getattr(ms.catalog.make("four_bar"), name) for name in ("crank", "coupler", "rocker", "ground")
