@@ -103,6 +103,10 @@ class Comparand:
     def drivers(self) -> dict[str, tuple[Array, Array, Array]]:
         """Return driver -> value, rate and acceleration, (n,) each in SI."""
         programs = programs_of(self.form)
+        if self.solved is not None and programs is not None:
+            # where drivers really were, as in a run
+            joints = {name: self.solved.joints[name] for name in programs.drivers}
+            return {name: (one.value, one.rate, one.acceleration) for name, one in joints.items()}
         if programs is None:
             return {self.form.mechanism.crank.name: (self.angle, self.speed, self.acceleration)}
         value, first, second = programs.by_clock(self.angle)

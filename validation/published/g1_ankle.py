@@ -1,0 +1,83 @@
+"""The public Unitree G1 ankle: an independent formula held against it, and a run of the scene taken apart.
+
+    python validation/published/g1_ankle.py FOLDER/g1_ankle.xml
+
+The formula has nothing of this package: each rod keeps its length between the foot and its motor's arm, and
+Newton's method finds pitch and roll from the two motors. Dimensions are those of the file.
+"""
+
+import sys
+
+import numpy as np
+
+import mechsim as ms
+
+# foot: pitch axis at the base, roll axis below it, balls of both rods on it; motors: axes, and arms' ends
+ROLL = np.array([0.0, 0.0, -0.017558])
+SIDES = {
+    "left_motor_joint": ([0.022, 0.015, 0.0079999], [0.022, 0.0, 0.15087], [0.013, 0.016529, -0.0039746]),
+    "right_motor_joint": ([0.022, -0.015, 0.0079999], [0.022, 0.0, 0.21587], [0.0175, -0.016359, -0.0046245]),
+}
+
+
+def about_x(angle, vector):
+    x, y, z = vector
+    return np.array(
+        [x + 0 * angle, y * np.cos(angle) - z * np.sin(angle), y * np.sin(angle) + z * np.cos(angle)]
+    )
+
+
+def about_y(angle, vector):
+    x, y, z = vector
+    return np.array(
+        [x * np.cos(angle) + z * np.sin(angle), y + 0 * angle, -x * np.sin(angle) + z * np.cos(angle)]
+    )
+
+
+def rods(pitch, roll, drivers):
+    """Return by how much the square of each rod's length is off, (2, n)."""
+    found = []
+    for name, (ball, axis, arm) in SIDES.items():
+        turned = about_x(roll, ball)
+        foot = about_y(pitch, turned + ROLL[:, None])
+        end = np.array(axis)[:, None] + about_x(drivers[name], arm)
+        length = np.linalg.norm(np.array(axis) + arm - np.array(ball) - ROLL)
+        found.append(((foot - end) ** 2).sum(0) - length**2)
+    return np.array(found)
+
+
+def ankle(drivers):
+    """Return pitch and roll at the motors' angles, name -> (n,) in [rad]."""
+    count = len(drivers["left_motor_joint"])
+    x = np.zeros((2, count))
+    for _ in range(20):
+        slope = np.empty((count, 2, 2))
+        for i in range(2):
+            step = x.astype(complex)
+            step[i] += 1e-30j
+            slope[:, :, i] = rods(*step, drivers).imag.T * 1e30
+        x = x - np.linalg.solve(slope, rods(*x, drivers).T[..., None])[..., 0].T
+    return {"pitch_joint": x[0], "roll_joint": x[1]}
+
+
+def main() -> int:
+    for size in (0.3, 1.0):
+        drive = {
+            "left_motor_joint": f"{size:g}*sin(2*pi*0.6*t)",
+            "right_motor_joint": f"{-size / 2:g}*sin(2*pi*0.6*t)",
+        }
+        model = ms.load(sys.argv[1], drive=drive, duration=1.7)
+        found = ms.validate(model, against=ankle)
+        print(f"motors by {size:g} rad: {found.why}")
+        for check in found.checks:
+            print(f"  formula against exact closure, {check.quantity}: {check.worst:.1e} {check.unit}")
+        for one in found.attribution["quantities"].values():
+            parts = ", ".join(f"{name} {value:.2e}" for name, value in one["largest"].items())
+            total = sum(one[name] for name in ("formula", "softness", "time step", "drive"))
+            print(f"  run against {one['quantity']}: {one['whole']:.3e} rad, parts add up to {total:.3e}")
+            print(f"    at the most: {parts}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
