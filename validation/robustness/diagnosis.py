@@ -1,11 +1,11 @@
-"""How often the cause of a wrong formula is named right: seeded mistakes over catalogue, gallery and public scenes.
+"""How often the cause of a wrong formula is named right: seeded mistakes over catalogue, gallery, scenes.
 
     python validation/robustness/diagnosis.py [--cases 500] [--first 0] [--scenes FOLDER] [--show]
 
 Each case takes a mechanism, some of its quantities, and one mistake at one of three sizes; what would then be
-claimed is made by solving anew, or by changing values, never by what is judged. A cause counts as named where
-it is said first or said to explain as much as the first; a wrong cause as stated as sure where all that is said
-to be sure is wrong. Right formulas, with the rounding of another one, are to be left in peace.
+claimed is made by solving anew, or by changing values, never by what is judged. A cause counts as named
+where it is said first or said to explain as much as the first; a wrong cause as stated as sure where all that
+is said to be sure is wrong. Right formulas, with the rounding of another one, are to be left in peace.
 """
 
 import argparse
@@ -414,18 +414,16 @@ def told(rows: list[dict], accused: list[str], right: int, show: bool) -> int:
         by[row["kind"]].append(row)
     print(f"{'cause':<12}{'cases':>6}{'named':>7}{'first':>7}{'sure, wrong':>13}")
     for kind, some in sorted(by.items()):
-        print(
-            f"{kind:<12}{len(some):>6}{_sum(some, 'named'):>7}{_sum(some, 'first'):>7}{_sum(some, 'sure_wrong'):>13}"
-        )
+        good, one, bad = (_sum(some, name) for name in ("named", "first", "sure_wrong"))
+        print(f"{kind:<12}{len(some):>6}{good:>7}{one:>7}{bad:>13}")
     count = len(rows)
     named, first, wrong = (_sum(rows, name) for name in ("named", "first", "sure_wrong"))
     print(f"{'all':<12}{count:>6}{named:>7}{first:>7}{wrong:>13}")
     for size, some in Counter(row["size"] for row in rows).items():
         right_named = sum(row["named"] for row in rows if row["size"] == size)
         print(f"size {size:g}: {right_named} of {some}")
-    print(
-        f"named {100 * named / count:.1f} %, first {100 * first / count:.1f} %, wrong and sure {100 * wrong / count:.1f} %"
-    )
+    parts = [f"{100 * part / count:.1f} %" for part in (named, first, wrong)]
+    print(f"named {parts[0]}, first {parts[1]}, wrong and sure {parts[2]}")
     print(f"right formulas accused: {len(accused)} of {right} {' '.join(sorted(set(accused)))}")
     print(f"median {np.median([row['seconds'] for row in rows]):.2f} s of processor time a case")
     for row in rows if show else ():
