@@ -141,10 +141,8 @@ def in_square_millimetres(spec, size):
 
 
 def in_grams(spec, size):
-    # a link of 200 g a tenth of the size large, its mass in g
     part = heaviest(spec)
-    part.inertia = np.full(3, 0.2 * (0.1 * size) ** 2)
-    part.mass = 2e8 * part.inertia[0] / (0.1 * size) ** 2 * size
+    part.mass = 1e3 * part.mass
 
 
 def in_millimetres(spec, size):

@@ -4,8 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mechsim.maths.arrays import Array
 from mechsim.model.finding import Finding
 from mechsim.simulation.findings.inspected import Inspected, Loop, rank
+from mechsim.simulation.loop_constraints import SITE
 from mechsim.simulation.mjcf_reader.equality_rows import CONNECT, WELD
 
 # a loop that stands open by more, in parts of the size or in [rad], was not meant to: digits of CAD exports
@@ -56,7 +58,8 @@ def doubled(scene: Inspected) -> Iterator[Finding]:
     for i, loop in enumerate(scene.loops):
         for other in scene.loops[:i]:
             alone, both = rank(rows[other.number]), np.vstack([rows[other.number], rows[loop.number]])
-            if not alone or other.number in gone or rank(both) != alone:
+            here = loop.closes == other.closes and _apart(scene, loop, other) <= OPEN * scene.size
+            if not (alone and here) or other.number in gone or rank(both) != alone:
                 continue
             gone.add(loop.number)
             yield Finding(
@@ -70,6 +73,25 @@ def doubled(scene: Inspected) -> Iterator[Finding]:
                 line=loop.line,
             )
             break
+
+
+def _apart(scene: Inspected, loop: Loop, other: Loop) -> float:
+    """Return how far apart two loops are closed, in [m]; nought for those that couple coordinates."""
+    first, second = (_anchor(scene, one) for one in (loop, other))
+    return float(np.linalg.norm(first - second))
+
+
+def _anchor(scene: Inspected, loop: Loop) -> Array:
+    """Return where the first side of a loop is held at the start, in the world, (3,)."""
+    if not loop.closes:
+        return np.zeros(3)
+    model, data, i = scene.model, scene.started, loop.number
+    if int(model.eq_objtype[i]) == SITE:
+        return data.site_xpos[int(model.eq_obj1id[i])]
+    weld = loop.kind == WELD
+    body = loop.bodies[1] if weld else loop.bodies[0]
+    # of a weld the anchor is in its second body
+    return data.xpos[body] + data.xmat[body].reshape(3, 3) @ model.eq_data[i, :3]
 
 
 def repeated(scene: Inspected) -> Iterator[Finding]:

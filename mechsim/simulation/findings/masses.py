@@ -13,8 +13,9 @@ from mechsim.simulation.findings.inspected import Inspected, line_of
 ROUNDED = 1e-9
 # a body whose mass is spread wider than this many sizes of the whole scene, or whose centre lies so far off
 WIDE = 3.0
-# no solid is as dense, in [kg/m3]; osmium has 22,600
-DENSEST = 1e6
+# far beyond any solid, in [kg/m3]: osmium has 22,600, masses made up for a scene without weight up to 2e7,
+# and a mass in g beside an inertia in kg m2 makes 1e3**2.5 of any
+DENSEST = 1e8
 # part of the heaviest moving body's mass below which one is weightless
 WEIGHTLESS = 1e-7
 
@@ -104,9 +105,8 @@ def _spread(scene: Inspected, mass: float, moments: Array, off: float) -> tuple[
             f"has its centre of mass {off:.3g} m from its origin, in a scene of {scene.size:.3g} m",
             "its place looks like mm: write m",
         )
-    # the ellipsoid of that mass and those moments
-    squares = 2.5 * (moments.sum() - 2.0 * moments) / mass
-    volume = 4.0 / 3.0 * np.pi * float(np.sqrt(np.prod(np.maximum(squares, 0.0))))
+    # the ball as wide as the widest moment allows: rods are thin, and none is wider
+    volume = 4.0 / 3.0 * np.pi * (2.5**0.5 * radius) ** 3
     if volume > 0.0 and mass / volume > DENSEST:
         return (
             mass / volume,

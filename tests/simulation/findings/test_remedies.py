@@ -1,0 +1,80 @@
+"""A remedy, done as it is told, takes the finding away and brings no other; and what was said comes true."""
+
+import mujoco
+import numpy as np
+import pytest
+from sound_scene import SOUND, changed
+
+from mechsim.simulation.findings import findings
+from mechsim.simulation.findings.inspected import EQUALITY
+from mechsim.simulation.mjcf_reader import read_model
+
+HARD = 'solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"'
+AGAIN = '    <connect name="again" body1="coupler" body2="rocker" anchor="0.1 0 0"/>\n'
+ROD, FAT_ROD = (f'fromto="0.008 0 0 0.09 0 0" size="{size}"' for size in (0.003, 0.02))
+OTHER = '    <position name="other" joint="rocker" kp="5"/>\n'
+
+
+def found(tmp_path, text):
+    path = tmp_path / "scene.xml"
+    path.write_text(text)
+    return findings(read_model(str(path)))
+
+
+@pytest.mark.parametrize(
+    ("kind", "fault", "mended"),
+    [
+        ("redundant", ("  </equality>", AGAIN + "  </equality>"), lambda text, one: text.replace(AGAIN, "")),
+        (
+            "collision",
+            (ROD, FAT_ROD),
+            lambda text, one: text.replace("  <actuator>", one.remedy.partition(",")[0] + "<actuator>"),
+        ),
+        ("actuator", ("  </actuator>", OTHER + "  </actuator>"), lambda text, one: text.replace(OTHER, "")),
+        (
+            "limit",
+            ('range="-2 2"', 'range="0.2 2"'),
+            lambda text, one: text.replace('range="0.2 2"', f'range="{0.2 - 1.01 * one.by:g} 2"'),
+        ),
+        (
+            "refsafe",
+            ('solref="0.002 1"', 'solref="0.0005 1"'),
+            lambda text, one: text.replace(
+                'timestep="0.001"', f'timestep="{one.remedy.split()[4]}"'
+            ),
+        ),
+        (
+            "timestep",
+            ('solref="0.002 1"', 'solref="-4e6 -4000"'),
+            lambda text, one: text.replace('timestep="0.001"', f'timestep="{one.remedy.split()[4]}"'),
+        ),
+        (
+            "soft",
+            (HARD, ""),
+            lambda text, one: text.replace(
+                'anchor="0.1 0 0" ', 'anchor="0.1 0 0" ' + one.remedy.partition(" leaves")[0]
+            ),
+        ),
+    ],
+)  # fmt: skip
+def test_a_remedy_done_as_it_is_told_takes_the_finding_away(kind, fault, mended, tmp_path):
+    wrong = changed(fault)
+    (one,) = [one for one in found(tmp_path, wrong) if one.kind == kind]
+    right = mended(wrong, one)
+    assert right != wrong
+    assert found(tmp_path, right) == ()
+
+
+@pytest.mark.parametrize(("solref", "grows"), [("-4e6 -4000", True), ("0.002 1", False)])
+def test_the_gap_of_a_loop_that_is_called_too_stiff_grows(solref, grows, tmp_path):
+    text = SOUND.replace('solref="0.002 1"', f'solref="{solref}"')
+    told = {one.kind for one in found(tmp_path, text)}
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    widest = 0.0
+    for _ in range(200):
+        mujoco.mj_step(model, data)
+        gap = data.efc_pos[data.efc_type == EQUALITY]
+        widest = max(widest, float(np.linalg.norm(gap)))
+    assert ("timestep" in told) == grows
+    assert (widest > 1e-3) == grows
