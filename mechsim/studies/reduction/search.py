@@ -17,7 +17,7 @@ from mechsim.studies.reduction.evidence import Evidence, evidence
 from mechsim.studies.reduction.lean_scene import LeanScene
 from mechsim.studies.reduction.second_motion import second_motion
 from mechsim.studies.reduction.spelled_out import spelled_out
-from mechsim.studies.reduction.stepping import FAMILY
+from mechsim.studies.reduction.stepping import LONGER_STEPS
 from mechsim.studies.scenes import UserScene
 
 By = Literal["trajectory", "torque"]
@@ -243,11 +243,12 @@ class _Search:
             if all(one.by(self.by) <= self.tolerance for one in errors) or not self.left_out:
                 break
             gone = int(np.argmax(np.diff([0.0, *(one.error for one in self.left_out)])))
-            undone.append(self.left_out[gone].candidate.what)
-            last = self.left_out.pop(gone).candidate.family == FAMILY
-            if last and gone == len(self.left_out):
-                self.spec = mujoco.MjSpec.from_string(self.again())
-                self.next_steps()
+            one = self.left_out.pop(gone)
+            if one.candidate.family == LONGER_STEPS and self.steps:
+                _, candidate, error = self.steps.pop(0)
+                self.left_out.insert(gone, LeftOut(candidate, BROKEN, np.nan, error))
+            else:
+                undone.append(one.candidate.what)
         ratio = float(time_ratios(self.bench.full, [self.bench.lean(spec)], rounds=7)[0])
         taken = self.bench.run.seconds_per_second
         told = self.alone()

@@ -9,7 +9,8 @@ from mechsim.maths.arrays import Array
 from mechsim.studies.reduction.candidate import Candidate, NotThere
 from mechsim.studies.reduction.evidence import Evidence
 
-FAMILY = "stepping"
+# what makes a step cheaper; longer steps
+FAMILY, LONGER_STEPS = "stepping", "steps"
 EULER, RK4, IMPLICIT, IMPLICITFAST = (
     mujoco.mjtIntegrator.mjINT_EULER,
     mujoco.mjtIntegrator.mjINT_RK4,
@@ -63,7 +64,7 @@ def coarser(seen: Evidence) -> list[Candidate]:
                 change = partial(_stepped, times=times, integrator=integrator, made_good=made_good)
                 cost = (FOUR if integrator == int(RK4) else 1.0) / times
                 what = _what(seen, times, integrator, made_good)
-                found.append((cost, Candidate(FAMILY, what, change)))
+                found.append((cost, Candidate(LONGER_STEPS, what, change)))
     return [one for _, one in sorted(found, key=lambda pair: pair[0])]
 
 
