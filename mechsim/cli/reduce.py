@@ -1,5 +1,6 @@
 """The command reduce: the smallest scene that keeps a tolerance for what is tracked."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -40,6 +41,7 @@ def reduce(
     bound = units.parse(tolerance, unit, "the tolerance")
     if not 0.0 < bound < float("inf"):
         raise InputError(f"the tolerance is {tolerance}; give one above 0, as in 10um")
+    asked = replace(asked, track=tuple(one for text in asked.track for one in _points(text)))
     scene = user_scene(model, asked)
     keep = {part for text in asked.track for part in text.partition("@")[0].split(",")} | set(scene.places)
     with progress("reduce", 100) as tick:
@@ -52,6 +54,11 @@ def reduce(
         _print(found, model, bound, unit)
         typer.echo(f"wrote {output}")
     raise typer.Exit(0 if found.kept(bound) else 1)
+
+
+def _points(text: str) -> list[str]:
+    """Return the points that one --track names: P,Q are two, P,BODY@x,y,z is one."""
+    return [text] if "@" in text else text.split(",")
 
 
 class _Told:

@@ -4,6 +4,8 @@ import pytest
 from scene_texts import FINGER
 from studies.test_reduction import few_trials
 
+from mechsim.errors import InputError
+
 FED = ("--ctrl", "servo=0.5*sin(2*pi*t)", "--duration", "0.2s")
 
 
@@ -25,6 +27,19 @@ def test_reduce_writes_a_scene_and_tells_what_each_thing_left_out_costs(
     text = (tmp_path / "out.xml").read_text()
     assert text.startswith("<!--")
     assert all(one["what"] in text for one in told["left_out"])
+
+
+def test_two_points_may_be_named_at_once(mechsim, finger, monkeypatch):
+    asked = []
+
+    def stopped(scene, *_, **__):
+        asked.extend(scene.places)
+        raise InputError("seen")
+
+    monkeypatch.setattr("mechsim.cli.reduce.reduced", stopped)
+    words = ("--track", "pad,lever", "--track", "P,pad@0.1,0,0")
+    assert mechsim("reduce", finger, "--tolerance", "7um", *words, "-o", "out.xml").code == 2
+    assert asked == ["pad", "lever", "P"]
 
 
 @pytest.mark.parametrize(
