@@ -23,6 +23,8 @@ from mechsim.studies.scenes import UserScene
 By = Literal["trajectory", "torque"]
 # part of the tolerance that what is left out may cost on the motion that chooses
 PART = 0.9
+# least part of it that longer steps are tried with where those before did not hold
+LEAST_PART = 0.2
 # part of the tolerance that is no error
 NOTHING = 1e-3
 # part of the time that must be saved where leaving out costs accuracy
@@ -133,7 +135,7 @@ class _Search:
         self.left_out: list[LeftOut] = []
         # ratio of time, steps, error: of steps that keep the tolerance too
         self.steps: list[_Steps] = []
-        self.costly = False
+        self.costly, self.part = False, PART
         self.bodies = frozenset(body for body, _ in bench.tracked.values())
 
     def seen(self, spec: mujoco.MjSpec) -> Evidence:
@@ -200,7 +202,7 @@ class _Search:
         except (NotThere, ValueError):
             return None
         error = self.error_of(scene)
-        return (spec, scene, error) if error <= PART * self.tolerance else None
+        return (spec, scene, error) if error <= self.part * self.tolerance else None
 
     def take(self, candidate: Candidate, spec: mujoco.MjSpec, error: float) -> None:
         self.left_out.append(LeftOut(candidate, BROKEN, np.nan, error))
@@ -247,6 +249,12 @@ class _Search:
             if one.candidate.family == LONGER_STEPS and self.steps:
                 _, candidate, error = self.steps.pop(0)
                 self.left_out.insert(gone, LeftOut(candidate, BROKEN, np.nan, error))
+            elif one.candidate.family == LONGER_STEPS and self.part > LEAST_PART:
+                # what just held over one motion did not over the other: more room, and shorter steps
+                self.part *= 0.5
+                self.spec = mujoco.MjSpec.from_string(self.again())
+                self.error = self.error_of(self.bench.lean(self.spec))
+                self.coarser(0.8)
             else:
                 undone.append(one.candidate.what)
         ratio = float(time_ratios(self.bench.full, [self.bench.lean(spec)], rounds=7)[0])
