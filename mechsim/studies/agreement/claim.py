@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.errors import InputError, MechsimError
+from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.studies.agreement.comparand import Comparand, asked_of
 from mechsim.studies.agreement.named_quantities import NamedQuantity, Names
+from mechsim.subjects.python_object import tried
 
 # second arguments by which a function asks for more than places of drivers
 BY_NAME = {
@@ -143,18 +144,3 @@ def _more(
         elif parameters is not None and place == 0 and one.default is inspect.Parameter.empty:
             given[one.name] = dict(parameters)
     return given
-
-
-def tried(who: str, call: Callable[[], Any]) -> Any:
-    """Return what a user's code returns; its errors in one line.
-
-    Raises:
-        InputError: names the function and the error.
-    """
-    try:
-        return call()
-    except MechsimError as error:
-        raise InputError(f"{who}: {error}") from error
-    except (Exception, SystemExit) as error:
-        line = (str(error).splitlines() or [""])[0]
-        raise InputError(f"{who} ends in {type(error).__name__}: {line}; mend it") from error
