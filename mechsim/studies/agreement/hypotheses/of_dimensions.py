@@ -11,7 +11,7 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
 from mechsim.analytic.derivatives.joint_places import placed_family
 from mechsim.analytic.forms import Form
-from mechsim.errors import MechsimError
+from mechsim.errors import AssemblyError, MechsimError
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, Mechanism
 from mechsim.studies.agreement.comparand import Comparand
@@ -24,6 +24,8 @@ from mechsim.studies.agreement.named_quantities import AXES
 TRIED = 6
 # a dimension that explains less in the first order explains nothing when solved again
 LEAST = 0.25
+# most by which a dimension is taken to be off, in parts of itself or of the size
+MOST = 3.0
 # step of differences, in parts of the size
 STEP = 1e-5
 
@@ -86,6 +88,7 @@ def _hypothesis(miss: Miss, family: DesignFamily, dimension: Dimension, tier: fl
     scale = _scale(dimension, size)
 
     def predict(p: Array) -> Values:
+        within(p)
         made = family.make({dimension.name: dimension.value + scale * float(p[0])})
         return miss.predicted(remade(comparand, as_before(made, comparand.form)))
 
@@ -104,6 +107,16 @@ def _hypothesis(miss: Miss, family: DesignFamily, dimension: Dimension, tier: fl
         return f"{dimension.name} is {now}{unit} instead of {was}{unit}{part}"
 
     return Hypothesis(kind, dimension.name, tier, predict, say, starts=((0.0,),), steps=(STEP,), slope=slope)
+
+
+def within(p: Array) -> None:
+    """Refuse a change that no slip of a dimension makes.
+
+    Raises:
+        AssemblyError: where it is more than `MOST` times what it changes.
+    """
+    if not abs(float(p[0])) <= MOST:
+        raise AssemblyError(f"no dimension is taken to be off by more than {MOST:g} times itself")
 
 
 def remade(comparand: Comparand, form: Form) -> Comparand:
@@ -157,6 +170,7 @@ def _of_point(miss: Miss, point: str, i: int) -> Hypothesis:
         return replace(form.mechanism, points={**form.mechanism.points, point: (link, tuple(there))})
 
     def predict(p: Array) -> Values:
+        within(p)
         own = form if isinstance(form, LoopForm) else LoopForm(form.mechanism)
         return miss.predicted(remade(miss.comparand, replace(own, mechanism=moved(p))))
 
