@@ -114,8 +114,8 @@ def told(name: str, found: Agreement, everything: bool) -> list[str]:
     if left > 0 and not everything:
         lines.append(f"  {left} more; --all shows them")
     for finding in found.findings:
-        likely = "cause" if finding.sure else "perhaps" if finding.kind != "none" else "cause"
-        lines += _wrapped(f"{likely}: {finding.say}")
+        likely = "" if finding.kind == "none" else "cause: " if finding.sure else "perhaps: "
+        lines += _wrapped(f"{likely}{finding.say}")
     if "says" in found.attribution:
         lines += _wrapped(str(found.attribution["says"]))
     elif "note" in found.attribution:
