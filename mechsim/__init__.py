@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from mechsim.simulation import Run, Settings, simulate
     from mechsim.studies.agreement.agreement import Agreement, validate
     from mechsim.studies.fit.asked import fit
+    from mechsim.studies.optimise.search import optimise
     from mechsim.studies.sensitivity.asked import moved, sensitivity
     from mechsim.studies.sensitivity.study import tolerance_study
     from mechsim.studies.sweep.sweeping import sweep
@@ -81,6 +82,7 @@ _HOMES = _MODULES | {
     "fit": "studies.fit.asked",
     "load": "subjects.subject",
     "moved": "studies.sensitivity.asked",
+    "optimise": "studies.optimise.search",
     "sensitivity": "studies.sensitivity.asked",
     "show": "report.notebook",
     "simulate": "simulation",
@@ -126,6 +128,7 @@ __all__ = [
     "load",
     "motors",
     "moved",
+    "optimise",
     "plots",
     "render",
     "rods",

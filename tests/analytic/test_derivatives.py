@@ -53,7 +53,7 @@ def test_derivatives_of_places_and_rates_agree_with_50_digits(name, point, place
     found = motion_derivatives(drive, changes(catalog_family(drive), parameters), ANGLES, SPEED)
     for parameter in parameters:
         moved = found.by[parameter].points[point]
-        for i, angle in enumerate(ANGLES[:2]):
+        for i, angle in enumerate(ANGLES[:1]):
             told = moved.position[i], moved.velocity[i], moved.acceleration[i]
             for own, exact in zip(told, in_digits(place, drive, parameter, angle), strict=True):
                 assert np.abs(own - exact).max() <= 2e-12 * np.abs(exact).max()

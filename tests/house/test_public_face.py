@@ -120,8 +120,8 @@ FACE = """
     Agreement AssemblyError Check Coupling End Forces Friction Gear Inertia InputError Joint
     JointSpring Link Load Mechanism MechsimError Motion Pose Programs Run Scene Settings Spring
     Tolerance Verdict __version__ catalog closure course crosscheck dynamics fit load motors moved
-    plots render rods sensitivity show simulate simulation sweep testing tolerance_study trace units
-    validate
+    optimise plots render rods sensitivity show simulate simulation sweep testing tolerance_study
+    trace units validate
 """
 NAMES = FACE.split()
 

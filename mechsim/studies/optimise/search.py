@@ -1,0 +1,298 @@
+"""Searching dimensions: scipy's `least_squares`, or `minimize` by SLSQP where limits are to be kept."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.arrays import Array
+from mechsim.maths.complex_step import change_of, stepped
+from mechsim.maths.given import numbers
+from mechsim.model.display import short_repr
+from mechsim.studies.optimise.goals import Function, Goal, Limit, bounded, goal_of, numbers_from
+from mechsim.studies.sensitivity.asked import Subject, moved
+from mechsim.studies.sensitivity.moved_family import MovedFamily, Slopes, beside
+from mechsim.studies.sensitivity.table import dimensions_asked
+
+# mechanisms tried at the most; by how much a limit may be missed, in parts of it
+MOST, KEPT = 300, 1e-6
+# the value of a goal, in parts of that at the start, where there is no assembly
+NOWHERE = 1e6
+# relative change at which a search has come to rest; how near to an end it may begin, and counts as there
+REST, INSIDE, AT_END = 1e-10, 1e-6, 1e-9
+GOAL = "the goal"
+
+SearchOutcome = Literal["found", "not converged", "limits missed"]
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Dimensions that make a goal smallest near where the search began.
+
+    Attributes:
+        moved: the mechanism with them.
+        outcome: "limits missed" where none that keep them were found.
+        start: dimension -> value from which it began, in SI.
+        values: dimension -> value found.
+        before: root of the mean of squares of the goal at the start.
+        after: likewise of what was found.
+        limits: name of a limit -> its nearest value to a bound, as found.
+        at_bounds: dimensions that lie at the ends of where they may vary.
+        tried: mechanisms solved.
+        message: of the optimiser.
+    """
+
+    moved: MovedFamily
+    outcome: SearchOutcome
+    start: Mapping[str, float]
+    values: Mapping[str, float]
+    before: float
+    after: float
+    limits: Mapping[str, float]
+    at_bounds: tuple[str, ...]
+    tried: int
+    message: str
+
+    __repr__ = short_repr
+
+
+def optimise(
+    model: Subject,
+    vary: Mapping[str, tuple[float, float]],
+    goal: Goal | str,
+    limits: Sequence[Limit] = (),
+    *,
+    most: int = MOST,
+) -> Optimum:
+    """Return the dimensions that make a goal smallest near where a mechanism stands.
+
+    A thin use of scipy: without limits `least_squares` (trust region), with limits `minimize` by SLSQP; both
+    with exact derivatives of the motion. They find the nearest valley, no more: begin from several mechanisms
+    where there may be others.
+
+    Args:
+        model: as `moved` takes it; angles, speed and forces are those of `moved`.
+        vary: dimension -> lowest and highest value in SI.
+        goal: what is to be small, or WORD:QUANTITY as `goal_of` has it.
+        limits: what must be kept. That the loops close at every angle is one without being named: a crank
+            asked for over a whole turn turns fully.
+        most: mechanisms tried at the most.
+
+    Raises:
+        InputError: for an unknown dimension or quantity, bounds that run backwards or leave out the start, or
+            a function that loses derivatives.
+        AssemblyError: where the mechanism it begins from cannot stand at every angle.
+    """
+    subject = moved(model)
+    search = _Search(subject, vary, goal_of(goal) if isinstance(goal, str) else goal, limits)
+    search.at(search.begin)
+    found = search.constrained(most) if limits else search.free(most)
+    return search.told(found)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What was found of one mechanism: quantities and derivatives; None where there is no assembly."""
+
+    x: Array
+    slopes: Slopes | None
+
+
+class _Search:
+    """What scipy asks for, dimensions in parts of how far they may vary."""
+
+    def __init__(
+        self,
+        subject: MovedFamily,
+        vary: Mapping[str, tuple[float, float]],
+        goal: Goal,
+        limits: Sequence[Limit],
+    ):
+        self.moved, self.goal, self.limits = subject, goal, limits
+        self.names = _names(subject, vary)
+        ends = [_ends(subject, name, vary[name]) for name in self.names]
+        self.low, self.high = np.array(ends).T
+        self.start = np.array([subject.family.dimensions[name].value for name in self.names])
+        self.begin = (self.start - self.low) / (self.high - self.low)
+        asked = dict.fromkeys(one for part in (goal, *limits) for one in part.of)
+        self.columns = subject.quantities([*asked]) if asked else []
+        self.tried = 0
+        self._last: _Seen | None = None
+        self.scale = 1.0
+        self.scale = float(np.abs(self.values(goal.function, self.begin, GOAL)).max()) or 1.0
+
+    def dimensions(self, x: Array) -> dict[str, float]:
+        """Return dimensions in SI."""
+        values = self.low + x * (self.high - self.low)
+        return dict(zip(self.names, values.tolist(), strict=True))
+
+    def at(self, x: Array) -> Slopes:
+        """Return quantities and their derivatives.
+
+        Raises:
+            AssemblyError: where there is no assembly.
+        """
+        if self._last is not None and np.array_equal(self._last.x, x):
+            if self._last.slopes is None:
+                raise AssemblyError(f"{self.moved.family.name}: the loops do not close with these dimensions")
+            return self._last.slopes
+        self.tried += 1
+        self._last = _Seen(x.copy(), None)
+        given = self.dimensions(x)
+        try:
+            found = self.moved.slopes(self.columns, self.names, given) if self.columns else Slopes({}, {})
+        except InputError as error:
+            # dimensions that no mechanism can have
+            raise AssemblyError(str(error)) from None
+        self._last = _Seen(x.copy(), found)
+        return found
+
+    def values(self, function: Function, x: Array, what: str) -> Array:
+        """Return a function's values, (k,)."""
+        seen = self.at(x).values
+        return numbers_from(function({**self._all(x), **seen}), what)
+
+    def slope(self, part: Goal | Limit, x: Array, what: str) -> Array:
+        """Return derivatives of a goal or a limit by parts of the dimensions, (k, p)."""
+        seen, rows = self.at(x), list[Array]()
+        for i, name in enumerate(self.names):
+            width = self.high[i] - self.low[i]
+            own = {one: stepped(values, seen.by[name][one] * width) for one, values in seen.values.items()}
+            given: dict[str, Any] = self._all(x)
+            given[name] = stepped(np.array(given[name]), width)
+            found = numbers_from(part.function({**given, **own}), what)
+            if part.of and not np.iscomplexobj(found):
+                raise InputError(
+                    f"{what} gives real numbers of what carries a derivative, as abs, max and float do; "
+                    "use sums, products, powers, roots, and `largest`, `smallest` or `size_of`"
+                )
+            rows.append(change_of(found))
+        return np.array(rows).T
+
+    def _all(self, x: Array) -> dict[str, Any]:
+        return {**self.moved.family.values(), **self.dimensions(x)}
+
+    def free(self, most: int) -> Any:
+        """Return what `least_squares` finds."""
+        from scipy.optimize import least_squares
+
+        count = len(self.values(self.goal.function, self.begin, GOAL))
+
+        def left(x: Array) -> Array:
+            try:
+                return self.values(self.goal.function, x, GOAL) / self.scale
+            except AssemblyError:
+                # least squares goes back from there
+                return np.full(count, np.inf)
+
+        def slope(x: Array) -> Array:
+            return self.slope(self.goal, x, GOAL) / self.scale
+
+        jacobian: Any = slope
+        begin = np.clip(self.begin, INSIDE, 1.0 - INSIDE)
+        rest: dict[str, Any] = {"xtol": REST, "ftol": REST, "gtol": REST}
+        return least_squares(left, begin, jacobian, bounds=(0.0, 1.0), max_nfev=most, **rest)
+
+    def constrained(self, most: int) -> Any:
+        """Return what SLSQP finds."""
+        from scipy.optimize import minimize
+
+        def total(x: Array) -> float:
+            try:
+                return 0.5 * float(np.square(self.values(self.goal.function, x, GOAL) / self.scale).sum())
+            except AssemblyError:
+                return NOWHERE
+
+        def slope(x: Array) -> Array:
+            try:
+                left = self.values(self.goal.function, x, GOAL) / self.scale
+                return left @ self.slope(self.goal, x, GOAL) / self.scale
+            except AssemblyError:
+                return np.zeros(len(x))
+
+        def kept(limit: Limit, sign: float, bound: float) -> dict[str, Any]:
+            unit = _unit(limit)
+            count = len(self.values(limit.function, self.begin, limit.name))
+
+            def inside(x: Array) -> Array:
+                try:
+                    return sign * (self.values(limit.function, x, limit.name) - bound) / unit
+                except AssemblyError:
+                    return np.full(count, -1.0)
+
+            def slope(x: Array) -> Array:
+                try:
+                    return sign * self.slope(limit, x, limit.name) / unit
+                except AssemblyError:
+                    return np.zeros((count, len(x)))
+
+            return {"type": "ineq", "fun": inside, "jac": slope}
+
+        limits: Any = [kept(*one) for one in bounded(self.limits)]
+        jacobian: Any = slope
+        ends: Any = [(0.0, 1.0)] * len(self.names)
+        options = {"maxiter": most, "ftol": REST}
+        begin = np.clip(self.begin, 0.0, 1.0)
+        return minimize(
+            total, begin, jac=jacobian, bounds=ends, constraints=limits, method="SLSQP", options=options
+        )
+
+    def told(self, found: Any) -> Optimum:
+        """Return what came of a search."""
+        x = np.clip(np.asarray(found.x, dtype=np.float64), 0.0, 1.0)
+        after = self.values(self.goal.function, x, GOAL)
+        before = self.values(self.goal.function, self.begin, GOAL)
+        nearest: dict[str, float] = {}
+        missed = False
+        for limit, sign, bound in bounded(self.limits):
+            inside = sign * (self.values(limit.function, x, limit.name) - bound)
+            nearest[limit.name] = float(bound + sign * inside.min())
+            missed |= not inside.min() >= -KEPT * _unit(limit)
+        values = self.dimensions(x)
+        outcome: SearchOutcome = "limits missed" if missed else "found" if found.success else "not converged"
+        return Optimum(
+            moved=replace(self.moved, family=beside(self.moved.family, values)),
+            outcome=outcome,
+            start=dict(zip(self.names, self.start.tolist(), strict=True)),
+            values=values,
+            before=float(np.sqrt(np.square(before).mean())),
+            after=float(np.sqrt(np.square(after).mean())),
+            limits=nearest,
+            at_bounds=tuple(
+                name for name, part in zip(self.names, x, strict=True) if min(part, 1.0 - part) < AT_END
+            ),
+            tried=self.tried,
+            message=str(found.message),
+        )
+
+
+def _unit(limit: Limit) -> float:
+    """Return what a limit is counted in: its own bounds, or 1 where they are nought."""
+    return max(abs(limit.low or 0.0), abs(limit.high or 0.0)) or 1.0
+
+
+def _names(subject: MovedFamily, vary: Mapping[str, tuple[float, float]]) -> list[str]:
+    names = dimensions_asked(subject, [*vary])
+    if names != [*vary]:
+        raise InputError(f"a whole place cannot vary between two numbers; name its parts, {', '.join(names)}")
+    if not names:
+        raise InputError("no dimension may vary; name some with their lowest and highest values")
+    return names
+
+
+def _ends(subject: MovedFamily, name: str, ends: tuple[float, float]) -> tuple[float, float]:
+    """Return where a dimension may vary, checked."""
+    low, high = (float(one) for one in numbers(ends)) if np.shape(ends) == (2,) else (np.nan, np.nan)
+    here = subject.family.dimensions[name].value
+    if not (-np.inf < low < high < np.inf):
+        raise InputError(
+            f"{name} may vary over {ends}; give its lowest and highest value in SI, in this order"
+        )
+    if not low <= here <= high:
+        raise InputError(
+            f"{name} is {here:g} as it stands, outside {low:g} to {high:g}; "
+            "begin from one inside, or widen it"
+        )
+    return low, high
