@@ -61,15 +61,16 @@ def four_bar_b_place(drive: Any, angle: mp.mpf) -> list[mp.mpf]:
 
 
 def slider_crank_b(drive: SliderCrank, f: float) -> Derivatives:
-    """B by Pythagoras."""
+    """B with its derivatives by the crank angle."""
     with mp.workdps(DIGITS):
-        crank, rod, offset = mp.mpf(drive.crank), mp.mpf(drive.rod), mp.mpf(drive.offset)
+        return _derivatives(lambda angle: slider_crank_b_place(drive, angle), f)
 
-        def b(angle: mp.mpf) -> list[mp.mpf]:
-            leg = mp.sqrt(rod**2 - (offset - crank * mp.sin(angle)) ** 2)
-            return [crank * mp.cos(angle) + drive.branch * leg, offset, mp.mpf(0)]
 
-        return _derivatives(b, f)
+def slider_crank_b_place(drive: Any, angle: mp.mpf) -> list[mp.mpf]:
+    """B by Pythagoras."""
+    crank, rod, offset = mp.mpf(drive.crank), mp.mpf(drive.rod), mp.mpf(drive.offset)
+    leg = mp.sqrt(rod**2 - (offset - crank * mp.sin(angle)) ** 2)
+    return [crank * mp.cos(angle) + drive.branch * leg, offset, mp.mpf(0)]
 
 
 def unit_at_angles(v1: np.ndarray, v2: np.ndarray, angle1: float, angle2: float, sign: int) -> np.ndarray:

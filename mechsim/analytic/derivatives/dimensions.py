@@ -1,6 +1,6 @@
 """What dimensions change of a mechanism: the derivatives of its numbers."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +17,10 @@ EIGHTH = np.array([4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0])
 SIXTH = np.array([3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0, 0.0])
 ONE_SIDED = np.array([4.0, -3.0, 4.0 / 3.0, -1.0 / 4.0])
 # steps tried, as powers of two of a dimension's scale: so far is exact in binary numbers
-POWERS = (-7, -10, -13)
-# part of what a description changes by to which two orders of difference must agree, and either side
-AGREE, KINK = 1e-7, 1e-3
+POWERS = (-7, -9, -11, -13, -15)
+# part of what a description changes by to which two orders of difference agree so well that no other step is
+# tried, to which they must at the best of them, and to which either side must agree
+CLOSE, AGREE, KINK = 1e-11, 1e-7, 1e-3
 # a length below this part of the mechanism's size is stepped by the size
 SMALL = 1e-3
 
@@ -80,7 +81,8 @@ def changes(
         InputError: where a description has a kink at a dimension, or cannot be made beside it.
 
     Accuracy: a description is arithmetic: differences of eighth order over binary steps give its derivatives
-        to about 1e-14 of the dimensions; a sixth order that disagrees by more than 1e-7 of them is refused.
+        to about 1e-13 of themselves, over the step at which a sixth order agrees best; one that disagrees by
+        more than 1e-7 is refused.
     """
     taken = numbers or (lambda values: numbers_of(family.describe(values)))
     size = family.describe({}).size
@@ -94,32 +96,47 @@ def _change(
         return taken({dimension.name: value})
 
     here = numbers(dimension.value)
-    for scale in _scales(dimension, size):
-        for power in POWERS:
-            step = float(2.0 ** (np.floor(np.log2(scale)) + power))
-            try:
-                beside = [
-                    [numbers(dimension.value + sense * k * step) - here for k in range(1, 5)]
-                    for sense in (1.0, -1.0)
-                ]
-                slope = _slope(np.array(beside), step)
-            except (MechsimError, ValueError):
-                continue
-            if slope is not None:
-                return slope
+    best, apart = here, np.inf
+    for step in _steps(dimension, size):
+        try:
+            beside = [
+                [numbers(dimension.value + sense * k * step) - here for k in range(1, 5)]
+                for sense in (1.0, -1.0)
+            ]
+            slope, off = _slope(np.array(beside), step)
+        except (MechsimError, ValueError):
+            continue
+        if off < apart:
+            best, apart = slope, off
+        if apart <= CLOSE:
+            return best
+    if apart <= AGREE:
+        return best
     raise InputError(
         f"{family.name}: the description has no derivative by {dimension.name} at {dimension.value:.6g}: "
         "it has a kink there, or cannot be made beside it; move the dimension a little"
     )
 
 
-def _slope(beside: Array, step: float) -> Array | None:
-    """Return derivatives of numbers (k,) from what is added on either side, (2, 4, k); None at a kink."""
+def _slope(beside: Array, step: float) -> tuple[Array, float]:
+    """Return derivatives of numbers (k,) from what is added on either side, (2, 4, k), and how well known.
+
+    That is by how much a lower order disagrees, as a part of what changes most; infinite at a kink.
+    """
     ahead, behind = (np.tensordot(ONE_SIDED, side, 1) / step for side in beside)
     eighth, sixth = (np.tensordot(order, beside[0] - beside[1], 1) / step for order in (EIGHTH, SIXTH))
-    most = np.abs(beside).max(initial=0.0) / (4.0 * step)
-    smooth = np.abs(ahead + behind).max(initial=0.0) <= KINK * most
-    return eighth if smooth and np.abs(eighth - sixth).max(initial=0.0) <= AGREE * most else None
+    most = float(np.abs(beside).max(initial=0.0)) / (4.0 * step)
+    if most == 0.0:
+        return eighth, 0.0
+    smooth = np.abs(ahead + behind).max() <= KINK * most
+    return eighth, float(np.abs(eighth - sixth).max()) / most if smooth else np.inf
+
+
+def _steps(dimension: Dimension, size: float) -> Iterator[float]:
+    """Yield steps of a dimension in SI, exact in binary numbers, the likeliest first."""
+    for scale in _scales(dimension, size):
+        for power in POWERS:
+            yield float(2.0 ** (np.floor(np.log2(scale)) + power))
 
 
 def _scales(dimension: Dimension, size: float) -> list[float]:

@@ -1,0 +1,143 @@
+"""How exact derivatives by dimensions are: against 50 digits, and against motions of mechanisms solved beside.
+
+Prints, for each mechanism, the largest error of positions and of velocities, by any dimension, relative to the
+largest derivative by that dimension. Differences are of eighth order, over the step at which they agree best.
+
+Run: python validation/sensitivity/accuracy.py
+"""
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+from mpmath import mp
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
+from exact import DIGITS, four_bar_b_place, rssr_p3_place, slider_crank_b_place
+
+from mechsim.analytic import catalog
+from mechsim.analytic.derivatives import changes, motion_derivatives
+from mechsim.analytic.derivatives.catalog_family import catalog_family
+from mechsim.analytic.derivatives.dimensions import EIGHTH
+from mechsim.analytic.derivatives.motion_beside import motion_beside
+from mechsim.errors import MechsimError
+from mechsim.studies.motion_source import programs_of
+from mechsim.subjects import gallery
+from mechsim.subjects.families import family
+
+EXACT = {
+    "rssr": ("P3", rssr_p3_place),
+    "four_bar": ("B", four_bar_b_place),
+    "slider_crank": ("B", slider_crank_b_place),
+}
+AT = np.array([0.3, 1.1, 2.9, 4.4, 5.6])
+# a derivative this small beside the others is none
+NONE = 1e-9
+# steps of differences, as powers of two of a dimension
+STEPS = (-9, -11, -13, -15)
+
+
+def exactly(place, drive, name, angle):
+    """Position's and velocity's derivative by a dimension at unit speed, from 50 digits."""
+    whole, _, axis = name.partition(".")
+
+    def places(value, at):
+        own = {one: getattr(drive, one) for one in drive.__dataclass_fields__}
+        own[whole] = value
+        if axis:
+            own[whole] = list(getattr(drive, whole))
+            own[whole]["xyz".index(axis)] = value
+        return place(SimpleNamespace(**own), at)
+
+    with mp.workdps(DIGITS):
+        begin = getattr(drive, whole)
+        of = mp.mpf(begin["xyz".index(axis)] if axis else begin), mp.mpf(float(angle))
+        return [
+            np.array([float(mp.diff(lambda v, t, i=i: places(v, t)[i], of, (1, k))) for i in range(3)])
+            for k in (0, 1)
+        ]
+
+
+def against_digits():
+    """Print what 50 digits say."""
+    for name, (point, place) in EXACT.items():
+        drive = catalog.make(name)
+        of = catalog_family(drive)
+        found = motion_derivatives(drive, changes(of, [*of.dimensions]), AT)
+        worst = [0.0, 0.0]
+        for dimension, moved in found.by.items():
+            own = moved.points[point].position, moved.points[point].velocity
+            exact = [exactly(place, drive, dimension, angle) for angle in AT]
+            for k in (0, 1):
+                told = np.array([one[k] for one in exact])
+                size = np.abs(told).max()
+                if size > NONE:
+                    worst[k] = max(worst[k], float(np.abs(own[k] - told).max() / size))
+        print(f"{name:22s} 50 digits   places {worst[0]:.1e}  velocities {worst[1]:.1e}")
+
+
+def differences(of, near, dimension, part):
+    """Yield derivatives of points by differences of eighth order, over ever shorter steps."""
+    value = of.dimensions[dimension].value
+    for power in STEPS:
+        step = 2.0**power * (abs(value) or 1.0)
+        try:
+            both = [
+                [near.of(of.describe({dimension: value + s * k * step})) for s in (1, -1)]
+                for k in (1, 2, 3, 4)
+            ]
+        except MechsimError:
+            continue
+        yield {
+            point: sum(
+                weight * (getattr(a.points[point], part) - getattr(b.points[point], part))
+                for weight, (a, b) in zip(EIGHTH, both, strict=True)
+            )
+            / step
+            for point in near.form.mechanism.points
+        }
+
+
+def beside(name):
+    """Return the largest relative errors of positions and velocities against mechanisms solved beside."""
+    of = family(name)
+    form = of.make({})
+    if not form.mechanism.has_crank and programs_of(form) is None:
+        units = {one: "5mm" if form.mechanism.unit(one) == "m" else "5deg" for one in form.mechanism.drivers}
+        of = family(name, drive={one: f"{far}*sin(2*pi*t)" for one, far in units.items()})
+        form = of.make({})
+    programs = programs_of(form)
+    angles = form.mechanism.start + 0.4 * AT / AT[-1] if programs is None else programs.pace * AT / 40.0
+    rate = 1.0 if programs is None else programs.pace
+    found = motion_derivatives(form, changes(of, [*of.dimensions]), angles, rate)
+    near = motion_beside(form, angles, rate)
+    worst = [0.0, 0.0]
+    for dimension, moved in found.by.items():
+        for i, part in enumerate(("position", "velocity")):
+            size = max(np.abs(getattr(one, part)).max() for one in moved.points.values())
+            if size > NONE:
+                told = [np.array([*one.values()]) for one in differences(of, near, dimension, part)]
+                own = np.array([getattr(one, part) for one in moved.points.values()])
+                # that of the steps which agree best, as far as they do
+                best = min(range(len(told) - 1), key=lambda k: np.abs(told[k + 1] - told[k]).max())
+                worst[i] = max(worst[i], float(np.abs(own - told[best + 1]).max() / size))
+    return len(found.by), worst
+
+
+def main():
+    against_digits()
+    every = (*catalog.DRIVES, *(one for one in gallery.files() if one not in catalog.DRIVES))
+    for name in sys.argv[1:] or every:
+        try:
+            count, worst = beside(name)
+        except MechsimError as error:
+            print(f"{name:22s} {error}")
+            continue
+        print(
+            f"{name:22s} {count:2d} dimensions, solved beside   places {worst[0]:.1e}  velocities {worst[1]:.1e}"
+        )
+
+
+if __name__ == "__main__":
+    main()
