@@ -1,7 +1,7 @@
-"""How exact derivatives by dimensions are: against 50 digits, and against motions of mechanisms solved beside.
+"""How exact derivatives by dimensions are: against 50 digits, and against mechanisms solved beside.
 
-Prints, for each mechanism, the largest error of positions and of velocities, by any dimension, relative to the
-largest derivative by that dimension. Differences are of eighth order, over the step at which they agree best.
+Prints, for each mechanism, the largest error of positions and of velocities, by any dimension, relative to
+the largest derivative by that dimension. Differences are of eighth order, over the step at which they agree best.
 
 Run: python validation/sensitivity/accuracy.py
 """
@@ -135,7 +135,8 @@ def main():
             print(f"{name:22s} {error}")
             continue
         print(
-            f"{name:22s} {count:2d} dimensions, solved beside   places {worst[0]:.1e}  velocities {worst[1]:.1e}"
+            f"{name:22s} {count:2d} dimensions, solved beside   places {worst[0]:.1e}  "
+            f"velocities {worst[1]:.1e}"
         )
 
 

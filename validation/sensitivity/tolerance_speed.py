@@ -1,6 +1,7 @@
 """What derivatives and a Monte Carlo of 100,000 mechanisms cost, and how far it is from linear theory.
 
-Prints processor time for every mechanism of the catalogue: 73 angles, every dimension off by 0.02 mm or 0.2 mrad.
+Prints processor time for every mechanism of the catalogue: 73 angles, every dimension off by 0.02 mm or
+0.2 mrad.
 
 Run: python validation/sensitivity/tolerance_speed.py
 """
@@ -20,7 +21,7 @@ def spent(call):
 
 
 def apart(study, quantity):
-    """By how much random and linear standard deviations differ, where they are no hundredth of the largest."""
+    """By how much random and linear standard deviations differ, where they are not small."""
     linear = study.deviation(quantity)
     large = linear > 0.01 * linear.max()
     return float(np.abs(study.random(quantity)["std"][large] / linear[large] - 1.0).max(initial=0.0))
@@ -35,9 +36,9 @@ def main():
         study, taken = spent(lambda table=table, bounds=bounds: ms.tolerance_study(table, bounds))
         found = study.sampled
         print(
-            f"{name:14s} {len(bounds):2d} dimensions: derivatives {derived:.2f} s, {found.samples} random mechanisms "
-            f"{taken:.2f} s, to order {found.order}, solved ones {found.miss:.1e} deviations off, random and linear "
-            f"deviation within {100.0 * max(apart(study, one) for one in table.values):.1f} %"
+            f"{name:14s} {len(bounds):2d} dimensions: derivatives {derived:.2f} s, {found.samples} random "
+            f"mechanisms {taken:.2f} s, to order {found.order}, solved ones {found.miss:.1e} deviations off, "
+            f"random and linear deviation within {100.0 * max(apart(study, one) for one in table.values):.1f} %"
         )
 
 
