@@ -1,7 +1,7 @@
 """How exact derivatives by dimensions are: against 50 digits, and against mechanisms solved beside.
 
 Prints, for each mechanism, the largest error of positions and of velocities, by any dimension, relative to
-the largest derivative by that dimension. Differences are of eighth order, over the step at which they agree best.
+the largest derivative by that dimension. Differences are of eighth order, over the step that agrees best.
 
 Run: python validation/sensitivity/accuracy.py
 """
