@@ -86,7 +86,7 @@ def optimise(
         AssemblyError: where the mechanism it begins from cannot stand at every angle.
     """
     subject = moved(model)
-    search = _Search(subject, vary, goal_of(goal) if isinstance(goal, str) else goal, limits)
+    search = _DimensionSearch(subject, vary, goal_of(goal) if isinstance(goal, str) else goal, limits)
     search.at(search.begin)
     found = search.constrained(most) if limits else search.free(most)
     return search.told(found)
@@ -100,7 +100,7 @@ class _Seen:
     slopes: Slopes | None
 
 
-class _Search:
+class _DimensionSearch:
     """What scipy asks for, dimensions in parts of how far they may vary."""
 
     def __init__(
