@@ -4,7 +4,7 @@ Sizes follow from the size of the mechanism, so that a needle drive of millimetr
 metres look alike. Nothing here is physics: the shapes carry no mass and meet nothing.
 """
 
-from mechsim.shapes.body import link_colours, rod_radius, span
+from mechsim.shapes.body import link_colours, point_colours, rod_radius, span
 from mechsim.shapes.draw import link_shapes
 from mechsim.shapes.facets import Facets
 from mechsim.shapes.planar import planar_normals
@@ -23,6 +23,7 @@ __all__ = [
     "link_colours",
     "link_shapes",
     "planar_normals",
+    "point_colours",
     "rod_radius",
     "span",
 ]

@@ -16,6 +16,12 @@ def link_colours(mechanism: Mechanism) -> dict[str, Rgba]:
     return {link.name: PALETTE[i % len(PALETTE)] for i, link in enumerate(mechanism.links)}
 
 
+def point_colours(mechanism: Mechanism) -> dict[str, Rgba]:
+    """Return the colour of every tracked point, the same in pictures, plots and pages."""
+    # the brightest fades on white
+    return {name: PALETTE[i % (len(PALETTE) - 1)] for i, name in enumerate(mechanism.points)}
+
+
 def rod_radius(mechanism: Mechanism) -> float:
     """Return the radius of rods in [m]: a fixed part of the mechanism, less where a link is very short."""
     size = shortest = span(mechanism)

@@ -52,8 +52,12 @@ class Camera:
         return np.stack([x, y], -1)
 
 
-def directions(mechanism: Mechanism, preset: str) -> tuple[Array, Array]:
+def directions(
+    mechanism: Mechanism, preset: str, upwards: tuple[float, float, float] = (0.0, 1.0, 0.0)
+) -> tuple[Array, Array]:
     """Return (back, up) of a preset: unit vectors from scene to camera and to the top of the picture.
+
+    `upwards` is what stands upright where the shaft does not: Y, in most scenes of MuJoCo's Z.
 
     "shaft" looks along the crank shaft, the crank turning anticlockwise at positive speed; "top"
     and "side" look across it; "iso" looks from a corner, or, for a planar mechanism, straight on
@@ -62,9 +66,9 @@ def directions(mechanism: Mechanism, preset: str) -> tuple[Array, Array]:
     if preset not in PRESETS:
         raise InputError(f"there is no camera {preset!r}; known are {', '.join(PRESETS)}")
     shaft = np.asarray(mechanism.driven_joints[0].a.axis)
-    up = np.array([0.0, 1.0, 0.0])
+    up = np.array(upwards)
     if abs(float(shaft @ up)) > 0.9:
-        up = np.array([0.0, 0.0, 1.0])
+        up = np.array([0.0, upwards[2], upwards[1]])
     up = up - shaft * (shaft @ up)
     up /= np.linalg.norm(up)
     flat = planar_normals(mechanism) is not None

@@ -10,7 +10,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import COLOURS, blank, chosen, styled
-from mechsim.shapes import PALETTE, link_colours
+from mechsim.shapes import point_colours
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,7 +45,7 @@ def coupler_curve(
         points: tracked points; None draws all.
         other: a second motion of the same points, drawn as rings.
     """
-    names, colours = chosen(motion, points), link_colours(mechanism)
+    names, colours = chosen(motion, points), point_colours(mechanism)
     places = {name: motion.points[name].position for name in names}
     everything = np.vstack(list(places.values()))
     factor, unit = readable(everything, "m")
@@ -54,7 +54,7 @@ def coupler_curve(
     figure, axes = blank(1, len(views), (3.6 * len(views) + 0.4, 3.4))
     for ax, (i, j) in zip(axes[0], views, strict=True):
         for name, place in places.items():
-            colour = colours.get(mechanism.points[name][0], PALETTE[0])
+            colour = colours[name]
             ax.plot(place[:, i] / factor, place[:, j] / factor, color=colour, label=name)
             ax.plot(*(place[0, [i, j]] / factor), "o", ms=4, color=colour)
             if other is not None:
@@ -70,7 +70,7 @@ def coupler_curve(
 @styled()
 def space_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | None = None) -> "Figure":
     """Draw the paths of points in perspective, with their shadows on the floor; see `coupler_curve`."""
-    names, colours = chosen(motion, points), link_colours(mechanism)
+    names, colours = chosen(motion, points), point_colours(mechanism)
     places = {name: motion.points[name].position for name in names}
     everything = np.vstack(list(places.values()))
     factor, unit = readable(everything, "m")
@@ -80,7 +80,7 @@ def space_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | No
     figure, axes = blank(1, 1, (4.6, 4.4), subplot_kw={"projection": "3d"})
     ax = axes[0, 0]
     for name, place in places.items():
-        colour = colours.get(mechanism.points[name][0], PALETTE[0])
+        colour = colours[name]
         # the mechanism's y points up, matplotlib's z does
         x, up, z = (place / factor).T
         ax.plot(z, x, np.full_like(up, middle[1] - half), color="#b9bfc8", lw=1.0)

@@ -6,7 +6,7 @@ import numpy as np
 from mechsim.pictures.render.drawn_model import BEFORE, DrawnModel
 from mechsim.pictures.render.lines import Chain, chain
 from mechsim.pictures.render.shadow import Shadow
-from mechsim.shapes import link_colours
+from mechsim.shapes import point_colours
 
 
 class Trace:
@@ -15,12 +15,12 @@ class Trace:
     def __init__(self, drawn: DrawnModel):
         self.drawn, look = drawn, drawn.look
         self.width = 2.4 * look.size[1] / 480.0 / drawn.camera.scale
-        colours = link_colours(drawn.mechanism)
+        colours = point_colours(drawn.mechanism)
         self.shadow = Shadow(drawn) if drawn.stands_on_wall else None
         self.paths: dict[str, Chain] = {}
         self.fixed: list[Chain] = []
         for name, path in drawn.frames.paths.items():
-            colour = np.array(colours[drawn.mechanism.points[name][0]])
+            colour = np.array(colours[name])
             colour[:3] *= 0.9
             self.paths[name] = chain(path, self.width, colour)
             if name in look.projections:

@@ -14,11 +14,11 @@ from mechsim._version import __version__
 from mechsim.errors import MissingToolError, needs
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.mechanism import GROUND, Mechanism, Pose, Vector
 from mechsim.pictures.number_text import prefixed
 from mechsim.pictures.view.interpolation import quaternions
 from mechsim.pictures.view.records import GhostTrack, PoseGrid, Slider, View
-from mechsim.shapes import PALETTE, Shape, free_sides, link_shapes, planar_normals, rod_radius
+from mechsim.shapes import Shape, free_sides, link_shapes, planar_normals, point_colours, rod_radius
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.extent import extent, travels
 from mechsim.shapes.walls import stands
@@ -27,6 +27,8 @@ TEMPLATES = Path(__file__).parent / "templates"
 LIBRARY, BUILD = "jupyter_threejs_sage", "static/r130/three.min.js"
 # poses that the room a mechanism takes is measured over
 SOME = 360
+# what stands upright: in our own mechanisms, and in scenes of MuJoCo
+Y, Z = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 def page(view: View, library: str = "") -> str:
@@ -94,7 +96,7 @@ def _data(view: View) -> dict[str, Any]:
         "joints": _joints(mechanism),
         "points": _points(mechanism),
         "hold": {link.name: mechanism.ends(link.name)[0].point for link in mechanism.links},
-        "cameras": _cameras(mechanism, balls, radii),
+        "cameras": _cameras(mechanism, balls, radii, Z if view.bodies else Y),
         "flat": planar_normals(mechanism) is not None,
         "grids": [_grid(grid) for grid in view.grids],
     }
@@ -159,13 +161,14 @@ def _joints(mechanism: Mechanism) -> list[dict[str, Any]]:
 
 
 def _points(mechanism: Mechanism) -> list[dict[str, Any]]:
+    colours = point_colours(mechanism)
     return [
-        {"name": name, "link": link, "at": local, "colour": PALETTE[i % 6][:3]}
-        for i, (name, (link, local)) in enumerate(mechanism.points.items())
+        {"name": name, "link": link, "at": local, "colour": colours[name][:3]}
+        for name, (link, local) in mechanism.points.items()
     ]
 
 
-def _cameras(mechanism: Mechanism, balls: Array, radii: Array) -> list[dict[str, Any]]:
+def _cameras(mechanism: Mechanism, balls: Array, radii: Array, upwards: Vector) -> list[dict[str, Any]]:
     """Return the directions to look from; the first is the usual one."""
     found: list[dict[str, Any]] = []
     flat = planar_normals(mechanism) is not None
@@ -173,7 +176,7 @@ def _cameras(mechanism: Mechanism, balls: Array, radii: Array) -> list[dict[str,
     if not flat:
         usual["shaft"] = "along shaft"
     for preset, name in usual.items():
-        back, up = cameras.directions(mechanism, preset)
+        back, up = cameras.directions(mechanism, preset, upwards)
         framed = cameras.framed(back, up, balls, radii, (1, 1), margin=0.0)
         right = np.cross(up, back)
         across = float((balls @ right + radii).max() - (balls @ right - radii).min())

@@ -562,7 +562,7 @@ const allReadouts = () => state.grid.readouts;
 function told(lost) {
   const rows = allReadouts().map((readout) => {
     const row = node("tr"), values = readAt(state.grid, readout, state.values);
-    row.append(node("td", {}, readout.name.replace(/_/g, " ")));
+    row.append(node("th", { scope: "row" }, readout.name.replace(/_/g, " ")));
     const cell = node("td", {}, lost ? "–" : "");
     if (!lost) cell.append(...values.map((value, i) => node("span", {}, (readout.parts[i] ? `${readout.parts[i]} ` : "") + text(value, readout.unit))));
     row.append(cell);
@@ -581,7 +581,7 @@ function ghostRow() {
     worst = Math.max(worst, Math.hypot(ghost.values[o], ghost.values[o + 1], ghost.values[o + 2]));
   }
   const row = node("tr");
-  row.append(node("td", {}, `${ghost.name} stands off by`), node("td", {}, `${worst.toExponential(2)} m`));
+  row.append(node("th", { scope: "row" }, `${ghost.name} stands off by`), node("td", {}, `${worst.toExponential(2)} m`));
   return row;
 }
 
