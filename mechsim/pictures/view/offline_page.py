@@ -97,7 +97,7 @@ def _data(view: View) -> dict[str, Any]:
         "points": _points(mechanism),
         "hold": {link.name: mechanism.ends(link.name)[0].point for link in mechanism.links},
         "cameras": _cameras(mechanism, balls, radii, Z if view.bodies else Y),
-        "flat": planar_normals(mechanism) is not None,
+        "bodied": bool(view.bodies),
         "grids": [_grid(grid) for grid in view.grids],
     }
 

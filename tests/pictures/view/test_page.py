@@ -142,3 +142,16 @@ def test_nothing_runs_over_the_edge_in_either_scheme(window, place_of, width):
         ground.append(float(np.median(window.look())))
         assert window.complaints == []
     assert ground[0] > 200.0 > 60.0 > ground[1]
+
+
+@shown
+def test_no_name_covers_another(window, place_of):
+    boxes = "[...document.querySelectorAll('#labels text')].map(one => one.getBoundingClientRect().toJSON())"
+    for width, degrees in ((400, 0), (400, 75), (1280, 180)):
+        fresh(window, place_of, f"#crank={degrees}", width)
+        found = window.run(boxes)
+        assert len(found) >= 5  # three points, a pivot, the scale
+        for i, a in enumerate(found):
+            for b in found[:i]:
+                apart = a["right"] <= b["left"] or b["right"] <= a["left"]
+                assert apart or a["bottom"] <= b["top"] + 3 or b["bottom"] <= a["top"] + 3

@@ -101,7 +101,7 @@ function readAt(grid, readout, values) {
 /* ---- what is set ---- */
 
 const state = { grid: DATA.grids[0], values: [], active: 0, playing: new Set(), sense: [], pace: 1, camera: 0,
-  show: { names: true, axes: false, paths: true, ghost: false, joints: true }, magnified: true, poses: null, chosen: [] };
+  show: { names: true, axes: false, paths: true, ghost: false, joints: !DATA.bodied }, magnified: true, poses: null, chosen: [] };
 
 const shownUnit = (unit) => ({ rad: ["°", 1 / DEGREE], m: LENGTH, s: ["s", 1], "m/s": SPEED }[unit] || [unit, 1]);
 let LENGTH = ["mm", 1e3], SPEED = ["m/s", 1];
@@ -325,7 +325,7 @@ function write() {
     const width = widthOf(said, size), order = [...AROUND.keys()];
     if (said in sides) order.unshift(sides[said]);
     let best = null, least = Infinity;
-    for (let round = 0; round < 4 && least > 0; round++)
+    for (let round = 0; round < 6 && least > 0; round++)
       for (const side of order) {
         const box = spot(group.at, width, size, side, reach * (1 + 0.7 * round));
         const off = box.left < 0 || box.right > W || box.top < 0 || box.bottom > H;
@@ -333,6 +333,7 @@ function write() {
         if (hits < least) { least = hits; best = { box, side, round }; }
         if (!hits) break;
       }
+    if (least >= 3) return;  // nowhere to stand without covering another name
     sides[said] = best.side;
     taken.push(best.box);
     if (best.round > 0) pieces.push(make("line", { class: "leader", x1: group.at[0], y1: group.at[1], x2: (best.box.left + best.box.right) / 2, y2: best.box.middle }));
