@@ -11,14 +11,15 @@ ROOT = Path(__file__).parents[2]
 DOCUMENTS = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), ROOT / "validation" / "README.md"]
 SOURCES = [*ROOT.glob("mechsim/**/*.py"), *ROOT.glob("validation/**/*.py"), *ROOT.glob("examples/*.py")]
 PATH = re.compile(r"(?<![\w/.-])((?:validation|tests|mechsim|examples|docs|\.ci)/[\w/.-]*\w)/?")
-MODULE = re.compile(r"(?<![\w/.@-])mechsim((?:\.[a-z_]+)+)(?![\w/(])")
+MODULE = re.compile(r"(?<![\w/.@\"-])mechsim((?:\.[a-z_]+)+)(?![\w/(])")
 
 
 def missing(text: str) -> list[str]:
     """Return the paths and modules named in a text that are not there."""
     # a path may go on after the end of a line of comment
     joined = re.sub(r"/\n#? *", "/", text)
-    paths = [path for path in PATH.findall(joined) if not (ROOT / path).exists()]
+    homes = (ROOT, ROOT / "examples" / "my_project")
+    paths = [path for path in PATH.findall(joined) if not any((home / path).exists() for home in homes)]
     return paths + [f"mechsim{name}" for name in MODULE.findall(joined) if not _is_there(name.strip("."))]
 
 

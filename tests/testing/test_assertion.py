@@ -1,5 +1,6 @@
 """The assertion for test suites: what agrees passes, what does not says why and how to see it again."""
 
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +21,14 @@ def long_rod(angle):
     return law(angle, 0.21)
 
 
-@pytest.fixture
-def running(tmp_path):
-    told = {}
-    token = RUNNING.set(RunningTest("tests/x.py::test_x[a b]", tmp_path / "pages", told.__setitem__))
-    yield told
-    RUNNING.reset(token)
+@contextmanager
+def running(test):
+    """Say which test runs, whether or not the plugin says it already; None is outside of a run."""
+    token = RUNNING.set(test)
+    try:
+        yield
+    finally:
+        RUNNING.reset(token)
 
 
 def test_what_agrees_is_returned():
@@ -33,7 +36,7 @@ def test_what_agrees_is_returned():
 
 
 def test_what_does_not_agree_fails_with_verdict_cause_and_command():
-    with pytest.raises(AssertionError) as failed:
+    with running(None), pytest.raises(AssertionError) as failed:
         ms.testing.assert_agrees("slider_crank", long_rod, tolerance=1e-6)
     lines = str(failed.value).splitlines()
     assert lines[0] == "slider_crank does not agree with long_rod"
@@ -56,30 +59,33 @@ def test_parameters_changed_stand_in_the_command():
         ms.testing.assert_agrees("slider_crank", law, set={"rod": "250mm"})
 
 
-def test_in_a_run_of_pytest_a_page_is_written_and_the_junit_file_is_told(running, tmp_path):
-    with pytest.raises(AssertionError, match="report: ") as failed:
+def test_in_a_run_of_pytest_a_page_is_written_and_the_junit_file_is_told(tmp_path):
+    told = {}
+    test = RunningTest("tests/x.py::test_x", tmp_path / "pages", told.__setitem__)
+    with running(test), pytest.raises(AssertionError, match="report: ") as failed:
         ms.testing.assert_agrees("slider_crank", long_rod, tolerance=1e-6)
     (page,) = (tmp_path / "pages").iterdir()
     assert str(page) in str(failed.value)
     text = page.read_text()
     assert "slider_crank against long_rod: missed" in text
     assert "<polyline" in text
-    assert running["mechsim.outcome"] == "missed"
-    assert running["mechsim.worst"] == "position of B"
-    ms.testing.assert_agrees("slider_crank", law)
-    assert running["mechsim.outcome"] == "met"
+    assert told["mechsim.outcome"] == "missed"
+    assert told["mechsim.worst"] == "position of B"
+    with running(test):
+        ms.testing.assert_agrees("slider_crank", law)
+    assert told["mechsim.outcome"] == "met"
     assert len(list((tmp_path / "pages").iterdir())) == 1
 
 
-def test_a_function_that_no_file_holds_is_shown_again_by_the_test(running):
-    with pytest.raises(AssertionError, match=r"again:  pytest 'tests/x\.py::test_x\[a b\]'"):
+def test_a_function_that_no_file_holds_is_shown_again_by_the_test(tmp_path):
+    test = RunningTest("tests/x.py::test_x[a b]", tmp_path / "pages", lambda name, value: None)
+    with running(test), pytest.raises(AssertionError, match=r"again:  pytest 'tests/x\.py::test_x\[a b\]'"):
         ms.testing.assert_agrees("slider_crank", lambda angle: law(angle, 0.3))
 
 
 def test_a_folder_that_cannot_be_written_costs_the_page_alone(tmp_path):
     (tmp_path / "taken").write_text("")
-    token = RUNNING.set(RunningTest("t", tmp_path / "taken" / "pages", lambda name, value: None))
-    with pytest.raises(AssertionError, match="does not agree") as failed:
+    test = RunningTest("t", tmp_path / "taken" / "pages", lambda name, value: None)
+    with running(test), pytest.raises(AssertionError, match="does not agree") as failed:
         ms.testing.assert_agrees("slider_crank", long_rod)
-    RUNNING.reset(token)
     assert "report:" not in str(failed.value)
