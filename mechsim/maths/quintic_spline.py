@@ -24,7 +24,7 @@ def quintic_spline(
         value: (n,).
 
     Raises:
-        InputError: for columns of unequal length, too few rows, what is not finite, or times that do not rise.
+        InputError: for columns of unequal length, too few rows, what is not finite, or times that fall.
     """
     from scipy.interpolate import make_interp_spline
 

@@ -283,7 +283,8 @@ def test_a_name_that_is_not_there_is_refused_with_those_that_are(file, asked, wo
 
 def test_a_gripper_whose_slides_and_masses_lie_in_one_place_is_as_large_as_its_fingers(file):
     finger = """<body name="{0}"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
-    <joint name="{0}" type="slide" axis="0 1 0"/><geom type="box" size="0.01 0.02 0.04" pos="0 0 0.04"/></body>"""
+    <joint name="{0}" type="slide" axis="0 1 0"/>
+    <geom type="box" size="0.01 0.02 0.04" pos="0 0 0.04"/></body>"""
     text = f"<mujoco><worldbody>{finger.format('left')}{finger.format('right')}</worldbody></mujoco>"
     size = read_model(file(text), drivers=["left", "right"]).mechanism.size
     assert size == pytest.approx(np.hypot(np.hypot(0.02, 0.04), 0.08))

@@ -66,7 +66,7 @@ class LinkRows:
 def can_be_followed_together(mechanism: Mechanism, joints: Sequence[str]) -> TreeLoops | None:
     """Return the loops of a mechanism whose designs can be followed together; None where they cannot.
 
-    For that one crank turns, nothing is held or coupled, and no link spins by itself; and of joints that close
+    For that one crank turns, nothing is held or coupled, no link spins by itself, and of joints that close
     loops only hinges are asked for.
 
     Raises:

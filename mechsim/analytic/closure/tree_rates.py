@@ -194,8 +194,8 @@ def _newton(
 
 def _lost(path: FollowedPath, s: float) -> AssemblyError:
     return AssemblyError(
-        f"{path.loops.tree.mechanism.name}: the pose at {path.words.instant(s)} is too near a singular one to "
-        "be told from another assembly; keep away from it"
+        f"{path.loops.tree.mechanism.name}: the pose at {path.words.instant(s)} is too near a singular one "
+        "to be told from another assembly; keep away from it"
     )
 
 
