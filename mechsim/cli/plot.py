@@ -20,6 +20,7 @@ from mechsim.cli.options import (
 from mechsim.cli.output import progress
 from mechsim.errors import InputError
 from mechsim.pictures import plots
+from mechsim.cli.sweep import drawn_sweep
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
 
 # the kinds that show a motion over time as well
@@ -39,11 +40,17 @@ def plot(
 ) -> None:
     """Plot motions, curves, transmission, errors, velocity plans, dynamics or studies: .svg, .pdf or .png.
 
+    Of what `mechsim sweep` wrote: kind map, parallel or pareto, of the measures that --of names.
+
     Kind precision takes 20 s to measure, kind stability minutes; `mechsim tradeoff` and `mechsim extremes`
     tell the numbers too.
     """
     plots.form_of(output)
     place = writable(output)
+    if model.lower().endswith((".nc", ".zarr", ".parquet", ".csv")):
+        plots.write(place, drawn_sweep(model, asked.of, None if kind == "motion" else kind))
+        typer.echo(f"wrote {output}")
+        return
     if kind not in PLOTS:
         raise InputError(f"there is no plot {kind!r}; known are {', '.join(PLOTS)}")
     drive = moving(form_of(model, sets, driven))

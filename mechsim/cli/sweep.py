@@ -11,11 +11,13 @@ from mechsim.cli.options import DriveOptions, File, Json, Model, Sets, Speed, pa
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.errors import InputError, OutputError
 from mechsim.files import place_of
+from mechsim.studies.sweep.checking import CheckedDesigns, check_table
 from mechsim.studies.sweep.designs import parsed_range
 from mechsim.studies.sweep.sweeping import SAMPLES, built, run_sweep, swept_designs, swept_task
-from mechsim.studies.sweep.table import columns, ending, require_libraries
+from mechsim.studies.sweep.table import TEXTS, columns, ending, read_sweep, require_libraries
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from xarray import Dataset
 
 # reasons that are printed
@@ -53,6 +55,10 @@ def sweep(
     ] = None,
     samples: Annotated[int, typer.Option(help="Poses a turn, or over the programs.")] = SAMPLES,
     speed: Speed = "600rpm",
+    check: Annotated[
+        int,
+        typer.Option(metavar="N", help="Judge N random designs by MuJoCo's poses, too."),
+    ] = 0,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a sweep that was stopped.")] = False,
     scheduler: Annotated[
         str | None,
@@ -91,12 +97,27 @@ def sweep(
     with progress("sweep", None, quiet=as_json) as tick:
         found = run_sweep(task, output, resume=resume, scheduler=scheduler, watch=tick)
     seconds = time.perf_counter() - begun
-    told = {"model": model, "output": output, "designs": task.designs.count, "built": built(found)}
+    told: dict[str, Any] = {"model": model, "output": output, "designs": task.designs.count, "built": built(found)}
+    checked = check_table(task, found, check) if check > 0 else None
+    if checked is not None:
+        told["checked"] = {"designs": checked.count, "passed": checked.passed, "worst": checked.worst}
     if as_json:
         print_json({**told, "seconds": seconds})
-        return
+        raise typer.Exit(_code(checked))
     _print(found, f"{told['built']:,} of {task.designs.count:,} designs built, {seconds:.3g} s")
     typer.echo(f"wrote {output}")
+    if checked is not None:
+        typer.echo(
+            f"{checked.passed} of {checked.count} designs agree with MuJoCo's poses; the farthest point is "
+            f"{checked.worst:.3g} m off"
+        )
+        for number, why in checked.failed.items():
+            typer.echo(f"MISSED: design {number}: {why}")
+    raise typer.Exit(_code(checked))
+
+
+def _code(checked: CheckedDesigns | None) -> int:
+    return 0 if checked is None or checked.passed == checked.count else 1
 
 
 def require_writable(output: str) -> None:
@@ -115,6 +136,21 @@ def require_writable(output: str) -> None:
         raise OutputError(
             f"cannot write {output!r}: there is no folder {str(Path(output).parent)!r}; make it first"
         )
+
+
+def drawn_sweep(path: str, of: tuple[str, ...] | None, kind: str | None) -> "Figure":
+    """Return a sweep that was written as a plot."""
+    from mechsim.pictures.plots.sweep import SweepTable, sweep_plot
+
+    found = read_sweep(path)
+    table = columns(found)
+    given = [str(name) for name in found.coords]
+    measured = [name for name in table if name not in (*given, *TEXTS)]
+    numbers = {name: table[name] for name in measured}
+    said = {str(name): str(one.attrs.get("units", "1")) for name, one in found.variables.items()}
+    title = str(found.attrs.get("model", path))
+    parameters = {name: table[name] for name in given}
+    return sweep_plot(SweepTable(title, parameters, numbers, said, found["outcome"].shape), of, kind)
 
 
 def _print(found: "Dataset", title: str) -> None:

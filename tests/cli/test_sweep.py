@@ -61,3 +61,29 @@ def test_an_output_that_cannot_be_is_refused_before_any_work(mechsim):
     for name, said in (("out.xls", "sweeps are .nc"), ("nowhere/out.nc", "make it first")):
         done = mechsim("sweep", "four_bar", *VARY, "--measure", "range:rocker", "-o", name)
         assert (done.code, said in done.err) == (2, True), done.err
+
+
+def test_random_designs_go_through_mujoco_and_are_judged(mechsim, monkeypatch):
+    words = ("sweep", "four_bar", "--vary", "crank=25mm:30mm:3", "--measure", "range:rocker", "--check", "2")
+    done = mechsim(*words, "-o", "out.nc", "--samples", "12")
+    assert done.code == 0
+    assert "2 of 2 designs agree with MuJoCo's poses" in done.out
+    # a closed form that is off is found out
+    from mechsim.analytic.catalog.four_bar import FourBar
+
+    solve = FourBar.solve
+    monkeypatch.setattr(FourBar, "solve", lambda self, angles, *rest: solve(self, angles + 0.01, *rest))
+    done = mechsim(*words, "-o", "wrong.nc", "--samples", "12", "--json")
+    assert done.code == 1
+    assert json.loads(done.out)["checked"]["passed"] == 0
+
+
+def test_what_was_swept_is_drawn(mechsim, tmp_path):
+    mechsim("sweep", "four_bar", *VARY, "--measure", "range:rocker", "--measure", "max:C.x", "-o", "out.nc")
+    for kind in ("map", "parallel", "pareto"):
+        assert mechsim("plot", "out.nc", "--kind", kind, "-o", f"{kind}.svg").code == 0
+        assert (tmp_path / f"{kind}.svg").stat().st_size > 5000
+    done = mechsim("plot", "out.nc", "--of", "range:nothing", "-o", "none.svg")
+    assert (done.code, "has no measure 'range:nothing'" in done.err) == (2, True)
+    done = mechsim("plot", "out.nc", "--kind", "torque", "-o", "none.svg")
+    assert (done.code, "known are map, parallel, pareto" in done.err) == (2, True)

@@ -3,6 +3,7 @@
 import os
 import threading
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from mechsim.errors import InputError
@@ -70,28 +71,37 @@ def _there(task: SweepTask, parts: Sequence[tuple[int, int, int]], keep: Keep, s
     own = isinstance(scheduler, str)
     client = _answering(distributed, scheduler) if own else scheduler
     try:
-        shared = client.scatter(task, broadcast=False)
-        waiting = list(reversed(parts))
-        ahead = AHEAD * max(1, sum(client.nthreads().values()))
-        under_way: dict[Any, int] = {}
-
-        def send() -> list[Any]:
-            sent: list[Any] = []
-            while waiting and len(under_way) < ahead:
-                number, low, high = waiting.pop()
-                future = client.submit(measured, shared, low, high, pure=False, retries=5)
-                under_way[future] = number
-                sent.append(future)
-            return sent
-
-        ended = distributed.as_completed(send())
-        for future in ended:
-            keep(under_way.pop(future), future.result())
-            for more in send():
-                ended.add(more)
+        with client.as_current():
+            _sent(distributed, client, task, parts, keep)
     finally:
         if own:
             client.close()
+
+
+def _sent(
+    distributed: Any, client: Any, task: SweepTask, parts: Sequence[tuple[int, int, int]], keep: Keep
+) -> None:
+    """Send parts to a cluster, some ahead of those that ended; one whose worker is lost is sent again."""
+    waiting = list(reversed(parts))
+    ahead = AHEAD * max(1, sum(client.nthreads().values()))
+    under_way: dict[Any, int] = {}
+
+    def send() -> list[Any]:
+        sent: list[Any] = []
+        while waiting and len(under_way) < ahead:
+            number, low, high = waiting.pop()
+            # each part with its own designs alone: what is shared would be lost with the worker that has it
+            own = replace(task.designs, values=task.designs.rows(low, high), spread="list")
+            future = client.submit(measured, replace(task, designs=own), 0, high - low, pure=False)
+            under_way[future] = number
+            sent.append(future)
+        return sent
+
+    ended = distributed.as_completed(send())
+    for future in ended:
+        keep(under_way.pop(future), future.result())
+        for more in send():
+            ended.add(more)
 
 
 def _answering(distributed: Any, address: str) -> Any:
