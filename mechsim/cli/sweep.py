@@ -97,7 +97,12 @@ def sweep(
     with progress("sweep", None, quiet=as_json) as tick:
         found = run_sweep(task, output, resume=resume, scheduler=scheduler, watch=tick)
     seconds = time.perf_counter() - begun
-    told: dict[str, Any] = {"model": model, "output": output, "designs": task.designs.count, "built": built(found)}
+    told: dict[str, Any] = {
+        "model": model,
+        "output": output,
+        "designs": task.designs.count,
+        "built": built(found),
+    }
     checked = check_table(task, found, check) if check > 0 else None
     if checked is not None:
         told["checked"] = {"designs": checked.count, "passed": checked.passed, "worst": checked.worst}

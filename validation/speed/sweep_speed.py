@@ -15,11 +15,10 @@ SWEEPS = {
     "rssr": ({"crank": (0.012, 0.014), "coupler": (0.044, 0.048)}, "range:rocker", 1_000_000, 60.0),
     "watt_six_bar": ({"crank": (0.021, 0.029), "output": (0.055, 0.065)}, "range:output", 10_000, 60.0),
 }
-BILLION, YEARS = 1e9, 3600.0
+BILLION, HOUR = 1e9, 3600.0
 ONE = """
 import json, resource, sys, time
 import mechsim as ms
-from mechsim.studies.sweep.chunks import run_parts
 name, spans, measure, count = json.loads(sys.argv[1])
 ms.sweep(name, spans, measure, sample="sobol:64")
 wall, busy = time.perf_counter(), time.process_time()
@@ -41,7 +40,7 @@ def main() -> None:
         print(
             f"{name:<13} {count:>9,} designs, {built:,} built: {wall:6.1f} s, processor {busy:6.1f} s (wanted "
             f"{wanted * part:g} s on two cores), {1e6 * each:7.1f} us a design, {memory:.0f} MB; 1e9 designs: "
-            f"{BILLION * each / YEARS:.3g} core hours"
+            f"{BILLION * each / HOUR:.3g} core hours"
         )
 
 
