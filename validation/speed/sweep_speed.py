@@ -1,7 +1,7 @@
 """What a design of a sweep costs: processor and wall time, memory, and what 1e9 designs would take.
 
-Wanted on two cores: a million `four_bar` designs by 72 poses under 30 s and 1 GB, a million `rssr` under 60 s,
-10,000 gallery six-bars under 60 s. Each sweep runs in a process of its own, so that its memory is known.
+Wanted on two cores: a million `four_bar` designs by 72 poses under 30 s and 1 GB, a million `rssr` under
+60 s, 10,000 gallery six-bars under 60 s. Each sweep runs in a process of its own, so that its memory is known.
 
 Run: OPENBLAS_NUM_THREADS=1 python validation/speed/sweep_speed.py [part of the designs, such as 0.1]
 """
@@ -38,9 +38,9 @@ def main() -> None:
         wall, busy, memory, built = json.loads(done.stdout)
         each = busy / count
         print(
-            f"{name:<13} {count:>9,} designs, {built:,} built: {wall:6.1f} s, processor {busy:6.1f} s (wanted "
-            f"{wanted * part:g} s on two cores), {1e6 * each:7.1f} us a design, {memory:.0f} MB; 1e9 designs: "
-            f"{BILLION * each / HOUR:.3g} core hours"
+            f"{name:<13} {count:>9,} designs, {built:,} built: {wall:6.1f} s, processor {busy:6.1f} s "
+            f"(wanted {wanted * part:g} s on two cores), {1e6 * each:7.1f} us a design, {memory:.0f} MB; "
+            f"1e9 designs: {BILLION * each / HOUR:.3g} core hours"
         )
 
 
