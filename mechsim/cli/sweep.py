@@ -17,7 +17,6 @@ from mechsim.studies.sweep.sweeping import SAMPLES, built, run_sweep, swept_desi
 from mechsim.studies.sweep.table import TEXTS, columns, ending, read_sweep, require_libraries
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from xarray import Dataset
 
 # reasons that are printed
@@ -143,8 +142,8 @@ def require_writable(output: str) -> None:
         )
 
 
-def drawn_sweep(path: str, of: tuple[str, ...] | None, kind: str | None) -> "Figure":
-    """Return a sweep that was written as a plot."""
+def drawn_sweep(path: str, of: tuple[str, ...] | None, kind: str | None) -> Any:
+    """Return a sweep that was written as a figure."""
     from mechsim.pictures.plots.sweep import SweepTable, sweep_plot
 
     found = read_sweep(path)
