@@ -1,7 +1,8 @@
 """What a design of a sweep costs: processor and wall time, memory, and what 1e9 designs would take.
 
 Wanted on two cores: a million `four_bar` designs by 72 poses under 30 s and 1 GB, a million `rssr` under
-60 s, 10,000 gallery six-bars under 60 s. Each sweep runs in a process of its own, so that its memory is known.
+60 s, 10,000 gallery six-bars under 60 s. Each sweep runs in a process of its own, so that its memory is
+known.
 
 Run: OPENBLAS_NUM_THREADS=1 python validation/speed/sweep_speed.py [part of the designs, such as 0.1]
 """
