@@ -18,9 +18,9 @@ from mechsim.cli.options import (
     writable,
 )
 from mechsim.cli.output import progress
+from mechsim.cli.sweep import drawn_sweep
 from mechsim.errors import InputError
 from mechsim.pictures import plots
-from mechsim.cli.sweep import drawn_sweep
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
 
 # the kinds that show a motion over time as well
