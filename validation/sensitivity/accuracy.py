@@ -121,7 +121,7 @@ def beside(name):
                 own = np.array([getattr(one, part) for one in moved.points.values()])
                 # that of the steps which agree best, as far as they do
                 best = min(range(len(told) - 1), key=lambda k: np.abs(told[k + 1] - told[k]).max())
-                worst[i] = max(worst[i], float(np.abs(own - told[best + 1]).max() / size))
+                worst[i] = max(worst[i], float(np.abs(own - told[best]).max() / size))
     return len(found.by), worst
 
 
