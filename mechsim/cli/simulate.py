@@ -66,6 +66,7 @@ def simulate(
         int | None, typer.Option(help="Rows, both ends included; about 72 a turn if left out.")
     ] = None,
     scene: Annotated[str, typer.Option(help="pose, motion, dynamics or picture.")] = "motion",
+    cut: Annotated[str | None, typer.Option(help="Joints at which to cut the loops, with commas.")] = None,
     driven: DriveOptions,
     ctrl: Annotated[
         list[str] | None,
@@ -126,7 +127,7 @@ def simulate(
             settings=settings,
             method=method,  # pyright: ignore[reportArgumentType]
             samples=samples,
-            scene=scene_of(scene, forces=forces_of(drive)),
+            scene=scene_of(scene, cut, forces_of(drive)),
             watch=tick,
         )
     if place is not None:

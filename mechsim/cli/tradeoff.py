@@ -27,6 +27,7 @@ from mechsim.studies.tradeoff import (
     subject_of_model,
     write_csv,
 )
+from mechsim.studies.tradeoff.advice import advice
 from mechsim.studies.tradeoff.pace import BEYOND
 from mechsim.studies.tradeoff.plot import work_precision
 
@@ -90,9 +91,10 @@ def tradeoff(
         plots.write(drawing, work_precision(found, by))
     if as_json:
         told = {"seed": seed, "budget": seconds, "output": output, "plot": plot}
-        print_json(found.as_dict(by) | told)
+        print_json(_advised(found.as_dict(by), found, by, model) | told)
     else:
         _print(found, by)
+        _print_advice(found, by, model)
     if clock.spent > (1.0 + BEYOND) * seconds:
         endings.tell(
             f"mechsim: took {clock.spent:.2g} s, more than the budget of {seconds:g} s: two short trials, "
@@ -144,6 +146,27 @@ def _print(found: Tradeoff, by: str) -> None:
         if order is not None:
             typer.echo(f"{name}: order {order.order:.2f} ({order.low:.2f} to {order.high:.2f})")
     typer.echo(_count(found))
+
+
+def _advised(told: dict[str, Any], found: Tradeoff, by: str, model: str) -> dict[str, Any]:
+    """Return what is told with what to do about each recommendation."""
+    for one in told["recommended"]:
+        point = found.choice(one["bound"], by)
+        one["advice"] = None if point is None else advice(point, model, found.subject.speed)
+    return told
+
+
+def _print_advice(found: Tradeoff, by: str, model: str) -> None:
+    """Say of each recommendation what to type, once for those that are alike."""
+    said: dict[str, list[float]] = {}
+    for bound in BOUNDS:
+        point = found.choice(bound, by)
+        if point is not None:
+            told = advice(point, model, found.subject.speed)
+            lines = [told["command"] or told["python"] or "", *((told["xml"] or "").splitlines())]
+            said.setdefault("\n  ".join(lines).strip(), []).append(bound)
+    for lines, bounds in said.items():
+        typer.echo(f"{', '.join(f'{bound:.0e}' for bound in bounds)}:\n  {lines}")
 
 
 def _count(found: Tradeoff) -> str:

@@ -61,6 +61,7 @@ class Settings:
         None,
         "Time constant of the constraints, in steps; None takes a tenth of a turn, at least ten steps. "
         "`solref` overrides it.",
+        doc="Time constant of the constraints, in steps; a tenth of a turn if left out.",
         row=("constraint time constant", _steps),
     )
     solref: tuple[float, float] | None = setting_fields.numbers(
@@ -83,15 +84,20 @@ class Settings:
         row=("constraint hardness", "{:g} of MuJoCo's softness".format),
     )
     refsafe: bool = setting_fields.switch(
-        False, "Whether MuJoCo keeps the time constant at two steps or more."
+        False,
+        "Whether MuJoCo keeps the time constant at two steps or more.",
+        doc="Whether MuJoCo keeps the time constant at two steps or more.",
     )
     diagexact: bool = setting_fields.switch(
-        False, "Whether MuJoCo computes the diagonal of the constraint inertia exactly."
+        False,
+        "Whether MuJoCo computes the diagonal of the constraint inertia exactly.",
+        doc="Whether the diagonal of the constraint inertia is exact.",
     )
     jacobian: str = setting_fields.choice(
         "auto",
         JACOBIANS,
         "Matrices in the constraint solver; auto takes the quicker, and dense wherever the two do not agree.",
+        doc=f"Matrices in the constraint solver: {', '.join(JACOBIANS[:-1])} or {JACOBIANS[-1]}.",
     )
     solver: str | None = setting_fields.choice(
         None,
@@ -134,6 +140,7 @@ class Settings:
         None,
         "Inertia on the crank, or on each driver, that holds its speed, in [kg m2]; None for 1e12 times that "
         "of the links, which no reaction of theirs and no redundant constraint turns.",
+        doc="Inertia that holds the crank's speed, in kg m2; 1e12 times the links' if left out.",
     )
 
     def __post_init__(self) -> None:

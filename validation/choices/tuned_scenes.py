@@ -129,6 +129,7 @@ def exhaustive(scene, tolerance):
                 solimp=impedance,
                 refsafe=False if constant == 1.5 else None,
                 island=False,
+                tolerance=None if scene.model.opt.tolerance > 0.0 else scene.usual_tolerance,
             )
             run = stepped(scene, settings.applied(scene.model))
             if errors_of(run).closure <= tolerance:
