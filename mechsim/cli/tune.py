@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from mechsim import units
@@ -16,6 +17,7 @@ from mechsim.errors import InputError
 from mechsim.files import written_beside
 from mechsim.studies.scenes import MEASURES, UserScene, errors_of, stepped
 from mechsim.studies.scenes.plain_settings import settings_of
+from mechsim.studies.scenes.why_broken import why_broken
 from mechsim.studies.tuning.run_lines import feeding, python_of
 from mechsim.studies.tuning.search import SECONDS, SceneTrial, Tuned, tuned
 from mechsim.studies.tuning.tuned_file import KEY, changes, tuned_text, written
@@ -64,12 +66,25 @@ def tune(
         raise InputError(f"-o {output} is the file itself; name another, so that it stays as it is")
     with progress("tune", None) as tick:
         found = tuned(scene, wanted, by, seconds=seconds, tell=lambda part, done: tick(done, part))  # pyright: ignore[reportArgumentType]
+    _require_runnable(found)
     told = _written(found, place, script)
     if as_json:
         print_json(told | {"output": output, "python": python})
     else:
         _print(found, told, output, python)
     raise typer.Exit(0 if told["reached"] else 1)
+
+
+def _require_runnable(found: Tuned) -> None:
+    """Refuse a scene that diverges with everything that was tried, and say what makes it so."""
+    if np.isfinite(found.closest.errors.by(found.by)) or found.beyond is not None:
+        return
+    run = stepped(found.scene)
+    cause = why_broken(run) or "no closed pose is near its states"
+    raise InputError(
+        f"{found.scene.path}: with all of {len(found.tried)} settings the scene comes to nothing: {cause}; "
+        "change the motion or the scene"
+    )
 
 
 def _tolerance(text: str, by: str) -> float:

@@ -78,7 +78,12 @@ def options_of(path, mechanism):
     counted, limits = form.mechanism.counted, form.source.limits
     drive = []
     for name in form.mechanism.drivers:
-        reach = 0.3 if form.mechanism.unit(name) == "rad" else 0.1 * form.mechanism.size
+        # three drivers at once would pass a singular pose
+        reach = (
+            0.3 / len(form.mechanism.drivers)
+            if form.mechanism.unit(name) == "rad"
+            else 0.1 * form.mechanism.size
+        )
         low, high = limits.get(name, (-np.inf, np.inf))
         reach = reach if counted[name] + reach <= high else -min(reach, counted[name] - low)
         drive.append(swing(name, counted[name], reach))

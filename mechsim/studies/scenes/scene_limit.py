@@ -129,7 +129,7 @@ def _finer(
     found = SceneLimit(stepped(scene, records=2), (np.inf, np.inf), None, "", "not run")
     took, ends = 0.0, perf_counter() + seconds
     # the next takes twice as long as the last
-    while steps <= MOST and (len(runs) < 3 or perf_counter() + 2.0 * took < ends):
+    while steps <= MOST and (0 < len(runs) < 3 or perf_counter() + 2.0 * took < ends):
         tell(f"limit: {integrator}, {steps:,} steps")
         model = hardened(scene.model, scene.duration / steps, integrator, EXACTER * scene.usual_tolerance)
         began = perf_counter()

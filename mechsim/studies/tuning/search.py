@@ -45,6 +45,8 @@ SAME = 0.05
 SECONDS, TRIALS = 50.0, 0.75
 # settings refined, and timed again
 REFINED, TIMED = 3, 12
+# times as long as its motion a scene is run for what grows slowly
+GOES_ON = 2.0
 # rounds of timing, and where there is no time left
 ROUNDS, LATE = 5, 2
 # times that differ by less are the same: then fewer changes are better
@@ -221,7 +223,7 @@ def _climb(search: _SettingSearch) -> None:
 
 
 def _near(search: _SettingSearch, steps: Sequence[float], few: Few) -> list[float]:
-    """Return the steps, longest first, from some too long for a few settings to the longest that is not.
+    """Return steps, longest first, from some too long for a few settings to the longest that is not.
 
     That errors fall with the step is believed; where none is short enough, the last are returned.
     """
@@ -237,13 +239,31 @@ def _refined(search: _SettingSearch) -> SceneTrial | None:
     """Return the cheapest that keeps the tolerance, after a look at what lies near the best."""
     for one in search.cheapest()[:REFINED]:
         search.passing(variants(search.scene, one.settings))
-    best = search.cheapest()[:TIMED]
+    best = [one for one in search.cheapest()[: 2 * TIMED] if _stands(search, one)][:TIMED]
     if not best:
         return None
     fair = _timed(search, best)
     least = min(one.seconds for one in fair)
     near = [one for one in fair if one.seconds <= (1.0 + ALIKE) * least]
     return min(near, key=lambda one: (len(one.settings.as_dict()), search.error(one)))
+
+
+def _stands(search: _SettingSearch, trial: SceneTrial) -> bool:
+    """Whether a trial keeps the tolerance at every step, by closure also over a motion that goes on longer.
+
+    What grows slowly, as steps at the edge of stability do, is seen in this way.
+    """
+    scene, model = search.scene, trial.settings.applied(search.scene.model)
+    programs = [*scene.drive.values(), *scene.ctrl.values()]
+    longer = (
+        LONGER if search.by == "closure" and not any(getattr(one, "lasts", 0.0) for one in programs) else 1.0
+    )
+    run = stepped(scene, model, records=None, duration=longer * scene.duration)
+    limit = None if search.by == "closure" or search.limit.broken else search.limit
+    errors = errors_of(run, limit, torque=search.by == "torque")
+    if search.by != "trajectory":
+        errors = replace(errors, trajectory=trial.errors.trajectory)
+    return search.kept(replace(trial, errors=errors))
 
 
 def _timed(search: _SettingSearch, trials: Sequence[SceneTrial]) -> list[SceneTrial]:

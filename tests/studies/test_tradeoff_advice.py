@@ -1,0 +1,59 @@
+"""What a trade-off advises runs: each command, fragment and snippet gives the errors that were measured."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from mechsim.simulation import Settings
+from mechsim.studies.tradeoff import Build, Family, Point, build_model
+from mechsim.studies.tradeoff.advice import advice, fragment, snippet
+from mechsim.subjects.subject import load
+
+SPEED = 20.0
+HARD = Settings(steps_per_turn=144, constant_steps=14.4)
+SOFT = Settings(
+    steps_per_turn=288,
+    integrator="implicitfast",
+    constant_steps=2.0,
+    hardness=1.0,
+    refsafe=True,
+    diagexact=True,
+)
+
+
+def point(settings, build=None):
+    family = Family(name="one", base=settings, rank=0, build=build or Build())
+    return Point(family, settings, {})
+
+
+@pytest.mark.parametrize(
+    ("settings", "build"),
+    [(HARD, None), (SOFT, None), (HARD, Build(cut=("slide",))), (HARD, Build(drive="servo", gain=0.5))],
+)
+def test_a_snippet_runs_and_gives_what_was_measured(settings, build):
+    lines = snippet(point(settings, build), "slider_crank", SPEED)
+    found = {}
+    exec(lines, found)
+    built = build_model(load("slider_crank").mechanism, None, SPEED, build or Build())
+    motion, _ = built.motion(settings)
+    places = [motion.points["B"].position, found["motion"].points["B"].position]
+    assert np.array_equal(*places)
+
+
+def test_a_fragment_is_mjcf_that_says_the_settings():
+    text = fragment(point(SOFT), SPEED)
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco>{text}<worldbody><body><joint name="j"/><geom size=".1"/></body></worldbody>'
+        '<equality><joint joint1="j"/></equality></mujoco>'
+    )
+    assert model.opt.timestep == pytest.approx(SOFT.timestep(SPEED), rel=1e-15)
+    assert model.eq_solref[0] == pytest.approx([2.0 * SOFT.timestep(SPEED), 1.0])
+    assert not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
+
+
+def test_what_no_file_or_option_can_say_is_not_said():
+    assert fragment(point(HARD), SPEED) is None
+    told = advice(point(HARD, Build(drive="servo")), "slider_crank", SPEED)
+    assert told["command"] is None
+    assert told["xml"] is None
+    assert told["python"]
