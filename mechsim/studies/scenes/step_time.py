@@ -11,6 +11,8 @@ from mechsim.studies.scenes.user_scene import UserScene
 
 # of processor time that a run is to take at least, in [s]: clocks tell no less
 LEAST = 0.01
+# runs of a short motion, at most, in a round
+MOST = 8
 ROUNDS = 5
 
 
@@ -40,7 +42,9 @@ def step_times(
 
 def _once(scene: UserScene, model: mujoco.MjModel) -> float:
     spent, simulated = 0.0, 0.0
-    while spent < LEAST:
+    for _ in range(MOST):
+        if spent >= LEAST:
+            break
         run = stepped(scene, model, records=2)
         if run.broken:
             return np.inf

@@ -176,7 +176,7 @@ def tuned(
         tell: told what part is done, and what.
     """
     began = perf_counter()
-    goal = 0.1 * tolerance if by != "closure" else 0.0
+    goal = 0.1 * tolerance if by != "closure" else tolerance
     limit = limit_of(scene, goal, seconds=0.2 * seconds, tell=lambda said: tell(0.0, said))
     search = _SettingSearch(scene, by, tolerance, limit, np.inf, tell, seconds, began)
     published = search.trial(PlainSettings())
