@@ -86,7 +86,7 @@ def test_what_no_file_reaches_is_said_and_python_reaches_it(mechsim, tmp_path):
         "--budget",
         "10s",
     )
-    answer = mechsim(*words, "--duration", "0.1s", "-o", "out.xml", "--python", "run.py")
+    answer = mechsim(*words, "--duration", "0.2s", "-o", "out.xml", "--python", "run.py")
     assert answer.code == 1
     assert "no MJCF file reaches 1e-10 m here" in answer.out
     assert "lines of Python reach" in answer.out
