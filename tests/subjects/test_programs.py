@@ -36,6 +36,7 @@ def made(text, unit="rad", start=0.3):
         ("5mm*sin(2*pi*3Hz*t)", "m", 0.005 * np.sin(6 * np.pi * TIMES)),
         ("sqrt((3mm)**2 + (4mm*t)**2)", "m", np.hypot(0.003, 0.004 * TIMES)),
         ("atan2(3mm*t, 1mm)", "rad", np.arctan(3 * TIMES)),
+        ("1e-3*t + 2e1deg*t", "rad", (1e-3 + np.pi / 9) * TIMES),
         ("min(10deg, 20deg*t)", "rad", np.minimum(10, 20 * TIMES) * np.pi / 180),
     ],
 )
