@@ -18,7 +18,8 @@ from mechsim.subjects import jet_functions
 from mechsim.subjects.expressions import FUNCTIONS, Walker, parsed
 
 # a number and then letters: a quantity in the midst of an expression; an exponent is part of its number
-_QUANTITY = re.compile(r"(?<![\w.])((?>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))\s*((?:[^\W\d_]|°)+)(?![\w(]|\s*\()")
+_NUMBER = r"(?<![\w.])((?>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))"
+_QUANTITY = re.compile(_NUMBER + r"\s*((?:[^\W\d_]|°)+)(?![\w(]|\s*\()")
 # how a quantity is named in the tree
 _PLACE = "quantity_{}_"
 # what a quantity of each unit measures: powers of length and of angle; time is counted in seconds
