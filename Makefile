@@ -1,6 +1,6 @@
 PYTHON ?= .venv/bin/python
 
-.PHONY: check test test-all validate
+.PHONY: check test test-all validate docs
 
 check:
 	$(PYTHON) -m ruff check .
@@ -16,3 +16,7 @@ test-all:
 
 validate:
 	$(PYTHON) -m mechsim validate --report out/
+
+# pages in out/docs; every page's code runs, and a warning is an error
+docs:
+	$(PYTHON) -m sphinx -W --keep-going -q -b html docs out/docs

@@ -13,7 +13,7 @@ import mechsim  # noqa: E402
 
 project = "mechsim"
 author = "The mechsim maintainers"
-copyright = "The mechsim maintainers; Apache-2.0"  # noqa: A001
+copyright = "The mechsim maintainers; Apache-2.0"
 version = release = mechsim.__version__
 
 extensions = [

@@ -41,7 +41,9 @@ in a page of its own, to be turned by hand; it works offline.
 def _about(name: str) -> str:
     """Return what a mechanism of the catalogue says of itself, up to its arguments."""
     said = (catalog.DRIVES[name].__doc__ or "").split("Attributes:")[0]
-    return "\n".join(line.strip() for line in said.splitlines()).strip().replace("|", r"\|").replace("*", r"\*")
+    return (
+        "\n".join(line.strip() for line in said.splitlines()).strip().replace("|", r"\|").replace("*", r"\*")
+    )
 
 
 def told(path: Path) -> str:
