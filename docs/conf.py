@@ -51,10 +51,43 @@ nitpicky = False
 
 # the pages' own commands: of this Python, as wide as a page, on two cores
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
-os.environ["COLUMNS"] = "96"
+os.environ["COLUMNS"] = "108"
+os.environ["IPYTHONDIR"] = str(HERE / "_generated" / "ipython")
 os.environ["MECHSIM_SOURCES"] = str(HERE.parent)
+
+
+# a shell cell prints what its commands print, at once and without colours, and fails as they do
+SHELL = """
+import os, subprocess
+from IPython.core.magic import register_cell_magic
+for name in ("FORCE_COLOR", "CLICOLOR_FORCE", "CLICOLOR"):
+    os.environ.pop(name, None)
+@register_cell_magic
+def sh(line, cell):
+    done = subprocess.run(["sh", "-ec", cell], capture_output=True, text=True)
+    print(done.stdout, end="")
+    if done.returncode:
+        raise RuntimeError(done.stderr)
+"""
+
+
+def _prepare():
+    """Make pictures and pages of mechanisms, and what every kernel runs first."""
+    start = HERE / "_generated" / "ipython" / "profile_default" / "startup"
+    start.mkdir(parents=True, exist_ok=True)
+    (start / "00-shell.py").write_text(SHELL, encoding="utf-8")
+    gallery_page.write(HERE / "_generated")
+
+
+def _with_the_rest(_app, name, source):
+    """Put pages that no table of contents names at the end of one."""
+    if name == "index":
+        named = set(source[0].split())
+        rest = [path.stem for path in sorted(HERE.glob("*.md")) if path.stem not in {*named, "index"}]
+        source[0] = source[0].replace("REST\n", "".join(f"{one}\n" for one in rest))
 
 
 def setup(app):
     """Make what is made from files before the pages are read."""
-    app.connect("config-inited", lambda _app, _config: gallery_page.write(HERE / "_generated"))
+    app.connect("config-inited", lambda _app, _config: _prepare())
+    app.connect("source-read", _with_the_rest)

@@ -1,5 +1,6 @@
 """The page of the gallery, made from its TOML files: a picture, a page to turn by hand, law and source of each."""
 
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import mechsim as ms
@@ -20,6 +21,9 @@ def write(folder: Path) -> None:
     """Write gallery.md, pictures and pages of all mechanisms; what is there already is kept."""
     for part in ("pictures", "extra/views"):
         (folder / part).mkdir(parents=True, exist_ok=True)
+    names = [*catalog.DRIVES, *gallery.files()]
+    with ProcessPoolExecutor(max_workers=2) as line:
+        list(line.map(_made, [folder] * len(names), names))
     texts = [HEAD]
     texts += ["\n## The catalogue\n\nWith a closed form each.\n"]
     texts += [_entry(folder, name, _about(name)) for name in catalog.DRIVES]
@@ -66,16 +70,25 @@ def _head(path: Path) -> list[str]:
 
 
 def _entry(folder: Path, name: str, text: str) -> str:
-    picture, view = folder / "pictures" / f"{name}.png", folder / "extra" / "views" / f"{name}.html"
-    form = None if picture.is_file() and view.is_file() else ms.load(name)
     shown = ""
-    if form is not None and not picture.is_file():
-        _draw(form, picture)
-    if picture.is_file():
+    if _picture(folder, name).is_file():
         shown = f"\n```{{image}} pictures/{name}.png\n:alt: {name} with the paths of its points\n:width: 360px\n```\n"
-    if form is not None and not view.is_file():
-        view.write_text(page(mechanism_view(form, SPEED, None)), encoding="utf-8")
-    return f"\n### {name}\n\n{text}\n{shown}\n[Turn {name} by hand](views/{name}.html){{.external}}\n"
+    link = f'<a href="../views/{name}.html">Turn {name} by hand</a>'
+    return f"\n### {name}\n\n{text}\n{shown}\n{link}\n"
+
+
+def _picture(folder: Path, name: str) -> Path:
+    return folder / "pictures" / f"{name}.png"
+
+
+def _made(folder: Path, name: str) -> None:
+    """Make the picture and the page of a mechanism, where they are not there."""
+    picture, view = _picture(folder, name), folder / "extra" / "views" / f"{name}.html"
+    if picture.is_file() and view.is_file():
+        return
+    form = ms.load(name)
+    _draw(form, picture)
+    view.write_text(page(mechanism_view(form, SPEED, None)), encoding="utf-8")
 
 
 def _draw(form: Form, picture: Path) -> None:

@@ -28,7 +28,7 @@ class Friction:
     -(viscous q' + coulomb sign q'). In a cylindrical joint that is so for the sliding, and with the two
     numbers of the turning for the turning, each by itself. In a universal joint it is so about both its
     axes, each with that axis's own rate. In a spherical joint it is a couple against the relative angular
-    velocity w: -(viscous w + coulomb w / |w|).
+    velocity w: `-(viscous w + coulomb w / |w|)`.
 
     Attributes:
         joint: name of the joint.

@@ -36,7 +36,10 @@ def test_every_page_is_in_the_contents():
     trees = re.findall(r"```\{toctree\}\n(.*?)```", (DOCS / "index.md").read_text(), re.DOTALL)
     listed = {line for tree in trees for line in tree.splitlines() if line and not line.startswith(":")}
     there = {path.relative_to(DOCS).with_suffix("").as_posix() for path in PAGES} - {"index"}
-    assert listed - {"_generated/gallery"} == there
+    # what lies in docs/ itself and is not named comes last
+    rest = {one for one in there if "/" not in one}
+    assert listed - {"_generated/gallery", "REST"} <= there
+    assert there - rest <= listed
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(DOCS).as_posix())
