@@ -48,6 +48,8 @@ napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 nitpicky = False
+# two hyphens begin an option
+smartquotes_action = "qe"
 
 # the pages' own commands: of this Python, as wide as a page, on two cores
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
