@@ -16,10 +16,10 @@ import mechsim as ms
 pytest.importorskip("distributed", reason="dask and distributed are not installed")
 
 # each design by itself, so that a sweep lasts a while
-VARY = {"crank": np.linspace(0.025, 0.035, 40), "coupler": np.linspace(0.085, 0.095, 20)}
+VARY = {"crank": np.linspace(0.025, 0.035, 40), "coupler": np.linspace(0.085, 0.095, 10)}
 MEASURES = ["min:transmission", "range:rocker"]
 WORDS = (
-    "four_bar --vary crank=25mm:35mm:40 --vary coupler=85mm:95mm:20 --measure min:transmission "
+    "four_bar --vary crank=25mm:35mm:40 --vary coupler=85mm:95mm:10 --measure min:transmission "
     "--measure range:rocker"
 )
 
