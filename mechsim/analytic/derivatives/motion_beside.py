@@ -59,7 +59,7 @@ class MotionBeside:
     def _moved(self, part: ClosedPart, mechanism: GivenMechanism) -> LoopMotion:
         loops = with_mechanism(part.solver.loops, mechanism)
         solver = replace(part.solver, loops=loops)
-        side, at = np.sign(part.loops.side()), part.at
+        side, at = np.sign(part.loops.side()), replace(part.at, values=part.at.values.copy())
         for held, value in mechanism.holds.items():
             at.values[loops.tree.places[held]] = value
         found = solver.linearise(at)
