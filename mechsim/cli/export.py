@@ -4,11 +4,12 @@ from typing import Annotated
 
 import typer
 
-from mechsim import files
+from mechsim import files, units
 from mechsim.analytic import catalog
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.cli.declared_options import spread
 from mechsim.cli.options import (
+    SPEED,
     DriveOptions,
     Output,
     Sets,
@@ -16,12 +17,16 @@ from mechsim.cli.options import (
     forces_of,
     form_of,
     scene_of,
+    speed_of,
     writable,
 )
 from mechsim.cli.output import progress
 from mechsim.errors import InputError
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.scene import Scene
 from mechsim.pictures.render.exported_scene import exported
 from mechsim.simulation import mjcf
+from mechsim.studies.tuning import turning_model
 from mechsim.subjects.toml_writer import toml_of
 
 
@@ -41,6 +46,20 @@ def export(
         str, typer.Option("--format", metavar="xml|toml", help="A MuJoCo model, or the mechanism itself.")
     ] = "xml",
     driven: DriveOptions,
+    tolerance: Annotated[
+        str | None,
+        typer.Option(
+            help="Place error to keep in plain MuJoCo, with a motor and a keyframe in which it turns at "
+            "--speed; a bare number is metres."
+        ),
+    ] = None,
+    speed: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Crank speed of a motor and a keyframe; a bare number is rad/s. [default: {SPEED} "
+            "with --tolerance, else no motor]"
+        ),
+    ] = None,
     sets: Sets = None,
     output: Output = None,
 ) -> None:
@@ -48,13 +67,19 @@ def export(
     wanted = scene_of(scene, cut)
     if form not in ("xml", "toml"):
         raise InputError(f"there is no format {form!r}; known are xml, toml")
-    if form == "toml" and (every is not None or cut is not None):
-        raise InputError("--all and --cut are for MuJoCo models; leave them out, or --format toml")
+    turns = speed is not None or tolerance is not None
+    if form == "toml" and (every is not None or cut is not None or turns):
+        raise InputError(
+            "--all, --cut, --speed and --tolerance are for MuJoCo models; leave them out, or --format toml"
+        )
     if (model is None) == (every is None):
         raise InputError("export takes either one MODEL or --all DIR; give one of them")
     if every is not None:
-        if sets or output or cut or driven != DriveOptions():
-            raise InputError("--all exports every mechanism as it is; leave out --set, --drive, --cut and -o")
+        if sets or output or cut or turns or driven != DriveOptions():
+            raise InputError(
+                "--all exports every mechanism as it is; leave out --set, --drive, --cut, --speed, "
+                "--tolerance and -o"
+            )
         folder = folder_for(every)
         with progress("export", len(catalog.DRIVES)) as tick:
             for one in catalog.DRIVES:
@@ -67,13 +92,37 @@ def export(
     assert model is not None
     place = None if output is None else writable(output, f".{form}")
     moved = form_of(model, sets, driven)
+    missed = ""
     if form == "toml":
         text = toml_of(moved if isinstance(moved, LoopForm) else moved.mechanism)
     else:
-        text = mjcf.to_xml(exported(moved.mechanism, scene_of(scene, cut, forces_of(moved))))
+        whole = scene_of(scene, cut, forces_of(moved))
+        if turns:
+            text, missed = _turning(moved.mechanism, whole, speed, tolerance)
+        else:
+            text = mjcf.to_xml(exported(moved.mechanism, whole))
     if place is None:
         typer.echo(text, nl=False)
-        return
-    with files.written_beside(place) as path:
-        path.write_text(text)
-    typer.echo(f"wrote {output}")
+    else:
+        with files.written_beside(place) as path:
+            path.write_text(text)
+        typer.echo(f"wrote {output}")
+    if missed:
+        typer.echo(missed, err=True)
+        raise typer.Exit(1)
+
+
+def _turning(mechanism: Mechanism, scene: Scene, speed: str | None, tolerance: str | None) -> tuple[str, str]:
+    """Return the text of a model that turns by itself, and by what it misses a tolerance; empty where not."""
+    rate, spec = speed_of(speed or SPEED), exported(mechanism, scene)
+    if tolerance is None:
+        return mjcf.to_xml(turning_model.turning(spec, mechanism, rate)), ""
+    wanted = units.parse_length(tolerance, "the tolerance")
+    if not 0.0 < wanted < float("inf"):
+        raise InputError(f"the tolerance is {tolerance}; give a finite length above 0")
+    with progress("export", None) as tick:
+        text, error = turning_model.kept(
+            spec, mechanism, rate, wanted, tell=lambda part, done: tick(done, part)
+        )
+    missed = f"no MJCF file reaches {wanted:g} m here: it errs by {error:.2g} m"
+    return text, "" if error <= wanted else missed

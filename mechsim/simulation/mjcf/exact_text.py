@@ -28,6 +28,7 @@ EXACT = {
         "springlength": "springlength",
         "frictionloss": "frictionloss",
     },
+    "key": {"qpos": "qpos", "qvel": "qvel", "ctrl": "ctrl"},
     "general": {"gainprm": "gainprm", "biasprm": "biasprm", "gear": "gear"},
 }
 DEFAULT = {"pos": (0.0, 0.0, 0.0), "quat": (1.0, 0.0, 0.0, 0.0), "axis": (0.0, 0.0, 1.0), "ref": (0.0,)}
@@ -58,6 +59,8 @@ def to_xml(spec: mujoco.MjSpec) -> str:
         _rewrite(tendon, spec.tendon(tendon.get("name")), EXACT["tendon"])
     for actuator in root.iterfind("actuator/*"):
         _rewrite(actuator, spec.actuator(actuator.get("name")), EXACT["general"])
+    for key in root.iterfind("keyframe/key"):
+        _rewrite(key, spec.key(key.get("name")), EXACT["key"])
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 
