@@ -28,7 +28,8 @@ def place_error(model, form, turns=3.0):
         for name, one in places.items():
             one.append(data.site(name).xpos.copy())
     exact = form.positions(np.array(angles))
-    return max(np.linalg.norm(np.array(places[name]) - exact[name], axis=1).max() for name in exact), angles[-1]
+    gaps = [np.linalg.norm(np.array(places[name]) - exact[name], axis=1).max() for name in exact]
+    return max(gaps), angles[-1]
 
 
 def test_an_exported_model_keeps_its_tolerance_when_stepped_as_its_comment_says():
