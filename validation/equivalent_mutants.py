@@ -11,6 +11,7 @@ CHECKS = "verdict/checks.py"
 JUDGE = "verdict/judge.py"
 
 EQUIVALENT: dict[tuple[str, str, str], str] = {
+    ("simulation/recorded_motion.py", "CHUNK = 2048", "..."): SPEED,
     (
         LOOPS,
         "self.size = float(max([*reach, *steps, 1e-300]))",

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
+from mechsim.simulation.loop_constraints import Coupled, Sum
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.recorded_motion import States, add_sensors, link_motions, opening
+from mechsim.simulation.recorded_motion import States, add_sensors, has_dry_friction, link_motions, opening
 
 MODEL = """<mujoco model="every kind">
   <option gravity="0 0 0"/>
@@ -103,3 +104,25 @@ def test_the_second_rate_of_opening_is_that_of_the_residual(kind):
 def test_a_tendon_through_sites_is_refused_by_its_name():
     with pytest.raises(InputError, match=r"tendon 'rope' runs through sites.*fixed tendon"):
         ModelLoops(model_of('<tendon tendon1="rope"/>')[0])
+
+
+@pytest.mark.parametrize(("coefficients", "bends"), [([0.3, -2.0, 0.5], True), ([0.3, -2.0, 0.0], False)])
+def test_a_coupling_bends_where_its_polynomial_does(coefficients, bends):
+    side = Sum(np.array([0]), np.array([0]), np.zeros(1), np.ones(1))
+    coupled = Coupled(side, side, np.array(coefficients), 0)
+    assert coupled.bends == bends
+    value, slope = coupled.curve(np.array([0.7]))
+    assert value == pytest.approx(np.polynomial.polynomial.polyval(0.7, coefficients))
+    assert slope == pytest.approx(coefficients[1] + 2.0 * 0.7 * coefficients[2])
+    assert not Coupled(side, None, np.array(coefficients), 0).bends
+
+
+@pytest.mark.parametrize(
+    ("where", "dry"),
+    [("", False), ("joint", True), ("fixed", True)],
+    ids=["none", "of a joint", "of a tendon"],
+)
+def test_dry_friction_of_joints_and_tendons_is_seen(where, dry):
+    text = MODEL.replace("EQUALITY", "")
+    rubbed = text.replace(f'<{where} name="', f'<{where} frictionloss=".1" name="', 1) if where else text
+    assert has_dry_friction(mujoco.MjModel.from_xml_string(rubbed)) == dry
