@@ -296,6 +296,21 @@ OUTPUTS["sensitivity"] = record(
     output=maybe(TEXT),
     plot=maybe(TEXT),
 )
+OUTPUTS["fit"] = record(
+    mechanism=TEXT,
+    outcome=TEXT,
+    dimensions=named(record(value=NUMBER, deviation=NUMBER, start=NUMBER, unit=TEXT)),
+    covariance=many(NUMBERS),
+    not_told_apart=many(TEXTS),
+    rms=named(NUMBER),
+    spread=NUMBER,
+    weighed=YES,
+    condition=NUMBER,
+    rows=WHOLE,
+    numbers=WHOLE,
+    tried=WHOLE,
+    output=maybe(TEXT),
+)
 
 
 def output_schema(command: str) -> Schema:
