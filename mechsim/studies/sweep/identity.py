@@ -22,7 +22,6 @@ def identity(task: SweepTask) -> str:
         "measures": [_measure(one.name, one.subject, one.kind) for one in task.measures],
         "samples": task.samples,
         "speed": repr(task.pace),
-        "steps": task.steps,
     }
     return _hash(json.dumps(said, sort_keys=True).encode())
 

@@ -44,7 +44,7 @@ def measured(task: SweepTask, low: int, high: int) -> Measured:
 def by_one_formula(task: SweepTask) -> bool:
     """Whether designs are measured by one formula on arrays."""
     form = task.subject.form
-    alone = task.loaded or task.steps or task.wants("function") or task.wants(TRANSMISSION)
+    alone = task.loaded or task.wants("function") or task.wants(TRANSMISSION)
     return not alone and isinstance(form, ClosedForm) and can_be_many(form, task.designs.values)
 
 

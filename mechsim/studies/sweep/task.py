@@ -36,7 +36,6 @@ class SweepTask:
         measures: of each.
         samples: poses a turn, or over programs.
         speed: of the crank in [rad/s]; programs have their own.
-        steps: RK4 steps a turn in MuJoCo; 0 takes formulas.
     """
 
     subject: SweptSubject
@@ -44,7 +43,6 @@ class SweepTask:
     measures: tuple[TurnMeasure, ...]
     samples: int
     speed: float
-    steps: int = 0
 
     @property
     def pace(self) -> float:
@@ -90,7 +88,7 @@ class SweepTask:
     def together(self) -> TreeLoops | None:
         """The loops by which designs are followed together; None where each must be by itself."""
         form = self.subject.form
-        alone = self.loaded or self.steps or any(one.kind in ALONE for one in self.measures)
+        alone = self.loaded or any(one.kind in ALONE for one in self.measures)
         if alone or not isinstance(form, LoopForm) or form.programs is not None or form.through != "smooth":
             return None
         with suppress(MechsimError):
