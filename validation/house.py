@@ -9,7 +9,7 @@ a set of files that import each other, a floor the longest way down.
 
 import ast
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import networkx as nx
@@ -38,16 +38,23 @@ def modules(package: Path = PACKAGE) -> dict[str, Path]:
     return {_name(path, package): path for path in sorted(package.rglob("*.py"))}
 
 
-def import_graph(package: Path = PACKAGE) -> nx.DiGraph:
-    """Return which module imports which of the same package; a package's name stands for its `__init__`."""
-    files = modules(package)
-    graph = nx.DiGraph()
-    graph.add_nodes_from(files)
-    for name, path in files.items():
+def imports(package: Path = PACKAGE) -> dict[str, set[str]]:
+    """Return what each module of a package imports: dotted name -> full names."""
+    found: dict[str, set[str]] = {}
+    for name, path in modules(package).items():
         inside = name if path.name == "__init__.py" else name.rpartition(".")[0]
-        for imported in imports_of(path.read_text(encoding="utf-8"), inside):
-            target = imported if imported in files else imported.rpartition(".")[0]
-            if target in files and target != name:
+        found[name] = imports_of(path.read_text(encoding="utf-8"), inside)
+    return found
+
+
+def import_graph(imported: Mapping[str, set[str]]) -> nx.DiGraph:
+    """Return which module imports which of the same package; a package's name stands for its `__init__`."""
+    graph = nx.DiGraph()
+    graph.add_nodes_from(imported)
+    for name, found in imported.items():
+        for one in found:
+            target = one if one in imported else one.rpartition(".")[0]
+            if target in imported and target != name:
                 graph.add_edge(name, target)
     return graph
 
@@ -89,7 +96,7 @@ def functions(path: Path) -> Iterator[tuple[int, str]]:
 
 def figures(package: Path = PACKAGE) -> dict[str, object]:
     """Return the house in figures."""
-    graph = import_graph(package)
+    graph = import_graph(imports(package))
     between = rooms(graph)
     sizes = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in modules(package).values()}
     length, name, path = max((*found, str(path)) for path in sizes for found in functions(path))

@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-import pytest
-
 import mechsim
 
 ROOT = Path(__file__).parents[2]
@@ -32,9 +30,9 @@ def _is_there(name: str) -> bool:
     return any(place.is_dir() or place.with_suffix(".py").exists() for place in places)
 
 
-@pytest.mark.parametrize("path", [*DOCUMENTS, *SOURCES], ids=lambda path: str(path.relative_to(ROOT)))
-def test_what_a_file_names_is_there(path):
-    assert missing(path.read_text()) == []
+def test_what_files_name_is_there():
+    found = {str(path.relative_to(ROOT)): missing(path.read_text()) for path in [*DOCUMENTS, *SOURCES]}
+    assert {path: names for path, names in found.items() if names} == {}
 
 
 def test_every_folder_of_validation_is_explained():
