@@ -1,7 +1,9 @@
 """Command `mechsim export`: the MuJoCo model of a mechanism, or of all."""
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any
 
+import mujoco
 import typer
 
 from mechsim import files, units
@@ -21,11 +23,12 @@ from mechsim.cli.options import (
     writable,
 )
 from mechsim.cli.output import progress
+from mechsim.cli.plain_options import plain_settings
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.scene import Scene
 from mechsim.pictures.render.exported_scene import exported
-from mechsim.simulation import mjcf
+from mechsim.simulation import Settings, mjcf
+from mechsim.simulation.mjcf.generator import CONSTANT
 from mechsim.studies.tuning import turning_model
 from mechsim.subjects.toml_writer import toml_of
 
@@ -45,6 +48,10 @@ def export(
     form: Annotated[
         str, typer.Option("--format", metavar="xml|toml", help="A MuJoCo model, or the mechanism itself.")
     ] = "xml",
+    timestep: Annotated[
+        str | None, typer.Option(help="Time step of the file; a bare number is seconds. [default: 0.1 ms]")
+    ] = None,
+    asked: Annotated[Mapping[str, Any], Settings],
     driven: DriveOptions,
     tolerance: Annotated[
         str | None,
@@ -68,17 +75,21 @@ def export(
     if form not in ("xml", "toml"):
         raise InputError(f"there is no format {form!r}; known are xml, toml")
     turns = speed is not None or tolerance is not None
-    if form == "toml" and (every is not None or cut is not None or turns):
+    told = bool(asked) or timestep is not None
+    if form == "toml" and (every is not None or cut is not None or turns or told):
         raise InputError(
-            "--all, --cut, --speed and --tolerance are for MuJoCo models; leave them out, or --format toml"
+            "--all, --cut, --speed, --tolerance and settings are for MuJoCo models; leave them out, or "
+            "--format toml"
         )
+    if tolerance is not None and told:
+        raise InputError("--tolerance chooses the settings by itself; leave out the others")
     if (model is None) == (every is None):
         raise InputError("export takes either one MODEL or --all DIR; give one of them")
     if every is not None:
-        if sets or output or cut or turns or driven != DriveOptions():
+        if sets or output or cut or turns or told or driven != DriveOptions():
             raise InputError(
                 "--all exports every mechanism as it is; leave out --set, --drive, --cut, --speed, "
-                "--tolerance and -o"
+                "--tolerance, settings and -o"
             )
         folder = folder_for(every)
         with progress("export", len(catalog.DRIVES)) as tick:
@@ -96,11 +107,13 @@ def export(
     if form == "toml":
         text = toml_of(moved if isinstance(moved, LoopForm) else moved.mechanism)
     else:
-        whole = scene_of(scene, cut, forces_of(moved))
-        if turns:
-            text, missed = _turning(moved.mechanism, whole, speed, tolerance)
+        spec = exported(moved.mechanism, scene_of(scene, cut, forces_of(moved)))
+        rate = speed_of(speed or SPEED)
+        _set(spec, asked, timestep, rate)
+        if tolerance is not None:
+            text, missed = _kept(spec, moved.mechanism, rate, tolerance)
         else:
-            text = mjcf.to_xml(exported(moved.mechanism, whole))
+            text = mjcf.to_xml(turning_model.turning(spec, moved.mechanism, rate) if turns else spec)
     if place is None:
         typer.echo(text, nl=False)
     else:
@@ -112,17 +125,26 @@ def export(
         raise typer.Exit(1)
 
 
-def _turning(mechanism: Mechanism, scene: Scene, speed: str | None, tolerance: str | None) -> tuple[str, str]:
-    """Return the text of a model that turns by itself, and by what it misses a tolerance; empty where not."""
-    rate, spec = speed_of(speed or SPEED), exported(mechanism, scene)
-    if tolerance is None:
-        return mjcf.to_xml(turning_model.turning(spec, mechanism, rate)), ""
+def _set(spec: mujoco.MjSpec, asked: Mapping[str, Any], timestep: str | None, speed: float) -> None:
+    """Change a model to the settings that were asked for."""
+    if "solref" not in asked:
+        asked = {"constant_steps": CONSTANT, **asked}
+    plain_settings(asked, timestep, float(spec.option.timestep), speed).put_into(spec)
+    if "flywheel" in asked:
+        crank = next((joint for joint in spec.joints if joint.name == "crank"), None)
+        if crank is None:
+            raise InputError("--flywheel is of a crank, and nothing here is called crank; leave it out")
+        crank.armature = asked["flywheel"]
+
+
+def _kept(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float, tolerance: str) -> tuple[str, str]:
+    """Return the text of a model that keeps a tolerance, and by what it misses it; empty where not."""
     wanted = units.parse_length(tolerance, "the tolerance")
     if not 0.0 < wanted < float("inf"):
         raise InputError(f"the tolerance is {tolerance}; give a finite length above 0")
     with progress("export", None) as tick:
         text, error = turning_model.kept(
-            spec, mechanism, rate, wanted, tell=lambda part, done: tick(done, part)
+            spec, mechanism, speed, wanted, tell=lambda part, done: tick(done, part)
         )
     missed = f"no MJCF file reaches {wanted:g} m here: it errs by {error:.2g} m"
     return text, "" if error <= wanted else missed

@@ -1,16 +1,16 @@
 """What `mechsim simulate --ctrl` does: a user's scene as it is, its actuators fed, judged by its closure."""
 
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import typer
 
-from mechsim import files, units
+from mechsim import files
 from mechsim.cli.options import DriveOptions
 from mechsim.cli.output import print_json
+from mechsim.cli.plain_options import plain_settings
 from mechsim.cli.scene_options import SceneOptions, user_scene
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
@@ -19,10 +19,6 @@ from mechsim.studies.scenes import SceneErrors, SceneRun, UserScene
 from mechsim.studies.scenes.plain_settings import PlainSettings
 from mechsim.studies.scenes.why_broken import why_broken
 from mechsim.studies.tuning.finer_steps import finer
-
-# settings of a driven run -> what plain MuJoCo calls them
-CALLED = {"residual": "tolerance"}
-NO_PLAIN = {"steps_per_turn", "constant_steps", "flywheel"}
 
 
 def simulate_fed(
@@ -41,6 +37,8 @@ def simulate_fed(
     """Run a scene, its actuators fed, and say how it ended; the exit code is that of `simulate`."""
     if driven.hold or driven.hold_base:
         raise InputError("--ctrl runs the file as it is; hold joints in the file, and leave out --hold")
+    if "flywheel" in asked:
+        raise InputError("--flywheel is of a driven run; with --ctrl leave it out")
     pairs = tuple(_pair(text) for text in ctrl)
     scene = user_scene(
         model,
@@ -48,7 +46,7 @@ def simulate_fed(
             drive=driven.drive, ctrl=pairs, key=driven.key, track=driven.track, duration=driven.duration
         ),
     )
-    settings = plain_settings(asked, timestep)
+    settings = plain_settings(asked, timestep, float(scene.model.opt.timestep))
     bound = PLACE * scene.size if tolerance is None else tolerance
     run, errors, used = finer(scene, settings, bound, fixed=tolerance is None, records=samples)
     outcome: Outcome = "diverged" if run.broken else "met" if errors.closure <= bound else "missed"
@@ -63,24 +61,6 @@ def _pair(text: str) -> tuple[str, str]:
     if not equals or not name.strip():
         raise InputError(f"--ctrl {text!r} has no '='; write --ctrl servo=0.3*sin(2*pi*t)")
     return name.strip(), value.strip()
-
-
-def plain_settings(asked: Mapping[str, Any], timestep: str | None) -> PlainSettings:
-    """Return what plain MuJoCo is told of the settings of a run; what is not asked for the file says.
-
-    Raises:
-        InputError: for a setting that only a driven run has.
-    """
-    for name in NO_PLAIN & {*asked}:
-        raise InputError(
-            f"--{name.replace('_', '-')} is of a driven run; with --ctrl give --timestep, --solref and so on"
-        )
-    known = {one.name for one in fields(PlainSettings)}
-    told = {CALLED.get(name, name): value for name, value in asked.items()}
-    step = None if timestep is None else units.parse_time(timestep, "the time step")
-    if step is not None and not 0.0 < step < np.inf:
-        raise InputError(f"time step is {timestep}; give a finite time above 0")
-    return PlainSettings(timestep=step, **{name: value for name, value in told.items() if name in known})
 
 
 def table_of(run: SceneRun) -> dict[str, Array]:

@@ -72,6 +72,7 @@ PROMISE = record(
 )
 MOBILITY = record(freedoms=WHOLE, drivers=TEXTS, open=TEXTS, superfluous=TEXTS, redundant=WHOLE)
 LINE = record(frame=NUMBER, frame_angle=NUMBER, rocker=NUMBER, deviation=NUMBER)
+ADVICE = record(command=maybe(TEXT), export=maybe(TEXT), xml=maybe(TEXT), python=TEXT)
 POINT = record(
     {"settings": SETTINGS},
     family=TEXT,
@@ -205,7 +206,7 @@ OUTPUTS: dict[str, Schema] = {
         unbuilt=WHOLE,
         untried=TEXTS,
         seconds=NUMBER,
-        recommended=many(record(bound=NUMBER, point=maybe(POINT))),
+        recommended=many(record(bound=NUMBER, point=maybe(POINT), advice=maybe(ADVICE))),
         pareto=many(POINT),
         orders=named(maybe(record(order=NUMBER, low=NUMBER, high=NUMBER))),
         points=many(POINT),

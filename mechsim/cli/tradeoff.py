@@ -163,7 +163,8 @@ def _print_advice(found: Tradeoff, by: str, model: str) -> None:
         point = found.choice(bound, by)
         if point is not None:
             told = advice(point, model, found.subject.speed)
-            lines = [told["command"] or told["python"] or "", *((told["xml"] or "").splitlines())]
+            lines = [told["command"] or told["python"] or "", told["export"] or ""]
+            lines = [one for one in (*lines, *(told["xml"] or "").splitlines()) if one]
             said.setdefault("\n  ".join(lines).strip(), []).append(bound)
     for lines, bounds in said.items():
         typer.echo(f"{', '.join(f'{bound:.0e}' for bound in bounds)}:\n  {lines}")

@@ -61,7 +61,7 @@ class Settings:
         None,
         "Time constant of the constraints, in steps; None takes a tenth of a turn, at least ten steps. "
         "`solref` overrides it.",
-        doc="Time constant of the constraints, in steps; a tenth of a turn if left out.",
+        doc="Time constant of the constraints, in steps; a tenth of a turn if left out, in a file 20.",
         row=("constraint time constant", _steps),
     )
     solref: tuple[float, float] | None = setting_fields.numbers(

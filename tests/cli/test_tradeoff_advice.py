@@ -1,10 +1,17 @@
-"""The commands that a trade-off advises are taken by the command line."""
+"""The commands that a trade-off advises are taken by the command line, and settings of exported models."""
 
 import shlex
+from dataclasses import replace
 
+import mujoco
+import pytest
+
+from mechsim.model.scene import Scene
 from mechsim.simulation import Settings
+from mechsim.simulation.closed_model import assembled, of_mechanism
 from mechsim.studies.tradeoff import Build, Family, Point
-from mechsim.studies.tradeoff.advice import command
+from mechsim.studies.tradeoff.advice import command, exporting
+from mechsim.subjects.subject import load
 
 SPEED = 20.0
 SOFT = Settings(
@@ -28,3 +35,40 @@ def test_a_command_has_an_option_for_every_setting(mechsim):
     assert answer.code in (0, 1), answer.err
     assert '"refsafe": true' in answer.out
     assert '"steps_per_turn": 288' in answer.out
+
+
+def test_an_export_that_is_advised_has_the_settings_of_the_run_that_was_measured(mechsim, tmp_path):
+    words = shlex.split(exporting(point(SOFT, Build()), "slider_crank", SPEED))[1:]
+    answer = mechsim(*words, "-o", "out.xml")
+    assert answer.code == 0, answer.err
+    written = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
+    mechanism = load("slider_crank").mechanism
+    run = of_mechanism(mechanism, assembled(mechanism, Scene()), (), programmed=False).loops
+    SOFT.apply(run, SOFT.timestep(SPEED))
+    for name in ("timestep", "integrator", "solver", "iterations", "tolerance", "jacobian", "enableflags"):
+        assert getattr(written.opt, name) == getattr(run.model.opt, name), name
+    assert written.eq_solref == pytest.approx(run.model.eq_solref)
+    assert written.eq_solimp == pytest.approx(run.model.eq_solimp)
+    safe = int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
+    assert written.opt.disableflags & safe == run.model.opt.disableflags & safe == 0
+    assert exporting(point(replace(SOFT, hardness=1e-4), Build()), "slider_crank", SPEED) is None
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--hardness 1e-8", "no MJCF file can say other than 1"),
+        ("--integrator verlet", "there is no integrator 'verlet'"),
+        ("--timestep 1ms --steps-per-turn 100", "give one of them"),
+        ("--solref .1,1 --constant-steps 2", "give one of them"),
+        ("--tolerance 1um --solver CG", "leave out the others"),
+        ("--format toml --solver CG", "leave them out"),
+        ("--timestep 0", "give a finite time above 0"),
+    ],
+)
+def test_settings_that_no_file_can_have_are_refused_in_one_line(mechsim, tmp_path, words, said):
+    answer = mechsim("export", "four_bar", *words.split(), "-o", "out.xml")
+    assert (answer.code, answer.out) == (2, "")
+    assert said in answer.err
+    assert len(answer.err.strip().splitlines()) == 1
+    assert not [*tmp_path.iterdir()]

@@ -52,6 +52,25 @@ def test_plain_mujoco_opens_the_model_assembled_with_a_site_for_each_point(name:
         assert np.abs(data.site(point).xpos - place[0]).max() <= 1e-12 * drive.mechanism.size
 
 
+def test_the_solver_of_a_model_ends_by_itself_and_as_exactly_as_one_that_never_does() -> None:
+    def state(tolerance: float | None) -> np.ndarray:
+        model = mujoco.MjModel.from_xml_path(str(MODELS / "four_bar.xml"))
+        assert (
+            0.0
+            < model.opt.tolerance
+            == assembled(catalog.make("four_bar").mechanism, Scene()).option.tolerance
+        )
+        model.opt.tolerance = model.opt.tolerance if tolerance is None else tolerance
+        data = mujoco.MjData(model)
+        data.joint("crank").qvel[0] = 20.0 * np.pi
+        mujoco.mj_step(model, data, 200)
+        return data.qpos
+
+    exact = state(0.0)
+    assert np.abs(state(None) - exact).max() < 1e-12
+    assert np.abs(state(1e-8) - exact).max() > 1e-8
+
+
 @pytest.mark.parametrize("name", catalog.DRIVES)
 def test_plain_mujoco_steps_the_model_through_a_turn(name: str) -> None:
     drive = catalog.make(name)

@@ -55,5 +55,6 @@ def test_what_no_file_or_option_can_say_is_not_said():
     assert fragment(point(HARD), SPEED) is None
     told = advice(point(HARD, Build(drive="servo")), "slider_crank", SPEED)
     assert told["command"] is None
+    assert told["export"] is None
     assert told["xml"] is None
     assert told["python"]

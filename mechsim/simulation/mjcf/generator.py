@@ -25,6 +25,11 @@ from mechsim.simulation.mjcf.joints import (
 )
 from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
 
+# at which the solver stops: beside a flywheel what is left of a gradient is always a small part of the whole,
+# and with 0 it would never stop (validation/choices/exported_solver.py)
+RESIDUAL = 1e-24
+# time constant of the loops in steps
+CONSTANT = 20.0
 # inertia of the crank beside that of the links: reactions then change its speed by 1e-12 of itself a turn
 FLYWHEEL = 1e12
 
@@ -124,7 +129,7 @@ def _options(spec: mujoco.MjSpec, scene: Scene) -> None:
     option.integrator = mujoco.mjtIntegrator.mjINT_RK4
     option.timestep = 1e-4
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    option.tolerance = 0.0
+    option.tolerance = RESIDUAL
     disable = mujoco.mjtDisableBit
     option.disableflags = int(disable.mjDSBL_CONTACT | disable.mjDSBL_ISLAND | disable.mjDSBL_REFSAFE)
 
@@ -224,6 +229,6 @@ def _add_equality(
         objtype=of,
         name1=pair[0],
         name2=pair[1],
-        solref=(20 * spec.option.timestep, 1.0),
+        solref=(CONSTANT * spec.option.timestep, 1.0),
         solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
     )

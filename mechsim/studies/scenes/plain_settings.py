@@ -7,6 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mechsim.errors import InputError
 from mechsim.simulation.settings import INTEGRATORS, SOLVERS
 
 JACOBIANS = ("dense", "sparse", "auto")
@@ -73,12 +74,7 @@ class PlainSettings:
             value = getattr(self, name)
             if value is not None:
                 setattr(model.opt, name, _number(name, value))
-        for name, (bit, off) in FLAGS.items():
-            on = getattr(self, name)
-            if on is not None:
-                field = "disableflags" if off else "enableflags"
-                bits = getattr(model.opt, field)
-                setattr(model.opt, field, bits | bit if on != off else bits & ~bit)
+        _set_flags(model.opt, self)
         if self.solref is not None:
             model.eq_solref[:] = self.solref
         if self.solimp is not None:
@@ -87,6 +83,26 @@ class PlainSettings:
             model.body_invweight0[:] *= self.hardness
             model.dof_invweight0[:] *= self.hardness
         return model
+
+    def put_into(self, spec: mujoco.MjSpec) -> None:
+        """Change a specification to these settings.
+
+        Raises:
+            InputError: for a hardness, which no file can say.
+        """
+        if self.hardness not in (None, 1.0):
+            raise InputError(
+                f"hardness is {self.hardness:g}, and no MJCF file can say other than 1; leave it out, or let "
+                "`mechsim tune --python` write lines that run it"
+            )
+        for name in OPTIONS:
+            value = getattr(self, name)
+            if value is not None:
+                setattr(spec.option, name, _number(name, value))
+        _set_flags(spec.option, self)
+        for one in spec.equalities:
+            one.solref = one.solref if self.solref is None else self.solref
+            one.solimp = one.solimp if self.solimp is None else self.solimp
 
     def without_idle(self, model: mujoco.MjModel) -> "PlainSettings":
         """Return the same without what a compiled model has already."""
@@ -109,6 +125,15 @@ def settings_of(model: mujoco.MjModel) -> PlainSettings:
     for name, values in (("solref", model.eq_solref), ("solimp", model.eq_solimp)):
         told[name] = tuple(values[0].tolist()) if len(values) and (values == values[0]).all() else None
     return PlainSettings(**told)
+
+
+def _set_flags(option: Any, settings: PlainSettings) -> None:
+    for name, (bit, off) in FLAGS.items():
+        on = getattr(settings, name)
+        if on is not None:
+            field = "disableflags" if off else "enableflags"
+            bits = getattr(option, field)
+            setattr(option, field, bits | bit if on != off else bits & ~bit)
 
 
 def _number(name: str, value: Any) -> Any:

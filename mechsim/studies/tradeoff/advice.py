@@ -1,6 +1,6 @@
 """What to do about a setting of a trade-off: a command, a fragment of MJCF, and lines of Python that run."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -20,10 +20,12 @@ def advice(point: Point, model: str, speed: float) -> dict[str, str | None]:
 
     Returns:
         "command": `mechsim simulate` with its options, None where it takes another drive or a reduction;
+        "export": `mechsim export` of a model that has the settings, None where no file can say them;
         "xml": a fragment of MJCF, None where no file can say it all; "python": lines that run.
     """
     return {
         "command": command(point, model, speed),
+        "export": exporting(point, model, speed),
         "xml": fragment(point, speed),
         "python": snippet(point, model, speed),
     }
@@ -40,13 +42,30 @@ def command(point: Point, model: str, speed: float) -> str | None:
     return " ".join(["mechsim", "simulate", model, "--speed", f"{speed!r}rad/s", *told])
 
 
+def exporting(point: Point, model: str, speed: float) -> str | None:
+    """Return the call of `mechsim export` that writes a point's settings; None where no file can say them."""
+    settings = point.settings
+    if model.endswith(".xml") or fragment(point, speed) is None:
+        return None
+    # what a run makes of what it was not told
+    file = replace(settings, solref=_solref(settings, speed), iterations=1, residual=0.0)
+    left = {"steps_per_turn", "constant_steps", "hardness", "flywheel"}
+    told = {one.name: getattr(file, one.name) for one in fields(Settings) if one.name not in left}
+    options = [_option(name, _plain(value)) for name, value in told.items() if value is not None]
+    return " ".join(["mechsim", "export", model, f"--timestep {settings.timestep(speed)!r}", *options])
+
+
+def _solref(settings: Settings, speed: float) -> tuple[float, float]:
+    return settings.solref or (settings.constant * settings.timestep(speed), 1.0)
+
+
 def fragment(point: Point, speed: float) -> str | None:
     """Return the MJCF that says a point's settings; None where softness is scaled after compiling."""
     settings = point.settings
     if settings.hardness != 1.0 or point.family.build != Build():
         return None
     timestep = settings.timestep(speed)
-    solref = settings.solref or (settings.constant * timestep, 1.0)
+    solref = _solref(settings, speed)
     safe = "enable" if settings.refsafe else "disable"
     exact = ' diagexact="enable"' if settings.diagexact else ""
     return (

@@ -1,0 +1,84 @@
+"""How exactly an exported model's solver works: what a tolerance of 0 costs, and what others lose.
+
+Problem: every mechanism of the catalogue and the gallery as `mechsim export` writes it, its drivers moved as
+in tuned_cases.py; and at level dynamics, falling, without and with dry friction in the crank.
+Reference: of errors the loop equations at the run's own drivers; of time the same model with tolerance 0,
+with which MuJoCo makes all hundred iterations of a step unless nothing at all changes.
+
+    python validation/choices/exported_solver.py [--only NAME,...]
+
+Exits with 1 where the model as it is exported errs more, or takes longer, than with tolerance 0.
+"""
+
+import argparse
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from tuned_cases import scene_files
+
+from mechsim.cli.scene_options import SceneOptions, user_scene
+from mechsim.model.forces import Forces, Friction
+from mechsim.model.scene import Scene
+from mechsim.pictures.render.exported_scene import exported
+from mechsim.simulation import mjcf
+from mechsim.simulation.mjcf.silence import quiet
+from mechsim.studies.scenes import errors_of, step_times, stepped
+from mechsim.studies.scenes.plain_settings import PlainSettings
+from mechsim.subjects.subject import load
+
+SETTINGS = {
+    "100, 0": PlainSettings(iterations=100, tolerance=0.0),
+    "as exported": PlainSettings(),
+    "1, 0": PlainSettings(iterations=1, tolerance=0.0),
+    "100, 1e-8": PlainSettings(iterations=100, tolerance=1e-8),
+}
+# of a run in [s]; in parts of the size, what rounding leaves; more than clocks tell apart
+DURATION, ROUNDING, LONGER = 0.2, 1e-11, 1.1
+FALLING = ("four_bar", "rssr", "jansen")
+
+
+def scenes(work):
+    """Yield name and scene."""
+    for one in scene_files(None, work, set()):
+        yield one.name, user_scene(str(one.path), one.motion(1.0))
+    for name in FALLING:
+        mechanism = load(name).mechanism
+        for said, friction in (("falls", ()), ("rubs", (Friction(joint=mechanism.crank.name, coulomb=0.1),))):
+            forces = Forces(gravity=(0.0, -9.81, 0.0), friction=friction)
+            path = work / f"{name}-{said}.xml"
+            path.write_text(mjcf.to_xml(exported(mechanism, Scene(level="dynamics", forces=forces))))
+            yield f"{name} {said}", user_scene(str(path), SceneOptions())
+
+
+@quiet()
+def main():
+    """Print errors and times of every scene."""
+    asked = argparse.ArgumentParser()
+    asked.add_argument("--only", default="")
+    only = {one for one in asked.parse_args().only.split(",") if one}
+    print(f"{'iterations, tolerance':22}", *(f"{name:>17}" for name in SETTINGS))
+    worse, ratios = [], []
+    with tempfile.TemporaryDirectory() as folder:
+        for name, scene in scenes(Path(folder)):
+            if only and name not in only:
+                continue
+            scene = replace(scene, duration=DURATION)
+            models = [one.applied(scene.model) for one in SETTINGS.values()]
+            errors = [errors_of(stepped(scene, model)).closure for model in models]
+            times = step_times([(scene, model) for model in models])
+            ratios.append(times / times[0])
+            cells = (f"{error:9.2g} {ratio:7.3f}" for error, ratio in zip(errors, ratios[-1], strict=True))
+            print(f"{name:22}", *cells, flush=True)
+            exact, own = errors[:2]
+            worse += [name] if own > exact + ROUNDING * scene.size or ratios[-1][1] > LONGER else []
+    for name, part in zip(SETTINGS, np.median(ratios, axis=0), strict=True):
+        print(f"time over that of tolerance 0, {name}: {part:.3f} in the median")
+    print(f"errs more or takes longer: {', '.join(worse) or 'none'}")
+    return int(bool(worse))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

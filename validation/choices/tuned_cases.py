@@ -1,0 +1,110 @@
+"""The scenes, motions and tolerances that tuned_scenes.py puts `mechsim tune` through."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from mechsim.cli.scene_options import SceneOptions
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.scene import Scene
+from mechsim.pictures.render.exported_scene import exported
+from mechsim.simulation import mjcf
+from mechsim.subjects.subject import load
+
+CRANKS = (
+    *("four_bar", "slider_crank", "rssr", "rrsrr", "looper", "bennett", "jansen", "klann", "hoeken"),
+    *("quick_return", "watt_six_bar", "stephenson_six_bar", "spherical_four_bar", "rsur"),
+    "chebyshev_lambda",
+)
+SEVERAL = ("five_bar", "planar_3rrr", "humanoid_ankle")
+# file, and what feeds its actuators; where nothing does its drivers swing
+PUBLIC: dict[str, tuple[str, dict[str, str]]] = {
+    "2F-85": ("robotiq_2f85.xml", {"fingers_actuator": "255*(0.5-0.5*cos({rate}*2*pi*t))"}),
+    "G1 ankle": (
+        "g1_ankle.xml",
+        {
+            "left_motor_joint": "0.3*sin({rate}*1.2*pi*t)",
+            "right_motor_joint": "-0.15*sin({rate}*1.2*pi*t)",
+        },
+    ),
+    "Tiangong ankle": ("feidedao_Parallel_Ankle_Joint/5_tiangong/urdf/TG10-00.xml", {}),
+    "planar-2dof": ("Rhoban_onshape-to-robot-examples/planar-2dof/robot.xml", {}),
+    "delta robot": ("jurmy24_delta-simulation/simulation/delta-robot/robot.xml", {}),
+    "xArm gripper": (
+        "Kcygt_mujoco_menagerie/ufactory_xarm7/hand.xml",
+        {"fingers_actuator": "255*(0.5-0.5*cos({rate}*2*pi*t))"},
+    ),
+}
+# of every scene: measure, tolerance in parts of its size, how much quicker its motion is
+CASES: tuple[tuple[Literal["closure", "trajectory"], float, float], ...] = (
+    ("closure", 1e-5, 1.0),
+    ("closure", 1e-4, 1.0),
+    ("closure", 1e-6, 1.0),
+    ("closure", 1e-5, 2.0),
+    ("trajectory", 1e-4, 1.0),
+)
+
+
+@dataclass(frozen=True)
+class SceneFile:
+    """A scene that is tuned.
+
+    Attributes:
+        name: of the scene.
+        path: of its file.
+        mechanism: that was read of it.
+        feed: actuator -> program, with {rate} for how much quicker it goes.
+    """
+
+    name: str
+    path: Path
+    mechanism: Mechanism
+    feed: dict[str, str]
+
+    def motion(self, rate: float) -> SceneOptions:
+        """Return what moves it: its actuators fed, a turn of the crank, or a swing of every driver."""
+        if self.feed:
+            pairs = tuple((name, said.replace("{rate}", f"{rate:g}")) for name, said in self.feed.items())
+            return SceneOptions(ctrl=pairs)
+        if self.mechanism.drivers == ("crank",):
+            return SceneOptions(drive=(("crank", f"{60.0 * rate:g}rpm"),))
+        return SceneOptions(drive=tuple(_swing(self, name, rate) for name in self.mechanism.drivers))
+
+
+def _swing(scene: SceneFile, name: str, rate: float) -> tuple[str, str]:
+    """Return a program that swings a driver from its start, within its limits, and back."""
+    form = load(str(scene.path), drive=dict.fromkeys(scene.mechanism.drivers, "0.1*t"))
+    start = form.mechanism.counted[name]
+    # several drivers at once would pass a singular pose
+    turning = form.mechanism.unit(name) == "rad"
+    reach = 0.3 / len(form.mechanism.drivers) if turning else 0.1 * form.mechanism.size
+    low, high = form.source.limits.get(name, (-np.inf, np.inf))
+    reach = reach if start + reach <= high else -min(reach, start - low)
+    return name, f"{start!r} + {0.5 * reach!r}*(1-cos({rate:g}*2*pi*t))"
+
+
+def scene_files(folder: Path | None, work: Path, only: set[str]) -> Iterator[SceneFile]:
+    """Yield the scenes, those of the catalogue written into a folder to work in.
+
+    Args:
+        folder: with clones of the repositories of `PUBLIC`; None for none.
+        work: a folder to write in.
+        only: names; empty for all.
+    """
+    for name in (*CRANKS, *SEVERAL):
+        if only and name not in only:
+            continue
+        mechanism, path = load(name).mechanism, work / f"{name}.xml"
+        path.write_text(mjcf.to_xml(exported(mechanism, Scene())))
+        yield SceneFile(name, path, mechanism, {})
+    for name, (file, feed) in PUBLIC.items() if folder else ():
+        path = folder / file
+        if only and name not in only:
+            continue
+        if not path.is_file():
+            print(f"{name}: {file} is not there: skipped")
+            continue
+        yield SceneFile(name, path, load(str(path)).mechanism, feed)

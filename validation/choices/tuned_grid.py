@@ -1,0 +1,101 @@
+"""An exhaustive search over a grid of settings, to hold the search of `mechsim tune` against.
+
+First every step with every integrator, time constant and impedance of the loops; then, around the quickest of
+what keeps the tolerance, every solver, number of iterations, tolerance of the solver, kind of matrix and
+islands. What keeps it does so at every step over a motion half as long again.
+"""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+
+from mechsim.studies.scenes import UserScene, errors_of, step_times, stepped
+from mechsim.studies.scenes.plain_settings import PlainSettings
+from mechsim.studies.scenes.scene_limit import HARDEST
+from mechsim.studies.tuning.step_ladder import quickest
+
+# steps in those of the file's own, each so many times shorter than the one before
+LONGEST, SHORTER, SHORTEST = 20.0, 1.2, 0.01
+INTEGRATORS = ("Euler", "implicitfast", "discrete", "implicit", "RK4")
+CONSTANTS = (1.5, 2.0, 3.0, 5.0, 10.0, None)
+SOLVERS, ITERATIONS, TOLERANCES = ("Newton", "CG", "PGS"), (1, 2, 5, 100), (1.0, 100.0, 1e-4)
+JACOBIANS = ("dense", "sparse")
+# of the first grid, about whose quickest the second is laid; of the second, timed with care
+AROUND, TIMED = 3, 8
+# steps beyond the quickest found so far, in its time a simulated second, that could still be quicker
+HOPE, LONGER = 0.7, 1.5
+# fewest steps in a motion
+FEWEST = 50
+
+
+def quickest_kept(scene: UserScene, tolerance: float) -> tuple[PlainSettings, float] | None:
+    """Return the settings of the grid that keep a tolerance by closure in the least time, with that, in [s].
+
+    The time is of a simulated second.
+    """
+    found = sorted(_first(scene, tolerance), key=lambda one: one[0])
+    around = [settings for _, settings in found[:AROUND]]
+    for settings in around:
+        for one in _second(scene, settings):
+            found += _kept(scene, one, tolerance)
+    found.sort(key=lambda one: one[0])
+    best = [settings for _, settings in found[: 3 * TIMED] if _stands(scene, settings, tolerance)][:TIMED]
+    if not best:
+        return None
+    times = step_times([(scene, one.applied(scene.model)) for one in best])
+    least = int(times.argmin())
+    return best[least], float(times[least])
+
+
+def _first(scene: UserScene, tolerance: float) -> list[tuple[float, PlainSettings]]:
+    own, safe = float(scene.model.opt.timestep), 0.5 * quickest(scene.model)
+    longest = max(own, min(safe, scene.duration / FEWEST))
+    step, found = LONGEST * own, list[tuple[float, PlainSettings]]()
+    while step >= SHORTEST * own:
+        tried = list[float]()
+        for integrator, constant, hard in itertools.product(INTEGRATORS, CONSTANTS, (True, False)):
+            if step > longest * (1.0 + 1e-9) or (constant == 1.5 and step > safe):
+                continue
+            settings = PlainSettings(
+                timestep=step,
+                integrator=integrator,
+                solver="Newton",
+                solref=None if constant is None else (constant * step, 1.0),
+                solimp=HARDEST if hard else None,
+                refsafe=False if constant == 1.5 else None,
+                tolerance=max(float(scene.model.opt.tolerance), scene.usual_tolerance),
+            )
+            run = stepped(scene, settings.applied(scene.model))
+            tried += [] if run.broken else [run.seconds_per_second]
+            if errors_of(run).closure <= tolerance:
+                found.append((run.seconds_per_second, settings))
+        if found and tried and HOPE * min(tried) > min(found)[0]:
+            break
+        step /= SHORTER
+    return found
+
+
+def _second(scene: UserScene, settings: PlainSettings) -> Iterator[PlainSettings]:
+    usual = scene.usual_tolerance
+    for solver, iterations, tolerance, jacobian, island in itertools.product(
+        SOLVERS, ITERATIONS, TOLERANCES, JACOBIANS, (True, False)
+    ):
+        yield replace(
+            settings,
+            solver=solver,
+            iterations=iterations,
+            tolerance=tolerance * usual,
+            jacobian=jacobian,
+            island=island,
+        )
+
+
+def _kept(scene: UserScene, settings: PlainSettings, tolerance: float) -> list[tuple[float, PlainSettings]]:
+    run = stepped(scene, settings.applied(scene.model))
+    return [(run.seconds_per_second, settings)] if errors_of(run).closure <= tolerance else []
+
+
+def _stands(scene: UserScene, settings: PlainSettings, tolerance: float) -> bool:
+    model = settings.applied(scene.model)
+    run = stepped(scene, model, records=None, duration=LONGER * scene.duration)
+    return errors_of(run).closure <= tolerance
