@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Annotated, Any
 
-import mujoco
 import typer
 
 from mechsim import files, units
@@ -28,6 +27,7 @@ from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.pictures.render.exported_scene import exported
 from mechsim.simulation import Settings, mjcf
+from mechsim.simulation.mjcf.changes import set_flywheel
 from mechsim.simulation.mjcf.generator import CONSTANT
 from mechsim.studies.tuning import turning_model
 from mechsim.subjects.toml_writer import toml_of
@@ -107,13 +107,8 @@ def export(
     if form == "toml":
         text = toml_of(moved if isinstance(moved, LoopForm) else moved.mechanism)
     else:
-        spec = exported(moved.mechanism, scene_of(scene, cut, forces_of(moved)))
-        rate = speed_of(speed or SPEED)
-        _set(spec, asked, timestep, rate)
-        if tolerance is not None:
-            text, missed = _kept(spec, moved.mechanism, rate, tolerance)
-        else:
-            text = mjcf.to_xml(turning_model.turning(spec, moved.mechanism, rate) if turns else spec)
+        whole = scene_of(scene, cut, forces_of(moved))
+        text, missed = _text(moved.mechanism, whole, asked, timestep, speed, tolerance)
     if place is None:
         typer.echo(text, nl=False)
     else:
@@ -125,26 +120,29 @@ def export(
         raise typer.Exit(1)
 
 
-def _set(spec: mujoco.MjSpec, asked: Mapping[str, Any], timestep: str | None, speed: float) -> None:
-    """Change a model to the settings that were asked for."""
+def _text(
+    mechanism: Mechanism,
+    scene: Scene,
+    asked: Mapping[str, Any],
+    timestep: str | None,
+    speed: str | None,
+    tolerance: str | None,
+) -> tuple[str, str]:
+    """Return the text of a model with settings, and by what it misses a tolerance; empty where not."""
+    spec, rate = exported(mechanism, scene), speed_of(speed or SPEED)
     if "solref" not in asked:
         asked = {"constant_steps": CONSTANT, **asked}
-    plain_settings(asked, timestep, float(spec.option.timestep), speed).put_into(spec)
+    plain_settings(asked, timestep, float(spec.option.timestep), rate).put_into(spec)
     if "flywheel" in asked:
-        crank = next((joint for joint in spec.joints if joint.name == "crank"), None)
-        if crank is None:
-            raise InputError("--flywheel is of a crank, and nothing here is called crank; leave it out")
-        crank.armature = asked["flywheel"]
-
-
-def _kept(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float, tolerance: str) -> tuple[str, str]:
-    """Return the text of a model that keeps a tolerance, and by what it misses it; empty where not."""
+        set_flywheel(spec, asked["flywheel"])
+    if tolerance is None:
+        return mjcf.to_xml(spec if speed is None else turning_model.turning(spec, mechanism, rate)), ""
     wanted = units.parse_length(tolerance, "the tolerance")
     if not 0.0 < wanted < float("inf"):
         raise InputError(f"the tolerance is {tolerance}; give a finite length above 0")
     with progress("export", None) as tick:
         text, error = turning_model.kept(
-            spec, mechanism, speed, wanted, tell=lambda part, done: tick(done, part)
+            spec, mechanism, rate, wanted, tell=lambda part, done: tick(done, part)
         )
     missed = f"no MJCF file reaches {wanted:g} m here: it errs by {error:.2g} m"
     return text, "" if error <= wanted else missed

@@ -1,4 +1,4 @@
-"""Changes to a specification before it is run: joints held."""
+"""Changes to a specification before it is run: joints held, a flywheel."""
 
 from collections.abc import Iterable, Mapping
 
@@ -7,6 +7,7 @@ import mujoco
 from mechsim.errors import InputError
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.generator import hold
+from mechsim.simulation.mjcf.joints import CRANK
 
 SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 
@@ -34,3 +35,15 @@ def require_single(spec: mujoco.MjSpec, holds: Iterable[str]) -> None:
         if name not in single:
             known = ", ".join(single) or "none"
             raise InputError(f"the model has no hinge or slide called {name!r} to hold (it has {known})")
+
+
+def set_flywheel(spec: mujoco.MjSpec, inertia: float) -> None:
+    """Put an inertia in [kg m2] on the crank of a model that the generator made.
+
+    Raises:
+        InputError: where nothing is called crank.
+    """
+    crank = next((joint for joint in spec.joints if joint.name == CRANK), None)
+    if crank is None:
+        raise InputError("a flywheel is on a crank, and no joint of the model is called crank; leave it out")
+    crank.armature = inertia
