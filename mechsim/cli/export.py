@@ -25,6 +25,7 @@ from mechsim.cli.output import progress
 from mechsim.cli.plain_options import plain_settings
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.scene import Scene
 from mechsim.pictures.render.exported_scene import exported
 from mechsim.simulation import Settings, mjcf
 from mechsim.simulation.mjcf.changes import set_flywheel
