@@ -3,6 +3,7 @@
 import math
 import shutil
 import textwrap
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -10,16 +11,18 @@ from typing import NoReturn
 import typer
 
 from mechsim import units
-from mechsim.analytic.derivatives import DesignFamily
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.forms import Form
 from mechsim.cli.endings import tell
-from mechsim.cli.options import DriveOptions, form_of, pair_of, writable
+from mechsim.cli.options import DriveOptions, read_family, writable
 from mechsim.cli.output import print_json
+from mechsim.cli.scene_findings import found_in, tell_findings
 from mechsim.errors import InputError
 from mechsim.pictures import plots
 from mechsim.pictures.plots.agreement import agreement_plot
 from mechsim.report.agreement import worst_first, write_agreement_report
-from mechsim.studies.agreement.agreement import Agreement, validate
-from mechsim.subjects.families import family
+from mechsim.studies.agreement.agreement import Agreement, held
+from mechsim.subjects import gallery
 from mechsim.units import option
 from mechsim.verdict.checks import Check
 
@@ -71,10 +74,11 @@ def held_against(
     bound = None if asked.tolerance is None else units.parse_length(asked.tolerance, "the tolerance")
     if bound is not None and not 0.0 < bound < math.inf:
         raise InputError(f"--tolerance is {asked.tolerance}; give a length above 0, as in 1um")
-    form_of(model, sets, driven)
-    found = validate(_family(model, sets, driven), source, speed=speed, tolerance=bound)
-    form = found.form
-    results = {"passed": found.passed, "mechanisms": {form.name: found.as_dict()}}
+    found = held(read_family(model, sets, driven), source, speed=speed, tolerance=bound)
+    name, scene = found.form.name, found_in(found.form) or ()
+    told_of = found.as_dict()
+    told_of["findings"] = [one.as_dict() for one in (*scene, *found.findings)]
+    results = {"passed": found.passed, "mechanisms": {name: told_of}}
     if place is not None:
         plots.write(place, agreement_plot(worst_first(found)[0]))
     notes = [] if report is None else write_agreement_report(report, found, results)
@@ -83,26 +87,20 @@ def held_against(
     if as_json:
         print_json(results)
     else:
-        for line in told(form.name, found, asked.everything):
+        tell_findings(scene)
+        for line in told(name, found, asked.everything):
             typer.echo(line)
         if report is not None:
             typer.echo(f"report: {report / 'index.html'}")
     raise typer.Exit(0 if found.passed else 1)
 
 
-def _family(model: str, sets: list[str] | None, driven: DriveOptions) -> DesignFamily:
-    """Return the model among others of other dimensions, driven as it was asked."""
-    read = pair_of("--set", "--set crank=13mm")
-    return family(
-        model,
-        {name: value or "" for name, value in map(read, sets or ())},
-        drive=dict(driven.drive),
-        hold=dict(driven.hold),
-        hold_base=driven.hold_base,
-        key=driven.key,
-        track=driven.track,
-        duration=driven.duration,
-    )
+def tell_code(forms: Iterable[Form]) -> None:
+    """Say what code of the user's own is run for the formulas that files name."""
+    files = [form.formula.rpartition(":")[0] for form in forms if isinstance(form, LoopForm)]
+    own = [file for file in dict.fromkeys(files) if file and Path(file).resolve().parent != gallery.folder()]
+    if own:
+        tell(f"mechsim: runs {', '.join(own)}: a formula is code")
 
 
 def told(name: str, found: Agreement, everything: bool) -> list[str]:
@@ -113,6 +111,12 @@ def told(name: str, found: Agreement, everything: bool) -> list[str]:
     lines += [_line(check) for check in (shown if everything else shown[:FEW])]
     if left > 0 and not everything:
         lines.append(f"  {left} more; --all shows them")
+    return lines + explained(found)
+
+
+def explained(found: Agreement) -> list[str]:
+    """Return what explains a difference, and where that of a run in time comes from."""
+    lines: list[str] = []
     for finding in found.findings:
         likely = "" if finding.kind == "none" else "cause: " if finding.sure else "perhaps: "
         lines += _wrapped(f"{likely}{finding.say}")

@@ -123,10 +123,18 @@ def form_of(model: str, sets: list[str] | None, driven: DriveOptions | None = No
     return _told(found)
 
 
+def read_family(model: str, sets: list[str] | None, driven: DriveOptions | None = None) -> DesignFamily:
+    """Return the family of what a command was given, which as it stands is what `form_of` returns."""
+    changed = changed_by(sets)
+    found = family(model, changed, **_driven(driven))
+    asked_parameters(_told(found.make({})), changed)
+    return found
+
+
 def family_of(model: str, sets: list[str] | None, driven: DriveOptions | None = None) -> DesignFamily:
     """Return the family of what a command was given; refuse several drivers without programs."""
-    found = family(model, changed_by(sets), **_driven(driven))
-    moving(_told(found.make({})))
+    found = read_family(model, sets, driven)
+    moving(found.make({}))
     return found
 
 

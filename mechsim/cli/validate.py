@@ -1,27 +1,26 @@
 """The command that checks everything against everything: validate."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from mechsim.analytic import catalog
-from mechsim.analytic.forms import Form
-from mechsim.cli.against import AgainstOptions, held_against
+from mechsim.analytic.derivatives import DesignFamily
+from mechsim.cli.against import AgainstOptions, explained, held_against, tell_code
 from mechsim.cli.declared_options import spread
 from mechsim.cli.endings import tell
-from mechsim.cli.options import DriveOptions, Json, Sets, Speed, folder_for, form_of, moving, speed_of
-from mechsim.cli.output import print_json, print_table, progress
+from mechsim.cli.options import DriveOptions, Json, Sets, Speed, family_of, folder_for, speed_of
+from mechsim.cli.output import print_json, print_verdict, progress
 from mechsim.cli.scene_findings import found_in, in_json, tell_findings
 from mechsim.cli.validate_reference import validate_by_reference
 from mechsim.errors import AssemblyError, InputError, MobilityError
+from mechsim.model.finding import Finding
 from mechsim.report.validation import write_validation_report
 from mechsim.studies.validate import Case, validate_all
 from mechsim.subjects import gallery
-from mechsim.subjects.formula import Formula, formula_file, formula_of
-from mechsim.verdict.checks import HEAD
 
 
 @spread
@@ -77,60 +76,62 @@ def validate(
         raise InputError("--set changes one mechanism; name it")
     if driven != DriveOptions() and len(wanted) != 1:
         raise InputError("--drive, --hold, --key and --track are of one mechanism; name it")
-    drives = _told_apart({model: moving(form_of(model, sets, driven)) for model in wanted})
+    families = _told_apart({model: family_of(model, sets, driven) for model in wanted})
     asked = speed_of(speed)
     folder = None if report is None else folder_for(report)
-    formulas = _formulas(drives)
-    try:
-        with progress("validate", len(drives)) as tick:
-            quick = () if models or whole_gallery else shown
-            cases = validate_all(drives, speed=asked, formulas=formulas, quick=quick, done=tick)
-    except (AssemblyError, MobilityError) as error:
-        if as_json:
-            outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"
-            lost = {"passed": False, "outcome": outcome, "checks": [], "steps": 0, "seconds": 0.0}
-            print_json({"passed": False, "mechanisms": dict.fromkeys(drives, lost)})
-        raise
+    tell_code([family.make({}) for family in families.values()])
+    cases = _validated(families, asked, () if models or whole_gallery else shown, as_json)
+    scenes = {name: found_in(case.drive) for name, case in cases.items()}
     passed = all(case.passed for case in cases.values())
-    scenes = {name: found_in(drive) for name, drive in drives.items()}
     results = {
         "passed": passed,
         "mechanisms": {name: case.as_dict() | in_json(scenes[name]) for name, case in cases.items()},
     }
     if folder is not None:
-        with progress("draw", len(cases)) as tick:
-            notes = write_validation_report(folder, cases, results, done=tick)
-        for note in notes:
-            typer.echo(note, err=True)
+        _write_report(folder, cases, results)
     if as_json:
         print_json(results)
     else:
-        for name, case in cases.items():
-            tell_findings(scenes[name])
-            _print_case(name, case)
-        good = sum(case.passed for case in cases.values())
-        typer.echo(f"{good} of {len(cases)} mechanisms met every bound")
+        _print_cases(cases, scenes)
         if folder is not None:
             typer.echo(f"report: {folder / 'index.html'}")
     raise typer.Exit(0 if passed else 1)
 
 
-def _told_apart(forms: Mapping[str, Form]) -> dict[str, Form]:
+def _told_apart(families: Mapping[str, DesignFamily]) -> dict[str, DesignFamily]:
     """Return mechanisms by name; those of one name by what they were called on the command line."""
-    count = Counter(form.name for form in forms.values())
-    return {form.name if count[form.name] == 1 else model: form for model, form in forms.items()}
+    names = {model: family.make({}).name for model, family in families.items()}
+    count = Counter(names.values())
+    return {names[model] if count[names[model]] == 1 else model: family for model, family in families.items()}
 
 
-def _formulas(drives: Mapping[str, Form]) -> dict[str, Formula]:
-    """Return the formulas by name of the mechanism; says what code of the user's own is run for them."""
-    own = dict.fromkeys(file for form in drives.values() if (file := formula_file(form)))
-    foreign = [file for file in own if Path(file).resolve().parent != gallery.folder()]
-    if foreign:
-        tell(f"mechsim: runs {', '.join(foreign)}: a formula is code")
-    found = {name: formula_of(form) for name, form in drives.items()}
-    return {name: formula for name, formula in found.items() if formula is not None}
+def _validated(
+    families: Mapping[str, DesignFamily], speed: float, quick: Sequence[str], as_json: bool
+) -> dict[str, Case]:
+    """Return the cases; where one cannot be judged JSON says so before the command ends."""
+    try:
+        with progress("validate", len(families)) as tick:
+            return validate_all(families, speed=speed, quick=quick, done=tick)
+    except (AssemblyError, MobilityError) as error:
+        if as_json:
+            outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"
+            lost = {"passed": False, "outcome": outcome, "checks": [], "steps": 0, "seconds": 0.0}
+            print_json({"passed": False, "mechanisms": dict.fromkeys(families, lost)})
+        raise
 
 
-def _print_case(name: str, case: Case) -> None:
-    title = f"{name}: {case.outcome}" + (f" - {case.reason}" if case.reason else "")
-    print_table(title, HEAD, [check.cells for check in case.checks])
+def _write_report(folder: Path, cases: Mapping[str, Case], results: Mapping[str, Any]) -> None:
+    with progress("draw", len(cases)) as tick:
+        notes = write_validation_report(folder, cases, results, done=tick)
+    for note in notes:
+        tell(note)
+
+
+def _print_cases(cases: Mapping[str, Case], scenes: Mapping[str, Sequence[Finding] | None]) -> None:
+    for name, case in cases.items():
+        tell_findings(scenes[name])
+        print_verdict(name, case.verdict)
+        for line in () if case.formula is None else explained(case.formula):
+            typer.echo(line)
+    good = sum(case.passed for case in cases.values())
+    typer.echo(f"{good} of {len(cases)} mechanisms met every bound")

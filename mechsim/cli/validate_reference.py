@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import typer
 
 from mechsim.analytic import catalog
-from mechsim.cli.output import print_json, print_table, progress
-from mechsim.studies.reference import ReferenceCase, by_reference
+from mechsim.cli.output import print_json, print_verdict, progress
+from mechsim.studies.reference import by_reference
 from mechsim.subjects import reference_data
 from mechsim.subjects.subject import load
-from mechsim.verdict.checks import HEAD
+from mechsim.verdict.checks import Verdict
 
 
 def validate_by_reference(models: Sequence[str], as_json: bool) -> bool:
@@ -20,7 +20,7 @@ def validate_by_reference(models: Sequence[str], as_json: bool) -> bool:
     """
     where = reference_data.folder()
     tables = [reference_data.read(where, name) for name in models or reference_data.names(where)]
-    cases: dict[str, ReferenceCase] = {}
+    cases: dict[str, Verdict] = {}
     with progress("validate", len(tables)) as tick:
         for table in tables:
             closed = catalog.make(table.name) if table.name in catalog.DRIVES else None
@@ -31,8 +31,7 @@ def validate_by_reference(models: Sequence[str], as_json: bool) -> bool:
         print_json({"passed": passed, "mechanisms": {name: case.as_dict() for name, case in cases.items()}})
         return passed
     for name, case in cases.items():
-        title = f"{name}: {case.outcome}" + (f" - {case.reason}" if case.reason else "")
-        print_table(title, HEAD, [check.cells for check in case.checks])
+        print_verdict(name, case)
     good = sum(case.passed for case in cases.values())
     typer.echo(f"{good} of {len(cases)} mechanisms agree with the reference data in {where}")
     return passed

@@ -1,6 +1,5 @@
 """What the page and a plot tell of a model held against a formula or a table."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -99,12 +98,14 @@ def _facts(found: Agreement) -> dict[str, Any]:
         "instants": len(found.comparand),
         "joints": [f"{j.name}: {j.kind}, {j.a.link} - {j.b.link}" for j in mechanism.joints],
     }
+    return facts | explanations(found)
+
+
+def explanations(found: Agreement) -> dict[str, Any]:
+    """Return what explains a difference, and where that of a run in time comes from, as facts of a page."""
+    facts: dict[str, Any] = {}
     if found.findings:
-        facts["what explains the difference"] = _sentences([one.say for one in found.findings])
+        facts["what explains the difference"] = [[one.say] for one in found.findings]
     if "says" in found.attribution:
         facts["a run in time"] = [str(found.attribution["run"]), str(found.attribution["says"])]
     return facts
-
-
-def _sentences(said: Sequence[str]) -> list[list[str]]:
-    return [[one] for one in said]

@@ -13,6 +13,7 @@ from mechsim.errors import MissingToolError, OutputError
 from mechsim.files import written_beside
 from mechsim.pictures import plots
 from mechsim.pictures.view import page, three_js
+from mechsim.report.agreement import explanations
 from mechsim.report.facts import OWN, facts
 from mechsim.report.page import Section, write_report
 from mechsim.report.plot_table import PLOTS, PlotSource
@@ -58,12 +59,12 @@ def write_validation_report(
             Section(
                 name=name,
                 title=name,
-                facts=_facts(case),
+                facts=_facts(case) | ({} if case.formula is None else explanations(case.formula)),
                 still=still,
                 video=video,
                 turned=turned,
                 plots=[(PLOTS[kind].about, drawing) for kind, drawing in drawings.items()],
-                checks=case.checks,
+                checks=case.verdict.checks,
                 settings=_settings(case),
             )
         )
@@ -135,7 +136,7 @@ def _plots(case: Case) -> dict[str, bytes]:
 
 
 def _bound(case: Case, road: str) -> float:
-    bounds = (check.bound for check in case.checks if (check.road, check.kind) == (road, "position"))
+    bounds = (check.bound for check in case.verdict.checks if (check.road, check.kind) == (road, "position"))
     return next(bounds, math.nan)
 
 

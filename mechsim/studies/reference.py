@@ -1,9 +1,8 @@
 """Both roads against reference data: places, rates and drive efforts known to 30 digits."""
 
-import time as clock
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -15,10 +14,9 @@ from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.efforts import Efforts
 from mechsim.model.motion import Motion, PointMotion, taken
-from mechsim.model.outcome import Outcome, gravest
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.motion_source import programs_of, simulated
-from mechsim.verdict.checks import Check, Verdict, allowances, check_of, checks_of, concluded
+from mechsim.verdict.checks import Check, Verdict, allowances, check_of, checks_of, concluded, over_roads
 from mechsim.verdict.quantities import MOTION, QUANTITIES, motion_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import Asked, Tolerance
 
@@ -43,32 +41,7 @@ class Known(Protocol):
     def efforts(self) -> Mapping[str, Array]: ...
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReferenceCase:
-    """A mechanism judged by reference data: outcome, one sentence where it is not "met", all checks."""
-
-    outcome: Outcome
-    reason: str
-    checks: tuple[Check, ...]
-    seconds: float
-
-    @property
-    def passed(self) -> bool:
-        """Whether every quantity of both roads is within its bound."""
-        return self.outcome == "met"
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the case as `mechsim validate --reference --json` prints it."""
-        return {
-            "passed": self.passed,
-            "outcome": self.outcome,
-            "reason": self.reason,
-            "checks": [check.as_dict() for check in self.checks],
-            "seconds": self.seconds,
-        }
-
-
-def by_reference(form: Form, known: Known, closed: Form | None = None) -> ReferenceCase:
+def by_reference(form: Form, known: Known, closed: Form | None = None) -> Verdict:
     """Judge loop equations and MuJoCo's poses, and a closed form, by what is known.
 
     Args:
@@ -76,17 +49,11 @@ def by_reference(form: Form, known: Known, closed: Form | None = None) -> Refere
         known: the reference data.
         closed: the same mechanism with a closed form, whose motion is judged too.
     """
-    begin = clock.perf_counter()
-    roads = [("loop equations", _by_equations(form, known)), ("pose", _by_poses(form, known))]
+    roads: dict[str, Verdict] = {}
     if closed is not None:
-        roads.insert(0, ("closed form", _judged(_solved(closed, known), known, "closed form")))
-    road, verdict = roads[gravest(verdict.outcome for _, verdict in roads)]
-    return ReferenceCase(
-        outcome=verdict.outcome,
-        reason=f"{road}: {verdict.reason}" if verdict.reason else "",
-        checks=tuple(replace(check, road=name) for name, one in roads for check in one.checks),
-        seconds=clock.perf_counter() - begin,
-    )
+        roads["closed form"] = _judged(_solved(closed, known), known, "closed form")
+    roads["loop equations"], roads["pose"] = _by_equations(form, known), _by_poses(form, known)
+    return over_roads(roads)
 
 
 def _solved(form: Form, known: Known) -> Motion:

@@ -1,7 +1,7 @@
 """The main job: a mechanism by every road, compared and judged."""
 
 import time as clock
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,16 +9,20 @@ from typing import Any
 import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.model.crank_profile import CrankProfile, arc_around, swing
 from mechsim.model.motion import Motion
-from mechsim.model.outcome import Outcome, gravest
+from mechsim.model.outcome import gravest
 from mechsim.simulation import Run, Settings
+from mechsim.studies.agreement.agreement import Agreement, held
+from mechsim.studies.closed_form_checks import KEPT_OFF, against_loops
 from mechsim.studies.motion_source import profile_of, programs_of, simulated
-from mechsim.studies.truth_checks import KEPT_OFF, Formula, against_formula, against_loops
-from mechsim.verdict.checks import Check, Verdict
+from mechsim.subjects.families import family as dimension_family
+from mechsim.verdict.checks import Verdict, over_roads
 from mechsim.verdict.judge import crosscheck
 from mechsim.verdict.quantities import stroke_of
 
@@ -35,113 +39,102 @@ class Case:
 
     Attributes:
         drive: the mechanism.
-        outcome: the worst outcome of all roads.
-        reason: one sentence where the outcome is not "met".
-        checks: of all roads and variants.
+        verdict: over all roads and variants.
         exact: closed form over the range, evenly spread.
         poses: the run by solved poses.
         run: the stepped run; in a quick validation that by poses again.
         quick: whether no run was stepped.
         seconds: for the whole case.
+        formula: how the formula that its file names agrees with it; None where there is none.
     """
 
     drive: Form
-    outcome: Outcome
-    reason: str
-    checks: tuple[Check, ...]
+    verdict: Verdict
     exact: Motion
     poses: Run
     run: Run
     seconds: float
     quick: bool = False
+    formula: Agreement | None = None
 
     @property
     def passed(self) -> bool:
         """Whether every quantity of every road is within its bound."""
-        return self.outcome == "met"
+        return self.verdict.passed
 
     def as_dict(self) -> dict[str, Any]:
         """Return the case as `mechsim validate --json` prints it."""
-        return {
-            "passed": self.passed,
-            "outcome": self.outcome,
-            "reason": self.reason,
-            "checks": [check.as_dict() for check in self.checks],
-            "steps": 0 if self.quick else self.run.steps,
-            "seconds": self.seconds,
-        }
+        cost = {"steps": 0 if self.quick else self.run.steps, "seconds": self.seconds}
+        return self.verdict.as_dict() | cost | ({} if self.formula is None else self.formula.explained)
 
 
-def validate(
-    drive: Form, *, speed: float = 20.0 * np.pi, formula: Formula | None = None, quick: bool = False
-) -> Case:
+def validate(model: Form | DesignFamily, *, speed: float = 20.0 * np.pi, quick: bool = False) -> Case:
     """Validate one mechanism: closed form against loop equations, solved poses and a stepped run.
 
-    One without a closed form: loop equations against MuJoCo's.
+    One without a closed form: loop equations against MuJoCo's, and the formula that its file names, which is
+    run, against both.
 
     Args:
-        drive: the mechanism.
+        model: the mechanism; a family of dimensions says which may be wrong where its formula is missed.
         speed: crank speed in [rad/s]; a crank that cannot turn fully swings with this as its fastest.
-        formula: of the user's own, crank angles (n,), or the coordinates of several drivers by name, to
-            {point: (n, 3)}; held against the loop equations.
         quick: leave out the stepped run.
 
     Raises:
         AssemblyError: if the loops close nowhere.
-        InputError: for one that is to fold at change points, which MuJoCo's motion passes smoothly.
+        InputError: for one that is to fold at change points, which MuJoCo's motion passes smoothly, and for a
+            formula that cannot be used.
     """
-    case = _validated(drive, speed, formula, quick)
+    family = model if isinstance(model, DesignFamily) else dimension_family(model)
+    drive = family.make({})
+    case = _validated(drive, family, speed, quick)
     for name, variant in drive.variants().items():
         # a variant that cannot stand says nothing against the mechanism
         with suppress(AssemblyError):
-            case = _with_variant(case, name, _validated(variant, speed, None, quick))
+            case = _with_variant(case, name, _validated(variant, dimension_family(variant), speed, quick))
     return case
 
 
 def _with_variant(case: Case, name: str, variant: Case) -> Case:
     """Return a case that holds a variant's checks too, each with the variant's name."""
-    checks = tuple(replace(check, variant=name) for check in variant.checks)
-    worse = gravest([case.outcome, variant.outcome]) == 1
-    return replace(
-        case,
-        outcome=variant.outcome if worse else case.outcome,
-        reason=f"{name}, {variant.reason}" if worse else case.reason,
-        checks=case.checks + checks,
-        seconds=case.seconds + variant.seconds,
+    own, other = case.verdict, variant.verdict
+    worse = gravest([own.outcome, other.outcome]) == 1
+    verdict = Verdict(
+        outcome=other.outcome if worse else own.outcome,
+        checks=own.checks + tuple(replace(check, variant=name) for check in other.checks),
+        reason=f"{name}, {other.reason}" if worse else own.reason,
     )
+    return replace(case, verdict=verdict, seconds=case.seconds + variant.seconds)
 
 
-def _validated(drive: Form, speed: float, formula: Formula | None, quick: bool) -> Case:
+def _validated(drive: Form, family: DesignFamily, speed: float, quick: bool) -> Case:
     begin = clock.perf_counter()
     profile = profile_of(drive, speed, drive.period / TURN)
     # by the clock of programs there is no other speed than their own
     speed = speed if programs_of(drive) is None else profile.fastest
     angles = profile.state(np.linspace(0.0, profile.duration, 73))[0]
     exact = drive.solve(angles, speed)
-    verdicts: list[tuple[str, Verdict]] = []
+    verdicts: dict[str, Verdict] = {}
     if isinstance(drive, ClosedForm):
-        verdicts.append(("closed form", against_loops(drive, exact)))
-    if formula is not None:
-        verdicts.append(("formula", against_formula(exact, formula, drive)))
+        verdicts["closed form"] = against_loops(drive, exact)
+    formula = None
+    if isinstance(drive, LoopForm) and drive.formula:
+        formula = held(family, speed=speed, attribute=not quick)
+        verdicts["formula"] = Verdict(formula.outcome, formula.checks, formula.reason)
     # only a crank at constant speed has a drive whose error means something
     wanted = speed if profile.steady and programs_of(drive) is None else None
     poses = run = simulated(drive, profile, method="pose")
-    verdicts.append(("pose", crosscheck(poses.motion, drive, speed=wanted)))
+    verdicts["pose"] = crosscheck(poses.motion, drive, speed=wanted)
     if not quick:
-        run, verdict = _stepped(drive, profile, speed, STEP_PLACE * stroke_of(exact))
-        verdicts.append(("step", verdict))
-    checks = tuple(replace(check, road=road) for road, verdict in verdicts for check in verdict.checks)
-    outcome, reason = _worst(verdicts)
+        run, verdicts["step"] = _stepped(drive, profile, speed, STEP_PLACE * stroke_of(exact))
     return Case(
         drive=drive,
-        outcome=outcome,
-        reason=reason,
-        checks=checks,
+        verdict=over_roads(verdicts),
         exact=exact,
         poses=poses,
         run=run,
         seconds=clock.perf_counter() - begin,
         quick=quick,
+        formula=formula,
     )
 
 
@@ -172,31 +165,23 @@ def _decided(drive: Form, profile: CrankProfile, speed: float) -> CrankProfile:
     return swing(0.5 * (low + high), 0.49 * (high - low), speed)
 
 
-def _worst(verdicts: Sequence[tuple[str, Verdict]]) -> tuple[Outcome, str]:
-    road, verdict = verdicts[gravest(verdict.outcome for _, verdict in verdicts)]
-    return verdict.outcome, f"{road}: {verdict.reason}" if verdict.reason else ""
-
-
 def validate_all(
-    drives: Mapping[str, Form],
+    models: Mapping[str, Form | DesignFamily],
     *,
     speed: float = 20.0 * np.pi,
-    formulas: Mapping[str, Formula] | None = None,
     quick: Container[str] = (),
     done: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Case]:
     """Validate several mechanisms.
 
     Args:
-        drives: name -> mechanism.
+        models: name -> mechanism, as in `validate`.
         speed: as in `validate`.
-        formulas: name -> formula of the user's own.
         quick: names of those whose runs are not stepped.
         done: called with each name.
     """
     cases: dict[str, Case] = {}
-    for name, drive in drives.items():
-        formula = (formulas or {}).get(name)
-        cases[name] = validate(drive, speed=speed, formula=formula, quick=name in quick)
+    for name, model in models.items():
+        cases[name] = validate(model, speed=speed, quick=name in quick)
         done(name)
     return cases

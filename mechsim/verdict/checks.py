@@ -1,14 +1,14 @@
 """Checks of quantities against their bounds, and the verdict they come to."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.outcome import Outcome
+from mechsim.model.outcome import Outcome, gravest
 from mechsim.verdict.quantities import QUANTITIES, Quantity
 from mechsim.verdict.tolerances import OF, Asked, Bound, Tolerance
 
@@ -101,6 +101,15 @@ class Verdict:
     def passed(self) -> bool:
         """Whether every quantity is within its bound."""
         return self.outcome == "met"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the verdict as plain data."""
+        return {
+            "passed": self.passed,
+            "outcome": self.outcome,
+            "reason": self.reason,
+            "checks": [check.as_dict() for check in self.checks],
+        }
 
     def __str__(self) -> str:
         head = self.outcome if not self.reason else f"{self.outcome}: {self.reason}"
@@ -204,6 +213,13 @@ def concluded(checks: Iterable[Check], elsewhere: Callable[[], float | None] | N
     names = ", ".join(f"{check.quantity} {_beyond(check)}" for check in failed[:3])
     more = f" and {len(failed) - 3} more" if len(failed) > 3 else ""
     return Verdict("missed", found, f"beyond the bound: {names}{more}")
+
+
+def over_roads(verdicts: Mapping[str, Verdict]) -> Verdict:
+    """Return the verdict over several roads: the gravest outcome and whose it is, and each road's checks."""
+    road, worst = list(verdicts.items())[gravest(verdict.outcome for verdict in verdicts.values())]
+    checks = [replace(check, road=name) for name, one in verdicts.items() for check in one.checks]
+    return Verdict(worst.outcome, tuple(checks), f"{road}: {worst.reason}" if worst.reason else "")
 
 
 def _beyond(check: Check) -> str:

@@ -109,7 +109,7 @@ def test_a_link_a_thousandth_too_long_closes_nowhere():
 
 
 def test_it_goes_through_validation_by_every_road():
-    assert validate(Bennett()).outcome == "met"
+    assert validate(Bennett()).verdict.outcome == "met"
 
 
 @pytest.mark.parametrize("cut", ["A", "B", "rocker"])

@@ -41,7 +41,16 @@ def test_a_verdict_on_a_scene_begins_with_what_is_wrong_with_it(mechsim, file):
     assert [one["kind"] for one in found] == ["actuator", "soft"]
 
 
-def test_validate_says_it_too(mechsim, file):
-    _, out, _ = mechsim("validate", file(SOFT), "--drive", "crank=0.3*sin(2*pi*t)", "--json")
+def test_validate_says_it_too_whatever_the_scene_is_held_against(mechsim, file, tmp_path):
+    (tmp_path / "own.py").write_text("def still(angle):\n    return {'rocker': 0 * angle}\n")
+    asked = ("validate", file(SOFT), "--drive", "crank=0.3*sin(2*pi*t)")
+    _, out, _ = mechsim(*asked, "--json")
     (case,) = json.loads(out)["mechanisms"].values()
     assert "soft" in [one["kind"] for one in case["findings"]]
+    _, out, _ = mechsim(*asked, "--against", "own.py:still", "--json")
+    (case,) = json.loads(out)["mechanisms"].values()
+    kinds = [one["kind"] for one in case["findings"]]
+    assert kinds[:2] == ["actuator", "soft"]
+    assert len(kinds) > 2
+    _, out, _ = mechsim(*asked, "--against", "own.py:still")
+    assert out.splitlines()[1].startswith("soft: line")

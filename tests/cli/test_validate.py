@@ -2,6 +2,8 @@
 
 import json
 
+import pytest
+
 from mechsim.subjects import gallery
 
 YOKE = gallery.files()["scotch_yoke"]
@@ -45,6 +47,13 @@ def test_a_formula_of_one_s_own_is_run_and_said_to_be_and_its_error_is_found(mec
     assert code == 1
     assert "runs guides.py: a formula is code" in err
     assert "scotch_yoke: missed - formula: beyond the bound: position of" in out
+    assert "perhaps: crank is 0.0300" in out
+    assert "run against pin: 3e-05 m = formula 3e-05" in out
+    code, out, _ = mechsim("validate", "own.toml", "--json", "--report", "out")
+    assert "crank is 0.0300" in (tmp_path / "out" / "index.html").read_text()
+    case = json.loads(out)["mechanisms"]["scotch_yoke"]
+    assert case["findings"][0]["kind"] == "dimension"
+    assert case["attribution"]["formula"] == pytest.approx(3e-5, rel=1e-3)
 
 
 def test_the_gallery_s_own_laws_need_no_word(mechsim):

@@ -21,7 +21,7 @@ def test_a_mechanism_with_change_points_meets_every_bound(which):
     name, lengths = FLAT[which]
     drive = catalog.make(name, **lengths)
     case = validate(drive)
-    assert case.outcome == "met", case.reason
+    assert case.verdict.outcome == "met", case.verdict.reason
     assert np.ptp(case.exact.angle) == pytest.approx(drive.period)
     # dynamics do not decide at a change point: the stepped run swings between them
     nearest = np.abs(

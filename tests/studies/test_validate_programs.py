@@ -2,23 +2,22 @@
 
 import numpy as np
 
-from mechsim.studies.truth_checks import drivers_of
+from mechsim.studies.agreement.comparand import asked_of, comparand_of
 from mechsim.studies.validate import validate
-from mechsim.subjects.formula import formula_of
 from mechsim.subjects.subject import load
 
 FIVE_BAR = load("five_bar")
 
 
 def test_drivers_have_lines_of_their_own_on_both_roads():
-    case = validate(FIVE_BAR, formula=formula_of(FIVE_BAR))
-    assert case.passed, case.reason
-    told = {check.quantity for check in case.checks if "drive" in check.quantity}
+    case = validate(FIVE_BAR)
+    assert case.passed, case.verdict.reason
+    told = {check.quantity for check in case.verdict.checks if "drive" in check.quantity}
     assert told == {f"{road}: drive: {name}" for road in ("pose", "step") for name in ("left", "right")}
 
 
 def test_a_formula_is_asked_at_the_coordinates_of_the_drivers():
     motion = FIVE_BAR.solve(np.linspace(0.0, FIVE_BAR.period, 5))
-    at = drivers_of(motion, FIVE_BAR)
+    at = asked_of(comparand_of(FIVE_BAR, 1.0, samples=5))
     assert list(at) == ["left", "right"]
     np.testing.assert_allclose(at["left"], motion.joints["left"].value, atol=1e-14)

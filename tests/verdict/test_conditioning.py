@@ -33,8 +33,8 @@ def near_a_dead_centre(name, part):
 
 def test_a_sound_mechanism_of_small_transmission_angle_is_met():
     case = validate(catalog.make("rrsrr", **FIVE_LINK))
-    assert case.passed, case.reason
-    assert any("where the loops' conditioning is" in check.why for check in case.checks)
+    assert case.passed, case.verdict.reason
+    assert any("where the loops' conditioning is" in check.why for check in case.verdict.checks)
 
 
 @pytest.mark.parametrize("name", SWINGING)

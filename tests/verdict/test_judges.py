@@ -99,10 +99,10 @@ def test_cranks_that_only_swing_are_validated_inside_their_range(name):
     assert not arcs.full
     assert arcs.arcs
     case = validate(swinging)
-    assert case.passed, case.reason
+    assert case.passed, case.verdict.reason
 
 
 def test_variants_of_a_mechanism_are_validated_with_it():
     case = validate(catalog.make("rssr"))
-    assert any(check.quantity == "guided, step: orientation of coupler" for check in case.checks)
+    assert any(check.quantity == "guided, step: orientation of coupler" for check in case.verdict.checks)
     assert case.passed

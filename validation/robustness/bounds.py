@@ -70,7 +70,7 @@ def parts(count: int, seed: int = 1) -> Parts:
 
 
 def _validated(drive: ClosedForm) -> list[Check]:
-    return list(validate(drive).checks)
+    return list(validate(drive).verdict.checks)
 
 
 def _by_own_error(drive: ClosedForm) -> list[Check]:

@@ -76,7 +76,7 @@ def _validated(drive: ClosedForm, found: Found) -> None:
         found.fault("validated", f"refused: {error}; {drive}")
         return
     if not case.passed:
-        found.fault("validated", f"{case.reason}; {drive}")
+        found.fault("validated", f"{case.verdict.reason}; {drive}")
 
 
 def _run(drive: ClosedForm, profile: CrankProfile, method: str, kind: str, found: Found) -> None:

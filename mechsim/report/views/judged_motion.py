@@ -28,7 +28,7 @@ def case_view(case: Case) -> View | None:
         grid = motion_grid("judged", drive.mechanism, shown, driver=drive.mechanism.crank.name, marks=marks)
     with suppress(MechsimError):
         grid = replace(_with_ghost(case, grid), error=_error(case, grid, shown.angle))
-    fact = f"The motion that was judged: {motion.source}, {len(shown)} poses, verdict {case.outcome}."
+    fact = f"The motion that was judged: {motion.source}, {len(shown)} poses, verdict {case.verdict.outcome}."
     return View(drive.mechanism, [grid], drive.name.replace("_", "-"), [fact])
 
 

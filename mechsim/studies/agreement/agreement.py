@@ -28,7 +28,7 @@ from mechsim.studies.agreement.table_claims import claims_of_table, read_table, 
 from mechsim.studies.motion_source import programs_of
 from mechsim.subjects.families import family as dimension_family
 from mechsim.subjects.python_object import object_of
-from mechsim.verdict.checks import Check, concluded
+from mechsim.verdict.checks import Check, Verdict, concluded
 
 Against = str | Path | Callable[..., Any]
 SPEED = 20.0 * np.pi
@@ -76,13 +76,13 @@ class Agreement:
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as `mechsim validate --json` prints it."""
+        return Verdict(self.outcome, self.checks, self.reason).as_dict() | {"why": self.why} | self.explained
+
+    @property
+    def explained(self) -> dict[str, Any]:
+        """What was held against the model and what explains a difference, as plain data."""
         return {
-            "passed": self.passed,
-            "outcome": self.outcome,
-            "reason": self.reason,
-            "why": self.why,
             "against": self.source,
-            "checks": [check.as_dict() for check in self.checks],
             "findings": [finding.as_dict() for finding in self.findings],
             "attribution": dict(self.attribution),
         }
@@ -123,9 +123,20 @@ def validate(
         AssemblyError: where the loops of the model close nowhere.
     """
     found = _family(model, set, drive, duration)
-    source, comparand, claims, again = _claims(found.make({}), against, speed)
-    function = not (isinstance(against, str | Path) and _is_table(against))
-    said = agreement(comparand, claims, source, tolerance, found, function=function)
+    return held(found, against, speed=speed, tolerance=tolerance, attribute=attribute)
+
+
+def held(
+    family: DesignFamily,
+    against: Against | None = None,
+    *,
+    speed: float,
+    tolerance: float | None = None,
+    attribute: bool = True,
+) -> Agreement:
+    """Hold what moves, as it stands in its family, against a formula or a table; arguments as `validate`."""
+    source, comparand, claims, again = _claims(family.make({}), against, speed)
+    said = agreement(comparand, claims, source, tolerance, family, function=again is not None)
     if not attribute:
         return said
     return replace(said, attribution=told(comparand, claims, scales_of(comparand, claims), again))

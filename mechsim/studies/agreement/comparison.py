@@ -114,16 +114,17 @@ def check(claim: Claim, exact: Array, comparand: Comparand, scales: Scales, aske
     """Return how far one claim is from what is exact (n, k); of what is uncertain, by its worst component."""
     gap = errors(claim.named, claim.values, exact)
     tolerance, wide = bounds(claim, comparand, scales, asked)
-    kind = _said(claim.named)
+    kind, subject = _compared(claim.named)
     if claim.uncertainty is None:
         size = np.sqrt((gap**2).sum(1))
-        return check_of(kind, "", size, comparand.angle, tolerance, comparand.conditioning)
+        return check_of(kind, subject, size, comparand.angle, tolerance, comparand.conditioning)
     # the component that uses the most of what it may
     at = np.argmax(np.abs(gap) / wide, axis=1)[:, None]
     size, allowed = (np.take_along_axis(one, at, 1)[:, 0] for one in (np.abs(gap), wide))
     worst = int(np.argmax(size / allowed))
     return Check(
         kind=kind,
+        subject=subject,
         unit=claim.named.unit,
         worst=float(size[worst]),
         at_angle=float(comparand.angle[worst]),
@@ -133,12 +134,15 @@ def check(claim: Claim, exact: Array, comparand: Comparand, scales: Scales, aske
     )
 
 
-def _said(named: NamedQuantity) -> str:
+def _compared(named: NamedQuantity) -> tuple[str, str]:
+    """Return what is compared and of what, as the table of quantities has them where it knows the kind."""
     if named.kind in ("position", "velocity", "acceleration"):
         axes = f", {named.axes}" if len(named.axes) < 3 else ""
-        return f"{named.kind} of {named.subject}{axes}"
-    if named.kind in ("force", "moment"):
-        return f"{named.kind} in {named.subject}"
+        return named.kind, named.subject + axes
     if named.kind == "torque":
-        return f"{'force' if named.unit == 'N' else 'torque'} of drive {named.subject}"
-    return f"{named.kind} {named.subject}"
+        return f"{'force' if named.unit == 'N' else 'torque'} of drive {named.subject}", ""
+    if named.kind in ("force", "moment"):
+        return named.kind, named.subject
+    if named.kind == "joint":
+        return "angle" if named.angle else "displacement", named.subject
+    return f"{named.kind} {named.subject}", ""

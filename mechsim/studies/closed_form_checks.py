@@ -1,56 +1,17 @@
-"""What is true of a motion before MuJoCo is asked: the loops close, and a formula says the same."""
-
-from collections.abc import Callable, Mapping
-from typing import Any
+"""What is true of a closed form before MuJoCo is asked: its loops close and its rates are theirs."""
 
 import numpy as np
 
 from mechsim.analytic import closure
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.forms import Form
-from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Pose
 from mechsim.model.motion import Motion, taken
-from mechsim.studies.motion_source import programs_of
 from mechsim.verdict.checks import Verdict, allowances, check_of, checks_of, concluded
 from mechsim.verdict.quantities import QUANTITIES, motion_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import EPS, Asked, Tolerance
 
 # so near to a change point, in [rad], neither steps nor rates from the loops are looked at
 KEPT_OFF = 0.05
-# of a formula, in eps of the reach: two ways to the same place differ by rounding alone
-FORMULA, MEASURED = 512, 8
-
-
-# crank angles (n,) in [rad], or driver -> its coordinate (n,) in [rad] or [m] -> point -> (n, 3) in [m]
-Formula = Callable[[Any], Mapping[str, Array]]
-
-
-def drivers_of(motion: Motion, drive: Form) -> Array | dict[str, Array]:
-    """Return what a formula is asked at: the angles of the crank, or the coordinates of several drivers."""
-    programs = programs_of(drive)
-    if programs is None:
-        return motion.angle
-    return dict(zip(programs.drivers, programs.by_clock(motion.angle)[0], strict=True))
-
-
-def against_formula(exact: Motion, formula: Formula, drive: Form) -> Verdict:
-    """Check the user's own formula by the places that the loop equations give."""
-    why = f"another formula: rounding, {FORMULA} eps of the reach, measured {MEASURED} in the gallery"
-    allowed = Tolerance(FORMULA * EPS * reach_of(exact), "m", why, power=1)
-    conditioning = drive.conditioning(exact)
-    checks = [
-        check_of(
-            "position",
-            name,
-            np.linalg.norm(place - exact.points[name].position, axis=1),
-            exact.angle,
-            allowed,
-            conditioning,
-        )
-        for name, place in formula(drivers_of(exact, drive)).items()
-    ]
-    return concluded(checks)
 
 
 def against_loops(drive: ClosedForm, exact: Motion) -> Verdict:
