@@ -35,8 +35,6 @@ def simulate_fed(
     as_json: bool,
 ) -> None:
     """Run a scene, its actuators fed, and say how it ended; the exit code is that of `simulate`."""
-    if driven.hold or driven.hold_base:
-        raise InputError("--ctrl runs the file as it is; hold joints in the file, and leave out --hold")
     if "flywheel" in asked:
         raise InputError("--flywheel is of a driven run; with --ctrl leave it out")
     pairs = tuple(_pair(text) for text in ctrl)
@@ -45,6 +43,7 @@ def simulate_fed(
         SceneOptions(
             drive=driven.drive, ctrl=pairs, key=driven.key, track=driven.track, duration=driven.duration
         ),
+        driven,
     )
     settings = plain_settings(asked, timestep, float(scene.model.opt.timestep))
     bound = PLACE * scene.size if tolerance is None else tolerance

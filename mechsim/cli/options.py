@@ -1,7 +1,7 @@
 """Options that several commands share, and how their text becomes values."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -87,7 +87,21 @@ def pair_of(option: str, example: str, *, alone: bool = False) -> Callable[[str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DriveOptions:
+class HoldOptions:
+    """What is held."""
+
+    hold: tuple[tuple[str, str | None], ...] = option(
+        (),
+        "Hold a joint, where it starts if no value is given.",
+        read=pair_of("--hold", "--hold boom=30deg", alone=True),
+        many=True,
+        metavar="JOINT[=VALUE]",
+    )
+    hold_base: bool = option(False, "Hold what floats where it starts.", name="--hold-base")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveOptions(HoldOptions):
     """How a mechanism is driven, what is held, and which points count."""
 
     drive: tuple[tuple[str, str], ...] = option(
@@ -98,14 +112,6 @@ class DriveOptions:
         many=True,
         metavar="JOINT=PROGRAM",
     )
-    hold: tuple[tuple[str, str | None], ...] = option(
-        (),
-        "Hold a joint, where it starts if no value is given.",
-        read=pair_of("--hold", "--hold boom=30deg", alone=True),
-        many=True,
-        metavar="JOINT[=VALUE]",
-    )
-    hold_base: bool = option(False, "Hold what floats where it starts.", name="--hold-base")
     key: str | None = option(None, "Start from this keyframe of an MJCF file.", metavar="NAME")
     track: tuple[str, ...] = option(
         (), "Follow this point, and no others.", read=str, many=True, metavar="NAME[,BODY@X,Y,Z]"
@@ -148,10 +154,8 @@ def _driven(driven: DriveOptions | None) -> dict[str, Any]:
     """Return how a mechanism is driven, as `load` takes it."""
     if driven is None:
         return {}
-    for what, pairs in (("--drive", driven.drive), ("--hold", driven.hold)):
-        names = [name for name, _ in pairs]
-        if twice := next((name for name in names if names.count(name) > 1), None):
-            raise InputError(f"{what} names {twice} twice; give it once")
+    once("--drive", driven.drive)
+    once("--hold", driven.hold)
     return {
         "drive": dict(driven.drive),
         "hold": dict(driven.hold),
@@ -160,6 +164,13 @@ def _driven(driven: DriveOptions | None) -> dict[str, Any]:
         "track": driven.track,
         "duration": driven.duration,
     }
+
+
+def once(what: str, pairs: Sequence[tuple[str, str | None]]) -> None:
+    """Refuse an option that names one thing twice."""
+    names = [name for name, _ in pairs]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise InputError(f"{what} names {twice} twice; give it once")
 
 
 def _told(form: Form) -> Form:

@@ -7,10 +7,10 @@ import numpy as np
 
 from mechsim import files
 from mechsim.cli.endings import tell
-from mechsim.cli.options import pair_of
+from mechsim.cli.options import HoldOptions, once, pair_of
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Vector
-from mechsim.model.programs import State
+from mechsim.model.programs import State, steady
 from mechsim.studies.scenes import UserScene, scene_of
 from mechsim.subjects.actuator_programs import actuator_programs
 from mechsim.subjects.mjcf_source import MjcfForm
@@ -18,6 +18,8 @@ from mechsim.subjects.prescription import lasting
 from mechsim.subjects.subject import load
 from mechsim.subjects.time_expressions import as_python
 from mechsim.units import option
+
+NOTHING_HELD = HoldOptions()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,8 +55,13 @@ class SceneOptions:
     )
 
 
-def user_scene(path: str, asked: SceneOptions) -> UserScene:
+def user_scene(path: str, asked: SceneOptions, held: HoldOptions = NOTHING_HELD) -> UserScene:
     """Return the scene of an MJCF file and the motion it is put through; what was changed is told on stderr.
+
+    Args:
+        path: of the file.
+        asked: what moves it, how long, and which points count.
+        held: joints that are prescribed to stand still, and whether what floats does.
 
     Raises:
         InputError: for what is no MJCF file, or a joint, actuator, keyframe or point that is not there.
@@ -62,16 +69,22 @@ def user_scene(path: str, asked: SceneOptions) -> UserScene:
     """
     if not path.lower().endswith(".xml"):
         raise InputError(f"{path!r} is no MJCF file; name FILE.xml (`mechsim export NAME -o FILE.xml`)")
-    for what, pairs in (("--drive", asked.drive), ("--ctrl", asked.ctrl)):
-        names = [name for name, _ in pairs]
-        if twice := next((name for name in names if names.count(name) > 1), None):
-            raise InputError(f"{what} names {twice} twice; give it once")
-    form = load(path, drive=dict(asked.drive), key=asked.key, track=asked.track)
+    for what, pairs in (("--drive", asked.drive), ("--ctrl", asked.ctrl), ("--hold", held.hold)):
+        once(what, pairs)
+    form = load(
+        path,
+        drive=dict(asked.drive),
+        hold=dict(held.hold),
+        hold_base=held.hold_base,
+        key=asked.key,
+        track=asked.track,
+    )
     assert isinstance(form, MjcfForm)
     assert form.source is not None
     for fact in form.facts:
         tell(f"{form.name}: {fact}")
     drive = {} if form.programs is None else dict(form.programs.by_name)
+    drive |= {name: steady(value, 0.0) for name, value in form.mechanism.holds.items()}
     ctrl = actuator_programs(dict(asked.ctrl))
     states: dict[str, State] = {**drive, **ctrl}
     points: dict[str, tuple[str, Vector]] | None = dict(form.mechanism.points) if asked.track else None
@@ -83,6 +96,7 @@ def user_scene(path: str, asked: SceneOptions) -> UserScene:
         duration=lasting(asked.duration, None, states),
         points=points,
         key=asked.key,
+        base_held=held.hold_base,
     )
 
 

@@ -10,7 +10,7 @@ import typer
 
 from mechsim import units
 from mechsim.cli.declared_options import spread
-from mechsim.cli.options import Json, writable
+from mechsim.cli.options import HoldOptions, Json, writable
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.cli.scene_options import SceneOptions, expressions, user_scene
 from mechsim.errors import InputError
@@ -42,6 +42,7 @@ def tune(
         ),
     ] = "closure",
     asked: SceneOptions,
+    held: HoldOptions,
     budget: Annotated[str, typer.Option(help="About how long to search.")] = f"{SECONDS:g}s",
     output: Annotated[
         str, typer.Option("-o", "--output", metavar="OUT.xml", help="Where to write the scene.")
@@ -61,7 +62,7 @@ def tune(
         raise InputError(f"there is no error by {by!r}; known are {', '.join(MEASURES)}")
     wanted = _tolerance(tolerance, by)
     seconds = units.parse_time(budget, "the budget")
-    scene = user_scene(model, asked)
+    scene = user_scene(model, asked, held)
     if place.resolve() == Path(scene.path).resolve():
         raise InputError(f"-o {output} is the file itself; name another, so that it stays as it is")
     with progress("tune", None) as tick:

@@ -53,7 +53,7 @@ def test_a_tolerance_chooses_steps_and_hardness(mechsim):
     [
         (("--ctrl", "motor=1"), "actuators of the model are servo"),
         (("--ctrl", "servo"), "has no '='"),
-        (("--ctrl", "servo=1", "--hold", "swing"), "--hold"),
+        (("--ctrl", "servo=1", "--hold", "swung"), "swung"),
         (("--ctrl", "servo=1", "--speed", "3"), "--speed"),
         (("--ctrl", "servo=1", "--steps-per-turn", "50"), "--steps-per-turn"),
     ],

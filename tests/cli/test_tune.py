@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scene_texts import FINGER, scene
 
+from mechsim import files
 from mechsim.studies.scenes import stepped
 
 
@@ -73,6 +74,37 @@ def test_what_tune_writes_keeps_the_tolerance_when_stepped_as_its_comment_says(m
     judge = scene(folder, drive={"knuckle": "0.5*sin(2*pi*t)"})
     places = replace(stepped(judge, records=2), qpos=states).points
     assert judge.closure.errors(states, places).max() == pytest.approx(told["tuned"]["error"], rel=1e-3)
+
+
+FLOATING = FINGER.replace(
+    "<worldbody>",
+    '<worldbody><body name="hull" pos="0 0 1"><freejoint name="float"/><inertial mass="1" pos="0 0 0" '
+    'diaginertia="1e-3 1e-3 1e-3"/>',
+).replace(
+    "</worldbody>",
+    '</body></worldbody><keyframe><key name="home" qpos="0 .2 1.5 1 0 0 0 0 0 0 0" ctrl="0.1"/></keyframe>',
+)
+
+
+def test_what_is_held_stands_still_in_what_is_written(mechsim, tmp_path):
+    (tmp_path / "floating.xml").write_text(FLOATING)
+    words = ("floating.xml", "--hold-base", "--hold", "swing=0.2", "--key", "home", "--duration", "0.1s")
+    answer = mechsim("simulate", *words, "--ctrl", "servo=0.1", "-o", "run.csv", "--json")
+    assert answer.code in (0, 1), answer.err
+    assert files.read(tmp_path / "run.csv")["swing.q"] == pytest.approx(0.2, abs=1e-9)
+    answer = mechsim("tune", *words, "--tolerance", "5um", "--budget", "20s", "-o", "out.xml", "--json")
+    assert answer.code == 0, answer.err
+    assert "freejoint" not in (tmp_path / "out.xml").read_text()
+    states = as_its_comment_says(tmp_path / "out.xml", 0.1)
+    assert states.shape[1] == 4  # the base has no coordinates any more
+    assert states[:, 3] == pytest.approx(0.2, abs=1e-9)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
+    assert model.body("hull").pos == pytest.approx([0.0, 0.2, 1.5])
+    assert model.key("home").ctrl == 0.1
+    assert len(model.key("home").qpos) == 4
+    answer = mechsim("tune", "finger.xml", "--tolerance", "5um", "--hold-base", "-o", "no.xml")
+    assert answer.code == 2
+    assert "no body has a free joint" in answer.err
 
 
 def test_what_no_file_reaches_is_said_with_what_one_does(mechsim, tmp_path):

@@ -1,8 +1,13 @@
 """Free bodies held where they stand: in a copy of a specification they lose their free joints."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
+from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf_reader.kinds import FREE
@@ -12,6 +17,69 @@ from mechsim.simulation.mjcf_reader.link_places import rotation
 def free_bodies(model: mujoco.MjModel) -> list[str]:
     """Return the names of the bodies with free joints."""
     return [model.body(model.jnt_bodyid[j]).name for j in range(model.njnt) if int(model.jnt_type[j]) == FREE]
+
+
+@dataclass(frozen=True)
+class HeldBase:
+    """Free bodies of a scene that are held where they start.
+
+    Attributes:
+        places: body -> where it stands: place in [m] and quaternion, (7,).
+        moved: bodies that its file has elsewhere.
+        qpos: which of the coordinates remain, (nq,).
+        qvel: which of the freedoms remain, (nv,).
+    """
+
+    places: Mapping[str, Array]
+    moved: Sequence[str]
+    qpos: NDArray[np.bool_]
+    qvel: NDArray[np.bool_]
+
+
+def hold_scene_base(spec: mujoco.MjSpec, model: mujoco.MjModel, key: str | None) -> HeldBase:
+    """Take away all free joints of a scene, its keyframes cut to what remains; say what was done.
+
+    Args:
+        spec: changed in place.
+        model: compiled from it.
+        key: keyframe as in which the bodies are to stand; None for the reference configuration.
+
+    Raises:
+        InputError: for a free body without a name.
+    """
+    start = model.qpos0 if key is None else model.key(key).qpos
+    qpos, qvel = np.ones(model.nq, dtype=np.bool_), np.ones(model.nv, dtype=np.bool_)
+    places: dict[str, Array] = {}
+    moved: list[str] = []
+    for j in np.flatnonzero(model.jnt_type == FREE):
+        name = model.body(model.jnt_bodyid[j]).name
+        if not name:
+            raise InputError("a body with a free joint has no name; give it one in the file")
+        at, dof = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
+        qpos[at : at + 7], qvel[dof : dof + 6] = False, False
+        places[name] = start[at : at + 7].copy()
+        moved += [name] if (places[name] != model.qpos0[at : at + 7]).any() else []
+    known = [(one, k) for k, one in enumerate(spec.keys)]
+    kept = {
+        one.name: (
+            float(one.time),
+            *(
+                values[k].copy()
+                for values in (model.key_act, model.key_ctrl, model.key_mpos, model.key_mquat)
+            ),
+            model.key_qpos[k][qpos],
+            model.key_qvel[k][qvel],
+        )
+        for one, k in known
+    }
+    for one, _ in known:
+        spec.delete(one)
+    hold_base(spec, model, start)
+    for name, (time, act, ctrl, mpos, mquat, places_, rates) in kept.items():
+        spec.add_key(
+            name=name, time=time, act=act, ctrl=ctrl, mpos=mpos, mquat=mquat, qpos=places_, qvel=rates
+        )
+    return HeldBase(places, tuple(moved), qpos, qvel)
 
 
 def hold_base(spec: mujoco.MjSpec, model: mujoco.MjModel, qpos: Array) -> Array:

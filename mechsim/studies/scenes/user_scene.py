@@ -15,6 +15,7 @@ from mechsim.model.programs import State
 from mechsim.simulation.mjcf.generator import FLYWHEEL
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
+from mechsim.simulation.mjcf_reader.held_base import HeldBase, hold_scene_base
 from mechsim.simulation.mjcf_reader.link_places import carriers, link_name, vector
 from mechsim.simulation.mjcf_reader.parsed_file import parsed
 from mechsim.studies.scenes.exact_closure import ExactClosure, exact_closure
@@ -38,6 +39,7 @@ class UserScene:
         wheels: prescribed joint -> (inertia of its flywheel, its own armature), in [kg m2] or [kg].
         key: keyframe in which it starts; None for the reference configuration.
         lighter: mean inertia without flywheels over that with them.
+        base: free bodies that are held, which the file's own text does not; None where none is.
     """
 
     path: str
@@ -51,6 +53,7 @@ class UserScene:
     wheels: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
     key: str | None = None
     lighter: float = 1.0
+    base: HeldBase | None = None
 
     @property
     def mechanism(self) -> Mechanism:
@@ -140,6 +143,7 @@ def scene_of(
     points: Mapping[str, tuple[str, Vector]] | None = None,
     key: str | None = None,
     spec: mujoco.MjSpec | None = None,
+    base_held: bool = False,
 ) -> UserScene:
     """Return a scene and its motion.
 
@@ -156,6 +160,7 @@ def scene_of(
         points: to track: name -> (link, place in its frame in [m]); None for body origins and ends of loops.
         key: keyframe to start from.
         spec: of the scene, in place of the file; not changed.
+        base_held: whether bodies with free joints stand still, as in what was read.
 
     Raises:
         InputError: for an actuator or a joint that is not there, or programs that begin nowhere.
@@ -165,7 +170,10 @@ def scene_of(
     if not 0.0 < duration < np.inf:
         raise InputError(f"the duration is {duration} s; give a finite time above 0")
     spec = parsed(read.path)[0] if spec is None else spec.copy()
-    plain = spec.compile()
+    plain, base = spec.compile(), None
+    if base_held:
+        base = hold_scene_base(spec, plain, key)
+        plain = spec.compile()
     _require_actuators(plain, ctrl)
     named = read.spec.copy().compile()
     bodies = {link_name(named, b): b for b in range(1, named.nbody) if named.body_jntnum[b]} | {GROUND: 0}
@@ -194,6 +202,7 @@ def scene_of(
         wheels,
         key,
         lighter,
+        base,
     )
 
 

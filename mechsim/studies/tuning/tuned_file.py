@@ -1,6 +1,6 @@
 """A user's scene written with other settings into its own text, and read back as plain MuJoCo reads it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from mechsim.errors import InputError, MechsimError
 from mechsim.files import written_beside
 from mechsim.maths.arrays import Array
 from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf_reader.held_base import HeldBase
 from mechsim.simulation.mjcf_reader.parsed_file import parsed
 from mechsim.simulation.mjcf_text.edited_text import EditedText
 from mechsim.simulation.mjcf_text.element_spans import Element
@@ -77,6 +78,7 @@ def tuned_text(scene: UserScene, settings: PlainSettings, comment: Sequence[str]
             (softness and sections & {"equality"})
             or ((options or flags) and "option" in sections)
             or joints & {*scene.drive}
+            or (scene.base and ("keyframe" in sections or _bodies(root, scene.base.places)))
         )
 
     before, put_in = with_included(read_text(scene.path), folder, concerned)
@@ -90,6 +92,8 @@ def tuned_text(scene: UserScene, settings: PlainSettings, comment: Sequence[str]
             )
         set_softness(edited, softness)
     set_options(edited, options, flags)
+    if scene.base is not None:
+        _hold_base(scene, edited, scene.base)
     for name, (inertia, _) in scene.wheels.items():
         edited.set(_joint(scene, edited.root, name), "armature", _word(inertia))
     if scene.drive:
@@ -107,6 +111,31 @@ def _joint(scene: UserScene, root: Element, name: str) -> Element:
     raise InputError(
         f"{scene.path}: no joint in its text is called {name!r}; give the driven joint a name there"
     )
+
+
+def _bodies(root: Element, names: Collection[str]) -> list[Element]:
+    return [one for one in root.every("body") if one.attributes.get("name") in names]
+
+
+def _hold_base(scene: UserScene, edited: EditedText, base: HeldBase) -> None:
+    """Take away the free joints of a text, and what its keyframes say of them."""
+    for body in _bodies(edited.root, base.places):
+        name = body.attributes["name"]
+        for one in body.children:
+            if one.tag == "freejoint" or (one.tag == "joint" and one.attributes.get("type") == "free"):
+                edited.take_away(one)
+        if name in base.moved:
+            turned = {"euler", "axisangle", "xyaxes", "zaxis"} & {*body.attributes}
+            if turned or body.within("frame") is not None:
+                raise InputError(f"{scene.path}: {name} cannot be put elsewhere in its text; {WHOLE}")
+            edited.set(body, "pos", _numbers(base.places[name][:3].tolist()))
+            edited.set(body, "quat", _numbers(base.places[name][3:].tolist()))
+    for section in edited.root.children:
+        for one in section.children if section.tag == "keyframe" else ():
+            for what, kept in (("qpos", base.qpos), ("qvel", base.qvel)):
+                if what in one.attributes:
+                    values = np.array(one.attributes[what].split(), dtype=np.float64)
+                    edited.set(one, what, _numbers(values[kept].tolist()))
 
 
 def _numbers(values: Sequence[float]) -> str:
