@@ -15,7 +15,7 @@ from mechsim.cli.scene_options import SceneOptions, user_scene
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.outcome import PLACE, Outcome
-from mechsim.studies.scenes import SceneErrors, SceneRun, UserScene
+from mechsim.studies.scenes import SceneErrors, SceneRun, UserScene, start_error
 from mechsim.studies.scenes.plain_settings import PlainSettings
 from mechsim.studies.scenes.why_broken import why_broken
 from mechsim.studies.tuning.finer_steps import finer
@@ -47,7 +47,8 @@ def simulate_fed(
     )
     settings = plain_settings(asked, timestep, float(scene.model.opt.timestep))
     bound = PLACE * scene.size if tolerance is None else tolerance
-    run, errors, used = finer(scene, settings, bound, fixed=tolerance is None, records=samples)
+    hopeless = bool(_stands_open(scene, bound))
+    run, errors, used = finer(scene, settings, bound, fixed=tolerance is None or hopeless, records=samples)
     outcome: Outcome = "diverged" if run.broken else "met" if errors.closure <= bound else "missed"
     if place is not None:
         files.write_table(place, table_of(run))
@@ -82,6 +83,17 @@ def table_of(run: SceneRun) -> dict[str, Array]:
     return table
 
 
+def _stands_open(scene: UserScene, bound: float) -> str:
+    """Say how far the loops of a scene stand open at its start, where no step can mend that; else nothing."""
+    gap = start_error(scene)
+    if gap <= bound:
+        return ""
+    return (
+        f"the loops stand open by {gap:.2g} m where the file starts, which no step mends; give more digits "
+        "there, or let `mechsim tune` write a keyframe that is closed"
+    )
+
+
 def _tell(
     scene: UserScene,
     run: SceneRun,
@@ -92,7 +104,7 @@ def _tell(
     output: str | None,
     as_json: bool,
 ) -> None:
-    note = why_broken(run) if run.broken else ""
+    note = why_broken(run) if run.broken else _stands_open(scene, bound)
     if as_json:
         print_json(
             {
@@ -117,6 +129,8 @@ def _tell(
             f"{outcome}: points within {errors.closure:.3g} m of the exact closure at the run's own drivers "
             f"(bound {bound:.3g} m)"
         )
+        if note:
+            typer.echo(note)
     typer.echo(f"{run.steps} steps in {run.seconds:.4g} s, in plain MuJoCo")
     if output is not None:
         typer.echo(f"wrote {len(run.time)} rows to {output}")

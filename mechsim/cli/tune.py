@@ -10,16 +10,17 @@ import typer
 
 from mechsim import units
 from mechsim.cli.declared_options import spread
+from mechsim.cli.endings import tell
 from mechsim.cli.options import HoldOptions, Json, writable
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.cli.scene_options import SceneOptions, expressions, user_scene
 from mechsim.errors import InputError
 from mechsim.files import written_beside
-from mechsim.studies.scenes import MEASURES, UserScene, errors_of, stepped
+from mechsim.studies.scenes import MEASURES, UserScene, begun_closed, errors_of, start_error, stepped
 from mechsim.studies.scenes.plain_settings import settings_of
 from mechsim.studies.scenes.why_broken import why_broken
 from mechsim.studies.tuning.run_lines import feeding, python_of
-from mechsim.studies.tuning.search import SECONDS, SceneTrial, Tuned, tuned
+from mechsim.studies.tuning.search import AIM, SECONDS, SceneTrial, Tuned, tuned
 from mechsim.studies.tuning.tuned_file import KEY, changes, tuned_text, written
 
 # rows of the table of what was tried
@@ -65,6 +66,8 @@ def tune(
     scene = user_scene(model, asked, held)
     if place.resolve() == Path(scene.path).resolve():
         raise InputError(f"-o {output} is the file itself; name another, so that it stays as it is")
+    if by == "closure":
+        scene = _closed(scene, wanted)
     with progress("tune", None) as tick:
         found = tuned(scene, wanted, by, seconds=seconds, tell=lambda part, done: tick(done, part))  # pyright: ignore[reportArgumentType]
     _require_runnable(found)
@@ -74,6 +77,19 @@ def tune(
     else:
         _print(found, told, output, python)
     raise typer.Exit(0 if told["reached"] else 1)
+
+
+def _closed(scene: UserScene, tolerance: float) -> UserScene:
+    """Return a scene that can keep a tolerance where it starts; if its file cannot, one begun closed."""
+    gap = start_error(scene)
+    if gap <= AIM * tolerance:
+        return scene
+    closed = begun_closed(scene)
+    tell(
+        f"{scene.path}: its loops stand open by {gap:.2g} m where it starts; the tuned file begins closed, "
+        f"in keyframe {KEY}"
+    )
+    return closed
 
 
 def _require_runnable(found: Tuned) -> None:
@@ -166,8 +182,8 @@ def _comment(found: Tuned, best: SceneTrial, scene: UserScene, said: dict[str, s
     """Return what the file says of itself: what it keeps, and how it is to be stepped."""
     kept = "keeps" if found.chosen else "does not keep"
     begun = "from mj_resetData"
-    if scene.drive or scene.key:
-        begun = f"from keyframe {KEY if scene.drive else scene.key}"
+    if scene.own_start or scene.key:
+        begun = f"from keyframe {KEY if scene.own_start else scene.key}"
     return [
         f"mechsim tune: {kept} {found.tolerance:g} {_unit(found)} by {found.by} over {scene.duration:g} s,",
         f"errs by {best.errors.by(found.by):.2g}, as published by {found.published.errors.by(found.by):.2g};",

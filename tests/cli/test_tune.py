@@ -107,6 +107,25 @@ def test_what_is_held_stands_still_in_what_is_written(mechsim, tmp_path):
     assert "no body has a free joint" in answer.err
 
 
+def test_a_start_that_stands_open_is_said_and_the_tuned_file_begins_closed(mechsim, tmp_path):
+    key = '<keyframe><key name="near" qpos="0.01 0.02 0 0.1" ctrl="0.3"/></keyframe></mujoco>'
+    (tmp_path / "near.xml").write_text(FINGER.replace("</mujoco>", key))
+    words = ("near.xml", "--key", "near", "--duration", "0.1s")
+    answer = mechsim("simulate", *words, "--ctrl", "servo=0.3", "--tolerance", "5um")
+    assert answer.code == 1
+    assert "the loops stand open by 0.00" in answer.out
+    answer = mechsim("tune", *words, "--tolerance", "5um", "--budget", "20s", "-o", "out.xml", "--json")
+    assert answer.code == 0, answer.err
+    assert "the tuned file begins closed, in keyframe mechsim_start" in answer.err
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("mechsim_start").id)
+    mujoco.mj_forward(model, data)
+    assert data.ctrl[0] == 0.3
+    assert np.abs(data.efc_pos).max() < 1e-12
+    assert data.qpos[0] == pytest.approx(0.01)
+
+
 def test_what_no_file_reaches_is_said_with_what_one_does(mechsim, tmp_path):
     words = (
         "tune",

@@ -1,5 +1,6 @@
 """A user's own MJCF scene in plain MuJoCo, over its own motion: runs, exact closure, limit, errors, time."""
 
+from mechsim.studies.scenes.closed_start import begun_closed, start_error
 from mechsim.studies.scenes.exact_closure import ExactClosure
 from mechsim.studies.scenes.scene_errors import MEASURES, By, SceneErrors, errors_of
 from mechsim.studies.scenes.scene_limit import SceneLimit, limit_of
@@ -15,9 +16,11 @@ __all__ = [
     "SceneLimit",
     "SceneRun",
     "UserScene",
+    "begun_closed",
     "errors_of",
     "limit_of",
     "scene_of",
+    "start_error",
     "step_times",
     "stepped",
 ]

@@ -40,6 +40,7 @@ class UserScene:
         key: keyframe in which it starts; None for the reference configuration.
         lighter: mean inertia without flywheels over that with them.
         base: free bodies that are held, which the file's own text does not; None where none is.
+        begins_closed: whether it begins in a closed state that is not the file's own.
     """
 
     path: str
@@ -54,6 +55,12 @@ class UserScene:
     key: str | None = None
     lighter: float = 1.0
     base: HeldBase | None = None
+    begins_closed: bool = False
+
+    @property
+    def own_start(self) -> bool:
+        """Whether it begins elsewhere than its file or its keyframe has it."""
+        return bool(self.drive) or self.begins_closed
 
     @property
     def mechanism(self) -> Mechanism:
@@ -124,12 +131,22 @@ class UserScene:
             forces[:, dof] = self.wheels[name][0] * state(time)[2]
         return controls, forces
 
-    @cached_property
-    def _standing(self) -> Array:
+    @property
+    def standing(self) -> Mapping[str, Array]:
+        """What a keyframe has beside the state: activations, controls, mocap bodies."""
         data = mujoco.MjData(self.model)
         if self.key is not None:
             mujoco.mj_resetDataKeyframe(self.model, data, self.model.key(self.key).id)
-        return data.ctrl.copy()
+        return {
+            "act": data.act.copy(),
+            "ctrl": data.ctrl.copy(),
+            "mpos": data.mocap_pos.ravel(),
+            "mquat": data.mocap_quat.ravel(),
+        }
+
+    @cached_property
+    def _standing(self) -> Array:
+        return self.standing["ctrl"]
 
 
 @quiet()

@@ -96,9 +96,13 @@ def tuned_text(scene: UserScene, settings: PlainSettings, comment: Sequence[str]
         _hold_base(scene, edited, scene.base)
     for name, (inertia, _) in scene.wheels.items():
         edited.set(_joint(scene, edited.root, name), "armature", _word(inertia))
-    if scene.drive:
-        qpos, qvel = (_numbers(one.tolist()) for one in scene.start)
-        put_key(edited, KEY, {"qpos": qpos, "qvel": qvel})
+    if scene.own_start:
+        state = dict(zip(("qpos", "qvel"), scene.start, strict=True))
+        beside = scene.standing if scene.key is not None else {}
+        told = {
+            name: _numbers(value.tolist()) for name, value in (state | dict(beside)).items() if len(value)
+        }
+        put_key(edited, KEY, told)
     if comment:
         put_comment(edited, comment)
     return TunedText(before, edited.result, put_in)
@@ -170,7 +174,7 @@ def written(scene: UserScene, settings: PlainSettings, text: str, place: Path) -
             raise InputError(
                 f"{scene.path}: read back, the tuned text differs in {', '.join(other[:3])}; {WHOLE}"
             )
-    return replace(scene, path=str(place), model=model, key=KEY if scene.drive else scene.key)
+    return replace(scene, path=str(place), model=model, key=KEY if scene.own_start else scene.key)
 
 
 @quiet()
