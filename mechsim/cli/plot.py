@@ -18,10 +18,10 @@ from mechsim.cli.options import (
     writable,
 )
 from mechsim.cli.output import progress
-from mechsim.cli.sweep import drawn_sweep
 from mechsim.errors import InputError
 from mechsim.pictures import plots
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
+from mechsim.studies.sweep.drawing import drawn_sweep
 
 # the kinds that show a motion over time as well
 TIMED = ("motion", "curve", "space")

@@ -1,6 +1,7 @@
 """Command `mechsim sweep`: many designs of one mechanism, measured."""
 
 import time
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -11,10 +12,12 @@ from mechsim.cli.options import DriveOptions, File, Json, Model, Sets, Speed, pa
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.errors import InputError, OutputError
 from mechsim.files import place_of
+from mechsim.simulation.settings import Settings
 from mechsim.studies.sweep.checking import CheckedDesigns, check_table
 from mechsim.studies.sweep.designs import parsed_range
-from mechsim.studies.sweep.sweeping import SAMPLES, built, run_sweep, swept_designs, swept_task
-from mechsim.studies.sweep.table import TEXTS, columns, ending, read_sweep, require_libraries
+from mechsim.studies.sweep.sweeping import built, run_sweep, swept_designs, swept_task
+from mechsim.studies.sweep.table import columns, ending, require_libraries
+from mechsim.studies.sweep.task import SweepTask
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -27,6 +30,7 @@ MOST_REASONS = 5
 def sweep(
     model: Model,
     output: File,
+    *,
     vary: Annotated[
         list[str] | None,
         typer.Option(
@@ -52,11 +56,22 @@ def sweep(
             "P.ax, speed:P, acceleration:P, torque, force:J, moment:J, transmission.",
         ),
     ] = None,
-    samples: Annotated[int, typer.Option(help="Poses a turn, or over the programs.")] = SAMPLES,
+    samples: Annotated[
+        int | None, typer.Option(help="Poses a turn, or over the programs; 72, when stepped about so many.")
+    ] = None,
     speed: Speed = "600rpm",
+    method: Annotated[
+        str | None,
+        typer.Option(
+            metavar="step",
+            help="step integrates every design in MuJoCo; so does an integrator or a constraint setting. By "
+            "default formulas and loop equations.",
+        ),
+    ] = None,
+    asked: Annotated[Mapping[str, Any], Settings],
     check: Annotated[
         int,
-        typer.Option(metavar="N", help="Judge N random designs by MuJoCo's poses, too."),
+        typer.Option(metavar="N", help="Judge N random designs by the other road, too."),
     ] = 0,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a sweep that was stopped.")] = False,
     scheduler: Annotated[
@@ -65,7 +80,6 @@ def sweep(
             metavar="tcp://HOST:PORT", help="Of a Dask cluster; without it, this process by threads."
         ),
     ] = None,
-    *,
     driven: DriveOptions,
     sets: Sets = None,
     as_json: Json = False,
@@ -74,8 +88,37 @@ def sweep(
     begun = time.perf_counter()
     require_writable(output)
     require_libraries(output)
-    changed = {name: value or "" for name, value in map(pair_of("--set", "--set crank=13mm"), sets or ())}
-    asked: dict[str, Any] = {
+    subject, there = swept_designs(model, _changed(sets), **_moved(driven))
+    task = swept_task(
+        subject,
+        _ranges(vary or (), subject.name, there, sampled=sample is not None),
+        measure or (),
+        design=design,
+        sample=sample,
+        samples=samples,
+        speed=speed_of(speed),
+        settings=_settings(method, asked),
+    )
+    with progress("sweep", None, quiet=as_json) as tick:
+        found = run_sweep(task, output, resume=resume, scheduler=scheduler, watch=tick)
+    seconds = time.perf_counter() - begun
+    checked = check_table(task, found, check) if check > 0 else None
+    if as_json:
+        print_json(_told(model, output, task, found, checked) | {"seconds": seconds})
+    else:
+        _print(found, f"{built(found):,} of {task.designs.count:,} designs built, {seconds:.3g} s")
+        typer.echo(f"wrote {output}")
+        _print_checked(checked)
+    raise typer.Exit(0 if checked is None or checked.passed == checked.count else 1)
+
+
+def _changed(sets: list[str] | None) -> dict[str, str]:
+    return {name: value or "" for name, value in map(pair_of("--set", "--set crank=13mm"), sets or ())}
+
+
+def _moved(driven: DriveOptions) -> dict[str, Any]:
+    """Return what moves a subject, as `load` takes it."""
+    return {
         "drive": dict(driven.drive),
         "hold": dict(driven.hold),
         "hold_base": driven.hold_base,
@@ -83,45 +126,33 @@ def sweep(
         "track": driven.track,
         "duration": driven.duration,
     }
-    subject, there = swept_designs(model, changed, **asked)
+
+
+def _ranges(vary: Sequence[str], name: str, there: Mapping[str, str], *, sampled: bool) -> dict[str, Any]:
     ranges: dict[str, Any] = {}
-    for text in vary or ():
-        name, values = parsed_range(text, subject.name, there, sampled=sample is not None)
-        if name in ranges:
-            raise InputError(f"--vary names {name} twice; give it once")
-        ranges[name] = values
-    task = swept_task(
-        subject, ranges, measure or (), design=design, sample=sample, samples=samples, speed=speed_of(speed)
-    )
-    with progress("sweep", None, quiet=as_json) as tick:
-        found = run_sweep(task, output, resume=resume, scheduler=scheduler, watch=tick)
-    seconds = time.perf_counter() - begun
-    told: dict[str, Any] = {
-        "model": model,
-        "output": output,
-        "designs": task.designs.count,
-        "built": built(found),
-    }
-    checked = check_table(task, found, check) if check > 0 else None
-    if checked is not None:
-        told["checked"] = {"designs": checked.count, "passed": checked.passed, "worst": checked.worst}
-    if as_json:
-        print_json({**told, "seconds": seconds})
-        raise typer.Exit(_code(checked))
-    _print(found, f"{told['built']:,} of {task.designs.count:,} designs built, {seconds:.3g} s")
-    typer.echo(f"wrote {output}")
-    if checked is not None:
-        typer.echo(
-            f"{checked.passed} of {checked.count} designs agree with MuJoCo's poses; the farthest point is "
-            f"{checked.worst:.3g} m off"
-        )
-        for number, why in checked.failed.items():
-            typer.echo(f"MISSED: design {number}: {why}")
-    raise typer.Exit(_code(checked))
+    for text in vary:
+        parameter, values = parsed_range(text, name, there, sampled=sampled)
+        if parameter in ranges:
+            raise InputError(f"--vary names {parameter} twice; give it once")
+        ranges[parameter] = values
+    return ranges
 
 
-def _code(checked: CheckedDesigns | None) -> int:
-    return 0 if checked is None or checked.passed == checked.count else 1
+def _settings(method: str | None, asked: Mapping[str, Any]) -> Settings | None:
+    """Return how designs are stepped; None where they are not: as `simulate` it steps where that is asked."""
+    if method not in (None, "step"):
+        raise InputError(f"there is no method {method!r} of a sweep; known is step, formulas without it")
+    return Settings(**asked) if method == "step" or asked else None
+
+
+def _told(
+    model: str, output: str, task: SweepTask, found: "Dataset", checked: CheckedDesigns | None
+) -> dict[str, Any]:
+    """Return what is printed as JSON, but for the time it took."""
+    told = {"model": model, "output": output, "designs": task.designs.count, "built": built(found)}
+    if checked is None:
+        return told
+    return told | {"checked": {"designs": checked.count, "passed": checked.passed, "worst": checked.worst}}
 
 
 def require_writable(output: str) -> None:
@@ -142,19 +173,15 @@ def require_writable(output: str) -> None:
         )
 
 
-def drawn_sweep(path: str, of: tuple[str, ...] | None, kind: str | None) -> Any:
-    """Return a sweep that was written as a figure."""
-    from mechsim.pictures.plots.sweep import SweepTable, sweep_plot
-
-    found = read_sweep(path)
-    table = columns(found)
-    given = [str(name) for name in found.coords]
-    measured = [name for name in table if name not in (*given, *TEXTS)]
-    numbers = {name: table[name] for name in measured}
-    said = {str(name): str(one.attrs.get("units", "1")) for name, one in found.variables.items()}
-    title = str(found.attrs.get("model", path))
-    parameters = {name: table[name] for name in given}
-    return sweep_plot(SweepTable(title, parameters, numbers, said, found["outcome"].shape), of, kind)
+def _print_checked(checked: CheckedDesigns | None) -> None:
+    if checked is None:
+        return
+    typer.echo(
+        f"{checked.passed} of {checked.count} designs agree with {checked.road}; the farthest point is "
+        f"{checked.worst:.3g} m off"
+    )
+    for number, why in checked.failed.items():
+        typer.echo(f"MISSED: design {number}: {why}")
 
 
 def _print(found: "Dataset", title: str) -> None:

@@ -150,21 +150,21 @@ def coordinates(kind: Kind, gap: Array, frame_a: Array, frame_b: Array, cross_an
     return np.stack(columns, -1) if columns else np.empty((*gap.shape[:-1], 0))
 
 
-def displaced(kind: Kind, values: Sequence[float], cross_angle: float) -> tuple[Array, Array]:
-    """Return where b's joint frame stands in a's: (3,) in [m] and (3, 3); a ball's is not turned.
+def displaced(kind: Kind, values: Sequence[float | Array], cross_angle: float) -> tuple[Array, Array]:
+    """Return where b's joint frame stands in a's: (..., 3) in [m] and (..., 3, 3); a ball's is not turned.
 
     Args:
         kind: of the joint.
-        values: its coordinates, as `coordinates` gives them.
+        values: its coordinates, as `coordinates` gives them, each a number or (...).
         cross_angle: between crossed axes, in [rad].
     """
-    shift = np.zeros(3)
+    shift = np.zeros((*np.shape(values[0] if len(values) else 0.0), 3))
     for axis, value in zip(kind.slides, values, strict=False):
-        shift[COLUMN[axis]] = value
+        shift[..., COLUMN[axis]] = value
     angles = values[len(kind.slides) :]
     if kind.crossed:
         return shift, _about_z(angles[0]) @ crossed_at_zero(cross_angle) @ _about_z(angles[1])
-    return shift, _about_z(angles[0]) if angles else np.eye(3)
+    return shift, _about_z(angles[0]) if len(angles) else np.eye(3)
 
 
 def crossed_at_zero(cross_angle: float) -> Array:
@@ -186,6 +186,10 @@ def _crossed_angles(cross_angle: float, frame_a: Array, frame_b: Array) -> tuple
     return first, turn_of(rest[..., 1, 0], rest[..., 0, 0])
 
 
-def _about_z(angle: float) -> Array:
+def _about_z(angle: float | Array) -> Array:
     c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    turn = np.zeros((*np.shape(angle), 3, 3))
+    turn[..., 0, 0] = turn[..., 1, 1] = c
+    turn[..., 0, 1], turn[..., 1, 0] = -s, s
+    turn[..., 2, 2] = 1.0
+    return turn

@@ -210,12 +210,12 @@ def join(parts: list[Record]) -> Record:
     return parts[0] if len(parts) == 1 else _joined(parts)
 
 
-def taken(record: Record, rows: NDArray[np.bool_] | slice) -> Record:
+def taken(record: Record, rows: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Record:
     """Return some instants of a motion, or of another record of instants."""
     return _taken(record, rows)
 
 
-def _taken(record: Any, rows: NDArray[np.bool_] | slice) -> Any:
+def _taken(record: Any, rows: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Any:
     if isinstance(record, np.ndarray):
         return record[rows]
     if isinstance(record, Mapping):

@@ -5,8 +5,10 @@ constraints. No closed form is near.
 """
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -53,15 +55,17 @@ class ModelLoops:
         drive: the drivers that follow a clock; None where a crank alone is driven.
         free: indices of all other degrees of freedom than the crank.
         passive: indices of those that are neither crank nor driver.
-        size: yardstick of lengths in the model, in [m].
+        size: yardstick of lengths in the model, in [m]; (n,) where states have `fields` of their own.
         hinges: for each number of qpos whether it is the angle of a hinge.
         quaternions: where quaternions begin in qpos.
         turning: for each number of qpos whether it is one of a quaternion's.
         looking: a copy of the model as it was given, reduced to its kinematics; not to be changed.
+        fields: of the model, which each state has of its own, as those of designs: name -> (n, ...).
     """
 
     def __init__(self, model: mujoco.MjModel, crank: str = "crank", drive: Drive | None = None):
         self.model = model
+        self.fields: Mapping[str, Array] = {}
         crank = crank if drive is None else CLOCK
         joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, crank)
         if joint < 0 or model.jnt_type[joint] != HINGE:
@@ -82,7 +86,7 @@ class ModelLoops:
         self._angular = self._angles[self.free]
         reach = [np.linalg.norm(local) for pair in self.pairs for local in pair.local]
         steps = np.linalg.norm(model.body_pos[1:], axis=1)
-        self.size = float(max([*reach, *steps], default=0.0)) or _spread_of(model)
+        self.size: Any = float(max([*reach, *steps], default=0.0)) or _spread_of(model)
         self.scale = self._scale()
         self.quaternions = [
             int(place) + (3 if kind == FREE else 0)
@@ -101,7 +105,9 @@ class ModelLoops:
         self._level: float | None = None
 
     def _scale(self) -> Array:
-        """Return the factors that make residuals free of units, (m,)."""
+        """Return the factors that make residuals free of units, (m,); (n, m) where states have `fields`."""
+        if self.fields:
+            return np.repeat(1.0 / self.size[:, None], 3 * len(self.pairs), 1)
         coupled = [1.0 if self._angles[one.left.dofs].all() else 1.0 / self.size for one in self.couplings]
         driven = [] if self.drive is None else np.where(self.drive.slides, 1.0 / self.size, 1.0)
         lengths = np.full(3 * len(self.pairs), 1.0 / self.size)
@@ -171,6 +177,31 @@ class ModelLoops:
         """Return where the crank or the drivers are, in words."""
         return f"crank angle {angle:.6g} rad" if self.drive is None else self.drive.said(angle)
 
+    def with_fields(self, fields: Mapping[str, Array]) -> "ModelLoops":
+        """Return the loops of n states of which each has fields of the model of its own, name -> (n, ...).
+
+        Its methods then take n states. Only loops that points of sites close may be so; which of their rows
+        say something is that of the model itself.
+        """
+        other = copy.copy(self)
+        other.fields = fields
+        other._batches, other._level = {}, None
+        sites = fields["site_pos"]
+        closing = zip(self.pairs, self.model.eq_obj1id, self.model.eq_obj2id, strict=True)
+        other.pairs = [replace(pair, local=(sites[:, a], sites[:, b])) for pair, a, b in closing]
+        reach = [np.linalg.norm(local, axis=1) for pair in other.pairs for local in pair.local]
+        steps = np.linalg.norm(fields["body_pos"][:, 1:], axis=2).T
+        other.size = np.max([*reach, *steps], axis=0)
+        other.scale = other._scale()
+        return other
+
+    def simulations(self, model: mujoco.MjModel, n: int, threads: int) -> batch.Batch:
+        """Return n simulations of a model of these loops, each with its own `fields`."""
+        sims = batch.Batch(model, n, threads)
+        for name, values in self.fields.items():
+            sims.expand(name)[:] = values
+        return sims
+
     def over_copy(self) -> "ModelLoops":
         """Return the same loops over a copy of the model that may be set up for stepping."""
         other = copy.copy(self)
@@ -188,10 +219,11 @@ class ModelLoops:
 
     def _look(self, qpos: Array) -> tuple[Array, Callable[[], Array]]:
         """Return the residuals, and what computes their Jacobian as long as nothing else is looked at."""
-        position, rotation, slope = self._one(qpos) if len(qpos) == 1 else self._many(qpos)
+        alone = len(qpos) == 1 and not self.fields
+        position, rotation, slope = self._one(qpos) if alone else self._many(qpos)
         n, nv = len(qpos), self.model.nv
         ends = [
-            [(body, position[:, body] + rotation[:, body] @ local) for body, local in pair.ends]
+            [(body, position[:, body] + turned_by(rotation[:, body], local)) for body, local in pair.ends]
             for pair in self.pairs
         ]
         turned = [pair.apart(*(rotation[:, body] for body in pair.bodies)) for pair in self.frames]
@@ -248,14 +280,19 @@ class ModelLoops:
             if len(self._batches) > 8:
                 self._batches.clear()
             threads = 1 if n <= ONE_THREAD else 0
-            self._batches[n] = batch.Batch(self.looking, n, nthread=threads)
+            self._batches[n] = self.simulations(self.looking, n, threads)
         return self._batches[n]
+
+    def bodies(self, qpos: Array) -> tuple[Array, Array]:
+        """Return the places and rotations of all bodies at n states, (n, nbody, 3) and (n, nbody, 3, 3)."""
+        position, rotation, _ = self._many(qpos)
+        return position.copy(), rotation.copy()
 
     def sites(self, qpos: Array) -> Array:
         """Return the places of all sites at n states, (n, nsite, 3) in [m]."""
         position, rotation, _ = self._many(qpos)
-        bodies = self.model.site_bodyid
-        return position[:, bodies] + (rotation[:, bodies] @ self.model.site_pos[..., None])[..., 0]
+        bodies, local = self.model.site_bodyid, self.fields.get("site_pos", self.model.site_pos)
+        return position[:, bodies] + (rotation[:, bodies] @ local[..., None])[..., 0]
 
     def centres(self, qpos: Array) -> Array:
         """Return the centres of mass of all bodies at n states, (n, nbody, 3) in [m]."""
@@ -337,8 +374,9 @@ class ModelLoops:
         rows that repeat others and freedoms that nothing holds, do not count.
         """
         rows = jacobian.shape[1] - (0 if self.drive is None else len(self.drive.dofs))
-        held = jacobian[:, :rows, self.passive] * np.where(self._angles[self.passive], 1.0, self.size)
-        held *= self.scale[:rows, None]
+        lengths = np.reshape(self.size, (-1, 1, 1))
+        held = jacobian[:, :rows, self.passive] * np.where(self._angles[self.passive], 1.0, lengths)
+        held *= self.scale[..., :rows, None]
         values = np.linalg.svd(held, compute_uv=False).astype(np.float64, copy=False)
         if not values.size:
             return np.ones(len(held))
@@ -425,6 +463,11 @@ class ModelLoops:
             turned = _quaternion_turned(out[:, place : place + 4], step[:, dof : dof + 3])
             out[:, place : place + 4] = turned
         return out
+
+
+def turned_by(rotation: Array, local: Array) -> Array:
+    """Return vectors turned by rotations (n, 3, 3): one of all, (3,), or one of each, (n, 3)."""
+    return rotation @ local if local.ndim == 1 else (rotation @ local[..., None])[..., 0]
 
 
 def _spread_of(model: mujoco.MjModel) -> float:

@@ -194,7 +194,11 @@ class Settings:
         # a constraint leaves out the bend of a polynomial: the sooner it draws back the better
         bent = [one.number for one in loops.couplings if one.bends]
         model.eq_solref[bent] = self.solref or self._solref(timestep, LEAST_CONSTANT)
-        set_armature(model, np.array([loops.crank]), self.flywheel or FLYWHEEL * _inertia(loops))
+        set_armature(
+            model,
+            np.array([loops.crank]),
+            self.flywheel or flywheel(model.body_mass, model.body_inertia, loops.size),
+        )
         used = self
         if self.jacobian == "auto":
             used = replace(self, jacobian=quicker(model) if equalities else "dense")
@@ -227,10 +231,17 @@ def set_armature(model: mujoco.MjModel, dofs: NDArray[np.int64], armature: float
     model.dof_armature[dofs] = armature
 
 
-def _inertia(loops: ModelLoops) -> float:
-    """Return the inertia of all links about a point as far off as the longest of them, in [kg m2]."""
-    model = loops.model
-    return float(model.body_mass.sum() * loops.size**2 + model.body_inertia.max(1).sum())
+def flywheel(mass: Array, inertia: Array, size: Any) -> Any:
+    """Return the inertia that holds a crank's speed, in [kg m2], or (d,) of d designs.
+
+    It is so many times that of all links about a point as far off as the longest of them.
+
+    Args:
+        mass: of the bodies, (..., nbody) in [kg].
+        inertia: their principal moments, (..., nbody, 3) in [kg m2].
+        size: yardstick of lengths, in [m], or (d,).
+    """
+    return FLYWHEEL * (mass.sum(-1) * size**2 + inertia.max(-1).sum(-1))
 
 
 def _coupled_tendons(model: mujoco.MjModel, loops: ModelLoops) -> list[int]:

@@ -83,6 +83,13 @@ class ClosedForm(ABC):
         """Return the tracked points in their links' frames, in [m]; parts may be (n,) of many designs."""
         return {name: local for name, (_, local) in self._described.points.items()}
 
+    def joint_points(self) -> Mapping[str, tuple[Any, Any]]:
+        """Return joint -> its points on links a and b, in [m]; parts may be (n,) of many designs.
+
+        Joints that are left out have theirs at both links' origins.
+        """
+        return {joint.name: (joint.a.point, joint.b.point) for joint in self._described.joints}
+
     def side_a(self, joint: Joint) -> Array:
         """Return the frame of a joint's side a in its link, (3, 3), or (3, 3, n) of many designs."""
         return joint.a.frame

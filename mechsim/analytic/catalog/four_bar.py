@@ -51,8 +51,8 @@ class FourBar(TwoBranchForm):
 
     @property
     def description(self) -> Mechanism:
-        tip = (self.crank, 0.0, 0.0)
-        on_coupler, on_rocker = (self.coupler, 0.0, 0.0), (self.rocker, 0.0, 0.0)
+        joints = self.joint_points()
+        (tip, _), (on_coupler, on_rocker), (pivot, _) = (joints[name] for name in ("A", "B", "rocker"))
         point = vector(self.local_points()["C"])
         return Mechanism(
             name=self.name,
@@ -61,11 +61,18 @@ class FourBar(TwoBranchForm):
                 Joint("crank", "revolute", End(GROUND), End("crank")),
                 Joint("A", "revolute", End("crank", tip), End("coupler")),
                 Joint("B", "revolute", End("coupler", on_coupler), End("rocker", on_rocker)),
-                Joint("rocker", "revolute", End(GROUND, (self.ground, 0.0, 0.0)), End("rocker")),
+                Joint("rocker", "revolute", End(GROUND, pivot), End("rocker")),
             ),
             driver="crank",
             points={"A": ("crank", tip), "B": ("rocker", on_rocker), "C": ("coupler", point)},
         )
+
+    def joint_points(self) -> Mapping[str, tuple[Any, Any]]:
+        return {
+            "A": ((self.crank, 0.0, 0.0), ORIGIN),
+            "B": ((self.coupler, 0.0, 0.0), (self.rocker, 0.0, 0.0)),
+            "rocker": ((self.ground, 0.0, 0.0), ORIGIN),
+        }
 
     def local_points(self) -> Mapping[str, Sequence[Any]]:
         across = (self.arm * np.cos(self.arm_angle), self.arm * np.sin(self.arm_angle), 0.0)

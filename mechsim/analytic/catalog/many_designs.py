@@ -1,7 +1,8 @@
 """Many designs of one closed form solved together: the formulas of the catalogue on arrays of parameters."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,9 @@ from mechsim.analytic.vector_method.link_frames import GROUND_FRAME
 from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, TrigPolynomial
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
+from mechsim.model.design_arrays import DesignArrays, Ends, StartedDesigns
 from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND
+from mechsim.model.mechanism import GROUND, ORIGIN, Pose
 from mechsim.model.motion import JointMotion, Motion, PointMotion
 
 AXES = "xyz"
@@ -206,3 +208,33 @@ def one_of(form: ClosedForm, varied: Mapping[str, Array], index: int) -> ClosedF
             given = getattr(form, parameter)
             changed[parameter] = type(given)(value) if isinstance(given, int) else value
     return replace(form, **changed)
+
+
+def started(form: ClosedForm, varied: Mapping[str, Array]) -> StartedDesigns:
+    """Return the description of designs whose cranks turn fully, and how they stand with the crank at nought.
+
+    As `form.mechanism` describes one.
+    """
+    n, described = len(next(iter(varied.values()))), form.mechanism
+    wide, links = many(form, varied, 1), [link.name for link in described.links]
+    at = wide.joint_points()
+    ends: dict[str, Ends] = {}
+    for joint in described.joints:
+        point_a, point_b = at.get(joint.name, (ORIGIN, ORIGIN))
+        frame_a, frame_b = wide.side_a(joint), joint.b.frame
+        ends[joint.name] = _place(point_a, n), _frame(frame_a, n), _place(point_b, n), _frame(frame_b, n)
+    points = {name: _place(local, n) for name, local in wide.local_points().items()}
+    with np.errstate(all="ignore"):
+        frames = dict(wide.frames(np.zeros(n)))
+    guess = {
+        name: Pose(link_frames.place(frames[name].origin, n), frames[name].rotation(n)) for name in links
+    }
+    return StartedDesigns(DesignArrays(described, ends, points), guess, np.zeros(n))
+
+
+def _place(parts: Sequence[Any], n: int) -> Array:
+    return np.stack([np.broadcast_to(part, n) for part in parts]).astype(np.float64)
+
+
+def _frame(frame: Array, n: int) -> Array:
+    return np.broadcast_to(frame if frame.ndim == 3 else frame[..., None], (3, 3, n))

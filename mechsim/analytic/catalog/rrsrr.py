@@ -79,7 +79,8 @@ class Rrsrr(TwoBranchForm):
     @property
     def description(self) -> Mechanism:
         x, _, z = (vector(column) for column in self.rocker_frame.T)
-        at_c, tip = (0.0, self.crank, 0.0), (self.coupler, 0.0, 0.0)
+        joints = self.joint_points()
+        (at_c, _), (tip, on_link), (pivot, _) = (joints[name] for name in ("C", "S", "rocker"))
         # both inner hinges are signed so that they count v1 from er to ex and v2 from x to z
         coupler_hinge = End("crank", at_c, axis=(0.0, 0.0, -1.0), mark=EY)
         link_hinge = End("rocker", axis=(0.0, -1.0, 0.0), mark=EX)
@@ -89,13 +90,20 @@ class Rrsrr(TwoBranchForm):
             joints=(
                 Joint("crank", "revolute", End(GROUND, axis=EX, mark=EY), End("crank", axis=EX, mark=EY)),
                 Joint("C", "revolute", coupler_hinge, End("coupler", axis=EZ, mark=EX)),
-                Joint("S", "spherical", End("coupler", tip), End("link", (self.link, 0.0, 0.0))),
+                Joint("S", "spherical", End("coupler", tip), End("link", on_link)),
                 Joint("link", "revolute", link_hinge, End("link", axis=EZ, mark=EX)),
-                Joint("rocker", "revolute", End(GROUND, self.pivot, z, x), End("rocker", axis=EZ, mark=EX)),
+                Joint("rocker", "revolute", End(GROUND, pivot, z, x), End("rocker", axis=EZ, mark=EX)),
             ),
             driver="crank",
             points={"C": ("crank", at_c), "S": ("coupler", tip)},
         )
+
+    def joint_points(self) -> Mapping[str, tuple[Any, Any]]:
+        return {
+            "C": ((0.0, self.crank, 0.0), ORIGIN),
+            "S": ((self.coupler, 0.0, 0.0), (self.link, 0.0, 0.0)),
+            "rocker": (self.pivot, ORIGIN),
+        }
 
     def local_points(self) -> Mapping[str, Sequence[Any]]:
         return {"C": (0.0, self.crank, 0.0), "S": (self.coupler, 0.0, 0.0)}

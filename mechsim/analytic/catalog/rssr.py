@@ -80,13 +80,15 @@ class Rssr(TwoBranchForm):
     @property
     def description(self) -> Mechanism:
         x, _, z = (vector(column) for column in self.rocker_frame.T)
+        joints = self.joint_points()
+        (tip, _), (on_coupler, on_rocker), (pivot, _) = (joints[name] for name in ("P2", "P3", "rocker"))
         if self.guide:
-            pin = End("crank", (0.0, self.crank, 0.0), axis=vector(self._pin_at_zero))
+            pin = End("crank", tip, axis=vector(self._pin_at_zero))
             guide = End("coupler", axis=(float(np.cos(self.beta2)), 0.0, float(np.sin(self.beta2))))
             at_crank = Joint("P2", "universal", pin, guide, cross_angle=self.beta1)
         else:
-            at_crank = Joint("P2", "spherical", End("crank", (0.0, self.crank, 0.0)), End("coupler"))
-        at_rocker = (End("coupler", (-self.coupler, 0.0, 0.0)), End("rocker", (self.rocker, 0.0, 0.0)))
+            at_crank = Joint("P2", "spherical", End("crank", tip), End("coupler"))
+        at_rocker = (End("coupler", on_coupler), End("rocker", on_rocker))
         return Mechanism(
             name=self.name,
             links=(Link("crank"), Link("coupler"), Link("rocker")),
@@ -94,14 +96,21 @@ class Rssr(TwoBranchForm):
                 Joint("crank", "revolute", End(GROUND, axis=EX, mark=EY), End("crank", axis=EX, mark=EY)),
                 at_crank,
                 Joint("P3", "spherical", *at_rocker),
-                Joint("rocker", "revolute", End(GROUND, self.pivot, z, x), End("rocker", axis=EZ, mark=EX)),
+                Joint("rocker", "revolute", End(GROUND, pivot, z, x), End("rocker", axis=EZ, mark=EX)),
             ),
             driver="crank",
-            points={"P2": ("crank", (0.0, self.crank, 0.0)), "P3": ("rocker", (self.rocker, 0.0, 0.0))},
+            points={"P2": ("crank", tip), "P3": ("rocker", on_rocker)},
         )
 
     def variants(self) -> dict[str, Self]:
         return {} if self.guide else {"guided": replace(self, guide=True)}
+
+    def joint_points(self) -> Mapping[str, tuple[Any, Any]]:
+        return {
+            "P2": ((0.0, self.crank, 0.0), ORIGIN),
+            "P3": ((-self.coupler, 0.0, 0.0), (self.rocker, 0.0, 0.0)),
+            "rocker": (self.pivot, ORIGIN),
+        }
 
     def local_points(self) -> Mapping[str, Sequence[Any]]:
         return {"P2": (0.0, self.crank, 0.0), "P3": (self.rocker, 0.0, 0.0)}

@@ -40,8 +40,9 @@ class SliderCrank(TwoBranchForm):
 
     @property
     def description(self) -> Mechanism:
-        tip, eye = (self.crank, 0.0, 0.0), (self.rod, 0.0, 0.0)
-        on_slide = End(GROUND, (0.0, self.offset, 0.0), axis=EX, mark=EY)
+        joints = self.joint_points()
+        (tip, _), (eye, _), (slide, _) = (joints[name] for name in ("A", "B", "slide"))
+        on_slide = End(GROUND, slide, axis=EX, mark=EY)
         return Mechanism(
             name=self.name,
             links=(Link("crank"), Link("rod"), Link("slider")),
@@ -54,6 +55,13 @@ class SliderCrank(TwoBranchForm):
             driver="crank",
             points={"A": ("crank", tip), "B": ("slider", (0.0, 0.0, 0.0))},
         )
+
+    def joint_points(self) -> Mapping[str, tuple[Any, Any]]:
+        return {
+            "A": ((self.crank, 0.0, 0.0), ORIGIN),
+            "B": ((self.rod, 0.0, 0.0), ORIGIN),
+            "slide": ((0.0, self.offset, 0.0), ORIGIN),
+        }
 
     def local_points(self) -> Mapping[str, Sequence[Any]]:
         return {"A": (self.crank, 0.0, 0.0), "B": (0.0, 0.0, 0.0)}

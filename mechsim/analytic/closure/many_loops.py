@@ -11,6 +11,7 @@ from mechsim.analytic.closure.spanning_tree import Fixed
 from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops, tree_loops
 from mechsim.analytic.closure.tree_motion import Coordinates, placed
 from mechsim.maths.arrays import Array
+from mechsim.model.design_arrays import DesignArrays
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses, starts
@@ -27,19 +28,17 @@ class ManyLoops:
 
     Attributes:
         loops: of one of them; lengths of all are counted in its size.
-        ends: joint -> points (3, d) and frames (3, 3, d) of its sides a and b.
-        points: tracked point -> (3, d) in its link's frame.
+        arrays: their numbers.
     """
 
     loops: TreeLoops
-    ends: dict[str, tuple[Array, Array, Array, Array]]
-    points: dict[str, Array]
+    arrays: DesignArrays
 
     def of(self, rows: Rows, repeat: int) -> TreeLoops:
         """Return the loops of some designs at so many instants each, one design after another."""
         wide = {
             name: tuple(np.repeat(part[..., rows], repeat, -1) for part in parts)
-            for name, parts in self.ends.items()
+            for name, parts in self.arrays.ends.items()
         }
         tree = replace(self.loops.tree)
         constants: dict[int, Fixed] = {}
@@ -60,37 +59,6 @@ def _cut(cut: Cut, ends: tuple[Array, ...]) -> Cut:
     own: dict[str, object] = vars(found)
     own["ends"] = [(cut.sides[0], point_a, frame_a), (cut.sides[1], point_b, frame_b)]
     return found
-
-
-def alike(one: Mechanism, other: Mechanism) -> bool:
-    """Whether two mechanisms differ only in where joints and points are, and in how they are guessed."""
-    return (
-        [link.name for link in one.links] == [link.name for link in other.links]
-        and [_kind(joint) for joint in one.joints] == [_kind(joint) for joint in other.joints]
-        and one.drivers == other.drivers
-        and one.start == other.start
-        and one.holds == other.holds
-        and one.laws == other.laws
-        and {name: link for name, (link, _) in one.points.items()}
-        == {name: link for name, (link, _) in other.points.items()}
-    )
-
-
-def _kind(joint: object) -> tuple[object, ...]:
-    return tuple(getattr(joint, name) for name in ("name", "kind", "cross_angle", "lead"))
-
-
-def many_loops(loops: TreeLoops, designs: Sequence[Mechanism]) -> ManyLoops:
-    """Return the loops of designs that are `alike`."""
-    ends: dict[str, tuple[Array, Array, Array, Array]] = {}
-    for i, joint in enumerate(loops.tree.mechanism.joints):
-        sides = [[one.joints[i].a for one in designs], [one.joints[i].b for one in designs]]
-        points = [np.array([end.point for end in side]).T for side in sides]
-        frames = [np.moveaxis(np.array([end.frame for end in side]), 0, -1) for side in sides]
-        ends[joint.name] = points[0], frames[0], points[1], frames[1]
-    names = loops.tree.mechanism.points
-    points = {name: np.array([one.points[name][1] for one in designs]).T for name in names}
-    return ManyLoops(loops, ends, points)
 
 
 def rough_coordinates(designs: Sequence[Mechanism]) -> Coordinates:

@@ -7,39 +7,16 @@ import numpy as np
 
 from mechsim.analytic.closure.checked_start import checked_start
 from mechsim.analytic.closure.loop_solver import loop_solver
-from mechsim.analytic.closure.many_loops import (
-    Bools,
-    ManyLoops,
-    Rows,
-    alike,
-    many_loops,
-    put_together,
-    rough_coordinates,
-)
+from mechsim.analytic.closure.many_loops import Bools, ManyLoops, Rows, put_together, rough_coordinates
 from mechsim.analytic.closure.many_paths import ManyPaths
 from mechsim.analytic.closure.tree_loops import TreeLoops
-from mechsim.analytic.closure.tree_motion import Coordinates, cross
+from mechsim.analytic.closure.tree_motion import cross
 from mechsim.analytic.closure.tree_rates import ClosedPart, rated
 from mechsim.maths.arrays import Array
+from mechsim.model.design_arrays import alike, design_arrays
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Joint, Mechanism
 from mechsim.model.motion import JointMotion, Motion, PointMotion
-
-
-class NowhereBlind:
-    """A path on which the loops tell everything everywhere."""
-
-    def blind(self, s: Array) -> Bools:
-        """Return that no parameter is blind, (n,)."""
-        return np.zeros(len(s), dtype=np.bool_)
-
-    def derivatives(self, s: Array) -> tuple[Array, Array]:
-        """Return nothing: it is not asked."""
-        raise NotImplementedError
-
-    def rough(self, s: Array) -> Coordinates:
-        """Return nothing: it is not asked."""
-        raise NotImplementedError
 
 
 @dataclass
@@ -113,7 +90,7 @@ def many_motion(
     like = np.array([alike(tree.mechanism, one) for one in designs])
     # another kind of mechanism only keeps its place
     designs = [one if same else tree.mechanism for one, same in zip(designs, like, strict=True)]
-    many = many_loops(loops, designs)
+    many = ManyLoops(loops, design_arrays(tree.mechanism, designs))
     rough = rough_coordinates(designs)
     start = loop_solver(loops, checked_start(tree.mechanism)[1])
     at, closed = put_together(many, rough, len(start.rows))
@@ -146,7 +123,7 @@ def _keep(found: LinkRows, rows: Rows, places: Rows, part: ClosedPart, *, rates:
     found.rotation[:, :, :, where[0], where[1]] = here.rotation.reshape(-1, 3, 3, *shape)
     if not rates:
         return
-    moved = rated(NowhereBlind(), part, conditioned=False)
+    moved = rated(None, part, conditioned=False)
     for name in ("rates", "second"):
         getattr(found, name)[at] = getattr(moved, name).T.reshape(-1, *shape)
     for name in ("velocity", "acceleration"):
@@ -161,7 +138,7 @@ def _motion(many: ManyLoops, found: LinkRows, crank: Array, speed: float, joints
     for name, power in (("rates", 1), ("velocity", 1), ("second", 2), ("acceleration", 2)):
         setattr(found, name, getattr(found, name) * speed**power)
     points = {
-        name: _point(many, found, link, many.points[name])
+        name: _point(many, found, link, many.arrays.points[name])
         for name, (link, _) in mechanism.points.items()
         if link != GROUND
     }
@@ -194,7 +171,7 @@ def _point(many: ManyLoops, found: LinkRows, link: str, local: Array) -> PointMo
 
 def _hinge(many: ManyLoops, found: LinkRows, joint: Joint) -> JointMotion:
     """Return the motion of a hinge that closes a loop, fields (d p,)."""
-    _, frame_a, _, frame_b = many.ends[joint.name]
+    _, frame_a, _, frame_b = many.arrays.ends[joint.name]
     (turn_a, spin_a, more_a), (turn_b, spin_b, more_b) = (
         _side(many, found, end.link, frame) for end, frame in ((joint.a, frame_a), (joint.b, frame_b))
     )

@@ -204,13 +204,19 @@ def _regular(matrix: Array, blind: NDArray[np.bool_]) -> Array:
     return np.where(blind[:, None, None], np.eye(matrix.shape[1]), matrix) if blind.any() else matrix
 
 
-def rated(path: Blind, part: ClosedPart, *, conditioned: bool = True) -> LoopMotion:
-    """Return places, rates and accelerations of instants that are closed; conditioning 1 unless asked for."""
+def rated(path: Blind | None, part: ClosedPart, *, conditioned: bool = True) -> LoopMotion:
+    """Return places, rates and accelerations of instants that are closed; conditioning 1 unless asked for.
+
+    A path of None is one on which the loops tell everything everywhere.
+    """
     solver, at, found, instants = part.solver, part.at, part.loops, part.instants
-    loops, blind = solver.loops, path.blind(instants.at)
+    loops = solver.loops
+    blind = np.zeros(len(at), dtype=np.bool_) if path is None else path.blind(instants.at)
     tree, units, driven = loops.tree, loops.units[:, None], list(loops.driven)
     matrix = _regular(found.matrix, blind)
-    first, bend = _along(path, tree, instants.at[blind]) if blind.any() else (None, None)
+    first, bend = (None, None)
+    if path is not None and blind.any():
+        first, bend = _along(path, tree, instants.at[blind])
 
     def solved(asked: Array, bias: Array) -> Array:
         """Return the coordinates' rates of one order, in their units."""

@@ -1,8 +1,11 @@
 """Masses of a model: a link's own inertia about its principal axes, or a placeholder."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
 
+from mechsim.maths.arrays import Array
 from mechsim.model.inertia import Inertia
 from mechsim.model.mechanism import Mechanism
 
@@ -43,9 +46,19 @@ def set_placeholder(body: mujoco.MjsBody, mechanism: Mechanism, link: str) -> No
     for zero: with a mass inverse to the size it stays far from that for linkages down to 1e-8 m.
     """
     points = np.array([end.point for end in mechanism.ends(link)])
-    centre = (points.min(0) + points.max(0)) / 2.0
-    radius = max(float(np.linalg.norm(points - centre, axis=1).max()), 0.1 * mechanism.size)
     body.explicitinertial = True
-    body.ipos = centre
-    body.mass = PLACEHOLDER / mechanism.size
-    body.inertia = np.full(3, 0.4 * body.mass * radius**2)
+    body.mass, body.ipos, moment = placeholder(points, mechanism.size)
+    body.inertia = np.full(3, moment)
+
+
+def placeholder(points: Array, size: float | Array) -> tuple[Any, Array, Any]:
+    """Return mass, centre and moment of a placeholder.
+
+    Args:
+        points: of the joints on a link, (k, 3) in [m], or (k, 3, d) of d designs.
+        size: of the mechanism, in [m], or (d,).
+    """
+    centre = (points.min(0) + points.max(0)) / 2.0
+    radius = np.maximum(np.linalg.norm(points - centre, axis=1).max(0), 0.1 * size)
+    mass = PLACEHOLDER / size
+    return mass, centre, 0.4 * mass * radius**2

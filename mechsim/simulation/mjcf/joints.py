@@ -3,17 +3,30 @@
 Each coordinate of a joint is a hinge or a slide of its own; only a ball is one joint without coordinates.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from mechsim.model.joints import COLUMN, KINDS, Axis, Kind, KindName, displaced
-from mechsim.model.mechanism import End, Joint, Mechanism, Pose, joint_coordinate
+from mechsim.maths.arrays import Array
+from mechsim.model.joints import COLUMN, KINDS, Axis, Kind, KindName, coordinates, displaced
+from mechsim.model.mechanism import EZ, End, Joint, Mechanism, Pose, Vector
 
+FREE, BALL = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL
+SLIDE, HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
 CRANK = "crank"
 # the kind by which a link is joined to what stands in for it
 FIXED: KindName = "fixed"
+
+
+@dataclass(frozen=True, slots=True)
+class EndArrays:
+    """One side of a joint in d designs: points (d, 3) and frames (d, 3, 3) in the link's frame."""
+
+    link: str
+    point: Array
+    frame: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +41,28 @@ class Branch:
     """
 
     joint: Joint
-    parent: End
-    child: End
+    parent: End | EndArrays
+    child: End | EndArrays
     sense: int
+
+
+@dataclass(frozen=True, slots=True)
+class ModelJoint:
+    """A hinge, a slide or a ball of a model.
+
+    Attributes:
+        name: of it.
+        type: MuJoCo's.
+        place: in the child's frame, (..., 3) in [m].
+        axis: in the child's frame, (..., 3).
+        value: of its coordinate in the reference configuration, in [m] or [rad]; None for a ball.
+    """
+
+    name: str
+    type: mujoco.mjtJoint
+    place: Array
+    axis: Array | Vector
+    value: float | Array | None
 
 
 def part_names(mechanism: Mechanism, joint: Joint) -> list[str]:
@@ -69,27 +101,78 @@ def zero_pose(branch: Branch) -> tuple[Pose, tuple[float, ...]]:
 def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[float, ...]]:
     """Return the child's pose in the parent's frame nearest to two rough poses, and its joint coordinates.
 
-    The joint is kept exactly: only its free coordinates are taken from the rough poses.
+    The joint is kept exactly: only its free coordinates are taken from the rough poses. Poses and ends may be
+    of d designs, (d, 3) and (d, 3, 3); coordinates are then (d,) each.
     """
-    a, b = (parent, child) if branch.sense > 0 else (child, parent)
-    values = tuple(float(value) for value in joint_coordinate(branch.joint, a, b))
-    if KINDS[branch.joint.kind].ball:
-        rotation = parent.rotation.T @ child.rotation
-        if values:
-            return Pose(parent.rotation.T @ (child.position - parent.position), rotation), ()
-        return Pose(np.asarray(branch.parent.point) - rotation @ np.asarray(branch.child.point), rotation), ()
+    kind = KINDS[branch.joint.kind]
+    if kind.ball:
+        return _ball(branch, parent, child), ()
+    near, far = _placed(branch.parent, parent), _placed(branch.child, child)
+    a, b = (near, far) if branch.sense > 0 else (far, near)
+    found = coordinates(kind, b[0] - a[0], a[1], b[1], branch.joint.cross_angle)
+    values = tuple(np.moveaxis(found, -1, 0)) if found.ndim > 1 else tuple(float(one) for one in found)
     return _posed(branch, values), values
 
 
-def _posed(branch: Branch, values: tuple[float, ...]) -> Pose:
+def _placed(end: End | EndArrays, link: Pose) -> tuple[Array, Array]:
+    """Return where a side of a joint stands with its link: point (..., 3) and frame (..., 3, 3)."""
+    return link.position + _turned(link.rotation, np.asarray(end.point)), link.rotation @ end.frame
+
+
+def _ball(branch: Branch, parent: Pose, child: Pose) -> Pose:
+    """Return the child's pose in the parent's frame, turned as rough poses have it."""
+    back = np.swapaxes(parent.rotation, -1, -2)
+    rotation = back @ child.rotation
+    if KINDS[branch.joint.kind].floats:
+        return Pose(_turned(back, child.position - parent.position), rotation)
+    held = np.asarray(branch.parent.point) - _turned(rotation, np.asarray(branch.child.point))
+    return Pose(held, rotation)
+
+
+def _posed(branch: Branch, values: Sequence[float | Array]) -> Pose:
     """Return the child's pose in the parent's frame at coordinates of the joint."""
     joint, frame = branch.joint, branch.parent.frame
     shift, turn = displaced(KINDS[joint.kind], values, joint.cross_angle)
     if branch.sense < 0:
-        shift, turn = -turn.T @ shift, turn.T
-    rotation = frame @ turn @ branch.child.frame.T
-    place = np.asarray(branch.parent.point) + frame @ shift - rotation @ np.asarray(branch.child.point)
-    return Pose(place, rotation)
+        turn = np.swapaxes(turn, -1, -2)
+        shift = -_turned(turn, shift)
+    rotation = frame @ turn @ np.swapaxes(branch.child.frame, -1, -2)
+    at, local = np.asarray(branch.parent.point), np.asarray(branch.child.point)
+    return Pose(at + _turned(frame, shift) - _turned(rotation, local), rotation)
+
+
+def _turned(rotation: Array, vector: Array) -> Array:
+    return (rotation @ vector[..., None])[..., 0]
+
+
+def model_joints(
+    mechanism: Mechanism, branch: Branch, local: Pose, values: Sequence[float | Array]
+) -> list[ModelJoint]:
+    """Return the hinges and slides, or the ball, by which a tree joint holds its child body.
+
+    Args:
+        mechanism: whose joint it is.
+        branch: the joint.
+        local: the child's pose in the parent's frame, in the model's reference configuration.
+        values: the joint's coordinates there.
+    """
+    joint, at = branch.joint, np.asarray(branch.child.point)
+    kind, names = KINDS[joint.kind], part_names(mechanism, joint)
+    if kind.ball:
+        return [ModelJoint(names[0], FREE if kind.slides else BALL, at, EZ, None)]
+    types = [SLIDE] * len(kind.slides) + [HINGE] * len(kind.turns)
+    axes: list[Axis] = [*kind.slides, *kind.turns]
+    parts = list(zip(names, types, axes, values, strict=True))
+    if branch.sense < 0 and len(set(axes)) > 1:
+        # an axis fixed in the parent comes first, one fixed in the child last
+        parts.reverse()
+    if len(kind.slides) > 1 and branch.sense < 0:
+        # a turn that comes before slides across it is about the parent's point
+        back = np.swapaxes(local.rotation, -1, -2)
+        at = _turned(back, np.asarray(branch.parent.point) - local.position)
+    return [
+        ModelJoint(name, made, at, _axis_of(branch, local, axis), value) for name, made, axis, value in parts
+    ]
 
 
 def add_joint(
@@ -97,39 +180,22 @@ def add_joint(
 ) -> None:
     """Add a tree joint to its child body; `ref` makes MuJoCo's coordinates those of the mechanism.
 
-    Args:
-        body: of the child.
-        mechanism: whose joint it is.
-        branch: the joint.
-        local: the child's pose in the parent's frame, in the model's reference configuration.
-        values: the joint's coordinates there.
+    Args are as of `model_joints`.
     """
-    joint, at = branch.joint, branch.child.point
-    kind, names = KINDS[joint.kind], part_names(mechanism, joint)
-    if kind.ball and kind.slides:
-        body.add_freejoint(name=names[0])
-        return
-    if kind.ball:
-        body.add_joint(name=names[0], type=mujoco.mjtJoint.mjJNT_BALL, pos=at)
-        return
-    types = [mujoco.mjtJoint.mjJNT_SLIDE] * len(kind.slides) + [mujoco.mjtJoint.mjJNT_HINGE] * len(kind.turns)
-    axes: list[Axis] = [*kind.slides, *kind.turns]
-    parts = list(zip(names, types, axes, values, strict=True))
-    if branch.sense < 0 and len(set(axes)) > 1:
-        # an axis fixed in the parent comes first, one fixed in the child last
-        parts.reverse()
-    across = len(kind.slides) > 1 and branch.sense < 0
-    if across:
-        # a turn that comes before slides across it is about the parent's point
-        at = local.rotation.T @ (np.asarray(branch.parent.point) - local.position)
-    for name, made, axis, value in parts:
-        body.add_joint(name=name, type=made, pos=at, axis=_axis_of(branch, local, axis), ref=value)
+    for one in model_joints(mechanism, branch, local, values):
+        if one.type == FREE:
+            body.add_freejoint(name=one.name)
+        elif one.value is None:
+            body.add_joint(name=one.name, type=one.type, pos=one.place)
+        else:
+            body.add_joint(name=one.name, type=one.type, pos=one.place, axis=one.axis, ref=one.value)
 
 
-def _axis_of(branch: Branch, local: Pose, axis: Axis) -> np.ndarray:
+def _axis_of(branch: Branch, local: Pose, axis: Axis) -> Array:
     """Return an axis of a joint in the child's frame, in the direction in which the child moves along it."""
     child_is_b = branch.sense > 0
     shared = axis == "a" and KINDS[branch.joint.kind].aligned
     if shared or (axis == "b") == child_is_b:
-        return branch.sense * branch.child.frame[:, COLUMN[axis]]
-    return branch.sense * (local.rotation.T @ branch.parent.frame[:, COLUMN[axis]])
+        return branch.sense * branch.child.frame[..., COLUMN[axis]]
+    back = np.swapaxes(local.rotation, -1, -2)
+    return branch.sense * _turned(back, branch.parent.frame[..., COLUMN[axis]])

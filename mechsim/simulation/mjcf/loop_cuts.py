@@ -9,7 +9,7 @@ from mechsim.errors import InputError
 from mechsim.model.joints import KINDS, Kind, kinds_that
 from mechsim.model.mechanism import GROUND, End, Joint, Mechanism
 from mechsim.model.motion_plane import plane_normals
-from mechsim.simulation.mjcf.joints import Branch, meeting_points
+from mechsim.simulation.mjcf.joints import Branch, EndArrays, meeting_points
 from mechsim.simulation.mjcf.split_joints import split, stand_in
 
 # cost of cutting a joint that cannot be cut, above that of any that can
@@ -154,9 +154,9 @@ def turning_with(mechanism: Mechanism, tree: Tree, cut: Joint) -> dict[str, floa
     normals = plane_normals(mechanism)
     assert normals is not None
 
-    def along(end: End) -> float:
+    def along(end: End | EndArrays) -> float:
         """Say whether an axis lies along the normal, or against it."""
-        return float(np.sign(normals[end.link] @ np.asarray(end.axis)))
+        return float(np.sign(normals[end.link] @ end.frame[:, 2]))
 
     sums: dict[str, dict[str, float]] = {GROUND: {}}
     for branch in tree.branches:

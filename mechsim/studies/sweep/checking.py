@@ -1,20 +1,28 @@
-"""Some designs of a sweep through the other road: MuJoCo's poses, judged against what was measured by."""
+"""Some designs of a sweep measured again, each by itself, and judged against the other road."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
+from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.forms import Form
 from mechsim.errors import MechsimError
 from mechsim.simulation.run import simulate
 from mechsim.studies.motion_source import programs_of
 from mechsim.studies.sweep.designs import SEED
+from mechsim.studies.sweep.roads import alone, facts_alone
+from mechsim.studies.sweep.table import column_name
 from mechsim.studies.sweep.task import SweepTask
 from mechsim.verdict.judge import crosscheck
+
+# part of a measure's scale by which designs may be measured otherwise by themselves than together: both keep
+# the equations to rounding, which conditioning magnifies; measured 1e-12
+SAME = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,12 +30,14 @@ class CheckedDesigns:
     """How designs of a sweep fared on the other road.
 
     Attributes:
+        road: which that is, in words.
         count: how many were run.
         passed: how many of them agree.
         worst: the largest place error of any tracked point, in [m].
         failed: why the others do not, by their numbers in the sweep.
     """
 
+    road: str
     count: int
     passed: int
     worst: float
@@ -35,7 +45,9 @@ class CheckedDesigns:
 
 
 def check_table(task: SweepTask, found: "Dataset", count: int) -> CheckedDesigns:
-    """Run random designs that were built through MuJoCo, pose by pose, and judge them.
+    """Measure random designs that were built again by themselves, and judge their motions by the other road.
+
+    That is MuJoCo's poses for formulas and loop equations, and these for designs that were stepped.
 
     Args:
         task: the sweep.
@@ -44,23 +56,51 @@ def check_table(task: SweepTask, found: "Dataset", count: int) -> CheckedDesigns
     """
     built = np.flatnonzero(found["outcome"].values.ravel() == "met")
     some = np.random.default_rng(SEED).choice(built, min(count, len(built)), replace=False)
-    passed, worst, failed = 0, 0.0, dict[int, str]()
+    worst, failed = 0.0, dict[int, str]()
     for i in np.sort(some):
         row = task.designs.rows(int(i), int(i) + 1)
         try:
             form = task.subject.make({name: float(values[0]) for name, values in row.items()})
-            programs = programs_of(form)
-            asked = {"speed": task.pace} if programs is None else {"programs": programs}
-            motion = simulate(form, samples=task.samples, method="pose", **asked).motion  # pyright: ignore[reportArgumentType]
-            if isinstance(form, LoopForm):
-                exact = form.solve_as(motion)
-            else:
-                exact = form.solve(motion.angle, motion.speed, motion.acceleration)
-            verdict = crosscheck(motion, exact)
-            worst = max(worst, *(float(one.max()) for one in motion.place_errors(exact).values()))
-            passed += verdict.passed
-            if not verdict.passed:
-                failed[int(i)] = verdict.outcome
+            far, why = _judged(task, form)
+            worst, why = max(worst, far), why or _measured_otherwise(task, form, found, int(i))
         except MechsimError as error:
-            failed[int(i)] = str(error)
-    return CheckedDesigns(len(some), passed, worst, failed)
+            why = str(error)
+        if why:
+            failed[int(i)] = why
+    return CheckedDesigns(_other_road(task), len(some), len(some) - len(failed), worst, failed)
+
+
+def _other_road(task: SweepTask) -> str:
+    if task.settings is None:
+        return "MuJoCo's poses"
+    return "the formulas" if isinstance(task.subject.form, ClosedForm) else "the loop equations"
+
+
+def _judged(task: SweepTask, form: Form) -> tuple[float, str]:
+    """Return the largest place error between both roads, in [m], and why they do not agree; else nothing."""
+    programs = programs_of(form)
+    asked: dict[str, Any] = {"speed": task.pace} if programs is None else {"programs": programs}
+    if task.settings is None:
+        run = simulate(form, samples=task.samples, method="pose", **asked)
+    else:
+        run = simulate(form, samples=task.intervals, method="step", settings=task.settings, **asked)
+    motion = run.motion
+    if isinstance(form, LoopForm):
+        exact = form.solve_as(motion)
+    else:
+        exact = form.solve(motion.angle, motion.speed, motion.acceleration)
+    verdict = crosscheck(run, exact)
+    far = max(float(one.max()) for one in motion.place_errors(exact).values())
+    return far, "" if verdict.passed else verdict.outcome
+
+
+def _measured_otherwise(task: SweepTask, form: Form, found: "Dataset", i: int) -> str:
+    """Return which measure a design by itself has otherwise than in the table; nothing where none."""
+    values, _, _ = alone(task, form, facts_alone(task, form))
+    scales = {"rad": 1.0, "m": form.mechanism.size, "rad/s": task.pace, "rad/s2": task.pace**2}
+    scales |= {"m/s": form.mechanism.size * task.pace, "m/s2": form.mechanism.size * task.pace**2}
+    for one in task.measures:
+        there, own = float(found[column_name(one.name)].values.ravel()[i]), values[one.name]
+        if not abs(there - own) <= SAME * (abs(own) + abs(scales.get(one.unit, 0.0))):
+            return f"{one.name} is {there:.12g} in the table and {own:.12g} by itself"
+    return ""

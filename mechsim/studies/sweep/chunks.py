@@ -7,12 +7,13 @@ from dataclasses import replace
 from typing import Any
 
 from mechsim.errors import InputError
+from mechsim.simulation.mjcf import quiet
 from mechsim.studies.sweep.libraries import library
 from mechsim.studies.sweep.roads import by_one_formula, measured
 from mechsim.studies.sweep.task import Measured, SweepTask
 
-# designs of a part: by one formula, by loop equations together, and each by itself
-MANY, SOME, FEW = 8192, 256, 64
+# designs of a part: by one formula, stepped together, by loop equations together, and each by itself
+MANY, STEPPED, SOME, FEW = 8192, 512, 256, 64
 # parts of a sweep at most: more designs make longer parts
 MOST_PARTS = 20_000
 # seconds in which a scheduler must answer, and parts under way on a cluster for each of its threads
@@ -24,7 +25,10 @@ Keep = Callable[[int, Measured], None]
 def bounds(task: SweepTask) -> list[tuple[int, int]]:
     """Return the first design of each part, and the one after its last; the same wherever they run."""
     count = task.designs.count
-    usual = MANY if by_one_formula(task) else FEW if task.together is None else SOME
+    if task.settings is not None:
+        usual = FEW if task.like is None else STEPPED
+    else:
+        usual = MANY if by_one_formula(task) else FEW if task.together is None else SOME
     size = max(usual, -(-count // MOST_PARTS))
     return [(low, min(low + size, count)) for low in range(0, count, size)]
 
@@ -63,7 +67,9 @@ def _here(
             keep(number, found)
 
     tasks = [dask.delayed(done, pure=False, traverse=False)(*part) for part in parts]
-    dask.compute(*tasks, scheduler=scheduler, num_workers=os.cpu_count())
+    # before threads begin: each would put back what it found
+    with quiet():
+        dask.compute(*tasks, scheduler=scheduler, num_workers=os.cpu_count())
 
 
 def _there(task: SweepTask, parts: Sequence[tuple[int, int, int]], keep: Keep, scheduler: Any) -> None:

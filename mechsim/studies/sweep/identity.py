@@ -22,6 +22,7 @@ def identity(task: SweepTask) -> str:
         "measures": [_measure(one.name, one.subject, one.kind) for one in task.measures],
         "samples": task.samples,
         "speed": repr(task.pace),
+        "settings": repr(task.settings),
     }
     return _hash(json.dumps(said, sort_keys=True).encode())
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
-from mechsim.analytic.catalog.many_designs import allowed, can_be_many, ranges, solved, turning
+from mechsim.analytic.catalog.many_designs import Turning, allowed, can_be_many, ranges, solved, turning
 from mechsim.analytic.closure.many_motion import many_motion
 from mechsim.analytic.dynamics import machine, prescribed
 from mechsim.analytic.forms import Form, closed_form
@@ -16,8 +16,10 @@ from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import taken
+from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.studies.motion_source import programs_of
 from mechsim.studies.sweep.measures import FACTS, table_of
+from mechsim.studies.sweep.stepped_road import stepped_alone, stepped_together
 from mechsim.studies.sweep.task import Measured, SweepTask, nothing_measured
 from mechsim.studies.sweep.turns import TRANSMISSION, Turns
 
@@ -33,7 +35,9 @@ def measured(task: SweepTask, low: int, high: int) -> Measured:
     rows = task.designs.rows(low, high)
     found = nothing_measured(task, high - low)
     left = np.arange(high - low)
-    if by_one_formula(task):
+    if task.settings is not None:
+        left = _stepped(task, rows, found)
+    elif by_one_formula(task):
         left = _formula(task, rows, found)
     elif task.together is not None:
         left = _loops(task, rows, found)
@@ -52,26 +56,46 @@ def _formula(task: SweepTask, rows: Mapping[str, Array], found: Measured) -> Row
     """Measure designs by one formula; return those that it does not settle."""
     form = task.subject.form
     assert isinstance(form, TwoBranchForm)
+    good, known = _known_to_turn(form, rows)
+    if known is None:
+        return np.arange(len(found.outcome))
+    settled, fits = ~known.doubtful, ~known.doubtful
+    facts = _facts(task, known) if any(one.kind in FACTS for one in task.measures) else {}
+    if len(task.angles):
+        _refuse_swings(known, good, found)
+        fits = known.full & settled
+    left = _blocks(task, rows, good[fits], {name: one[fits] for name, one in facts.items()}, found)
+    for name, values in facts.items():
+        found.values[name][good[settled]] = values[settled]
+    return np.sort(np.concatenate([np.setdiff1d(np.arange(len(found.outcome)), good[settled]), *left]))
+
+
+def _known_to_turn(form: TwoBranchForm, rows: Mapping[str, Array]) -> tuple[Rows, Turning | None]:
+    """Return the designs that their parameters allow, and over which part of the turn they can stand."""
     good = np.flatnonzero(allowed(form, rows))
-    left = [np.setdiff1d(np.arange(len(found.outcome)), good)]
-    known = turning(form, _some(rows, good)) if len(good) else None
-    if known is not None:
-        left.append(good[known.doubtful])
-        settled = ~known.doubtful
-        facts = _facts(task, known) if any(one.kind in FACTS for one in task.measures) else {}
-        if len(task.angles):
-            swings = good[settled & ~known.full]
-            degrees = np.round(np.rad2deg(known.lowest[settled & ~known.full])).astype(int) % 360
-            for angle in np.unique(degrees):
-                why = f"the crank does not turn fully: the loop does not close near {angle} deg"
-                found.refuse(swings[degrees == angle], "cannot assemble", why)
-            fits = settled & known.full
-        else:
-            fits = settled
-        left += _blocks(task, rows, good[fits], {name: one[fits] for name, one in facts.items()}, found)
-        for name, values in facts.items():
-            found.values[name][good[settled]] = values[settled]
-    return np.sort(np.concatenate(left))
+    return good, turning(form, _some(rows, good)) if len(good) else None
+
+
+def _refuse_swings(known: Turning, good: Rows, found: Measured) -> None:
+    """Say of the designs whose cranks do not turn fully where they do not."""
+    swing = ~known.doubtful & ~known.full
+    degrees = np.round(np.rad2deg(known.lowest[swing])).astype(int) % 360
+    for angle in np.unique(degrees):
+        why = f"the crank does not turn fully: the loop does not close near {angle} deg"
+        found.refuse(good[swing][degrees == angle], "cannot assemble", why)
+
+
+def _stepped(task: SweepTask, rows: Mapping[str, Array], found: Measured) -> Rows:
+    """Measure designs by stepping those together that can be; return the others."""
+    form, every = task.subject.form, np.arange(len(found.outcome))
+    if not (isinstance(form, TwoBranchForm) and can_be_many(form, rows)):
+        return stepped_together(task, rows, every, found)
+    good, known = _known_to_turn(form, rows)
+    if known is None:
+        return every
+    _refuse_swings(known, good, found)
+    left = stepped_together(task, rows, good[known.full & ~known.doubtful], found)
+    return np.union1d(left, np.setdiff1d(every, good[~known.doubtful]))
 
 
 def _facts(task: SweepTask, known: object) -> dict[str, Array]:
@@ -144,10 +168,10 @@ def _one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, found: 
         row = np.array([i])
         try:
             form = task.subject.make({name: float(values[i]) for name, values in rows.items()})
-            facts = _facts_alone(task, form)
+            facts = facts_alone(task, form)
             for name, value in facts.items():
                 found.values[name][i] = value
-            values = alone(task, form, facts)
+            values, outcome, why = alone(task, form, facts)
         except MechsimError as error:
             found.refuse(row, _outcome(error), str(error)[:LONGEST])
             continue
@@ -156,6 +180,7 @@ def _one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, found: 
             continue
         lost = [name for name, value in values.items() if not np.isfinite(value)]
         found.take(row, {name: np.array([value]) for name, value in values.items()})
+        found.refuse(row, outcome, why)
         if lost:
             found.refuse(row, "diverged", f"{lost[0]} is no finite number")
 
@@ -164,7 +189,8 @@ def _outcome(error: MechsimError) -> str:
     return error.outcome if isinstance(error, MobilityError) else "cannot assemble"
 
 
-def _facts_alone(task: SweepTask, form: Form) -> dict[str, float]:
+def facts_alone(task: SweepTask, form: Form) -> dict[str, float]:
+    """Return what is known of a design without a motion, as far as it is asked for."""
     wanted = [one.kind for one in task.measures if one.kind in FACTS]
     found: dict[str, float] = {}
     for kind in wanted:
@@ -179,23 +205,30 @@ def _facts_alone(task: SweepTask, form: Form) -> dict[str, float]:
     return found
 
 
-def alone(task: SweepTask, form: Form, facts: Mapping[str, float]) -> dict[str, float]:
-    """Return the measures of one design.
+def alone(task: SweepTask, form: Form, facts: Mapping[str, float]) -> tuple[dict[str, float], str, str]:
+    """Return the measures of one design, its outcome, and why it is not met.
 
     Raises:
         AssemblyError: where it cannot be put together all along the motion.
     """
     angles = task.angles
-    kept = {name: np.array([value]) for name, value in facts.items()}
     if not len(angles):
         if not form.crank_range().arcs:
             raise AssemblyError(f"{form.name}: the loops close at no crank angle")
-        return {one.name: facts[one.kind] for one in task.measures}
+        return {one.name: facts[one.kind] for one in task.measures}, "met", ""
     if programs_of(form) is None and isinstance(form, ClosedForm):
         arcs = form.crank_range()
         if not arcs.full:
             where = f"it can stand {arcs}" if arcs.arcs else "it can close nowhere in the turn"
             raise AssemblyError(f"{form.name}: the crank does not turn fully; {where}")
+    if task.settings is not None:
+        return stepped_alone(task, form)
+    return _solved_alone(task, form, facts), "met", ""
+
+
+def _solved_alone(task: SweepTask, form: Form, facts: Mapping[str, float]) -> dict[str, float]:
+    """Return the measures of one design by its formulas or loop equations."""
+    angles, kept = task.angles, {name: np.array([value]) for name, value in facts.items()}
     motion = form.solve(angles, task.pace)
     shape = (1, len(angles))
     efforts: dict[str, Array] = {}
@@ -217,6 +250,8 @@ def require_measurable(task: SweepTask) -> None:
         InputError: naming the measure and the remedy.
     """
     form = task.subject.form
+    if task.settings is not None:
+        _require_stepped(task)
     for one in task.measures:
         if one.kind == "assemblies" and not isinstance(form, ClosedForm):
             raise InputError(
@@ -229,3 +264,19 @@ def require_measurable(task: SweepTask) -> None:
         raise InputError(
             f"{form.name} has no lone crank to turn; give its drivers programs with --drive JOINT=PROGRAM"
         )
+
+
+def _require_stepped(task: SweepTask) -> None:
+    """Refuse measures that no stepped motion tells."""
+    mechanism = task.subject.form.mechanism
+    cut = [name for joint in cut_loops(mechanism, splits=True).cuts for name in joint.coordinates]
+    for one in task.measures:
+        if one.kind in FACTS or (one.of is not None and one.of.kind == TRANSMISSION):
+            raise InputError(f"{one.name} is known by formulas; leave out --method step, or that measure")
+        if one.of is not None and one.of.kind == "joint" and one.of.subject in cut:
+            told = [name for joint in mechanism.joints for name in joint.coordinates if name not in cut]
+            raise InputError(
+                f"{one.name}: MuJoCo's model is cut at {one.of.subject}, and its states do not hold it; "
+                f"stepped motions tell {', '.join(told)}"
+            )
+    _ = task.records

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.memory import require_room
 from mechsim.model.mechanism import Mechanism
+from mechsim.simulation.settings import Settings
 from mechsim.studies.sweep.chunks import bounds, run_parts
 from mechsim.studies.sweep.designs import Designs, grid, listed, parameter_units, read_designs, sampled
 from mechsim.studies.sweep.identity import identity
@@ -47,8 +49,9 @@ def sweep(
     design: Mapping[str, Any] | str | None = None,
     sample: str | None = None,
     set: Mapping[str, str | float] | None = None,
-    samples: int = SAMPLES,
+    samples: int | None = None,
     speed: float = 1.0,
+    settings: Settings | None = None,
     output: str | Path | None = None,
     resume: bool = False,
     scheduler: Any = None,
@@ -66,8 +69,12 @@ def sweep(
         design: parameter -> values in SI, one for each design, or a CSV file of them; in place of `vary`.
         sample: "sobol:N", "halton:N", "latin:N" or "random:N".
         set: parameter -> its value where it does not vary, as `load` takes it.
-        samples: poses a turn, or over the programs of drivers.
+        samples: poses a turn, or over the programs of drivers; None for 72.
         speed: of the crank in [rad/s].
+        settings: how designs are stepped in MuJoCo, in place of motions by formulas and loop equations.
+            Poses are then some of the steps, about 72 where `samples` does not say, and the steps of a turn
+            are made a multiple of them; an automatic `jacobian` is dense, so that numbers are the same
+            wherever they are made.
         output: .nc, .zarr, .parquet or .csv to write, part by part.
         resume: whether a sweep that was stopped is to go on.
         scheduler: of Dask: None for its own in this process, an address tcp://..., or a Client.
@@ -85,7 +92,16 @@ def sweep(
     """
     require_libraries(output)
     task = swept_task(
-        model, vary, measure, design=design, sample=sample, set=set, samples=samples, speed=speed, **asked
+        model,
+        vary,
+        measure,
+        design=design,
+        sample=sample,
+        set=set,
+        samples=samples,
+        speed=speed,
+        settings=settings,
+        **asked,
     )
     return run_sweep(task, output, resume=resume, scheduler=scheduler, watch=watch)
 
@@ -106,17 +122,25 @@ def swept_task(
     design: Mapping[str, Any] | str | None = None,
     sample: str | None = None,
     set: Mapping[str, str | float] | None = None,
-    samples: int = SAMPLES,
+    samples: int | None = None,
     speed: float = 1.0,
+    settings: Settings | None = None,
     **asked: Any,
 ) -> SweepTask:
     """Return a sweep, checked, as yet not begun; as `sweep`."""
-    if not 1 <= samples <= MOST_SAMPLES:
-        raise InputError(f"{samples} samples a turn; give 1 to {MOST_SAMPLES:,}")
+    least = 1 if settings is None else 2
+    if samples is None:
+        steps = SAMPLES if settings is None else settings.steps_per_turn
+        samples = -(-steps // max(1, steps // SAMPLES))
+    if not least <= samples <= MOST_SAMPLES:
+        raise InputError(f"{samples} samples a turn; give {least} to {MOST_SAMPLES:,}")
     subject, there = swept_designs(model, set, **asked)
     designs = _designs(subject.name, vary or {}, design, sample, there)
     texts = [measure] if isinstance(measure, str) else list(measure)
-    task = SweepTask(subject, designs, measures(texts, subject.form.mechanism), int(samples), float(speed))
+    asked_for = measures(texts, subject.form.mechanism)
+    if settings is not None and settings.jacobian == "auto":
+        settings = replace(settings, jacobian="dense")
+    task = SweepTask(subject, designs, asked_for, int(samples), float(speed), settings)
     require_measurable(task)
     return task
 

@@ -42,7 +42,7 @@ def dataset(
     designs, shape, dims = task.designs, task.designs.shape, task.designs.dims
     variables: dict[str, Any] = {}
     for one in task.measures:
-        variables[Path(one.name).name] = (dims, values[one.name].reshape(shape), {"units": one.unit or "1"})
+        variables[column_name(one.name)] = (dims, values[one.name].reshape(shape), {"units": one.unit or "1"})
     variables["outcome"] = (dims, np.array(OUTCOMES, dtype=object)[outcome].reshape(shape))
     variables["reason"] = (dims, reason.reshape(shape))
     coordinates: dict[str, Any] = {}
@@ -59,6 +59,11 @@ def dataset(
         "mechsim": __version__,
     }
     return xarray.Dataset(variables, coordinates, {**about, **attributes})
+
+
+def column_name(measure: str) -> str:
+    """Return what a measure is called in a table: as it was asked for, of FILE.py:FUNC without the folder."""
+    return Path(measure).name
 
 
 def ending(path: str | Path) -> str:

@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,12 @@ from numpy.typing import NDArray
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.closure.many_motion import can_be_followed_together
 from mechsim.analytic.closure.tree_loops import TreeLoops
-from mechsim.errors import MechsimError
+from mechsim.errors import InputError, MechsimError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
+from mechsim.simulation.many.design_models import LikeModel, like_model
+from mechsim.simulation.recorded_motion import CHUNK
+from mechsim.simulation.settings import Settings
 from mechsim.studies.motion_source import programs_of
 from mechsim.studies.sweep.designs import Designs
 from mechsim.studies.sweep.measures import FACTS, TurnMeasure
@@ -22,6 +26,8 @@ from mechsim.studies.sweep.subject import SweptSubject
 # outcomes of designs, as they are kept
 OUTCOMES = ("met", "cannot assemble", "diverged", "undetermined", "overdriven", "missed", "changed assembly")
 MET = 0
+# parts of the distance of two recorded instants by which an angle may be beside one
+ON_RECORD = 1e-6
 # measures that each design is asked for by itself, where no formula is
 ALONE = ("function", *FACTS)
 
@@ -36,6 +42,7 @@ class SweepTask:
         measures: of each.
         samples: poses a turn, or over programs.
         speed: of the crank in [rad/s]; programs have their own.
+        settings: how designs are stepped in MuJoCo; None for motions by formulas and loop equations.
     """
 
     subject: SweptSubject
@@ -43,6 +50,11 @@ class SweepTask:
     measures: tuple[TurnMeasure, ...]
     samples: int
     speed: float
+    settings: Settings | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        # what was worked out from these is worked out again where it is wanted
+        return {one.name: getattr(self, one.name) for one in fields(self)}
 
     @property
     def pace(self) -> float:
@@ -94,6 +106,50 @@ class SweepTask:
         with suppress(MechsimError):
             return can_be_followed_together(form.mechanism, self.joints)
         return None
+
+    @cached_property
+    def like(self) -> LikeModel | None:
+        """The model by which designs are stepped together; None where each must be by itself."""
+        form = self.subject.form
+        alone = self.settings is None or self.loaded or self.wants("function") or self.samples > CHUNK
+        if alone or programs_of(form) is not None:
+            return None
+        with suppress(MechsimError):
+            return like_model(form.mechanism)
+        return None
+
+    @property
+    def intervals(self) -> int:
+        """Between the poses of a stepped motion, whose last one is that in which it ends."""
+        return self.samples if programs_of(self.subject.form) is None else self.samples - 1
+
+    @property
+    def stride(self) -> int:
+        """Steps from one pose to the next."""
+        assert self.settings is not None
+        return -(-self.settings.steps_per_turn // self.samples)
+
+    @cached_property
+    def records(self) -> NDArray[np.intp]:
+        """Which of the recorded instants of a stepped motion the poses are, in the order of `angles`.
+
+        Raises:
+            InputError: for an angle at which something is measured and no instant is recorded.
+        """
+        programs, form = programs_of(self.subject.form), self.subject.form
+        whole = TURN if programs is None else programs.pace * programs.duration
+        begin = form.mechanism.start if programs is None else 0.0
+        found = np.arange(self.samples)
+        for angle in self.places:
+            place = (angle - begin) / whole * self.intervals
+            if abs(place - round(place)) > ON_RECORD:
+                apart = whole / self.intervals
+                raise InputError(
+                    f"at {angle:.6g} rad nothing is recorded, but every {apart:.6g} rad; choose --samples so "
+                    "that a pose lies there"
+                )
+            found = np.append(found, round(place) % (self.samples if programs is None else self.samples + 1))
+        return found
 
     def wants(self, kind: str) -> bool:
         """Whether a measure is of a kind, or of a quantity of a kind."""

@@ -1,0 +1,112 @@
+"""Many designs of one mechanism, alike but for where their joints and points are: numbers as arrays."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechsim.maths.arrays import Array
+from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.rough_poses import rough_poses
+
+# of one joint: points (3, d) and frames (3, 3, d) of its sides a and b
+Ends = tuple[Array, Array, Array, Array]
+
+
+@dataclass(frozen=True)
+class DesignArrays:
+    """Numbers of d designs that are `alike`.
+
+    Attributes:
+        mechanism: one like them.
+        ends: joint -> its points and frames, in the links' frames.
+        points: tracked point -> (3, d) in its link's frame.
+    """
+
+    mechanism: Mechanism
+    ends: Mapping[str, Ends]
+    points: Mapping[str, Array]
+
+    @property
+    def count(self) -> int:
+        """How many designs there are."""
+        return next(iter(self.ends.values()))[0].shape[-1]
+
+    def on(self, link: str) -> Array:
+        """Return the points of all joint ends on a link, (k, 3, d)."""
+        found: list[Array] = []
+        for joint in self.mechanism.joints:
+            point_a, _, point_b, _ = self.ends[joint.name]
+            found += [point for end, point in ((joint.a, point_a), (joint.b, point_b)) if end.link == link]
+        return np.array(found).reshape(-1, 3, self.count)
+
+    @property
+    def size(self) -> Array:
+        """The longest distance between two joints of one link, (d,) in [m]; as `Mechanism.size`."""
+        longest = np.zeros(self.count)
+        for link in (GROUND, *(one.name for one in self.mechanism.links)):
+            points = self.on(link)
+            gaps = points[:, None] - points[None]
+            np.maximum(longest, np.sqrt((gaps**2).sum(2)).max((0, 1), initial=0.0), out=longest)
+        return longest
+
+
+@dataclass(frozen=True)
+class StartedDesigns:
+    """Designs, and where their assembly begins.
+
+    Attributes:
+        arrays: their numbers.
+        guess: link -> rough poses, (d, 3) and (d, 3, 3), that say which assemblies are meant.
+        start: crank angles of the guesses, (d,) in [rad].
+    """
+
+    arrays: DesignArrays
+    guess: Mapping[str, Pose]
+    start: Array
+
+
+def design_arrays(like: Mechanism, designs: Sequence[Mechanism]) -> DesignArrays:
+    """Return the numbers of designs that are `alike`."""
+    ends: dict[str, Ends] = {}
+    for i, joint in enumerate(like.joints):
+        sides = [[one.joints[i].a for one in designs], [one.joints[i].b for one in designs]]
+        points = [np.array([end.point for end in side]).T for side in sides]
+        frames = [np.moveaxis(np.array([end.frame for end in side]), 0, -1) for side in sides]
+        ends[joint.name] = points[0], frames[0], points[1], frames[1]
+    points = {name: np.array([one.points[name][1] for one in designs]).T for name in like.points}
+    return DesignArrays(like, ends, points)
+
+
+def started_designs(like: Mechanism, designs: Sequence[Mechanism]) -> StartedDesigns:
+    """Return the numbers of designs that are `alike`, and their guesses.
+
+    Raises:
+        AssemblyError: where joints lead to a link from nowhere.
+    """
+    rough = [rough_poses(one) for one in designs]
+    guess = {
+        link.name: Pose(
+            np.array([one[link.name].position for one in rough]),
+            np.array([one[link.name].rotation for one in rough]),
+        )
+        for link in like.links
+    }
+    return StartedDesigns(design_arrays(like, designs), guess, np.array([one.start for one in designs]))
+
+
+def alike(one: Mechanism, other: Mechanism) -> bool:
+    """Whether two mechanisms differ only in where joints and points are, and where they begin."""
+    return (
+        [link.name for link in one.links] == [link.name for link in other.links]
+        and [_kind(joint) for joint in one.joints] == [_kind(joint) for joint in other.joints]
+        and one.drivers == other.drivers
+        and one.holds == other.holds
+        and one.laws == other.laws
+        and {name: link for name, (link, _) in one.points.items()}
+        == {name: link for name, (link, _) in other.points.items()}
+    )
+
+
+def _kind(joint: object) -> tuple[object, ...]:
+    return tuple(getattr(joint, name) for name in ("name", "kind", "cross_angle", "lead"))

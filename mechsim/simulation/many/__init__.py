@@ -1,0 +1,1 @@
+"""Many designs of one mechanism stepped in MuJoCo together: one compiled model, numbers of each."""

@@ -1,0 +1,136 @@
+"""Designs stepped in MuJoCo: all that are alike in one batch, any other by itself."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.catalog.many_designs import can_be_many, started
+from mechsim.analytic.forms import Form
+from mechsim.errors import MechsimError
+from mechsim.maths.arrays import Array
+from mechsim.model.design_arrays import StartedDesigns, alike, started_designs
+from mechsim.model.motion import taken
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.simulation.many.design_models import design_models
+from mechsim.simulation.many.design_motion import Told, design_motion
+from mechsim.simulation.many.stepped_designs import SteppedDesigns, judged, parted, stepped_designs
+from mechsim.simulation.mjcf.joints import CRANK
+from mechsim.simulation.run import simulate
+from mechsim.studies.motion_source import programs_of
+from mechsim.studies.sweep.measures import table_of
+from mechsim.studies.sweep.task import Measured, SweepTask
+from mechsim.studies.sweep.turns import Turns
+
+Rows = NDArray[np.intp]
+BROKEN = "MuJoCo's state went bad, or the linkage turned its flywheel; take more steps, or softer constraints"
+
+
+def stepped_together(task: SweepTask, rows: Mapping[str, Array], index: Rows, found: Measured) -> Rows:
+    """Step designs together and measure them; return those that this does not settle.
+
+    Args:
+        task: the sweep.
+        rows: parameter -> its value in each design.
+        index: which designs are to be stepped.
+        found: takes what is measured of them.
+    """
+    like = task.like
+    if like is None or not len(index):
+        return index
+    assert task.settings is not None
+    begun, mine = _begun(task, {name: values[index] for name, values in rows.items()})
+    if begun is None:
+        return index
+    own = index[mine]
+    try:
+        models = design_models(like, begun)
+        stepped = stepped_designs(models, task.settings, task.pace, task.samples * task.stride, task.stride)
+        verdict = judged(stepped)
+    except np.linalg.LinAlgError:
+        return index
+    good = stepped.whole & verdict.kept
+    _measure(task, stepped, np.flatnonzero(good), own, found)
+    for i in np.flatnonzero(good & ~(verdict.estimate <= verdict.tolerance)):
+        found.refuse(own[[i]], "missed", too_far(verdict.estimate[i], verdict.tolerance[i]))
+    lost = np.flatnonzero(~good)
+    open_at = parted(stepped, lost) if len(lost) else np.zeros(0)
+    refused = np.isfinite(open_at)
+    for i, angle in zip(lost[refused], open_at[refused], strict=True):
+        why = f"the loops do not close near crank angle {angle:.4g} rad"
+        found.refuse(own[[i]], "cannot assemble", why)
+    broken = lost[~refused & ~stepped.whole[lost]]
+    found.refuse(own[broken], "diverged", BROKEN)
+    unsettled = np.setdiff1d(lost[~refused], broken)
+    return np.setdiff1d(index, np.delete(own, unsettled))
+
+
+def _begun(task: SweepTask, rows: Mapping[str, Array]) -> tuple[StartedDesigns | None, Rows]:
+    """Return the designs that are alike, and which those are."""
+    form, count = task.subject.form, len(next(iter(rows.values())))
+    if isinstance(form, ClosedForm) and can_be_many(form, rows):
+        return started(form, rows), np.arange(count)
+    like, made, which = form.mechanism, [], []
+    for i in range(count):
+        with suppress(MechsimError, ArithmeticError, ValueError):
+            one = task.subject.make({name: float(values[i]) for name, values in rows.items()}).mechanism
+            if alike(like, one):
+                made.append(one)
+                which.append(i)
+    return (started_designs(like, made) if made else None), np.array(which, dtype=np.intp)
+
+
+def _measure(task: SweepTask, stepped: SteppedDesigns, rows: Rows, own: Rows, found: Measured) -> None:
+    """Measure the motions of designs, some at a time."""
+    if not len(rows):
+        return
+    motion = design_motion(stepped, rows, task.records, _told(task))
+    values = table_of(task.measures, Turns(len(rows), len(task.records), motion), task.places)
+    found.take(own[rows], values)
+
+
+def _told(task: SweepTask) -> Told:
+    """Return how much of a motion the measures need."""
+    asked = [one.of for one in task.measures if one.of is not None]
+    if any(of.part[:1] == "a" or (of.kind == "point" and of.part[:1] == "v") for of in asked):
+        return "rates"
+    return "places" if task.wants("stroke") or task.wants("point") else "joints"
+
+
+def stepped_alone(task: SweepTask, form: Form) -> tuple[dict[str, float], str, str]:
+    """Step one design; return its measures, its outcome, and why it is not met.
+
+    Raises:
+        AssemblyError: where it cannot be put together all along the motion.
+    """
+    programs = programs_of(form)
+    asked: dict[str, Any] = {"method": "step", "settings": task.settings, "samples": task.intervals}
+    asked |= {"speed": task.pace} if programs is None else {"programs": programs}
+    run = simulate(form, **asked)
+    if run.outcome in ("diverged", "changed assembly"):
+        return {}, run.outcome, run.motion.broken or "it went on in another assembly"
+    motion, efforts = run.motion, {}
+    if task.loaded:
+        acting = getattr(form, "forces", None)
+        study = driven(form.mechanism, acting, **asked)
+        motion = study.motion
+        efforts = {name: column[task.records][None] for name, column in study.efforts.columns()}
+    mechanism = form.mechanism
+    if mechanism.has_crank and programs is None:
+        # MuJoCo's crank is called so
+        joints = {
+            (mechanism.crank.name if name == CRANK else name): one for name, one in motion.joints.items()
+        }
+        motion = replace(motion, joints=joints)
+    turns = Turns(1, len(task.records), taken(motion, task.records), efforts)
+    values = {name: float(one[0]) for name, one in table_of(task.measures, turns, task.places).items()}
+    return values, run.outcome, "" if run.outcome == "met" else too_far(run.estimate, run.tolerance)
+
+
+def too_far(estimate: float, tolerance: float) -> str:
+    """Return why a stepped design is missed."""
+    return f"places within {estimate:.3g} m of the solved poses (bound {tolerance:.3g} m)"

@@ -1,0 +1,94 @@
+"""Stepped sweeps: designs together as each by itself, outcomes, what is refused, and the check that bites."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.errors import InputError
+from mechsim.simulation import Settings
+from mechsim.studies.sweep.checking import check_table
+from mechsim.studies.sweep.sweeping import run_sweep, swept_task
+from mechsim.studies.sweep.task import SweepTask
+
+FEW = Settings(steps_per_turn=60)
+ASKED = {"settings": FEW, "speed": 40.0, "samples": 30}
+
+
+def test_measures_of_designs_stepped_together_are_those_of_each_by_itself(monkeypatch):
+    measures = ["range:output", "max:D.ax", "stroke:D", "rms:output.v", "at:24deg:D.x"]
+    together = ms.sweep("watt_six_bar", {"crank": [0.02, 0.03]}, measures, **ASKED)
+    monkeypatch.setattr(SweepTask, "like", None)
+    alone = ms.sweep("watt_six_bar", {"crank": [0.02, 0.03]}, measures, **ASKED)
+    assert together["outcome"].values.tolist() == ["met", "met"]
+    for name in measures:
+        # accelerations are those of soft constraints, which magnify rounding
+        tolerance = 1e-9 if ".a" in name else 1e-12
+        np.testing.assert_allclose(together[name], alone[name], rtol=tolerance, err_msg=name)
+
+
+def test_a_stepped_sweep_is_close_to_that_of_formulas_and_not_the_same():
+    vary, measures = {"crank": [0.02, 0.03]}, ["range:rocker", "max:C.vx"]
+    stepped = ms.sweep("four_bar", vary, measures, settings=FEW, speed=40.0)
+    exact = ms.sweep("four_bar", vary, measures, samples=60, speed=40.0)
+    for name in measures:
+        np.testing.assert_allclose(stepped[name], exact[name], rtol=1e-4)
+        assert (stepped[name].values != exact[name].values).all()
+
+
+def test_torques_of_stepped_designs():
+    stepped = ms.sweep(
+        "four_bar", {"crank": [0.02]}, "max:torque", settings=Settings(steps_per_turn=200), speed=40.0
+    )
+    exact = ms.sweep("four_bar", {"crank": [0.02]}, "max:torque", samples=100, speed=40.0)
+    assert float(stepped["max:torque"][0]) == pytest.approx(float(exact["max:torque"][0]), rel=1e-3)
+
+
+def test_outcomes_of_stepped_designs():
+    designs = {"crank": [0.02, 0.045, 0.08, -1.0]}
+    found = ms.sweep("four_bar", designs, "range:rocker", settings=Settings(steps_per_turn=8), speed=40.0)
+    assert found["outcome"].values.tolist() == ["missed", "missed", "cannot assemble", "cannot assemble"]
+    assert "of the solved poses (bound" in str(found["reason"].values[0])
+    assert np.isfinite(found["range:rocker"].values[:2]).all()
+    assert np.isnan(found["range:rocker"].values[2:]).all()
+    hard = Settings(steps_per_turn=8, solref=(-1e12, -1e3))
+    found = ms.sweep("four_bar", {"crank": [0.02]}, "range:rocker", settings=hard, speed=40.0)
+    assert found["outcome"].values.tolist() == ["diverged"]
+
+
+@pytest.mark.parametrize(
+    ("measure", "said"),
+    [
+        ("crank_range", "crank_range is known by formulas"),
+        ("max:transmission", "leave out --method step"),
+        ("range:B", "stepped motions tell crank, A, rocker"),
+        ("at:10deg:rocker", "nothing is recorded, but every"),
+    ],
+)
+def test_what_no_stepped_motion_tells_is_refused(measure, said):
+    with pytest.raises(InputError, match=said):
+        swept_task("four_bar", {"crank": [0.03]}, measure, settings=FEW, samples=30)
+
+
+def test_a_check_finds_a_table_that_is_wrong():
+    for given in (ASKED, {"samples": 12}):
+        task = swept_task("watt_six_bar", {"crank": [0.02, 0.03]}, "range:output", **given)
+        found = run_sweep(task)
+        assert check_table(task, found, 2).passed == 2
+        found["range:output"].values[1] *= 1.0 + 1e-6
+        checked = check_table(task, found, 2)
+        assert checked.passed == 1
+        assert "in the table and" in checked.failed[1]
+
+
+def test_settings_tell_stepped_sweeps_apart(tmp_path):
+    out = tmp_path / "out.nc"
+    ms.sweep("four_bar", {"crank": [0.03]}, "range:rocker", output=out, **ASKED)
+    for other in ({}, {"settings": Settings(steps_per_turn=60, integrator="Euler")}):
+        with pytest.raises(InputError, match="another sweep"):
+            ms.sweep(
+                "four_bar",
+                {"crank": [0.03]},
+                "range:rocker",
+                output=out,
+                **{**ASKED, "settings": None, **other},
+            )
