@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from mechsim.model.mechanism import GROUND, End, Joint, Mechanism
 from mechsim.model.motion_plane import plane_normals
 from mechsim.simulation.mjcf.joints import Branch, EndArrays, meeting_points
 from mechsim.simulation.mjcf.split_joints import split, stand_in
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 # cost of cutting a joint that cannot be cut, above that of any that can
 UNCUTTABLE = 1000
@@ -52,27 +56,9 @@ def cut_loops(
     """
     import networkx as nx
 
-    graph: nx.MultiGraph[str] = nx.MultiGraph()
-    graph.add_nodes_from([GROUND, *(link.name for link in mechanism.links)])
-    asked = set(cut or ())
-    for unknown in asked - {joint.name for joint in mechanism.joints}:
-        known = ", ".join(joint.name for joint in mechanism.joints)
-        raise InputError(f"{mechanism.name}: there is no joint {unknown!r} to cut; known are {known}")
-    # what is driven or geared must be a joint of the model
-    driven = {joint.name for joint in mechanism.driven_joints}
-    needed = driven | joints_of(mechanism, [name for law in mechanism.laws for name in law.coordinates])
-    needed |= joints_of(mechanism, mechanism.holds)
-    for name in sorted(asked & needed):
-        what = "driven" if name in driven else "held" if name in mechanism.holds else "geared"
-        raise InputError(f"{mechanism.name}: joint {name!r} is {what} and cannot be cut; cut another")
-    distance = _distance_from_crank(mechanism)
-    for order, joint in enumerate(mechanism.joints):
-        held = UNCUTTABLE if joint.name in needed else _cost(KINDS[joint.kind])
-        held += 10 * (joint.name in keep)
-        cost = 0 if joint.name in asked else held
-        far = min(distance[joint.a.link], distance[joint.b.link])
-        # the most costly to cut stay in the tree; among equals the nearest to the crank
-        graph.add_edge(joint.a.link, joint.b.link, key=joint.name, weight=1e6 * cost - 1e3 * far - order)
+    asked, needed = set(cut or ()), _needed(mechanism)
+    _require_cuttable(mechanism, asked, needed)
+    graph = _weighed(mechanism, asked, needed, keep)
     if not nx.is_connected(graph):
         lost = sorted(set(graph) - nx.node_connected_component(graph, GROUND))
         raise InputError(
@@ -90,22 +76,64 @@ def cut_loops(
         names = {joint.name for joint in refused}
         whole = tuple(stand_in(joint) if joint.name in names else joint.name for joint in cuts)
         return cut_loops(split(mechanism, names), whole, keep=keep, splits=True)
-    for joint in refused:
-        if joint.name in needed:
-            raise InputError(
-                f"{mechanism.name}: the loop through joint {joint.name!r} has only driven and geared joints; "
-                "have another joint in it"
-            )
-        raise InputError(
-            f"{mechanism.name}: a loop would have to be cut at {joint.kind} joint {joint.name!r}, which "
-            f"no MuJoCo constraint closes; have a {kinds_that(_cuttable)} joint in every loop"
-        )
+    if refused:
+        raise InputError(f"{mechanism.name}: {_why_refused(refused[0], needed)}")
     if cut is not None and {joint.name for joint in cuts} != asked:
         raise InputError(
             f"{mechanism.name}: cutting {', '.join(sorted(asked)) or 'no joint'} does not leave a tree; "
             f"as many joints as there are loops ({len(cuts)}) must be named, one in each"
         )
     return Tree(mechanism, _ordered(mechanism, kept), cuts)
+
+
+def _needed(mechanism: Mechanism) -> set[str]:
+    """Return the names of joints that the model must have: what is driven, held or geared."""
+    driven = {joint.name for joint in mechanism.driven_joints}
+    geared = joints_of(mechanism, [name for law in mechanism.laws for name in law.coordinates])
+    return driven | geared | joints_of(mechanism, mechanism.holds)
+
+
+def _require_cuttable(mechanism: Mechanism, asked: set[str], needed: set[str]) -> None:
+    """Refuse to cut what is no joint, or one that the model must have."""
+    for unknown in asked - {joint.name for joint in mechanism.joints}:
+        known = ", ".join(joint.name for joint in mechanism.joints)
+        raise InputError(f"{mechanism.name}: there is no joint {unknown!r} to cut; known are {known}")
+    driven = {joint.name for joint in mechanism.driven_joints}
+    for name in sorted(asked & needed):
+        what = "driven" if name in driven else "held" if name in mechanism.holds else "geared"
+        raise InputError(f"{mechanism.name}: joint {name!r} is {what} and cannot be cut; cut another")
+
+
+def _weighed(
+    mechanism: Mechanism, asked: set[str], needed: set[str], keep: Collection[str]
+) -> "nx.MultiGraph[str]":
+    """Return links and joints as a graph; the heavier a joint, the rather it stays in the tree."""
+    import networkx as nx
+
+    graph: nx.MultiGraph[str] = nx.MultiGraph()
+    graph.add_nodes_from([GROUND, *(link.name for link in mechanism.links)])
+    distance = _distance_from_crank(mechanism)
+    for order, joint in enumerate(mechanism.joints):
+        held = UNCUTTABLE if joint.name in needed else _cost(KINDS[joint.kind])
+        held += 10 * (joint.name in keep)
+        cost = 0 if joint.name in asked else held
+        far = min(distance[joint.a.link], distance[joint.b.link])
+        # the most costly to cut stay in the tree; among equals the nearest to the crank
+        graph.add_edge(joint.a.link, joint.b.link, key=joint.name, weight=1e6 * cost - 1e3 * far - order)
+    return graph
+
+
+def _why_refused(joint: Joint, needed: set[str]) -> str:
+    """Say why a loop cannot be cut at the joint at which it would have to be."""
+    if joint.name in needed:
+        return (
+            f"the loop through joint {joint.name!r} has only driven and geared joints; "
+            "have another joint in it"
+        )
+    return (
+        f"a loop would have to be cut at {joint.kind} joint {joint.name!r}, which no MuJoCo constraint "
+        f"closes; have a {kinds_that(_cuttable)} joint in every loop"
+    )
 
 
 def joints_of(mechanism: Mechanism, coordinates: Collection[str]) -> set[str]:

@@ -1,6 +1,6 @@
 """The motion close to a meeting of two assemblies, where the loops give no rates: read off around it."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,64 +40,84 @@ def mended(
     around = States(np.zeros(count), meeting.states, tangent)
     unit = evaluate(loops, track, around, "pose", crank_acceleration=np.zeros(count))
     by = fitted(meeting.nodes, meeting.angle, turned)
-    speed, second = motion.speed.copy(), motion.acceleration.copy()
-
-    def put(into: Array, values: Array) -> Array:
-        out = into.copy()
-        out[rows] = values
-        return out
-
-    def place(into: Array, nodes: Array) -> Array:
-        return put(into, np.tensordot(by, nodes, 1))
-
-    def rate(into: Array, nodes: Array) -> Array:
-        return put(into, _times(speed[rows], np.tensordot(by, nodes, 1)))
-
-    def acceleration(into: Array, first: Array, nodes: Array) -> Array:
-        curved = _times(speed[rows] ** 2, np.tensordot(by, nodes, 1))
-        return put(into, curved + _times(second[rows], np.tensordot(by, first, 1)))
-
-    points = {
-        name: PointMotion(
-            place(one.position, near.position),
-            rate(one.velocity, near.velocity),
-            acceleration(one.acceleration, near.velocity, near.acceleration),
-        )
-        for name, one, near in ((name, one, unit.points[name]) for name, one in motion.points.items())
-    }
-    links = {
-        name: LinkMotion(
-            place(one.position, near.position),
-            place(one.rotation, near.rotation),
-            rate(one.velocity, near.velocity),
-            rate(one.angular_velocity, near.angular_velocity),
-            acceleration(one.acceleration, near.velocity, near.acceleration),
-            acceleration(one.angular_acceleration, near.angular_velocity, near.angular_acceleration),
-        )
-        for name, one, near in ((name, one, unit.links[name]) for name, one in motion.links.items())
-    }
+    mend = _Mend(rows, by, motion.speed[rows], motion.acceleration[rows])
     model = loops.model
-    place_of = {track.name(model.joint(i).name)[0]: int(model.jnt_qposadr[i]) for i in range(model.njnt)}
-    joints = {
-        name: JointMotion(
-            put(one.value, qpos[rows, place_of[name]]),
-            rate(one.rate, near.rate),
-            acceleration(one.acceleration, near.rate, near.acceleration),
-            one.unit,
-            one.part,
-        )
-        for name, one, near in ((name, one, unit.joints[name]) for name, one in motion.joints.items())
-    }
+    places = {track.name(model.joint(i).name)[0]: int(model.jnt_qposadr[i]) for i in range(model.njnt)}
     assert motion.closure is not None
     opened = np.abs(loops.residual(qpos[rows])[:, : 3 * len(loops.pairs)]).max(1, initial=0.0)
     return replace(
         motion,
-        angle=put(motion.angle, qpos[rows, loops.crank_place]),
-        points=points,
-        links=links,
-        joints=joints,
-        closure=put(motion.closure, opened),
+        angle=mend.put(motion.angle, qpos[rows, loops.crank_place]),
+        points={name: mend.point(one, unit.points[name]) for name, one in motion.points.items()},
+        links={name: mend.link(one, unit.links[name]) for name, one in motion.links.items()},
+        joints={
+            name: mend.joint(one, unit.joints[name], qpos[rows, places[name]])
+            for name, one in motion.joints.items()
+        },
+        closure=mend.put(motion.closure, opened),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Mend:
+    """Puts values interpolated between nodes around a meeting into rows of a record.
+
+    Attributes:
+        rows: which, (k,).
+        by: weights of the nodes, (k, nodes); what the nodes hold is per radian of the crank.
+        speed: of the crank in these rows, (k,).
+        second: its acceleration there, (k,).
+    """
+
+    rows: Rows
+    by: Array
+    speed: Array
+    second: Array
+
+    def put(self, into: Array, values: Array) -> Array:
+        """Return an array with other values in the rows."""
+        out = into.copy()
+        out[self.rows] = values
+        return out
+
+    def point(self, one: PointMotion, near: PointMotion) -> PointMotion:
+        """Return a point's motion, mended from that at the nodes."""
+        return PointMotion(
+            self._place(one.position, near.position),
+            self._rate(one.velocity, near.velocity),
+            self._acceleration(one.acceleration, near.velocity, near.acceleration),
+        )
+
+    def link(self, one: LinkMotion, near: LinkMotion) -> LinkMotion:
+        """Return a link's motion, mended from that at the nodes."""
+        spin, bend = near.angular_velocity, near.angular_acceleration
+        return LinkMotion(
+            self._place(one.position, near.position),
+            self._place(one.rotation, near.rotation),
+            self._rate(one.velocity, near.velocity),
+            self._rate(one.angular_velocity, spin),
+            self._acceleration(one.acceleration, near.velocity, near.acceleration),
+            self._acceleration(one.angular_acceleration, spin, bend),
+        )
+
+    def joint(self, one: JointMotion, near: JointMotion, values: Array) -> JointMotion:
+        """Return a joint's motion with values, (k,), its rates mended from those at the nodes."""
+        return replace(
+            one,
+            value=self.put(one.value, values),
+            rate=self._rate(one.rate, near.rate),
+            acceleration=self._acceleration(one.acceleration, near.rate, near.acceleration),
+        )
+
+    def _place(self, into: Array, nodes: Array) -> Array:
+        return self.put(into, np.tensordot(self.by, nodes, 1))
+
+    def _rate(self, into: Array, nodes: Array) -> Array:
+        return self.put(into, _times(self.speed, np.tensordot(self.by, nodes, 1)))
+
+    def _acceleration(self, into: Array, first: Array, nodes: Array) -> Array:
+        curved = _times(self.speed**2, np.tensordot(self.by, nodes, 1))
+        return self.put(into, curved + _times(self.second, np.tensordot(self.by, first, 1)))
 
 
 def _times(rate: Array, values: Array) -> Array:

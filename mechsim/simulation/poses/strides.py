@@ -38,66 +38,109 @@ def walk(loops: ModelLoops, start: Array, end: float) -> Strides:
     Raises:
         AssemblyError: at the crank angle beyond which the loops cannot close in this assembly.
     """
-    here, stride = start[None], STRIDE
     angle = float(start[loops.crank_place])
-    sense = 1.0 if end > angle else -1.0
-    jacobian = loops.linearise(here)[1]
-    slope, side, height = loops.tangent(jacobian), loops.side(jacobian), loops.determinant(jacobian)[0]
-    bend, sinking, trial = np.zeros_like(slope), 0.0, TRIED
-    found: list[Array] = []
-    passed: list[Meeting] = []
-    while sense * (end - angle) > SHORTEST:
-        left = abs(end - angle)
-        # where the determinant comes to zero, another assembly comes near
-        ahead = height / sinking if height * sinking > 0.0 else np.inf
-        if ahead < trial:
-            trial = 0.03 * ahead
-            beyond = loops.moved(here, 3.0 * sense * ahead * slope + 4.5 * ahead**2 * bend)
-            meeting = _tried(loops, here[0], beyond, angle + 3.0 * sense * ahead)
-            if meeting is not None:
-                passed.append(meeting)
-                rows = meeting.states[:: int(sense)]
-                rows = rows[sense * (rows[:, loops.crank_place] - angle) > 0.0]
-                inside = rows[sense * (end - rows[:, loops.crank_place]) >= 0.0]
-                found += list(inside)
-                if len(inside) < len(rows):
-                    found.append(_within(loops, meeting, end))
-                    break
-                here = rows[-1:]
-                angle = float(here[0, loops.crank_place])
-                jacobian = loops.linearise(here)[1]
-                slope, side = loops.tangent(jacobian), loops.side(jacobian)
-                height = loops.determinant(jacobian)[0]
-                bend, sinking, trial, stride = np.zeros_like(slope), 0.0, TRIED, WINDOW
-                continue
-        stride = min(stride, max(0.7 * ahead, SHORTEST))
+    walker = _Walker(loops, end, 1.0 if end > angle else -1.0, start[None])
+    while walker.sense * (end - walker.angle) > SHORTEST and not walker.arrived:
+        meeting = walker.meeting_ahead()
+        if meeting is None:
+            walker.stride_on()
+        else:
+            walker.pass_through(meeting)
+    return Strides(walker.found, walker.passed)
+
+
+class _Walker:
+    """A walk along a path: where it stands, how the path goes on there, and what it has passed.
+
+    Attributes:
+        here: the state, (1, nq).
+        angle: of the crank there, in [rad].
+        slope, bend: first and second derivative of the state by the crank angle there.
+        height: determinant of the loops there.
+        sinking: how fast the determinant has come nearer to zero, per radian.
+        trial: a zero of it nearer than this, in [rad], is looked at.
+        stride: the next one at the most, in [rad].
+        arrived: whether the end was reached within a meeting.
+    """
+
+    def __init__(self, loops: ModelLoops, end: float, sense: float, start: Array):
+        self.loops, self.end, self.sense = loops, end, sense
+        self.found: list[Array] = []
+        self.passed: list[Meeting] = []
+        self.arrived = False
+        self._stand(start, STRIDE)
+
+    def _stand(self, here: Array, stride: float) -> None:
+        """Stand at a state as if the walk began there."""
+        jacobian = self.loops.linearise(here)[1]
+        self.here, self.angle = here, float(here[0, self.loops.crank_place])
+        self.slope, self.side = self.loops.tangent(jacobian), self.loops.side(jacobian)
+        self.height = self.loops.determinant(jacobian)[0]
+        self.bend, self.sinking = np.zeros_like(self.slope), 0.0
+        self.trial, self.stride = TRIED, stride
+
+    @property
+    def ahead(self) -> float:
+        """How far off the determinant comes to zero, where another assembly comes near, in [rad]."""
+        return self.height / self.sinking if self.height * self.sinking > 0.0 else np.inf
+
+    def meeting_ahead(self) -> Meeting | None:
+        """Return the meeting of assemblies just ahead; None where there is none to be looked for."""
+        ahead = self.ahead
+        if ahead >= self.trial:
+            return None
+        self.trial = 0.03 * ahead
+        far = 3.0 * self.sense * ahead
+        beyond = self.loops.moved(self.here, far * self.slope + 0.5 * far**2 * self.bend)
+        return _tried(self.loops, self.here[0], beyond, self.angle + far)
+
+    def pass_through(self, meeting: Meeting) -> None:
+        """Go to the far side of a meeting, or to the end where that is within it."""
+        self.passed.append(meeting)
+        crank = self.loops.crank_place
+        rows = meeting.states[:: int(self.sense)]
+        rows = rows[self.sense * (rows[:, crank] - self.angle) > 0.0]
+        inside = rows[self.sense * (self.end - rows[:, crank]) >= 0.0]
+        self.found += list(inside)
+        if len(inside) < len(rows):
+            self.found.append(_within(self.loops, meeting, self.end))
+            self.arrived = True
+        else:
+            self._stand(rows[-1:], WINDOW)
+
+    def stride_on(self) -> None:
+        """Go one stride, or make the next one shorter where it could lead into another assembly."""
+        loops, sense = self.loops, self.sense
+        self.stride = min(self.stride, max(0.7 * self.ahead, SHORTEST))
         # a stride a tenth longer saves a last one that would be next to nothing
-        step = left if left < 1.1 * stride else stride
-        target = end if step == left else angle + sense * step
-        guess = loops.moved(here, sense * step * slope + 0.5 * step**2 * bend)
+        left = abs(self.end - self.angle)
+        step = left if left < 1.1 * self.stride else self.stride
+        target = self.end if step == left else self.angle + sense * step
+        guess = loops.moved(self.here, sense * step * self.slope + 0.5 * step**2 * self.bend)
         guess[0, loops.crank_place] = target
-        there = _landed(loops, here, guess, side)
+        there = _landed(loops, self.here, guess, self.side)
         if there is None:
-            # what is left open of the last pose weighs the more the shorter the stride
-            here = loops.close(here)
-            slope, bend = loops.tangent(loops.linearise(here)[1]), np.zeros_like(slope)
-            stride = step / 2.0
-            if stride < SHORTEST:
-                raise AssemblyError(
-                    f"{loops.name}: the {_passing(loops, angle)} in this assembly; "
-                    "stay on this side of the dead centre or change the dimensions"
-                )
-            continue
-        here, slope_there = there
-        low = loops.determinant(loops.linearise(here)[1])[0]
-        sinking, height = (height - low) / step, low
-        trial = max(trial, 0.03 * height / sinking) if height * sinking > 0.0 else TRIED
-        trial = min(trial, TRIED)
-        bend = sense * (slope_there - slope) / step
-        slope, angle = slope_there, target
-        found.append(here[0])
-        stride = min(2.0 * step, STRIDE)
-    return Strides(found, passed)
+            self._shorten(step / 2.0)
+            return
+        self.here, slope = there
+        low = loops.determinant(loops.linearise(self.here)[1])[0]
+        self.sinking, self.height = (self.height - low) / step, low
+        self.trial = min(max(self.trial, 0.03 * self.ahead), TRIED)
+        self.bend = sense * (slope - self.slope) / step
+        self.slope, self.angle = slope, target
+        self.found.append(self.here[0])
+        self.stride = min(2.0 * step, STRIDE)
+
+    def _shorten(self, stride: float) -> None:
+        """Close the state, for what is left open weighs the more the shorter the stride, and shorten that."""
+        if stride < SHORTEST:
+            raise AssemblyError(
+                f"{self.loops.name}: the {_passing(self.loops, self.angle)} in this assembly; "
+                "stay on this side of the dead centre or change the dimensions"
+            )
+        self.here = self.loops.close(self.here)
+        self.slope = self.loops.tangent(self.loops.linearise(self.here)[1])
+        self.bend, self.stride = np.zeros_like(self.slope), stride
 
 
 def _passing(loops: ModelLoops, angle: float) -> str:
