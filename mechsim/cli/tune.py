@@ -17,7 +17,7 @@ from mechsim.cli.scene_options import SceneOptions, expressions, user_scene
 from mechsim.errors import InputError
 from mechsim.files import written_beside
 from mechsim.studies.scenes import MEASURES, UserScene, begun_closed, errors_of, start_error, stepped
-from mechsim.studies.scenes.plain_settings import settings_of
+from mechsim.studies.scenes.plain_settings import FREEABLE, settings_of
 from mechsim.studies.scenes.why_broken import why_broken
 from mechsim.studies.tuning.run_lines import feeding, python_of
 from mechsim.studies.tuning.search import AIM, SECONDS, SceneTrial, Tuned, tuned
@@ -44,6 +44,13 @@ def tune(
     ] = "closure",
     asked: SceneOptions,
     held: HoldOptions,
+    free: Annotated[
+        str,
+        typer.Option(
+            metavar="KIND,...",
+            help=f"What need not stay, and may be switched off or become softer: {', '.join(FREEABLE)}.",
+        ),
+    ] = "",
     budget: Annotated[str, typer.Option(help="About how long to search.")] = f"{SECONDS:g}s",
     output: Annotated[
         str, typer.Option("-o", "--output", metavar="OUT.xml", help="Where to write the scene.")
@@ -64,6 +71,7 @@ def tune(
     wanted = _tolerance(tolerance, by)
     seconds = units.parse_time(budget, "the budget")
     scene = user_scene(model, asked, held)
+    scene = replace(scene, free=_freed(free))
     if place.resolve() == Path(scene.path).resolve():
         raise InputError(f"-o {output} is the file itself; name another, so that it stays as it is")
     if by == "closure":
@@ -77,6 +85,14 @@ def tune(
     else:
         _print(found, told, output, python)
     raise typer.Exit(0 if told["reached"] else 1)
+
+
+def _freed(text: str) -> tuple[str, ...]:
+    kinds = tuple(one.strip() for one in text.split(",") if one.strip())
+    for kind in kinds:
+        if kind not in FREEABLE:
+            raise InputError(f"--free names {kind!r}; what can be freed is {', '.join(FREEABLE)}")
+    return kinds
 
 
 def _closed(scene: UserScene, tolerance: float) -> UserScene:

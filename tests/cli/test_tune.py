@@ -153,6 +153,7 @@ def test_what_no_file_reaches_is_said_with_what_one_does(mechsim, tmp_path):
         (("finger.xml", "--tolerance", "1e-5", "--ctrl", "servo=fast"), "actuator servo"),
         (("finger.xml", "--tolerance", "1e-5", "--track", "nobody"), "nobody"),
         (("finger.xml", "--tolerance", "1e-5", "--key", "home"), "home"),
+        (("finger.xml", "--tolerance", "1e-5", "--free", "gravity"), "contacts, limits, friction"),
     ],
 )
 def test_what_cannot_be_is_said_in_one_line_and_nothing_is_written(mechsim, tmp_path, words, said):

@@ -11,7 +11,7 @@ from mechsim.studies.scenes import errors_of, stepped
 from mechsim.studies.scenes.plain_settings import PlainSettings, settings_of
 from mechsim.studies.tuning.run_lines import python_of
 from mechsim.studies.tuning.search import AIM, tuned
-from mechsim.studies.tuning.step_ladder import quickest, steps_of
+from mechsim.studies.tuning.step_ladder import freed, quickest, steps_of
 from mechsim.studies.tuning.tuned_file import KEY, differing, tuned_text, written
 
 FED, DRIVEN = {"servo": "0.5*sin(2*pi*t)"}, {"knuckle": "0.5*sin(2*pi*t)"}
@@ -94,6 +94,26 @@ def test_no_step_is_so_long_that_a_limit_gets_softer(tmp_path):
     assert quickest(one.model) == 0.006
     assert steps_of(one)[0] <= 0.003
     assert quickest(mujoco.MjModel.from_xml_string(FINGER)) == np.inf
+
+
+LIMITED = FINGER.replace(
+    '<joint name="pivot"/>', '<joint name="pivot" limited="true" range="-{most} 60" solreflimit="0.006 1"/>'
+)
+
+
+@pytest.mark.parametrize(("most", "same"), [(60, True), (5, False)])
+def test_a_limit_that_is_freed_is_switched_off_only_where_it_is_not_met(tmp_path, most, same):
+    one = scene(tmp_path, ctrl=FED, text=LIMITED.replace("{most}", str(most)), duration=0.2)
+    one = replace(one, free=("limits",))
+    assert steps_of(one)[0] > 0.003  # it may become softer
+    found = tuned(one, 1e-4, seconds=60.0)
+    off = [trial for trial in found.tried if trial.settings.limit is False]
+    assert off
+    assert any(trial.errors.trajectory < 1e-3 for trial in off) == same
+    assert same or found.chosen.settings.limit is None
+    text = tuned_text(one, off[0].settings, [], tmp_path).after
+    assert 'limit="disable"' in text
+    assert not freed(replace(one, free=()))
 
 
 def test_a_search_keeps_the_tolerance_for_less_than_the_file_as_it_is(driven):

@@ -17,6 +17,19 @@ FLAGS = {
     "eulerdamp": (int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP), True),
     "island": (int(mujoco.mjtDisableBit.mjDSBL_ISLAND), True),
     "diagexact": (int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT), False),
+    "contact": (int(mujoco.mjtDisableBit.mjDSBL_CONTACT), True),
+    "limit": (int(mujoco.mjtDisableBit.mjDSBL_LIMIT), True),
+    "frictionloss": (int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS), True),
+    "actuation": (int(mujoco.mjtDisableBit.mjDSBL_ACTUATION), True),
+    "spring": (int(mujoco.mjtDisableBit.mjDSBL_SPRING), True),
+}
+# what a user may free, so that it need not stay as it is -> the flag that switches it off
+FREEABLE = {
+    "contacts": "contact",
+    "limits": "limit",
+    "friction": "frictionloss",
+    "actuators": "actuation",
+    "springs": "spring",
 }
 OPTIONS = ("timestep", "integrator", "solver", "iterations", "ls_iterations", "tolerance", "jacobian")
 _WORDS: dict[str, tuple[str, Any, tuple[str, ...]]] = {
@@ -44,6 +57,11 @@ class PlainSettings:
         eulerdamp: whether Euler takes joint damping implicitly.
         island: whether constraints are solved island by island.
         diagexact: whether the diagonal of the constraint inertia is exact.
+        contact: whether there are contacts.
+        limit: whether joints and tendons have ends.
+        frictionloss: whether anything rubs dry.
+        actuation: whether actuators act.
+        spring: whether springs of joints and tendons act.
         hardness: factor on the inverse weights by which softness is scaled, after compiling: no file says it.
     """
 
@@ -60,6 +78,11 @@ class PlainSettings:
     eulerdamp: bool | None = None
     island: bool | None = None
     diagexact: bool | None = None
+    contact: bool | None = None
+    limit: bool | None = None
+    frictionloss: bool | None = None
+    actuation: bool | None = None
+    spring: bool | None = None
     hardness: float | None = None
 
     @property

@@ -40,6 +40,7 @@ class UserScene:
         key: keyframe in which it starts; None for the reference configuration.
         lighter: mean inertia without flywheels over that with them.
         base: free bodies that are held, which the file's own text does not; None where none is.
+        free: what need not stay as it is, of `FREEABLE`.
         begins_closed: whether it begins in a closed state that is not the file's own.
     """
 
@@ -55,6 +56,7 @@ class UserScene:
     key: str | None = None
     lighter: float = 1.0
     base: HeldBase | None = None
+    free: tuple[str, ...] = ()
     begins_closed: bool = False
 
     @property

@@ -1,13 +1,13 @@
 """The steps and settings that are worth trying on a scene, the cheapest first."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from mechsim.studies.scenes.plain_settings import PlainSettings, settings_of
+from mechsim.studies.scenes.plain_settings import FREEABLE, PlainSettings, settings_of
 from mechsim.studies.scenes.scene_limit import HARDEST
 from mechsim.studies.scenes.user_scene import UserScene
 
@@ -28,29 +28,37 @@ HARDNESSES = (1e-2, 1e-4, 1e-8)
 def steps_of(scene: UserScene) -> list[float]:
     """Return the time steps worth trying, the longest first, in [s].
 
-    None is so long that MuJoCo would soften contacts, limits or friction, unless the file's own is.
+    None is so long that MuJoCo would soften contacts, limits or friction, unless the file's own is, or they
+    are freed.
     """
     own = float(scene.model.opt.timestep)
-    longest = max(own, min(0.5 * quickest(scene.model), scene.duration / FEWEST))
+    longest = max(own, min(0.5 * quickest(scene.model, scene.free), scene.duration / FEWEST))
     steps = [float(f"{ratio * own:.3g}") for ratio in (*RATIOS, *FINER)]
     return [step for step in steps if step <= longest * (1.0 + 1e-9)]
 
 
-def quickest(model: mujoco.MjModel) -> float:
-    """Return the shortest time constant of a contact, limit or friction, in [s]; infinity without any."""
+def quickest(model: mujoco.MjModel, free: Collection[str] = ()) -> float:
+    """Return the shortest time constant of contacts, limits and friction that are not freed, in [s].
+
+    Infinity without any.
+    """
     # of a geom that can touch, a limited joint or tendon, and what rubs dry
     touching = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT) or touching.sum() < 2:
         touching[:] = False
-    found = [
-        model.geom_solref[touching],
-        model.pair_solref,
-        model.jnt_solref[model.jnt_limited != 0],
-        model.dof_solref[model.dof_frictionloss > 0.0],
-        model.tendon_solref_lim[model.tendon_limited != 0],
-        model.tendon_solref_fri[model.tendon_frictionloss > 0.0],
-    ]
-    constants = np.concatenate([one[:, 0] for one in found if len(one)] or [np.zeros(0)])
+    rows = {
+        "contacts": (model.geom_solref[touching], model.pair_solref),
+        "limits": (
+            model.jnt_solref[model.jnt_limited != 0],
+            model.tendon_solref_lim[model.tendon_limited != 0],
+        ),
+        "friction": (
+            model.dof_solref[model.dof_frictionloss > 0.0],
+            model.tendon_solref_fri[model.tendon_frictionloss > 0.0],
+        ),
+    }
+    found = [one[:, 0] for kind, arrays in rows.items() if kind not in free for one in arrays if len(one)]
+    constants = np.concatenate(found or [np.zeros(0)])
     return float(constants[constants > 0.0].min(initial=np.inf))
 
 
@@ -111,6 +119,7 @@ def variants(scene: UserScene, settings: PlainSettings) -> Iterator[PlainSetting
         {"solver": "PGS", "iterations": 10},
         {"diagexact": True},
         {"eulerdamp": False},
+        *freed(scene),
     )
     for change in changes:
         yield replace(settings, **change)
@@ -122,11 +131,17 @@ def variants(scene: UserScene, settings: PlainSettings) -> Iterator[PlainSetting
             yield replace(settings, timestep=step, solref=constant)
 
 
+def freed(scene: UserScene) -> list[dict[str, Any]]:
+    """Return what switches off all that is freed, and each kind of it."""
+    each: list[dict[str, Any]] = [{FREEABLE[kind]: False} for kind in scene.free]
+    return [{name: False for one in each for name in one}, *each] if len(each) > 1 else each
+
+
 def _settings(scene: UserScene, step: float, integrator: str, constant: float | None) -> PlainSettings:
     """Return hard loops whose time constant is so many steps; None is what the file has."""
     solref = None if constant is None else (float(f"{constant * step:.4g}"), 1.0)
     # what it would mend of contacts and limits it must go on mending
-    unsafe = constant is not None and constant < SAFE and step <= 0.5 * quickest(scene.model)
+    unsafe = constant is not None and constant < SAFE and step <= 0.5 * quickest(scene.model, scene.free)
     return PlainSettings(
         timestep=step,
         integrator=integrator,
