@@ -15,7 +15,7 @@ from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects import gallery
 from mechsim.subjects.checked_values import is_quantity
-from mechsim.subjects.parameter_units import parameter_units
+from mechsim.subjects.parameter_units import parameter_units, reckoned_from
 from mechsim.subjects.subject import is_file, load
 from mechsim.subjects.toml_reader import values_of
 from mechsim.subjects.toml_source import read_source
@@ -45,7 +45,7 @@ def family(
     if isinstance(form, ClosedForm):
         return catalog_family(form)
     found = {} if path is None else {one.name: one for one in _parameters(path, given)}
-    if not found:
+    if path is None or not found:
         return placed_family(form)
 
     def make(values: Mapping[str, float]) -> Form:
@@ -57,7 +57,11 @@ def family(
         return made.forces if isinstance(made, LoopForm) else None
 
     acted = forces if form.forces is not None else None
-    return DesignFamily(form.name, found, lambda values: make(values).mechanism, make, acted)
+    reckoned = {
+        name: of for name, of in reckoned_from(read_source(path).document).items() if of and name not in given
+    }
+    free = tuple(name for name in found if name not in reckoned)
+    return DesignFamily(form.name, found, lambda values: make(values).mechanism, make, acted, free, reckoned)
 
 
 def toml_path(model: str) -> str | None:

@@ -1,4 +1,4 @@
-"""What the parameters of a TOML file measure, told by where the file uses them."""
+"""What the parameters of a TOML file measure, told by where the file uses them, and what they follow from."""
 
 import ast
 from collections.abc import Iterable, Iterator, Mapping
@@ -41,6 +41,17 @@ def parameter_units(document: Mapping[str, Any]) -> dict[str, Unit]:
         if found.units == before:
             break
     return {name: unit for name, unit in found.units.items() if unit in _OWN}
+
+
+def reckoned_from(document: Mapping[str, Any]) -> dict[str, frozenset[str]]:
+    """Return of each parameter of a file those that it is reckoned from, directly or by others."""
+    found: dict[str, frozenset[str]] = {}
+    for name, text in document.get("parameters", {}).items():
+        tree = _tree(text)
+        read = {one.id for one in ast.walk(tree) if isinstance(one, ast.Name)} if tree else set[str]()
+        # a parameter is reckoned from those before it
+        found[name] = frozenset().union(*({one} | found[one] for one in read if one in found))
+    return found
 
 
 def _uses(key: Key, value: Any) -> Iterator[tuple[ast.expr, Unit]]:

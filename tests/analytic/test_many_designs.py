@@ -85,5 +85,5 @@ def test_what_the_declarations_refuse_is_refused_for_each_design():
 
 
 def test_parameters_that_formulas_take_one_by_one_are_not_many():
-    assert not md.can_be_many(catalog.make("rssr"), {"psi1": np.zeros(2)})
+    assert not md.can_be_many(catalog.make("rssr", guide=True), {"psi1": np.zeros(2)})
     assert not md.can_be_many(catalog.make("looper"), {"crank": np.ones(2)})

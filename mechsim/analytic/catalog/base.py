@@ -136,6 +136,11 @@ class ClosedForm(ABC):
         return self._described.with_guess(*self.guess())
 
     @property
+    def idle(self) -> frozenset[str]:
+        """Parameters on which nothing depends as the others are."""
+        return frozenset()
+
+    @property
     def spinning(self) -> frozenset[str]:
         """Links whose spin about their own line nothing determines."""
         return frozenset()

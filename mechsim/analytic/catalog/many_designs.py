@@ -1,6 +1,6 @@
 """Many designs of one closed form solved together: the formulas of the catalogue on arrays of parameters."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -47,9 +47,10 @@ class Turning:
     margins: NDArray[np.complex128]
 
 
-def can_be_many(form: ClosedForm, varied: Mapping[str, Array]) -> bool:
+def can_be_many(form: ClosedForm, varied: Iterable[str]) -> bool:
     """Whether a closed form takes arrays of these parameters; parts of a place are called pivot.x."""
-    return isinstance(form, TwoBranchForm) and {one.partition(".")[0] for one in varied} <= form.broadcast
+    takes = form.broadcast | form.idle
+    return isinstance(form, TwoBranchForm) and {one.partition(".")[0] for one in varied} <= takes
 
 
 def allowed(form: ClosedForm, varied: Mapping[str, Array]) -> Bools:
@@ -121,6 +122,14 @@ def turning(form: TwoBranchForm, varied: Mapping[str, Array]) -> Turning:
     known = np.isfinite(least) & (scale > 0.0)
     doubtful = ~known | (np.abs(least) <= CLOSE * scale)
     return Turning(known & (least > CLOSE * scale), doubtful, lowest, harmonics)
+
+
+def closed_at(form: TwoBranchForm, varied: Mapping[str, Array], angles: Array) -> Bools:
+    """Return which designs' loops close at all of some crank angles (p,) in [rad], (n,)."""
+    designs = len(next(iter(varied.values())))
+    with np.errstate(all="ignore"):
+        margins = many(form, varied, len(angles)).margin(np.tile(angles, designs))  # pyright: ignore[reportAttributeAccessIssue]
+    return (margins.reshape(designs, -1) > 0.0).all(1)
 
 
 def ranges(found: Turning) -> tuple[Array, NDArray[np.intp]]:

@@ -139,6 +139,10 @@ class Rssr(TwoBranchForm):
         return np.arcsin(np.minimum(np.abs(along), 1.0))
 
     @property
+    def idle(self) -> frozenset[str]:
+        return frozenset() if self.guide else frozenset(("psi1", "psi2", "beta1", "beta2", "guide_branch"))
+
+    @property
     def spinning(self) -> frozenset[str]:
         return frozenset() if self.guide else frozenset({"coupler"})
 

@@ -1,7 +1,7 @@
 """What dimensions change of a mechanism: the derivatives of its numbers."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -52,6 +52,7 @@ class DesignFamily:
         make: the same makes what moves, checked.
         forces: the same makes what acts on it, where a file says; None where nothing is said.
         usual: names of the dimensions that are meant by all of them; empty for every one.
+        reckoned: dimension -> those that it is reckoned from while it is not given.
     """
 
     name: str
@@ -60,6 +61,20 @@ class DesignFamily:
     make: Callable[[Mapping[str, float]], Form]
     forces: Callable[[Mapping[str, float]], Forces | None] | None = None
     usual: tuple[str, ...] = ()
+    reckoned: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
+
+    def require_independent(self, names: Collection[str]) -> None:
+        """Refuse dimensions of which one is reckoned from another: it would no longer follow it.
+
+        Raises:
+            InputError: naming both.
+        """
+        for name in names:
+            for other in self.reckoned.get(name, frozenset()) & {*names}:
+                raise InputError(
+                    f"{self.name}: {name} is reckoned from {other}, so that they cannot both vary; "
+                    "leave one of them out"
+                )
 
     def values(self) -> dict[str, float]:
         """Return the dimensions as they stand, in SI."""

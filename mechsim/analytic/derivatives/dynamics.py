@@ -57,16 +57,16 @@ def effort_derivatives(
     Accuracy: about 1e-15 times the condition of the loops, as efforts have it.
     """
     followed = followed_motion(machine.drive, machine.mechanism, angles, 1.0, 0.0)
-    at = followed.instants.at
-    rates = [np.broadcast_to(np.asarray(one, dtype=np.float64), at.shape) for one in (speed, acceleration)]
-    study = _study(machine, followed.motion(), *rates)
+    study = moved_efforts(machine, followed.motion(), speed, acceleration)
     by: dict[str, dict[str, Array]] = {}
     acting = force_numbers(machine.forces)
     for name, slope in change.items():
         own, others = np.split(slope, [len(slope) - len(acting)])
         mechanism, motion = followed.changed(name, own)
         forces = with_force_numbers(machine.forces, stepped(acting, others))
-        found = _study(replace(machine, mechanism=mechanism, forces=forces), motion, *rates)
+        found = moved_efforts(
+            replace(machine, mechanism=mechanism, forces=forces), motion, speed, acceleration
+        )
         by[name] = {column: change_of(values) for column, values in found.columns()}
     left = {joint: one.open for joint, one in study.efforts.reactions.items()}
     open_ = frozenset(f"{joint}.{part}" for joint, parts in left.items() for part in parts)
@@ -78,8 +78,21 @@ def machine_numbers(mechanism: Mechanism, forces: Forces) -> Array:
     return np.concatenate([numbers_of(mechanism), force_numbers(forces)])
 
 
-def _study(machine: Machine, motion: Motion, speed: Array, acceleration: Array) -> InverseDynamics:
-    """Return the inverse dynamics of a machine that moves so at unit speed of its crank."""
+def moved_efforts(
+    machine: Machine, motion: Motion, speed: ArrayLike, acceleration: ArrayLike = 0.0
+) -> InverseDynamics:
+    """Return the inverse dynamics of a machine that moves so at unit speed of its crank.
+
+    Args:
+        machine: the machine.
+        motion: its motion at speed 1 rad/s of the crank or of the programs' clock, complex or not.
+        speed: scalar or (n,) in [rad/s].
+        acceleration: scalar or (n,) in [rad/s2].
+    """
+    speed, acceleration = (
+        np.broadcast_to(np.asarray(one, dtype=np.float64), motion.angle.shape)
+        for one in (speed, acceleration)
+    )
     standing = np.abs(speed) <= STILL * np.abs(speed).max()
     unit = from_motion(machine.mechanism, motion)
     return moved_as(

@@ -100,6 +100,7 @@ def fit_dimensions(
     if columns != list(measured.values):
         lost = next(one for one in measured.values if one not in columns)
         raise InputError(f"column {lost} is no single quantity; name columns as P3.x or rocker.q")
+    family.family.require_independent(names)
     if measured.count < len(names):
         raise InputError(
             f"{measured.count} numbers are measured and {len(names)} dimensions wanted; "

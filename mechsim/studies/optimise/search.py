@@ -279,6 +279,7 @@ def _names(subject: MovedFamily, vary: Mapping[str, tuple[float, float]]) -> lis
         raise InputError(f"a whole place cannot vary between two numbers; name its parts, {', '.join(names)}")
     if not names:
         raise InputError("no dimension may vary; name some with their lowest and highest values")
+    subject.family.require_independent(names)
     return names
 
 

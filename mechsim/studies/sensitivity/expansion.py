@@ -1,6 +1,6 @@
 """Quantities near a mechanism to first or second order in its dimensions."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -9,10 +9,17 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.derivatives import Dimension
 from mechsim.errors import InputError, MechsimError
+from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 
 Watch = Callable[[], None]
+Places = NDArray[np.intp] | slice
+# which of the quantities, and by how much each of many mechanisms is off there
+Block = tuple[Places, Array]
+EVERY = slice(None)
+# quantities taken in one go
+BLOCK = 64
 
 
 @dataclass(frozen=True)
@@ -40,15 +47,24 @@ class Solved:
             AssemblyError: where the loops do not close.
         """
         found = self.moved.values(self.columns, self.dimensions(parts))
-        off = np.concatenate([found[one] for one in self.columns]) - self.values
-        turns = np.where(self.angular, 2.0 * np.pi * np.round(off / (2.0 * np.pi)), 0.0)
-        return off - turns
+        return self.less(np.concatenate([found[one] for one in self.columns]))
+
+    def less(self, found: Array, which: Places = EVERY) -> Array:
+        """Return by how much some of the quantities, (..., k), differ from the mechanism as it stands."""
+        off = found - self.values[which]
+        angular = self.angular[which]
+        off[..., angular] -= TURN * np.round(off[..., angular] / TURN)
+        return off
 
     def dimensions(self, parts: Array) -> dict[str, float]:
         """Return the dimensions that changed, in SI."""
         known: Mapping[str, Dimension] = self.moved.family.dimensions
         off = zip(self.bounds, parts.tolist(), strict=True)
         return {name: known[name].value + part * self.bounds[name] for name, part in off if part}
+
+    def words(self, parts: Array) -> str:
+        """Return the dimensions that changed, in words."""
+        return ", ".join(f"{name} = {value:.6g}" for name, value in self.dimensions(parts).items())
 
 
 @dataclass(frozen=True)
@@ -68,6 +84,13 @@ class Expansion:
     def features(self, parts: Array) -> Array:
         """Return d and its products, (n, p + b), of parts (n, p)."""
         return np.concatenate([parts, parts[:, self.pairs[:, 0]] * parts[:, self.pairs[:, 1]]], 1)
+
+    def blocks(self, parts: Array) -> Iterator[Block]:
+        """Yield which of the quantities, and by how much mechanisms with parts (n, p) are off there."""
+        features, weights = self.features(parts), self.weights
+        for first in range(0, weights.shape[1], BLOCK):
+            which = slice(first, first + BLOCK)
+            yield which, features @ weights[:, which]
 
     @property
     def order(self) -> int:
@@ -105,27 +128,20 @@ def second_order(solved: Solved, slope: Array, watch: Watch = lambda: None) -> E
         try:
             return solved.off(parts)
         except MechsimError as error:
-            at = ", ".join(f"{name} = {value:.6g}" for name, value in solved.dimensions(parts).items())
-            raise InputError(f"the tolerances leave no assembly: with {at}: {error}") from None
+            raise InputError(
+                f"the tolerances leave no assembly: with {solved.words(parts)}: {error}"
+            ) from None
         finally:
             watch()
 
     own = [0.5 * (off((i, 1.0)) + off((i, -1.0))) for i in range(count)]
     two = [*combinations(range(count), 2)]
-    both = [
-        0.25
-        * (
-            off((i, 1.0), (j, 1.0))
-            - off((i, 1.0), (j, -1.0))
-            - off((i, -1.0), (j, 1.0))
-            + off((i, -1.0), (j, -1.0))
-        )
-        for i, j in two
-    ]
+    # either corner where both go alike, less what each does alone
+    both = [0.5 * (off((i, 1.0), (j, 1.0)) + off((i, -1.0), (j, -1.0))) - own[i] - own[j] for i, j in two]
     pairs = np.array([*((i, i) for i in range(count)), *two], dtype=np.intp).reshape(-1, 2)
     return Expansion(slope, pairs, np.array([*own, *both]).reshape(len(pairs), slope.shape[1]))
 
 
 def solves(count: int) -> int:
     """Return how many mechanisms an expansion in so many dimensions takes."""
-    return 2 * count + 2 * count * (count - 1)
+    return count * (count + 1)

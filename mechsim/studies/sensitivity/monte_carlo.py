@@ -1,14 +1,15 @@
 """Monte Carlo over tolerances: many mechanisms at random, some of them solved to say how well that holds."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import MechsimError
+from mechsim.errors import InputError, MechsimError
 from mechsim.maths.arrays import Array
-from mechsim.studies.sensitivity.expansion import Solved, Watch, first_order, second_order
+from mechsim.studies.sensitivity.expansion import EVERY, Block, Solved, Watch, first_order, second_order
+from mechsim.studies.sensitivity.formula_samples import formula_samples
 from mechsim.studies.sensitivity.tolerances import Tolerances
 
 # parts of the samples that lie below and above the band
@@ -18,8 +19,6 @@ CHECKED, EACH = 50, 2000
 # largest miss of an expansion, in standard deviations, with which it is taken; a deviation counts for no less
 # than so much of the largest of its quantity
 MISS, LEAST = 0.02, 1e-2
-# quantities taken in one go
-BLOCK = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,10 +26,10 @@ class Sampled:
     """What came of many mechanisms at random within tolerances.
 
     Attributes:
-        samples: how many.
+        samples: how many were asked for, or were taken where each had to be solved by itself.
         solved: how many of them were solved.
         failed: how many of these could not be put together.
-        order: to which all are taken, 1 or 2; 0 where every one was solved.
+        order: to which all are taken, 1 or 2; 0 where each was solved.
         miss: largest difference between that and those solved, in standard deviations.
         seed: of the random numbers.
         mean: by how much the mean is off, (k,), in SI.
@@ -66,9 +65,9 @@ def sampled(
 ) -> Sampled:
     """Return what comes of many mechanisms at random within tolerances.
 
-    They are taken to first order, if some that are solved differ from that by less than a fiftieth of the
-    standard deviation, else to second order; where that does not hold either, fewer are taken and each is
-    solved. Clearances are taken to first order.
+    Each is solved where one formula takes them all. Else they are taken to first order, if some that are
+    solved differ from that by less than a fiftieth of the standard deviation, or to second order; where that
+    does not hold either, fewer are taken and each is solved. Clearances are taken to first order.
 
     Args:
         solved: what solves one.
@@ -84,6 +83,13 @@ def sampled(
     """
     random = np.random.default_rng(seed)
     parts = _parts(random, count, len(slope), tolerances)
+    ends = np.concatenate([np.eye(len(slope)), -np.eye(len(slope))])
+    if len(slope) and (found := formula_samples(solved, np.concatenate([ends, parts]))) is not None:
+        whole, lost = found
+        _require_assembled(solved, ends, lost[: len(ends)])
+        whole, lost = replace(whole, parts=whole.parts[len(ends) :]), lost[len(ends) :]
+        about = _About(count, int(lost.sum()), 0, 0.0, seed)
+        return _told(whole.blocks(), len(whole.parts), slope.shape[1], plays, random, about)
     taken = parts[: CHECKED if len(slope) else 0]
     exact, failed = _each(solved, taken, watch)
     spread = _spread(slope * tolerances.spread, len(solved.columns))
@@ -93,9 +99,20 @@ def sampled(
         miss = float((np.abs(off) / spread).max(initial=0.0))
         if miss <= MISS and not failed.any():
             about = _About(len(taken), 0, expanded.order, miss, seed)
-            return _told(expanded.features(parts), expanded.weights, plays, random, about)
+            return _told(expanded.blocks(parts), count, slope.shape[1], plays, random, about)
     exact, failed = _each(solved, parts[:EACH], watch)
-    return _told(exact, None, plays, random, _About(len(failed), int(failed.sum()), 0, 0.0, seed))
+    about = _About(len(failed), int(failed.sum()), 0, 0.0, seed)
+    return _told(iter([(EVERY, exact)]), len(exact), slope.shape[1], plays, random, about)
+
+
+def _require_assembled(solved: Solved, ends: Array, lost: NDArray[np.bool_]) -> None:
+    """Refuse tolerances that leave no assembly where one dimension alone is off by all of its own."""
+    if lost.any():
+        worst = solved.words(ends[int(np.argmax(lost))])
+        raise InputError(
+            f"the tolerances leave no assembly: with {worst} the loops do not close all along the motion; "
+            "narrow them"
+        )
 
 
 def _spread(slope: Array, columns: int) -> Array:
@@ -138,26 +155,23 @@ def _each(solved: Solved, parts: Array, watch: Watch) -> tuple[Array, NDArray[np
 
 
 def _told(
-    features: Array,
-    weights: Array | None,
+    blocks: Iterator[Block],
+    count: int,
+    width: int,
     plays: Sequence[Array],
     random: np.random.Generator,
     about: _About,
 ) -> Sampled:
-    """Return the statistics of samples: features times weights, or as they are."""
-    width = features.shape[1] if weights is None else weights.shape[1]
-    pins = [_places(len(one), len(features), random) for one in plays]
-    parts: list[Array] = []
-    for first in range(0, width, BLOCK):
-        columns = slice(first, first + BLOCK)
-        off = features[:, columns] if weights is None else features @ weights[:, columns]
+    """Return the statistics of so many mechanisms, whose quantities (width,) come in blocks."""
+    pins = [_places(len(one), count, random) for one in plays]
+    found = np.empty((6, width))
+    for which, off in blocks:
         for places, slope in zip(pins, plays, strict=True):
-            off = off + places @ slope[:, columns]
+            off = off + places @ slope[:, which]
         low, high = np.quantile(off, TAILS, axis=0)
-        parts.append(np.array([off.mean(0), off.std(0), low, high, off.min(0), off.max(0)]))
-    samples = len(features) + about.failed
+        found[:, which] = off.mean(0), off.std(0), low, high, off.min(0), off.max(0)
     return Sampled(
-        samples, about.solved, about.failed, about.order, about.miss, about.seed, *np.concatenate(parts, 1)
+        count + about.failed, about.solved, about.failed, about.order, about.miss, about.seed, *found
     )
 
 

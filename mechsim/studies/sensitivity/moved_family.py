@@ -1,6 +1,7 @@
 """A family of mechanisms moved in one manner: its quantities, and their derivatives by dimensions."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -8,14 +9,16 @@ import numpy as np
 
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
-from mechsim.analytic.derivatives.dynamics import effort_derivatives, machine_numbers
+from mechsim.analytic.derivatives.dynamics import effort_derivatives, machine_numbers, moved_efforts
 from mechsim.analytic.derivatives.joint_places import AXES, placed_family
-from mechsim.analytic.dynamics import Machine, machine, prescribed
+from mechsim.analytic.derivatives.motion_beside import MotionBeside, motion_beside
+from mechsim.analytic.dynamics import InverseDynamics, Machine, machine, prescribed
 from mechsim.analytic.forms import Form
-from mechsim.errors import InputError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
 from mechsim.model.joints import KINDS
+from mechsim.model.motion import Motion
 from mechsim.model.rod_inertia import STEEL, with_inertia
 from mechsim.studies.motion_source import programs_of
 from mechsim.studies.sensitivity.quantities import columns_of, is_effort
@@ -122,7 +125,7 @@ class MovedFamily:
         return [one for one in found if one not in left]
 
     def values(self, columns: Sequence[str], dimensions: Mapping[str, float]) -> Columns:
-        """Return quantities of a mechanism with other dimensions, solved.
+        """Return quantities of a mechanism with other dimensions, solved by Newton's method from this one.
 
         Args:
             columns: quantities.
@@ -134,14 +137,40 @@ class MovedFamily:
         """
         form = self.family.make(dimensions)
         found: Columns = {}
-        moved = [one for one in columns if not is_effort(one)]
-        if moved:
-            found |= dict(form.solve(self.angles, self.rate).columns())
-            if not all(one in found for one in moved):
-                found |= dict(LoopForm(form.mechanism).solve(self.angles, self.rate).columns())
-        if len(moved) < len(columns):
-            found |= dict(prescribed(self.loading.machine(form), self.angles, self.rate).columns())
+        if any(not is_effort(one) for one in columns):
+            found |= dict(self._motion(form, columns).columns())
+        if any(is_effort(one) for one in columns):
+            found |= dict(self._efforts(form).columns())
         return {one: found[one] for one in columns}
+
+    @cached_property
+    def _near(self) -> MotionBeside | None:
+        """The motion as it stands, from which others are solved; None where two assemblies meet on it."""
+        with suppress(AssemblyError):
+            return motion_beside(self.form, self.angles, self.rate)
+        return None
+
+    @cached_property
+    def _near_unit(self) -> MotionBeside | None:
+        """The same per radian of the crank or of the clock."""
+        return None if self._near is None else motion_beside(self.form, self.angles)
+
+    def _motion(self, form: Form, columns: Sequence[str]) -> Motion:
+        """Return the motion of another mechanism; where Newton's method does not reach it, by itself."""
+        if self._near is not None:
+            with suppress(AssemblyError):
+                return self._near.of(form.mechanism)
+        found = form.solve(self.angles, self.rate)
+        told = dict(found.columns())
+        whole = all(one in told for one in columns if not is_effort(one))
+        return found if whole else LoopForm(form.mechanism).solve(self.angles, self.rate)
+
+    def _efforts(self, form: Form) -> InverseDynamics:
+        machine = self.loading.machine(form)
+        if self._near_unit is not None:
+            with suppress(AssemblyError):
+                return moved_efforts(machine, self._near_unit.of(form.mechanism), self.rate)
+        return prescribed(machine, self.angles, self.rate)
 
     def slopes(
         self, columns: Sequence[str], names: Sequence[str], at: Mapping[str, float] | None = None
@@ -235,6 +264,7 @@ def beside(family: DesignFamily, values: Mapping[str, float]) -> DesignFamily:
         lambda more: family.make(own | dict(more)),
         None if forces is None else lambda more: forces(own | dict(more)),
         family.usual,
+        {name: of for name, of in family.reckoned.items() if name not in own},
     )
 
 

@@ -25,6 +25,11 @@ def is_effort(name: str) -> bool:
     )
 
 
+def is_rate(name: str) -> bool:
+    """Whether a column is a velocity or an acceleration of a point or a joint."""
+    return name.rpartition(".")[2][:1] in ("v", "a") and not is_effort(name)
+
+
 def columns_of(asked: Iterable[str], known: Sequence[str], mechanism: Mechanism) -> list[str]:
     """Return the columns that names stand for, in their order, each once.
 

@@ -137,6 +137,7 @@ def tolerance_study(
         else tolerances_of(tolerances, moved.family.dimensions, moved.form.mechanism)
     )
     columns = list(table.values)
+    moved.family.require_independent(asked.bounds)
     by = {name: table.by[name] for name in asked.bounds if name in table.by}
     if missing := [name for name in asked.bounds if name not in by]:
         by |= moved.slopes(columns, missing).by

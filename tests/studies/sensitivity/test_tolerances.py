@@ -12,6 +12,8 @@ from mechsim.studies.sensitivity import (
     tolerances_of,
     written_tolerances,
 )
+from mechsim.studies.sensitivity.expansion import Solved
+from mechsim.studies.sensitivity.formula_samples import formula_samples
 from mechsim.subjects.families import family
 
 ANGLES = np.array([0.3, 1.7, 2.9, 4.1])
@@ -44,8 +46,8 @@ def test_no_random_mechanism_is_farther_off_than_the_worst_case():
 
 @pytest.mark.parametrize("distribution", ["uniform", "normal"])
 def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
-    found = table()
-    given = {"crank": 1e-6, "coupler": 2e-6, "A.clearance": 1e-6}
+    found = table("hoeken", of=("rocker",))
+    given = {"crank": 1e-6, "arm": 2e-6, "A.clearance": 1e-6}
     asked = tolerances_of(given, found.moved.family.dimensions, found.moved.form.mechanism, distribution)
     study = tolerance_study(found, asked, samples=40_000)
     random = study.random("rocker.q")
@@ -55,14 +57,15 @@ def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
 
 
 def test_large_tolerances_are_taken_to_second_order_and_agree_with_mechanisms_that_are_solved():
-    found = table(of=("rocker",))
-    study = tolerance_study(found, {"crank": 1e-3, "coupler": 1e-3, "ground": 1e-3}, samples=20_000)
+    names = ("crank", "arm", "ground")
+    found = table("hoeken", of=("rocker",))
+    study = tolerance_study(found, dict.fromkeys(names, 2e-3), samples=20_000)
     assert study.sampled.order == 2
     assert study.sampled.miss <= 0.02
     random, parts = np.random.default_rng(5), []
     values = found.moved.family.values()
     for _ in range(300):
-        off = {name: values[name] + 1e-3 * random.uniform(-1, 1) for name in ("crank", "coupler", "ground")}
+        off = {name: values[name] + 2e-3 * random.uniform(-1, 1) for name in names}
         parts.append(found.moved.values(["rocker.q"], off)["rocker.q"])
     solved = np.array(parts).std(0)
     assert np.abs(study.random("rocker.q")["std"] / solved - 1.0).max() <= 0.15
@@ -75,9 +78,35 @@ def test_where_no_expansion_holds_each_is_solved_and_what_cannot_be_put_together
 
     monkeypatch.setattr(monte_carlo, "EACH", 60)
     monkeypatch.setattr(monte_carlo, "CHECKED", 20)
-    found = derivative_table(MovedFamily(family("four_bar"), np.array([1.0]), 1.0), ["rocker"])
-    study = tolerance_study(found, {"crank": 0.02, "ground": 0.02, "coupler": 0.025}, samples=500)
+    found = derivative_table(MovedFamily(family("hoeken"), np.array([1.0]), 1.0), ["rocker"])
+    study = tolerance_study(found, {"crank": 0.06, "ground": 0.06, "arm": 0.06}, samples=500)
     assert (study.sampled.order, study.sampled.samples) == (0, 60)
+
+
+def test_where_one_formula_takes_them_all_every_random_mechanism_is_solved():
+    found = table(of=("C", "rocker", "C.vx"))
+    moved, bounds = found.moved, {"crank": 1e-2, "ground": 1e-2, "arm_angle": 0.5}
+    values = np.concatenate([*found.values.values()])
+    angular = np.repeat([found.units[one] == "rad" for one in found.values], len(found))
+    solved = Solved(moved, [*found.values], bounds, values, angular)
+    parts = np.random.default_rng(3).uniform(-1.0, 1.0, (40, 3))
+    # in a row that it cannot be: the crank is longer than all
+    samples, lost = formula_samples(solved, np.concatenate([parts, [[30.0, 0.0, 0.0]]]))
+    assert lost.tolist() == [False] * 40 + [True]
+    off = np.empty((40, len(values)))
+    for which, block in samples.blocks():
+        off[:, which] = block
+    exact = np.array([solved.off(one) for one in parts])
+    assert np.abs(off - exact).max() <= 1e-12
+    study = tolerance_study(found, bounds, samples=5_000)
+    assert (study.sampled.order, study.sampled.solved, study.sampled.failed) == (0, 5_000, 0)
+
+
+def test_a_dimension_and_what_it_is_reckoned_from_cannot_both_be_off():
+    found = derivative_table(MovedFamily(family("klann"), ANGLES, 1.0), ["G.x"])
+    assert not {"hx", "fy"} & set(found.by)
+    with pytest.raises(InputError, match="hx is reckoned from CF, so that they cannot both vary"):
+        tolerance_study(found, {"hx": 1e-5, "CF": 1e-5})
 
 
 def test_a_pin_loose_in_its_hole_moves_a_point_by_its_radius():
