@@ -8,10 +8,10 @@ import numpy as np
 import typer
 
 from mechsim import files
-from mechsim.cli.options import DriveOptions
+from mechsim.cli.options import DriveOptions, pair_of
 from mechsim.cli.output import print_json
 from mechsim.cli.plain_options import plain_settings
-from mechsim.cli.scene_options import SceneOptions, user_scene
+from mechsim.cli.scene_options import CTRL, SceneOptions, user_scene
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.outcome import PLACE, Outcome
@@ -37,7 +37,8 @@ def simulate_fed(
     """Run a scene, its actuators fed, and say how it ended; the exit code is that of `simulate`."""
     if "flywheel" in asked:
         raise InputError("--flywheel is of a driven run; with --ctrl leave it out")
-    pairs = tuple(_pair(text) for text in ctrl)
+    read = pair_of(CTRL)
+    pairs = tuple((name, program or "") for name, program in map(read, ctrl))
     scene = user_scene(
         model,
         SceneOptions(
@@ -54,13 +55,6 @@ def simulate_fed(
         files.write_table(place, table_of(run))
     _tell(scene, run, errors, used, outcome, bound, output, as_json)
     raise typer.Exit(0 if outcome == "met" else 1)
-
-
-def _pair(text: str) -> tuple[str, str]:
-    name, equals, value = text.partition("=")
-    if not equals or not name.strip():
-        raise InputError(f"--ctrl {text!r} has no '='; write --ctrl servo=0.3*sin(2*pi*t)")
-    return name.strip(), value.strip()
 
 
 def table_of(run: SceneRun) -> dict[str, Array]:

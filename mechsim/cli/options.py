@@ -74,28 +74,44 @@ def passed(form: Form, through: str) -> Form:
     return form.passing("smooth" if through == "smooth" else "fold")
 
 
-def pair_of(option: str, example: str, *, alone: bool = False) -> Callable[[str], tuple[str, str | None]]:
-    """Return what reads NAME=VALUE, the value of which may be left out where the name may stand alone."""
+def pair_of(example: str, *, alone: bool = False) -> Callable[[str], tuple[str, str | None]]:
+    """Return what reads NAME=VALUE of an option, as in the example; VALUE may be left out where `alone`."""
+    name_of_option = example.partition(" ")[0]
 
     def read(text: str) -> tuple[str, str | None]:
         name, equals, value = text.partition("=")
         if not name.strip() or (not equals and not alone):
-            raise InputError(f"{option} {text!r} has no '='; write {option} NAME=VALUE, as in {example}")
+            raise InputError(
+                f"{name_of_option} {text!r} has no '='; write {name_of_option} NAME=VALUE, as in {example}"
+            )
         return name.strip(), value.strip() if equals else None
 
     return read
+
+
+def pairs(example: str, doc: str, metavar: str, *, alone: bool = False) -> Any:
+    """Declare an option that may be given many times, each time as NAME=VALUE."""
+    return option((), doc, read=pair_of(example, alone=alone), many=True, metavar=metavar)
+
+
+def driving(doc: str, more: str = "") -> Any:
+    """Declare `--drive JOINT=PROGRAM`, told by what stands before and after the kinds of programs."""
+    kinds = (
+        "600rpm or 20mm/s (steady), 30deg*sin(2*pi*0.6*t) (of t in s; bare numbers are SI), FILE.csv "
+        "(columns t, value)."
+    )
+    return pairs("--drive left=30deg*sin(2*pi*t)", f"{doc}: {kinds}{more}", "JOINT=PROGRAM")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoldOptions:
     """What is held."""
 
-    hold: tuple[tuple[str, str | None], ...] = option(
-        (),
+    hold: tuple[tuple[str, str | None], ...] = pairs(
+        "--hold boom=30deg",
         "Hold a joint, where it starts if no value is given.",
-        read=pair_of("--hold", "--hold boom=30deg", alone=True),
-        many=True,
-        metavar="JOINT[=VALUE]",
+        "JOINT[=VALUE]",
+        alone=True,
     )
     hold_base: bool = option(False, "Hold what floats where it starts.", name="--hold-base")
 
@@ -104,13 +120,8 @@ class HoldOptions:
 class DriveOptions(HoldOptions):
     """How a mechanism is driven, what is held, and which points count."""
 
-    drive: tuple[tuple[str, str], ...] = option(
-        (),
-        "How a joint goes over time: 600rpm or 20mm/s (steady), 30deg*sin(2*pi*0.6*t) (of t in s; bare "
-        "numbers are SI), FILE.csv (columns t, value). Others than the file's own drivers replace them.",
-        read=pair_of("--drive", "--drive left=30deg*sin(2*pi*t)"),
-        many=True,
-        metavar="JOINT=PROGRAM",
+    drive: tuple[tuple[str, str], ...] = driving(
+        "How a joint goes over time", " Others than the file's own drivers replace them."
     )
     key: str | None = option(None, "Start from this keyframe of an MJCF file.", metavar="NAME")
     track: tuple[str, ...] = option(
@@ -124,7 +135,7 @@ class DriveOptions(HoldOptions):
 def form_of(model: str, sets: list[str] | None, driven: DriveOptions | None = None) -> Form:
     """Return what a command was given, with the parameters of `--set`, driven as it was asked."""
     changed = changed_by(sets)
-    found = load(model, changed, **_driven(driven))
+    found = load(model, changed, **moved_by(driven))
     asked_parameters(found, changed)
     return _told(found)
 
@@ -132,7 +143,7 @@ def form_of(model: str, sets: list[str] | None, driven: DriveOptions | None = No
 def read_family(model: str, sets: list[str] | None, driven: DriveOptions | None = None) -> DesignFamily:
     """Return the family of what a command was given, which as it stands is what `form_of` returns."""
     changed = changed_by(sets)
-    found = family(model, changed, **_driven(driven))
+    found = family(model, changed, **moved_by(driven))
     asked_parameters(_told(found.make({})), changed)
     return found
 
@@ -146,11 +157,11 @@ def family_of(model: str, sets: list[str] | None, driven: DriveOptions | None = 
 
 def changed_by(sets: list[str] | None) -> dict[str, str]:
     """Return the parameters that `--set` gives, as text."""
-    read = pair_of("--set", "--set crank=13mm")
+    read = pair_of("--set crank=13mm")
     return {name: value or "" for name, value in map(read, sets or ())}
 
 
-def _driven(driven: DriveOptions | None) -> dict[str, Any]:
+def moved_by(driven: DriveOptions | None) -> dict[str, Any]:
     """Return how a mechanism is driven, as `load` takes it."""
     if driven is None:
         return {}

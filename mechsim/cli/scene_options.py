@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim import files
 from mechsim.cli.endings import tell
-from mechsim.cli.options import HoldOptions, once, pair_of
+from mechsim.cli.options import HoldOptions, driving, once, pairs
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Vector
 from mechsim.model.programs import State, steady
@@ -20,27 +20,19 @@ from mechsim.subjects.time_expressions import as_python
 from mechsim.units import option
 
 NOTHING_HELD = HoldOptions()
+CTRL = "--ctrl servo=0.3*sin(2*pi*t)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneOptions:
     """What a user's scene is put through, and which points count."""
 
-    drive: tuple[tuple[str, str], ...] = option(
-        (),
-        "Prescribe a joint: 600rpm or 20mm/s (steady), 30deg*sin(2*pi*0.6*t) (of t in s; bare numbers are "
-        "SI), FILE.csv (columns t, value).",
-        read=pair_of("--drive", "--drive left=30deg*sin(2*pi*t)"),
-        many=True,
-        metavar="JOINT=PROGRAM",
-    )
-    ctrl: tuple[tuple[str, str], ...] = option(
-        (),
+    drive: tuple[tuple[str, str], ...] = driving("Prescribe a joint")
+    ctrl: tuple[tuple[str, str], ...] = pairs(
+        CTRL,
         "Feed an actuator, in its control's own unit: a number, 255*(0.5-0.5*cos(2*pi*t)) (of t in s), "
         "FILE.csv.",
-        read=pair_of("--ctrl", "--ctrl servo=0.3*sin(2*pi*t)"),
-        many=True,
-        metavar="ACTUATOR=PROGRAM",
+        "ACTUATOR=PROGRAM",
     )
     key: str | None = option(None, "Start from this keyframe.", metavar="NAME")
     track: tuple[str, ...] = option(
@@ -69,8 +61,8 @@ def user_scene(path: str, asked: SceneOptions, held: HoldOptions = NOTHING_HELD)
     """
     if not path.lower().endswith(".xml"):
         raise InputError(f"{path!r} is no MJCF file; name FILE.xml (`mechsim export NAME -o FILE.xml`)")
-    for what, pairs in (("--drive", asked.drive), ("--ctrl", asked.ctrl), ("--hold", held.hold)):
-        once(what, pairs)
+    for what, given in (("--drive", asked.drive), ("--ctrl", asked.ctrl), ("--hold", held.hold)):
+        once(what, given)
     form = load(
         path,
         drive=dict(asked.drive),

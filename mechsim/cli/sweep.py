@@ -8,7 +8,7 @@ import numpy as np
 import typer
 
 from mechsim.cli.declared_options import spread
-from mechsim.cli.options import DriveOptions, File, Json, Model, Sets, Speed, pair_of, speed_of
+from mechsim.cli.options import DriveOptions, File, Json, Model, Sets, Speed, changed_by, moved_by, speed_of
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.errors import InputError, OutputError
 from mechsim.files import place_of
@@ -88,7 +88,7 @@ def sweep(
     begun = time.perf_counter()
     require_writable(output)
     require_libraries(output)
-    subject, there = swept_designs(model, _changed(sets), **_moved(driven))
+    subject, there = swept_designs(model, changed_by(sets), **moved_by(driven))
     task = swept_task(
         subject,
         _ranges(vary or (), subject.name, there, sampled=sample is not None),
@@ -110,22 +110,6 @@ def sweep(
         typer.echo(f"wrote {output}")
         _print_checked(checked)
     raise typer.Exit(0 if checked is None or checked.passed == checked.count else 1)
-
-
-def _changed(sets: list[str] | None) -> dict[str, str]:
-    return {name: value or "" for name, value in map(pair_of("--set", "--set crank=13mm"), sets or ())}
-
-
-def _moved(driven: DriveOptions) -> dict[str, Any]:
-    """Return what moves a subject, as `load` takes it."""
-    return {
-        "drive": dict(driven.drive),
-        "hold": dict(driven.hold),
-        "hold_base": driven.hold_base,
-        "key": driven.key,
-        "track": driven.track,
-        "duration": driven.duration,
-    }
 
 
 def _ranges(vary: Sequence[str], name: str, there: Mapping[str, str], *, sampled: bool) -> dict[str, Any]:
