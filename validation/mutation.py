@@ -236,8 +236,8 @@ class Unshrunk:
         hypothesis.settings.load_profile("mutant")
 
 
-def passes(test: str, mutant: Mutant | None, seconds: float) -> tuple[bool, float]:
-    """Whether a file of tests passes within some processor time, and what it took, in its own process."""
+def passes(tests: list[str], mutant: Mutant | None, seconds: float) -> tuple[bool, float]:
+    """Whether files of tests pass within some processor time, and what they took, in their own process."""
     before = sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
     child = os.fork()
     if child == 0:
@@ -260,19 +260,17 @@ def passes(test: str, mutant: Mutant | None, seconds: float) -> tuple[bool, floa
             "--tb=no",
             *KNOWN,
         ]
-        os._exit(int(pytest.main([*options, f"tests/{test}"], plugins=[Unshrunk()])))
+        os._exit(int(pytest.main([*options, *(f"tests/{one}" for one in tests)], plugins=[Unshrunk()])))
     _, status = os.waitpid(child, 0)
     return status == 0, sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2]) - before
 
 
-def clean_times(tests: list[str]) -> dict[str, float]:
-    """What each file of tests takes as things are, in seconds; refuse one that fails."""
-    times: dict[str, float] = {}
-    for test in tests:
-        clean, times[test] = passes(test, None, 600.0)
-        if not clean:
-            raise SystemExit(f"{test} fails as it is")
-    return times
+def clean_time(tests: list[str]) -> float:
+    """What files of tests take as things are, in seconds; refuse such as fail."""
+    clean, seconds = passes(tests, None, 600.0)
+    if not clean:
+        raise SystemExit(f"{', '.join(tests)}: a test fails as it is")
+    return seconds
 
 
 def main() -> int:
@@ -292,7 +290,7 @@ def main() -> int:
     for file, tests in KILLERS.items():
         if asked.part and not any(part in file for part in asked.part):
             continue
-        times = clean_times(tests)
+        seconds = clean_time(tests)
         every = mutants(file)
         drawn = random.Random(f"{asked.seed} {file}").sample(every, min(asked.most, len(every)))
         tried = every if asked.all else sorted(drawn, key=lambda one: one.line)
@@ -301,7 +299,7 @@ def main() -> int:
         for one in tried:
             if one in excused:
                 continue
-            lives = all(passes(test, one, 3.0 * seconds + 2.0)[0] for test, seconds in times.items())
+            lives = passes(tests, one, 3.0 * seconds + 2.0)[0]
             killed += not lives
             if lives or asked.list:
                 fate = "SURVIVED" if lives else "killed"

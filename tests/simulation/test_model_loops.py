@@ -7,6 +7,7 @@ from mechsim import catalog
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
+from mechsim.simulation import model_loops
 from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
@@ -147,6 +148,28 @@ def test_states_that_cannot_be_closed_are_named_by_their_crank_angle() -> None:
     states[1, loops.crank_place] = np.pi
     with pytest.raises(AssemblyError, match=r"do not close at crank angle 3\.14159 rad: a gap of"):
         loops.close(states)
+
+
+def test_newtons_method_stops_at_rounding_where_that_is_above_the_bound(monkeypatch) -> None:
+    loops = loops_of(catalog.make("rssr").mechanism)
+    monkeypatch.setattr(model_loops, "CLOSED", 0.0)
+    looks: list[int] = []
+    looked = loops._look
+    monkeypatch.setattr(loops, "_look", lambda qpos: looks.append(len(qpos)) or looked(qpos))
+    closed = loops.close(near(loops, 20, 1e-2))
+    assert loops.gap(loops.residual(closed)).max() < 1e-14
+    # from 1e-2 each step squares what is left: three to rounding, one that finds it there
+    assert len(looks) < 8
+
+
+@pytest.mark.parametrize(("joint", "kind", "size"), [("j", "hinge", 1.0), ("k", "slide", 0.3)])
+def test_coupled_slides_stand_open_in_units_of_the_models_size(joint, kind, size) -> None:
+    text = USER.format(equality=f'<joint joint1="{joint}" polycoef=".06 0 0 0 0"/>', crank="crank")
+    loops = ModelLoops(
+        mujoco.MjModel.from_xml_string(text.replace(f'"{joint}"', f'"{joint}" type="{kind}"', 1))
+    )
+    state = loops.model.qpos0[None]
+    assert loops.gap(loops.residual(state))[0] == pytest.approx(0.06 / size)
 
 
 def test_what_no_loop_holds_changes_no_determinant_and_has_no_part_in_it(monkeypatch) -> None:
