@@ -58,17 +58,20 @@ File = Annotated[str, WHERE]
 Output = Annotated[str | None, WHERE]
 
 ThroughChange = Annotated[
-    str,
+    str | None,
     typer.Option(
         "--through",
         metavar="smooth|fold",
-        help="Where two assemblies meet: smooth goes on as a heavy drive does, fold keeps to its branch.",
+        help="Where two assemblies meet: smooth goes on as a heavy drive does, and so if left out; fold "
+        "keeps to its branch.",
     ),
 ]
 
 
-def passed(form: Form, through: str) -> Form:
-    """Return what goes through its change points so."""
+def passed(form: Form, through: str | None) -> Form:
+    """Return what goes through its change points so; None leaves it as it is."""
+    if through is None:
+        return form
     if through not in ("smooth", "fold"):
         raise InputError(f"--through is {through!r}; it can be smooth or fold")
     return form.passing("smooth" if through == "smooth" else "fold")

@@ -18,9 +18,11 @@ from mechsim.cli.options import (
     Output,
     Sets,
     SpeedIfAny,
+    ThroughChange,
     forces_of,
     form_of,
     moving,
+    passed,
     programs_of,
     scene_of,
     speed_of,
@@ -76,6 +78,7 @@ def simulate(
             "FILE.csv. The file is then stepped as it is, but for settings asked for; --drive prescribes.",
         ),
     ] = None,
+    through: ThroughChange = None,
     sets: Sets = None,
     output: Output = None,
     as_json: Json = False,
@@ -84,7 +87,9 @@ def simulate(
     place = None if output is None else writable(output, ".csv", ".npz")
     wanted = None if tolerance is None else units.parse_length(tolerance, "the tolerance")
     if ctrl:
-        _require_no_crank(speed=speed, turns=turns, profile=profile, every=every, method=method)
+        _require_no_crank(
+            speed=speed, turns=turns, profile=profile, every=every, method=method, through=through
+        )
         simulate_fed(
             model,
             ctrl,
@@ -97,7 +102,7 @@ def simulate(
             output=output,
             as_json=as_json,
         )
-    drive = moving(form_of(model, sets, driven))
+    drive = passed(moving(form_of(model, sets, driven)), through)
     programs = programs_of(drive)
     if programs is None:
         steady = speed_of(speed or SPEED)

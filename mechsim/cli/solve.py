@@ -71,7 +71,7 @@ def solve(
     model: Model,
     asked: SolveOptions,
     driven: DriveOptions,
-    through: ThroughChange = "smooth",
+    through: ThroughChange = None,
     sets: Sets = None,
     output: Output = None,
     as_json: Json = False,

@@ -132,6 +132,18 @@ def of_source(
         InputError: where the model cannot be read, or has no point to track.
         AssemblyError: if its loops do not close where the drivers stand at first.
     """
+    closed = _of_source(source, scene, drivers, holds, key)
+    closed.loops.passing = getattr(source, "through", "smooth")
+    return closed
+
+
+def _of_source(
+    source: Source,
+    scene: Scene | None,
+    drivers: Sequence[str] | str | None,
+    holds: Mapping[str, float] | None,
+    key: str | None,
+) -> ClosedModel:
     read = read_model(source)
     if read is not None:
         return _as_read(source, read, drivers)
@@ -219,13 +231,8 @@ def described(source: Source) -> Model:
     """Return the description of what has one, and anything else that is a model as it is.
 
     Raises:
-        InputError: for what is no model, or is to fold where its assemblies meet.
+        InputError: for what is no model.
     """
-    if getattr(source, "through", "smooth") == "fold" and getattr(source, "change_points", tuple)():
-        raise InputError(
-            f"{getattr(source, 'name', 'the mechanism')} is to fold at change points, and MuJoCo's motion "
-            "passes them smoothly; leave out through=fold, or solve it without MuJoCo"
-        )
     model = getattr(source, "mechanism", source)
     if not isinstance(model, Mechanism | mujoco.MjSpec | str | os.PathLike):
         raise InputError(

@@ -117,6 +117,31 @@ class DrivenRun:
 
     def _meetings(self) -> str:
         """Return where two assemblies meet on the motion, in one sentence; nothing where none do."""
+        passed = self._passed()
+        if not passed:
+            return ""
+        return (
+            f"at {self._where(passed)} two assemblies meet, and dynamics alone cannot decide which one "
+            "goes on: hold it by a second parallel crank or a flywheel, take more steps, or run it by pose"
+        )
+
+    def require_smooth(self) -> None:
+        """Raise InputError where it is to fold: no dynamics do, for links would have to jump in speed."""
+        passed = self._passed() if self.closed.loops.passing == "fold" else []
+        if passed:
+            raise InputError(
+                f"{self.closed.loops.name} is to fold at {self._where(passed)}, where its links would jump in "
+                "speed, which no stepped motion does; run it by pose, or let it go on smoothly"
+            )
+
+    def _where(self, passed: list[float]) -> str:
+        loops = self.closed.loops
+        if loops.drive is not None:
+            return ", ".join(loops.said(at) for at in passed[:3])
+        return f"crank angle {', '.join(f'{at:.4g}' for at in passed[:3])} rad"
+
+    def _passed(self) -> list[float]:
+        """Return at which angles of the crank, or of the drivers' clock, the motion meets other assemblies."""
         closed = self.closed
         angle = self.profile.state(np.linspace(0.0, self.profile.duration, PROBES))[0]
         _, path = follow.followed(closed.loops, closed.closed, angle)
@@ -124,16 +149,7 @@ class DrivenRun:
         laps = (0.0,) if path.gain is None else (-TURN, 0.0, TURN)
         first = float(path.laps(angle[:1])[0]) * TURN
         met = [m.angle + first + lap for m in path.meetings for lap in laps]
-        passed = sorted(at for at in met if low <= at <= high)
-        if not passed:
-            return ""
-        where = f"crank angle {', '.join(f'{at:.4g}' for at in passed[:3])} rad"
-        if closed.loops.drive is not None:
-            where = ", ".join(closed.loops.said(at) for at in passed[:3])
-        return (
-            f"at {where} two assemblies meet, and dynamics alone cannot decide which one "
-            "goes on: hold it by a second parallel crank or a flywheel, take more steps, or run it by pose"
-        )
+        return sorted(at for at in met if low <= at <= high)
 
     def _stepped(self, settings: Settings) -> tuple[Steps, Motion]:
         loops = self.closed.loops.over_copy()

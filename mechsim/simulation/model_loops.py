@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
+from mechsim.model.motion import Through
 from mechsim.simulation import followers
 from mechsim.simulation.drive import CLOCK, Drive, Law
 from mechsim.simulation.loop_constraints import Coupled, constraints
@@ -55,6 +56,7 @@ class ModelLoops:
         drive: the drivers that follow a clock; None where a crank alone is driven.
         free: indices of all other degrees of freedom than the crank.
         passive: indices of those that are neither crank nor driver.
+        passing: how a path of poses goes on where two assemblies meet.
         size: yardstick of lengths in the model, in [m]; (n,) where states have `fields` of their own.
         hinges: for each number of qpos whether it is the angle of a hinge.
         quaternions: where quaternions begin in qpos.
@@ -77,6 +79,7 @@ class ModelLoops:
         self.crank = int(model.jnt_dofadr[joint])
         self.crank_place = int(model.jnt_qposadr[joint])
         self.drive = drive
+        self.passing: Through = "smooth"
         found = constraints(model)
         self.pairs, self.frames, self.couplings = found.pairs, found.frames, found.couplings
         self.name = model.names.split(b"\0", 1)[0].decode() or "model"
@@ -357,6 +360,16 @@ class ModelLoops:
         if self._level is None:
             self._level = float(size[0]) if np.isfinite(size[0]) else 0.0
         return side * np.exp(np.minimum(size - self._level, 300.0))
+
+    def loosest(self, jacobian: Array) -> Array:
+        """Return the direction in which the loops of one state, (1, m, nv), hold it least, (nv,).
+
+        The crank is held; of freedoms that no row holds there is no part in it.
+        """
+        square = self._square(jacobian)
+        assert square is not None
+        assert self._basis is not None
+        return self._spread(np.linalg.svd(square)[2][:, -1] @ self._basis[2], 0.0)[0]
 
     def _square(self, jacobian: Array) -> Array | None:
         held = jacobian[:, :, self.free]

@@ -67,7 +67,7 @@ def simulate(
         watch: told now and then how far the run has come, in words and as a part of the whole, 0 to 1.
 
     Raises:
-        InputError: for values that cannot be used.
+        InputError: for values that cannot be used, and for a stepped motion that is to fold.
         AssemblyError: if the loops close nowhere or only over part of the crank motion, or a joint would
             leave its range.
         MobilityError: where the crank does not settle the poses asked for, or cannot move.
@@ -114,6 +114,7 @@ def simulate(
     if method == "pose":
         return solved(closed, profile, samples, tolerance, watch or unwatched)
     run = DrivenRun(closed, profile, first_state(closed, profile), samples, watch or unwatched)
+    run.require_smooth()
     settings = settings or Settings()
     return run.stepped(settings) if tolerance is None else within(run, settings, tolerance)
 

@@ -81,8 +81,7 @@ def validate(model: Form | DesignFamily, *, speed: float = 20.0 * np.pi, quick: 
 
     Raises:
         AssemblyError: if the loops close nowhere.
-        InputError: for one that is to fold at change points, which MuJoCo's motion passes smoothly, and for a
-            formula that cannot be used.
+        InputError: for a formula that cannot be used.
     """
     family = model if isinstance(model, DesignFamily) else dimension_family(model)
     drive = family.make({})

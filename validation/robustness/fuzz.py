@@ -12,6 +12,7 @@ writing, after which the file asked for must be whole or absent. The exit code i
 
 import argparse
 import contextlib
+import csv
 import io
 import os
 import random
@@ -308,12 +309,12 @@ def tried(case: Case) -> tuple[int | None, list[str]]:
             faults = [f"still running after {PATIENCE:g} s"]
         said = err.getvalue()
         faults += [f"warning: {one.category.__name__}: {one.message}" for one in caught]
-        faults += list(_unclear(code, said)) if not faults else []
-        faults += list(_untidy(Path(place), case, code))
+        faults += list(unclear(code, said)) if not faults else []
+        faults += list(untidy(Path(place), case, code))
     return code, faults
 
 
-def _unclear(code: int | None, said: str) -> Iterator[str]:
+def unclear(code: int | None, said: str) -> Iterator[str]:
     if code not in (0, 1, 2):
         yield f"exit code {code}"
     if "Traceback" in said:
@@ -323,7 +324,7 @@ def _unclear(code: int | None, said: str) -> Iterator[str]:
         yield f"exit code 2 with {len(lines)} lines: {said[:300]!r}"
 
 
-def _untidy(place: Path, case: Case, code: int | None) -> Iterator[str]:
+def untidy(place: Path, case: Case, code: int | None) -> Iterator[str]:
     """Yield what is wrong with the files left in a folder."""
     for path in place.rglob("*"):
         if path.name in case.files:
@@ -339,7 +340,11 @@ def _untidy(place: Path, case: Case, code: int | None) -> Iterator[str]:
 def broken(path: Path) -> str | None:
     """Return why a file is not a whole one of its kind; None if it is."""
     try:
-        if path.suffix.lower() in (".csv", ".npz"):
+        if path.suffix.lower() == ".csv":
+            text = path.read_text()
+            widths = {len(row) for row in csv.reader(text.splitlines())}
+            return None if len(widths) == 1 and text.endswith("\n") else "rows of several lengths"
+        if path.suffix.lower() == ".npz":
             tables.read(path)
         elif path.suffix.lower() in (".xml", ".svg"):
             ET.parse(path)
@@ -428,8 +433,8 @@ def interrupts(count: int, seed: int = 1) -> list[str]:
             # as if by Ctrl-C, whose exit code is that of a refusal
             ended = 2 if process.returncode == 128 + number else process.returncode
             # before a command listens and after it is done the system ends the process, and nothing is said
-            unclear = [] if process.returncode == -number else _unclear(ended, said)
-            faults = [*unclear, *_untidy(Path(place), Case(words), process.returncode)]
+            wrong = [] if process.returncode == -number else unclear(ended, said)
+            faults = [*wrong, *untidy(Path(place), Case(words), process.returncode)]
         found += [f"ended by {number.name}: {fault}  <-  {' '.join(words)}" for fault in faults]
     return found
 

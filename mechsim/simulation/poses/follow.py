@@ -11,10 +11,11 @@ from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.poses.folded_path import FoldedPath, folded
 from mechsim.simulation.poses.laps import on_other_laps
 from mechsim.simulation.poses.meetings import Meeting
 from mechsim.simulation.poses.rough_steps import ASTRAY, sprint
-from mechsim.simulation.poses.spline_path import AssemblyPath
+from mechsim.simulation.poses.spline_path import AssemblyPath, walked_path
 from mechsim.simulation.poses.strides import SHORTEST, STRIDE, Strides, walk
 
 # from a closed state to a crank angle: states on the path, or None where it is not certain
@@ -48,7 +49,7 @@ def follow(loops: ModelLoops, start: Array, angles: ArrayLike) -> Array:
     return followed(loops, start, angles)[0]
 
 
-def followed(loops: ModelLoops, start: Array, angles: ArrayLike) -> tuple[Array, AssemblyPath]:
+def followed(loops: ModelLoops, start: Array, angles: ArrayLike) -> tuple[Array, AssemblyPath | FoldedPath]:
     """Return what `follow` does, and the path on which the states lie."""
     angles = np.asarray(angles, dtype=np.float64)
     try:
@@ -60,17 +61,40 @@ def followed(loops: ModelLoops, start: Array, angles: ArrayLike) -> tuple[Array,
         raise
 
 
-def _followed(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, AssemblyPath]:
+def _followed(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, AssemblyPath | FoldedPath]:
+    if loops.passing == "fold":
+        return _folded(loops, start, angles)
     sprinted = _sprinted(loops, start, angles)
     if sprinted is not None:
         states, sure = _along(sprinted, angles)
         if sure.all():
             return states, sprinted
     walked = _walked(loops, start, angles)
-    states, sure = _along(walked, angles)
+    return _settled_on(walked, angles), walked
+
+
+def _folded(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, FoldedPath]:
+    here = float(start[loops.crank_place])
+    low, high, gain = min(here, float(angles.min())), max(here, float(angles.max())), None
+    if high - low > 1.5 * TURN and loops.drive is None:
+        lap = folded(loops, start, here, here + TURN)
+        gain = _gain(loops, np.stack([start, _settled_on(lap.pieces[-1], np.array([here + TURN]))[0]]))
+    path = folded(loops, start, low, high) if gain is None else replace(lap, gain=gain)
+    states = np.empty((len(angles), len(start)))
+    for piece, rows, turned in path.parts(angles):
+        states[rows] = _settled_on(piece, turned)
+    if gain is not None:
+        states += path.laps(angles)[:, None] * gain
+    states[:, loops.crank_place] = angles
+    return states, path
+
+
+def _settled_on(path: AssemblyPath, angles: Array) -> Array:
+    """Return closed states at crank angles, (n, nq), on a path; those that are not sure are walked to."""
+    states, sure = _along(path, angles)
     for i in np.flatnonzero(~sure):
-        states[i] = _walked_to(walked, angles[i : i + 1])
-    return states, walked
+        states[i] = _walked_to(path, angles[i : i + 1])
+    return states
 
 
 def _along(path: AssemblyPath, angles: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -108,10 +132,7 @@ def _walked(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath:
     found = _knots(loops, start, angles, walk)
     assert found is not None
     knots, gain, meetings = found
-    path = AssemblyPath(loops, loops.close(knots), gain, 1.0, meetings=tuple(meetings))
-    # most of the knots: at a dead centre, where a path may begin or end, rounding settles the sign
-    sides = loops.side(loops.linearise(path.knots)[1]) * path.sides(path.knots[:, loops.crank_place])
-    return replace(path, side=float(np.sign(sides.sum())))
+    return walked_path(loops, knots, meetings, gain)
 
 
 def _knots(

@@ -1,6 +1,6 @@
 """The states of an assembly as a function of the crank angle, by splines through some of them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -115,6 +115,16 @@ class AssemblyPath:
         degree -= 1 - degree % 2
         at = knots[:, self.loops.crank_place]
         return make_interp_spline(at, _same_sign_quaternions(self.loops, knots), k=degree)
+
+
+def walked_path(
+    loops: ModelLoops, knots: Array, meetings: Sequence[Meeting], gain: Array | None = None
+) -> AssemblyPath:
+    """Return the path through nearly closed states by rising crank angle, (k, nq), that were walked."""
+    path = AssemblyPath(loops, loops.close(knots), gain, 1.0, meetings=tuple(meetings))
+    # most of the knots: at a dead centre, where a path may begin or end, rounding settles the sign
+    sides = loops.side(loops.linearise(path.knots)[1]) * path.sides(path.knots[:, loops.crank_place])
+    return replace(path, side=float(np.sign(sides.sum())))
 
 
 def _spread(knots: Array, place: int) -> Array:
