@@ -23,6 +23,39 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "return (data.xpos[None], data.xmat.reshape(1, -2, 3, 3), slope)",
     ): SHAPE,
     (LOOPS, "if len(self._batches) > 8:", "..."): SPEED,
+    (
+        LOOPS,
+        "self._level = float(size[0]) if np.isfinite(size[0]) else 0.0",
+        "self._level = float(size[0]) if np.isfinite(size[0]) else 1.0",
+    ): "the determinant has a unit of its own",
+    (
+        LOOPS,
+        "values = np.linalg.svd(held, compute_uv=False).astype(np.float64, copy=False)",
+        "values = np.linalg.svd(held, compute_uv=False).astype(np.float64, copy=True)",
+    ): SPEED,
+    (
+        LOOPS,
+        "def closed(self, qpos: Array, most_steps: int=50) -> tuple[Array, Array | None]:",
+        "...",
+    ): "Newton's method has converged after ten steps, or never does",
+    (
+        LOOPS,
+        "def close(self, qpos: Array, *, most_steps: int=50) -> Array:",
+        "...",
+    ): "Newton's method has converged after ten steps, or never does",
+    (
+        LOOPS,
+        "if worst <= CLOSED or (worst < 1e-11 and worst >= 0.5 * before):",
+        "if worst <= CLOSED or (worst < 1e-11 and worst >= 0.05 * before):",
+    ): "a Newton step more or fewer once rounding is reached",
+    **{
+        (
+            LOOPS,
+            "if worst <= CLOSED or (worst < 1e-11 and worst >= 0.5 * before):",
+            f"if worst <= CLOSED or (worst < {bound} and worst >= 0.5 * before):",
+        ): "a Newton step more or fewer once rounding is reached"
+        for bound in ("1e-10", "1e-12", "1.0000000000000001e-11", "9.999999999999999e-11")
+    },
     (LOOPS, "threads = 1 if n <= ONE_THREAD else 0", "..."): SPEED,
     (LOOPS, "ONE_THREAD = 4096", "..."): SPEED,
     (

@@ -130,8 +130,8 @@ class DrivenRun:
         passed = self._passed() if self.closed.loops.passing == "fold" else []
         if passed:
             raise InputError(
-                f"{self.closed.loops.name} is to fold at {self._where(passed)}, where its links would jump in "
-                "speed, which no stepped motion does; run it by pose, or let it go on smoothly"
+                f"{self.closed.loops.name} is to fold at {self._where(passed)}, where its links would jump "
+                "in speed, which no stepped motion does; run it by pose, or let it go on smoothly"
             )
 
     def _where(self, passed: list[float]) -> str:
@@ -141,7 +141,7 @@ class DrivenRun:
         return f"crank angle {', '.join(f'{at:.4g}' for at in passed[:3])} rad"
 
     def _passed(self) -> list[float]:
-        """Return at which angles of the crank, or of the drivers' clock, the motion meets other assemblies."""
+        """Return at which angles of the crank, or of the clock, the motion meets other assemblies."""
         closed = self.closed
         angle = self.profile.state(np.linspace(0.0, self.profile.duration, PROBES))[0]
         _, path = follow.followed(closed.loops, closed.closed, angle)

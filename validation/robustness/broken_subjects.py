@@ -48,8 +48,7 @@ FORMULA = """import numpy as np
 def law(angle):
     return {"A": np.stack([0.032 * np.cos(angle), 0.032 * np.sin(angle), 0 * angle], 1)}
 """
-STRANGE = ["", " ", "n" * 300, "\ud83d"]
-STRANGE += """
+VALUES = """
 0 -1 nan inf 1e300 1e-300 1e999 -0 x é ٣ 1,5 0x10 13mm 1;2 1:2 0:1:0.1 0:360:0deg a:b:c :: 1=2 = A A,B
 A,,B crank crank= crank= crank=1 crank=nan crank=600rpm crank=t/0 crank=1/t crank=sin( crank=FILE.csv
 crank=crank.csv crank=1e300rpm crank=t**t**t crank=__import__('os') crank=1:2:3 all . no/out.csv out.csv
@@ -57,10 +56,11 @@ out.xml out.json out.nc crank.csv law.py:law law.py:none law.py no.py:law max:C.
 at:1:C.x at:x:C.x max: max: sobol:4 sobol:0 sobol:x latin:-1 normal uniform smooth fold step pose
 trajectory torque closure 1um 1deg 1e-6 1s 0.1s -1s 600rpm 0rpm 5deg 0rpm 5deg 0,-9.81,0 0,0 constant:1
 dc:1,0,1 line:1 A:B=1,0 crank=1,2 crank=-1,0
-""".split()
+"""
+STRANGE = ["", " ", "n" * 300, "\ud83d", *VALUES.split()]
 NUMBERS = re.compile(r"(?<![A-Za-z_])-?\d+\.?\d*(?:[eE]-?\d+)?")
 WORDS = re.compile(r"[A-Za-z_]{2,}")
-ODD_NUMBERS = '0 -1 nan inf 1e300 1e-300 1e999 "" abc 1e9 10 0.1 3x'.split()
+ODD_NUMBERS = ["0", "-1", "nan", "inf", "1e300", "1e-300", "1e999", '""', "abc", "1e9", "10", "0.1", "3x"]
 ODD_TEXT = ["\x00", "\ufeff", "\t", "\r", *"é#\"'[]{}=<>&,"]
 
 

@@ -5,8 +5,9 @@
 Random four-bars whose shortest and longest links are together as long as the other two lie flat once or
 twice a turn; the truth goes through there as the product of two half-angle roots does, in 40 digits. Near
 ones miss that by 1e-3 to 1e-12 of a length, and keep their assembly round the bend. Each is asked for
-over two turns, at the flat poses themselves and close to them. A place farther off than 1e-6 of the size
-without a word is a silent wrong.
+over two turns, at the flat poses themselves and close to them; those that meet another assembly also to
+fold, which keeps the sign of that product. A place farther off than 1e-6 of the size without a word is a
+silent wrong.
 """
 
 import argparse
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from mechsim import catalog
 from mechsim.analytic import closure
 from mechsim.errors import MechsimError
+from mechsim.model.motion import Through
 from mechsim.simulation import closed_model
 from mechsim.simulation.poses import follow
 
@@ -31,6 +33,11 @@ ANGLES: Array = np.unique(
     [*np.linspace(-2 * np.pi, 2 * np.pi, 25), *(np.pi + np.array([-1e-3, 1e-6, 1e-9])), 1e-9, -1e-6, 1e-3]
 )
 WRONG = 1e-6
+KINDS: tuple[tuple[str, bool, Through], ...] = (
+    ("change point", False, "smooth"),
+    ("near change point", True, "smooth"),
+    ("that fold", False, "fold"),
+)
 
 
 @dataclass(frozen=True)
@@ -67,8 +74,8 @@ def random_linkages(count: int, near: bool, seed: int = 11) -> list[Lengths]:
     return found
 
 
-def truth(lengths: Lengths, angle: float, sign: int) -> complex:
-    """Return joint B, to 40 digits, where the root that tells the assemblies apart is smooth."""
+def truth(lengths: Lengths, angle: float, sign: int, through: Through) -> complex:
+    """Return joint B, to 40 digits, where the root that tells the assemblies apart is smooth, or folds."""
     with mpmath.workdps(40):
         ground, crank, coupler, rocker = (mpmath.mpf(length) for length in lengths)
         at = mpmath.mpf(angle)
@@ -82,8 +89,9 @@ def truth(lengths: Lengths, angle: float, sign: int) -> complex:
         tiny = mpmath.mpf(10) ** -14 * (ground + crank) ** 2
         first = mpmath.sqrt(first**2 + outer) if abs(outer) > tiny else first
         second = mpmath.sqrt(second**2 + inner) if abs(inner) > tiny else second
+        root = abs(first * second) if through == "fold" else first * second
         along = (abs(arm) ** 2 + coupler**2 - rocker**2) / 2
-        return complex(a + arm / abs(arm) ** 2 * (along + mpmath.mpc(0, 1) * sign * first * second / 2))
+        return complex(a + arm / abs(arm) ** 2 * (along + mpmath.mpc(0, 1) * sign * root / 2))
 
 
 def by_closed_form(drive: catalog.FourBar) -> Array:
@@ -93,7 +101,7 @@ def by_closed_form(drive: catalog.FourBar) -> Array:
 
 def by_loop_equations(drive: catalog.FourBar) -> Array:
     """Return joint B at the angles, (n, 3) in [m]."""
-    return closure.solve(drive.mechanism, ANGLES).points["B"].position
+    return closure.solve(drive.mechanism, ANGLES, through=drive.through).points["B"].position
 
 
 def by_poses(drive: catalog.FourBar) -> Array:
@@ -111,12 +119,12 @@ ROADS: dict[str, Callable[[catalog.FourBar], Array]] = {
 }
 
 
-def tallied(road: str, linkages: Sequence[Lengths]) -> Tally:
+def tallied(road: str, linkages: Sequence[Lengths], through: Through = "smooth") -> Tally:
     """Return how many linkages a road gets right, refuses, and gets wrong without a word."""
     right = refused = wrong = 0
     worst = 0.0
     for lengths in linkages:
-        drive = catalog.FourBar(**dict(zip(NAMES, lengths, strict=True)))
+        drive = catalog.FourBar(**dict(zip(NAMES, lengths, strict=True)), through=through)
         try:
             found = ROADS[road](drive)
         except MechsimError as error:
@@ -125,7 +133,9 @@ def tallied(road: str, linkages: Sequence[Lengths]) -> Tally:
             continue
         flat = found[:, 0] + 1j * found[:, 1]
         # the assembly is chosen where the guess stands; from there on it has to be kept
-        errors = [np.abs(flat - [truth(lengths, at, sign) for at in ANGLES]).max() for sign in (1, -1)]
+        errors = [
+            np.abs(flat - [truth(lengths, at, sign, through) for at in ANGLES]).max() for sign in (1, -1)
+        ]
         error = float(min(errors)) / max(lengths)
         if not error <= WRONG:
             print(f"wrong by {road}: {lengths}: {error:.2g} of the size", file=sys.stderr)
@@ -140,16 +150,13 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=11)
     asked = parser.parse_args()
-    print(f"{'linkages':<20}{'road':<18}{'right':>7}{'refused':>9}{'wrong':>7}   worst error / size")
-    for near in (False, True):
+    print(f"{'linkages':<24}{'road':<18}{'right':>7}{'refused':>9}{'wrong':>7}   worst error / size")
+    for kind, near, through in KINDS:
         linkages = random_linkages(asked.count, near, asked.seed)
         for road in ROADS:
-            one = tallied(road, linkages)
-            kind = f"{len(linkages)} {'near ' if near else ''}change point"
-            print(
-                f"{kind:<20}{one.road:<18}{one.right:>7}{one.refused:>9}{one.wrong:>7}   {one.worst:.1e}",
-                flush=True,
-            )
+            one = tallied(road, linkages, through)
+            counts = f"{one.right:>7}{one.refused:>9}{one.wrong:>7}"
+            print(f"{len(linkages)} {kind:<20}{one.road:<18}{counts}   {one.worst:.1e}", flush=True)
 
 
 if __name__ == "__main__":

@@ -85,8 +85,10 @@ def folded(loops: ModelLoops, start: Array, low: float, high: float) -> FoldedPa
     ahead, after = _legs(loops, start, high)
     first = _Leg([*back[0].states[::-1], start, *ahead[0].states], back[0].meetings + ahead[0].meetings)
     backward = [_Leg(leg.states[::-1], leg.meetings) for leg in back[:0:-1]]
-    pieces = [walked_path(loops, np.stack(leg.states), leg.meetings) for leg in [*backward, first, *ahead[1:]]]
-    return FoldedPath(tuple(pieces), tuple([*before[::-1], *after]))
+    pieces = [
+        walked_path(loops, np.stack(leg.states), leg.meetings) for leg in [*backward, first, *ahead[1:]]
+    ]
+    return FoldedPath(tuple(pieces), (*before[::-1], *after))
 
 
 def _legs(loops: ModelLoops, start: Array, end: float) -> tuple[list[_Leg], list[Meeting]]:
