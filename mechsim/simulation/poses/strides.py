@@ -20,6 +20,8 @@ LOOSE, ROUNDING, MOST_STEPS = 0.05, 1e-13, 8
 SAFE = 0.25
 # a zero of the determinant this near, in [rad], is looked at: assemblies may meet there
 TRIED = 0.05
+# part of the determinant that a first stride has to leave
+DEEP = 0.5
 
 
 @dataclass(frozen=True)
@@ -30,10 +32,11 @@ class Strides:
     meetings: list[Meeting]
 
 
-def walk(loops: ModelLoops, start: Array, end: float) -> Strides:
+def walk(loops: ModelLoops, start: Array, end: float, *, through: bool = True) -> Strides:
     """Return nearly closed states on the path from a closed state to a crank angle, the last one there.
 
-    Where two assemblies meet on a smooth path, it goes on smoothly.
+    Where two assemblies meet on a smooth path, it goes on smoothly; unless it goes `through`, it ends a
+    little beyond the first such meeting.
 
     Raises:
         AssemblyError: at the crank angle beyond which the loops cannot close in this assembly.
@@ -44,8 +47,10 @@ def walk(loops: ModelLoops, start: Array, end: float) -> Strides:
         meeting = walker.meeting_ahead()
         if meeting is None:
             walker.stride_on()
-        else:
+        elif through:
             walker.pass_through(meeting)
+        else:
+            return Strides([*walker.found, *walker.beyond(meeting)], [meeting])
     return Strides(walker.found, walker.passed)
 
 
@@ -94,13 +99,16 @@ class _Walker:
         beyond = self.loops.moved(self.here, far * self.slope + 0.5 * far**2 * self.bend)
         return _tried(self.loops, self.here[0], beyond, self.angle + far)
 
+    def beyond(self, meeting: Meeting) -> Array:
+        """Return the states of a meeting that are not behind, (k, nq)."""
+        rows = meeting.states[:: int(self.sense)]
+        return rows[self.sense * (rows[:, self.loops.crank_place] - self.angle) > 0.0]
+
     def pass_through(self, meeting: Meeting) -> None:
         """Go to the far side of a meeting, or to the end where that is within it."""
         self.passed.append(meeting)
-        crank = self.loops.crank_place
-        rows = meeting.states[:: int(self.sense)]
-        rows = rows[self.sense * (rows[:, crank] - self.angle) > 0.0]
-        inside = rows[self.sense * (self.end - rows[:, crank]) >= 0.0]
+        rows = self.beyond(meeting)
+        inside = rows[self.sense * (self.end - rows[:, self.loops.crank_place]) >= 0.0]
         self.found += list(inside)
         if len(inside) < len(rows):
             self.found.append(_within(self.loops, meeting, self.end))
@@ -119,11 +127,12 @@ class _Walker:
         guess = loops.moved(self.here, sense * step * self.slope + 0.5 * step**2 * self.bend)
         guess[0, loops.crank_place] = target
         there = _landed(loops, self.here, guess, self.side)
-        if there is None:
+        low = self.height if there is None else loops.determinant(loops.linearise(there[0])[1])[0]
+        # before it is known how it sinks, a stride past a meeting may end in the other assembly
+        if there is None or (self.sinking == 0.0 and abs(low) < DEEP * abs(self.height)):
             self._shorten(step / 2.0)
             return
         self.here, slope = there
-        low = loops.determinant(loops.linearise(self.here)[1])[0]
         self.sinking, self.height = (self.height - low) / step, low
         self.trial = min(max(self.trial, 0.03 * self.ahead), TRIED)
         self.bend = sense * (slope - self.slope) / step
