@@ -40,5 +40,5 @@ def test_what_folds_meets_every_bound_too():
     name, lengths = FLAT["one flat pose"]
     fold = catalog.make(name, **lengths, through="fold")
     case = validate(fold)
-    assert case.outcome == "met", case.reason
+    assert case.verdict.outcome == "met", case.verdict.reason
     assert crosscheck(case.poses, catalog.make(name, **lengths)).outcome == "changed assembly"
