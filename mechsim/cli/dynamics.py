@@ -23,9 +23,9 @@ from mechsim.cli.dynamics_output import (
     driven_promise,
     free_promise,
     print_free,
+    print_judged,
     print_promise,
     print_study,
-    print_verdict,
     verdict_facts,
 )
 from mechsim.cli.force_options import MachineOptions
@@ -149,7 +149,7 @@ def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool) -> bool:
         print_json(told | verdict_facts(verdict, asked.road))
     else:
         print_study(machine.mechanism.name, study, turn, even)
-        print_verdict(verdict)
+        print_judged(verdict)
         print_promise(promise)
     return (verdict is None or verdict.passed) and (promise is None or promise["met"])
 
@@ -219,7 +219,7 @@ def _free(machine: Machine, speed: float, asked: DynamicsOptions, as_json: bool)
         print_json(told | verdict_facts(verdict, "step"))
     else:
         print_free(machine.mechanism.name, run)
-        print_verdict(verdict)
+        print_judged(verdict)
         print_promise(promise)
     kept = promise is None or promise["met"]
     return run.outcome == "done" and (verdict is None or verdict.passed) and kept

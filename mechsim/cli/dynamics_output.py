@@ -7,11 +7,12 @@ import typer
 
 from mechsim.analytic.dynamics import InverseDynamics
 from mechsim.cli.output import print_table
+from mechsim.cli.verdict_table import print_verdict
 from mechsim.model.efforts import Fluctuation, FreeRun
 from mechsim.report.facts import run_facts, study_facts
 from mechsim.simulation.dynamics.free_running import SteppedFreeRun
 from mechsim.simulation.dynamics.prescribed_motion import Driven
-from mechsim.verdict.checks import HEAD, Verdict
+from mechsim.verdict.checks import Verdict
 
 Row = tuple[str, str, str, str, str]
 
@@ -102,13 +103,12 @@ def verdict_facts(verdict: Verdict | None, method: str) -> dict[str, Any]:
     return told | {"method": method, "checks": checks}
 
 
-def print_verdict(verdict: Verdict | None) -> None:
-    """Print a verdict check by check."""
+def print_judged(verdict: Verdict | None) -> None:
+    """Print the verdict on formulas and MuJoCo, or that there is none."""
     if verdict is None:
         typer.echo("MuJoCo was not asked")
-        return
-    title = f"against MuJoCo: {verdict.outcome}" + (f" - {verdict.reason}" if verdict.reason else "")
-    print_table(title, HEAD[:-1], [check.cells[:-1] for check in verdict.checks])
+    else:
+        print_verdict("against MuJoCo", verdict, reasons=False)
 
 
 def _driving(facts: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:

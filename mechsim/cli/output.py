@@ -12,7 +12,6 @@ import typer
 
 from mechsim.cli.endings import tell
 from mechsim.files import plain
-from mechsim.verdict.checks import HEAD, Verdict
 
 # before the first line of progress where there is no terminal, and between two
 FIRST, SECONDS = 3.0, 10.0
@@ -38,12 +37,6 @@ def print_table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) 
     for row in rows:
         table.add_row(*row)
     console.print(table, markup=False)
-
-
-def print_verdict(name: str, verdict: Verdict) -> None:
-    """Print the verdict on something, and every check of it as a row."""
-    title = f"{name}: {verdict.outcome}" + (f" - {verdict.reason}" if verdict.reason else "")
-    print_table(title, HEAD, [check.cells for check in verdict.checks])
 
 
 class Tick(Protocol):

@@ -13,9 +13,10 @@ from mechsim.cli.against import AgainstOptions, explained, held_against, tell_co
 from mechsim.cli.declared_options import spread
 from mechsim.cli.endings import tell
 from mechsim.cli.options import DriveOptions, Json, Sets, Speed, family_of, folder_for, speed_of
-from mechsim.cli.output import print_json, print_verdict, progress
+from mechsim.cli.output import print_json, progress
 from mechsim.cli.scene_findings import found_in, in_json, tell_findings
 from mechsim.cli.validate_reference import validate_by_reference
+from mechsim.cli.verdict_table import print_verdict
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.finding import Finding
 from mechsim.report.validation import write_validation_report

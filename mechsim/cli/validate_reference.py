@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import typer
 
 from mechsim.analytic import catalog
-from mechsim.cli.output import print_json, print_verdict, progress
+from mechsim.cli.output import print_json, progress
+from mechsim.cli.verdict_table import print_verdict
 from mechsim.studies.reference import by_reference
 from mechsim.subjects import reference_data
 from mechsim.subjects.subject import load

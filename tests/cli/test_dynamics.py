@@ -137,7 +137,7 @@ def test_springs_dampers_couples_and_a_gear_are_options_too(capsys, monkeypatch,
     load = tmp_path / "load.csv"
     turn = repr(2.0 * np.pi)
     load.write_text(f"angle,rocker.mx,rocker.mz\n0,0.01,0\n3,0,0.02\n{turn},0.01,0\n")
-    words = ("rssr", "--json", "--samples", "12")
+    words = ("rssr", "--json", "--samples", "12", "--method", "pose")
     said = [
         json.loads(run(capsys, monkeypatch, *words, *more)[1])
         for more in (
@@ -155,9 +155,10 @@ def test_springs_dampers_couples_and_a_gear_are_options_too(capsys, monkeypatch,
     torques = [one["torque"]["rms"] for one in said]
     assert torques[3] == pytest.approx(torques[0], rel=1e-9)
     assert len({round(one / torques[0], 6) for one in torques}) == 6
-    geared = ("--motor", "line:0.005,30000rpm", "--gear", "10", "--method", "none", "--turns", "2")
-    plain = ("--motor", "line:0.05,3000rpm", "--method", "none", "--turns", "2")
-    ends = [json.loads(run(capsys, monkeypatch, *words, *more)[1])["free"] for more in (geared, plain)]
+    geared = ("--motor", "line:0.005,30000rpm", "--gear", "10")
+    plain = ("--motor", "line:0.05,3000rpm")
+    free = ("rssr", "--json", "--samples", "12", "--method", "none", "--turns", "0.5")
+    ends = [json.loads(run(capsys, monkeypatch, *free, *more)[1])["free"] for more in (geared, plain)]
     assert ends[0]["seconds"] == pytest.approx(ends[1]["seconds"], rel=1e-9)
 
 
@@ -172,7 +173,7 @@ def test_a_tolerance_is_kept_or_missed_with_exit_code_1_and_says_by_what_setting
     code, out, _ = run(capsys, monkeypatch, "warp_knitter", "--tolerance", "1e-9")
     assert code == 1
     assert "tolerance 1e-09 of torque and reactions MISSED by" in out
-    code, out, _ = run(capsys, monkeypatch, "rssr", "--free", "--tolerance", "1e-4", "--json")
+    code, out, _ = run(capsys, monkeypatch, "rssr", "--free", "--turns", "1", "--tolerance", "1e-4", "--json")
     told = json.loads(out)
     assert code == 0
     assert (told["outcome"], told["promise"]["met"]) == ("met", True)

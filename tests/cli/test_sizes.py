@@ -140,16 +140,15 @@ def test_dynamics_say_on_every_road_how_far_they_have_come(
     [
         motors.TorqueSpeedLine(1e4, units.rpm(600)),
         motors.DCMotor(1.0, 2.0, 3.0),
-        motors.ConstantTorque(1e12),
         motors.ConstantTorque(1e20),
     ],
 )
 def test_a_motor_far_too_strong_for_its_machine_drives_it_all_the_same(motor: motors.PlainMotor) -> None:
     machine = dynamics.machine(catalog.make("four_bar"), Forces(motor=motor))
-    run = dynamics.free_run(machine, turns=1.0)
+    run = dynamics.free_run(machine, turns=0.25)
     assert run.outcome == "done"
     assert run.energy_error < 1e-9
-    assert run.angle[-1] - run.angle[0] == pytest.approx(2.0 * np.pi, rel=1e-12)
+    assert run.angle[-1] - run.angle[0] == pytest.approx(0.5 * np.pi, rel=1e-12)
     if motor.slope:
         # it holds its speed but for the moment it starts
         assert np.ptp(run.speed[1:]) < 0.02 * abs(motor.no_load)

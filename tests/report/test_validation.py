@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 
 import pytest
 
@@ -57,23 +58,32 @@ def test_a_report_folder_that_cannot_be_made_is_refused_before_any_work(monkeypa
     assert "no/such" in said.err
 
 
-def test_a_case_without_steps_is_told_by_a_still_and_its_paths(tmp_path):
+def test_a_case_without_steps_is_told_by_a_still_its_paths_and_what_its_formula_misses(tmp_path):
     from mechsim.report.validation import write_validation_report
     from mechsim.studies.validate import validate
     from mechsim.subjects.subject import load
 
-    case = validate(load("scotch_yoke"), quick=True)
-    results = {"passed": True, "mechanisms": {"yoke": case.as_dict()}}
-    assert write_validation_report(tmp_path, {"yoke": case}, results) == []
-    assert {path.name for path in tmp_path.iterdir()} == {
+    law = "def law(angle, of):\n    x = 1.001e-3 * of['crank'] * np.cos(angle)\n"
+    (tmp_path / "own.py").write_text(
+        f"import numpy as np\n{law}    return {{'yoke': np.column_stack([x, 0 * x, 0 * x])}}\n"
+    )
+    case = validate(replace(load("scotch_yoke"), formula=f"{tmp_path}/own.py:law"), quick=True)
+    # of a mechanism called by the path of its file
+    results = {"passed": False, "mechanisms": {"a/yoke": case.as_dict()}}
+    (tmp_path / "out").mkdir()
+    assert write_validation_report(tmp_path / "out", {"a/yoke": case}, results) == []
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "index.html",
         "validate.json",
         "three.min.js",
-        "yoke.png",
-        "yoke.view.html",
-        "yoke_curve.svg",
+        "a_yoke.png",
+        "a_yoke.view.html",
+        "a_yoke_curve.svg",
     }
-    assert results["mechanisms"]["yoke"]["steps"] == 0
+    assert results["mechanisms"]["a/yoke"]["steps"] == 0
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert 'id="a/yoke"' in page
+    assert "what explains the difference" in page
 
 
 def test_the_page_tells_of_several_drivers(tmp_path):
