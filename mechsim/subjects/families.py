@@ -16,6 +16,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.subjects import gallery
 from mechsim.subjects.checked_values import is_quantity
 from mechsim.subjects.parameter_units import parameter_units, reckoned_from
+from mechsim.subjects.python_object import parameters_of
 from mechsim.subjects.subject import is_file, load
 from mechsim.subjects.toml_reader import values_of
 from mechsim.subjects.toml_source import read_source
@@ -27,7 +28,8 @@ def family(
     """Return the family of a subject: its dimensions as they stand, in SI, and what makes others.
 
     Of a mechanism of the catalogue and of a TOML file these are the parameters, those of a place by parts,
-    as pivot.x; of any other subject the places of joints, as JOINT.at.x (see `joint_places`).
+    as pivot.x; of a function in a Python file its arguments that have numbers as defaults, in what unit the
+    file does not say; of any other subject the places of joints, as JOINT.at.x (see `joint_places`).
 
     Args:
         model: as `load` takes it, or what moves itself.
@@ -42,10 +44,11 @@ def family(
         return catalog_family(form) if isinstance(form, ClosedForm) else placed_family(form)
     given = {name: str(value) for name, value in (set or {}).items()}
     form, path = load(model, given, **asked), toml_path(model)
-    if isinstance(form, ClosedForm):
+    found = _arguments(model, given)
+    if isinstance(form, ClosedForm) and not found:
         return catalog_family(form)
-    found = {} if path is None else {one.name: one for one in _parameters(path, given)}
-    if path is None or not found:
+    found = found if path is None else {one.name: one for one in _parameters(path, given)}
+    if not found:
         return placed_family(form)
 
     def make(values: Mapping[str, float]) -> Form:
@@ -56,10 +59,9 @@ def family(
         made = make(values)
         return made.forces if isinstance(made, LoopForm) else None
 
-    acted = forces if form.forces is not None else None
-    reckoned = {
-        name: of for name, of in reckoned_from(read_source(path).document).items() if of and name not in given
-    }
+    acted = forces if getattr(form, "forces", None) is not None else None
+    read = {} if path is None else reckoned_from(read_source(path).document)
+    reckoned = {name: of for name, of in read.items() if of and name not in given}
     free = tuple(name for name in found if name not in reckoned)
     return DesignFamily(form.name, found, lambda values: make(values).mechanism, make, acted, free, reckoned)
 
@@ -70,6 +72,15 @@ def toml_path(model: str) -> str | None:
         return model if model.lower().endswith(".toml") else None
     place = gallery.files().get(model)
     return None if place is None or model in catalog.DRIVES else str(place)
+
+
+def _arguments(model: str, given: Mapping[str, str]) -> dict[str, Dimension]:
+    """Return the parameters of a function in a Python file, as they are given."""
+    if ".py:" not in model:
+        return {}
+    known = parameters_of(model)
+    values = known | {name: units.of_any_kind(text, name)[0] for name, text in given.items()}
+    return {name: Dimension(name, float(value), "1") for name, value in values.items()}
 
 
 def _parameters(path: str, changed: Mapping[str, str]) -> Iterator[Dimension]:

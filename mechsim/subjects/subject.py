@@ -36,8 +36,8 @@ def load(
 
     Args:
         model: a name of the catalogue or the gallery, FILE.toml, FILE.xml in MJCF, or FILE.py:OBJECT, a
-            Mechanism, a catalogue object, or a function without arguments that returns one. The Python file
-            is run.
+            Mechanism, a catalogue object, or a function that returns one, whose arguments with numbers as
+            defaults are parameters. The Python file is run.
         set: parameter -> its value as text, as `--set` takes it, or a number in SI.
         drive: coordinate -> its program: text as `--drive` takes it, or a function of times (n,) in [s] that
             returns value, rate and acceleration, (n,) each in SI.
@@ -87,9 +87,7 @@ def _read(model: str, changed: Mapping[str, str], asked: Prescription) -> Form |
             key=asked.key,
             track=asked.track,
         )
-    if changed:
-        raise InputError(f"{model}: an object in a Python file has no parameters; leave out --set")
-    return read_python(model)
+    return read_python(model, changed)
 
 
 def _named(name: str, given: Mapping[str, str], asked: Prescription) -> Form | TomlSubject:

@@ -107,9 +107,9 @@ def parsed_range(text: str, model: str, there: Mapping[str, str], *, sampled: bo
     name = name.strip()
     if not equals:
         raise InputError(f"--vary {text!r} has no '='; write --vary {SPAN if sampled else RANGE}")
-    unit: Unit = known(name, model, there)  # pyright: ignore[reportAssignmentType]
     what = f"{name} of {model}"
     parts = rest.split(":")
+    unit: Unit = known(name, model, there) or _unit_of(parts, what)  # pyright: ignore[reportAssignmentType]
     if len(parts) == 1 and not sampled:
         return name, np.array(units.parse_vector(rest, unit, what))
     if len(parts) != (2 if sampled else 3):
@@ -123,6 +123,11 @@ def parsed_range(text: str, model: str, there: Mapping[str, str], *, sampled: bo
     if sampled:
         return name, np.array([low, high])
     return name, np.linspace(low, high, _count(parts[2], text))
+
+
+def _unit_of(parts: Sequence[str], what: str) -> str:
+    """Return the SI unit of what a range is written in, where the parameter does not say."""
+    return units.of_any_kind(parts[min(1, len(parts) - 1)].split(",")[-1], what)[1]
 
 
 def _count(text: str, given: str) -> int:
@@ -252,4 +257,5 @@ def _cell(row: Sequence[str], i: int, unit: str, path: str, line: int) -> float:
     try:
         return float(row[i])
     except ValueError:
-        return units.parse(row[i], unit, f"line {line} of {path}")  # pyright: ignore[reportArgumentType]
+        what = f"line {line} of {path}"
+        return units.parse(row[i], unit or _unit_of([row[i]], what), what)  # pyright: ignore[reportArgumentType]

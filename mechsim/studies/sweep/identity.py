@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mechsim._version import __version__
 from mechsim.analytic.derivatives.numbers import numbers_of
-from mechsim.studies.sweep.subject import OfCatalog, OfToml
+from mechsim.studies.sweep.subject import OfCatalog, OfPython, OfToml
 from mechsim.studies.sweep.task import SweepTask
 
 
@@ -33,6 +33,8 @@ def _subject(task: SweepTask) -> str:
         return repr(make.form)
     if isinstance(make, OfToml):
         return repr((make.source.document, sorted(make.given.items())))
+    if isinstance(make, OfPython):
+        return repr((sorted(make.given.items()), make.model.rpartition(":")[2], _file(make.model)))
     programs = getattr(task.subject.form, "programs", None)
     drivers = mechanism.drivers if programs is None else (*programs.drivers, repr(programs.duration))
     return repr((task.subject.name, drivers, _hash(numbers_of(mechanism).tobytes())))
@@ -41,7 +43,12 @@ def _subject(task: SweepTask) -> str:
 def _measure(name: str, subject: str, kind: str) -> str:
     if kind != "function":
         return name
-    return name + _hash(Path(subject.rpartition(":")[0]).read_bytes())
+    return name + _file(subject)
+
+
+def _file(where: str) -> str:
+    """Return the hash of a Python file, given FILE.py:OBJECT."""
+    return _hash(Path(where.rpartition(":")[0]).read_bytes())
 
 
 def _hash(given: bytes) -> str:

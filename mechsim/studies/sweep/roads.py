@@ -47,9 +47,9 @@ def measured(task: SweepTask, low: int, high: int) -> Measured:
 
 def by_one_formula(task: SweepTask) -> bool:
     """Whether designs are measured by one formula on arrays."""
-    form = task.subject.form
+    form = task.subject.closed
     alone = task.loaded or task.wants("function") or task.wants(TRANSMISSION)
-    return not alone and isinstance(form, ClosedForm) and can_be_many(form, task.designs.values)
+    return not alone and form is not None and can_be_many(form, task.designs.values)
 
 
 def _formula(task: SweepTask, rows: Mapping[str, Array], found: Measured) -> Rows:
@@ -87,7 +87,7 @@ def _refuse_swings(known: Turning, good: Rows, found: Measured) -> None:
 
 def _stepped(task: SweepTask, rows: Mapping[str, Array], found: Measured) -> Rows:
     """Measure designs by stepping those together that can be; return the others."""
-    form, every = task.subject.form, np.arange(len(found.outcome))
+    form, every = task.subject.closed, np.arange(len(found.outcome))
     if not (isinstance(form, TwoBranchForm) and can_be_many(form, rows)):
         return stepped_together(task, rows, every, found)
     good, known = _known_to_turn(form, rows)

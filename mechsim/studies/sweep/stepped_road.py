@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.many_designs import can_be_many, started
 from mechsim.analytic.forms import Form
 from mechsim.errors import MechsimError
@@ -71,10 +70,10 @@ def stepped_together(task: SweepTask, rows: Mapping[str, Array], index: Rows, fo
 
 def _begun(task: SweepTask, rows: Mapping[str, Array]) -> tuple[StartedDesigns | None, Rows]:
     """Return the designs that are alike, and which those are."""
-    form, count = task.subject.form, len(next(iter(rows.values())))
-    if isinstance(form, ClosedForm) and can_be_many(form, rows):
+    form, count = task.subject.closed, len(next(iter(rows.values())))
+    if form is not None and can_be_many(form, rows):
         return started(form, rows), np.arange(count)
-    like, made, which = form.mechanism, [], []
+    like, made, which = task.subject.form.mechanism, [], []
     for i in range(count):
         with suppress(MechsimError, ArithmeticError, ValueError):
             one = task.subject.make({name: float(values[i]) for name, values in rows.items()}).mechanism

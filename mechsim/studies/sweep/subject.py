@@ -1,7 +1,9 @@
 """What is swept: a subject that can be sent to another process, and made there in other designs."""
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 from mechsim.analytic.catalog.base import ClosedForm
@@ -10,6 +12,7 @@ from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.families import family, toml_path
+from mechsim.subjects.python_object import parameters_of, python_maker
 from mechsim.subjects.toml_reader import toml_subject
 from mechsim.subjects.toml_source import TomlSource, read_source
 
@@ -57,6 +60,30 @@ class OfToml:
 
 
 @dataclass(frozen=True)
+class OfPython:
+    """Makes designs by a function in a Python file, which each process that makes some runs.
+
+    Attributes:
+        model: FILE.py:FUNCTION.
+        given: argument -> text, of those that are set and do not vary.
+    """
+
+    model: str
+    given: Mapping[str, str] = field(default_factory=dict[str, str])
+
+    def __call__(self, values: Mapping[str, float]) -> Form:
+        """Return a design."""
+        changed = os.stat(self.model.rpartition(":")[0]).st_mtime_ns
+        return _maker(self.model, changed)({**self.given, **values})
+
+
+@lru_cache(maxsize=8)
+def _maker(model: str, changed: int) -> Callable[[Mapping[str, str | float]], Form]:
+    """Return what makes designs by a Python file that was last changed then; the file is run once."""
+    return python_maker(model)
+
+
+@dataclass(frozen=True)
 class SweptSubject:
     """A subject, and what makes its designs.
 
@@ -71,6 +98,11 @@ class SweptSubject:
     form: Form
     family: DesignFamily
     make: Make
+
+    @property
+    def closed(self) -> ClosedForm | None:
+        """The closed form whose own parameters vary; None for any other subject."""
+        return self.form if isinstance(self.form, ClosedForm) and isinstance(self.make, OfCatalog) else None
 
 
 def swept(
@@ -89,10 +121,12 @@ def swept(
     found = family(model, set, **asked)
     form = found.make({})
     name = model if isinstance(model, str) else form.name
+    given = {one: str(value) for one, value in (set or {}).items()}
+    if isinstance(model, str) and ".py:" in model and not any(asked.values()) and parameters_of(model):
+        return SweptSubject(name, form, found, OfPython(model, given))
     if isinstance(form, ClosedForm):
         return SweptSubject(name, form, found, OfCatalog(form))
     path = toml_path(model) if isinstance(model, str) else None
     if path is not None and form.programs is None and not any(asked.values()):
-        given = {one: str(value) for one, value in (set or {}).items()}
         return SweptSubject(name, form, found, OfToml(read_source(path), given))
     return SweptSubject(name, form, found, found.make)

@@ -19,7 +19,7 @@ from mechsim.studies.sweep.identity import identity
 from mechsim.studies.sweep.measures import measures
 from mechsim.studies.sweep.parts import BESIDE, PartFolder, require_disk
 from mechsim.studies.sweep.roads import require_measurable
-from mechsim.studies.sweep.subject import SweptSubject, swept
+from mechsim.studies.sweep.subject import OfPython, SweptSubject, swept
 from mechsim.studies.sweep.table import (
     MARK,
     dataset,
@@ -109,8 +109,10 @@ def sweep(
 def swept_designs(
     model: str | Form | Mechanism | SweptSubject, set: Mapping[str, str | float] | None = None, **asked: Any
 ) -> tuple[SweptSubject, dict[str, str]]:
-    """Return what is swept, and what may vary of it: parameter -> SI unit."""
+    """Return what is swept, and what may vary of it: parameter -> SI unit, empty where none is said."""
     subject = model if isinstance(model, SweptSubject) else swept(model, set, **asked)
+    if isinstance(subject.make, OfPython):
+        return subject, dict.fromkeys(subject.family.dimensions, "")
     return subject, parameter_units(subject.family, subject.form)
 
 

@@ -48,7 +48,7 @@ def dataset(
     coordinates: dict[str, Any] = {}
     for name, row in designs.values.items():
         along = name if designs.spread == "grid" else "design"
-        coordinates[name] = (along, row, {"units": designs.units[name]})
+        coordinates[name] = (along, row, {"units": designs.units[name] or "1"})
     about = {
         "model": task.subject.name,
         "mechanism": task.subject.form.name,

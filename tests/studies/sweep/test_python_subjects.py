@@ -1,0 +1,59 @@
+"""Sweeps of what a function in a Python file makes from its arguments."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.errors import InputError
+from mechsim.studies.sweep.designs import parsed_range
+from mechsim.studies.sweep.sweeping import swept_designs
+
+FILE = """
+import mechsim as ms
+
+def scaled(crank=0.03, *, ratio=1.0, branch=1, mark="none"):
+    return ms.catalog.make("four_bar", crank=ratio * crank, branch=branch)
+
+still = scaled()
+"""
+
+
+@pytest.fixture
+def model(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(FILE, encoding="utf-8")
+    return f"{path}:scaled"
+
+
+def test_arguments_with_numbers_as_defaults_are_parameters(model):
+    there = swept_designs(model)[1]
+    assert [*there] == ["crank", "ratio", "branch"]
+    assert parsed_range("crank=20mm:3cm:2", model, there, sampled=False)[1].tolist() == [0.02, 0.03]
+    assert parsed_range("ratio=1,2", model, there, sampled=False)[1].tolist() == [1.0, 2.0]
+    # the names are those of a four-bar's own, and what they do is the function's
+    found = ms.sweep(model, {"crank": [0.02], "ratio": [1.0, 2.0]}, "range:rocker", set={"branch": -1})
+    wanted = ms.sweep("four_bar", {"crank": [0.02, 0.04]}, "range:rocker", set={"branch": -1})
+    np.testing.assert_allclose(found["range:rocker"].values[0], wanted["range:rocker"], rtol=1e-12)
+    assert ms.load(model, {"crank": "25mm"}).crank == 0.025
+
+
+def test_what_is_no_argument_is_refused(model):
+    for name in ("krank", "mark"):
+        with pytest.raises(InputError, match=f"no parameter '{name}'.* known are crank, ratio, branch"):
+            ms.load(model, {name: "1"})
+    with pytest.raises(InputError, match="no parameter 'krank' to vary"):
+        ms.sweep(model, {"krank": [1.0]}, "range:rocker")
+    with pytest.raises(InputError, match="has no parameters"):
+        ms.load(model.replace("scaled", "still"), {"crank": "1"})
+
+
+def test_a_file_that_changed_is_another_sweep(model, tmp_path):
+    out = tmp_path / "out.nc"
+    ms.sweep(model, {"crank": [0.02]}, "range:rocker", output=out)
+    path = tmp_path / "mine.py"
+    path.write_text(FILE.replace("ratio * crank", "ratio * crank + 0.001"), encoding="utf-8")
+    with pytest.raises(InputError, match="another sweep"):
+        ms.sweep(model, {"crank": [0.02]}, "range:rocker", output=out, resume=True)
+    changed = ms.sweep(model, {"crank": [0.02]}, "range:rocker")
+    wanted = ms.sweep("four_bar", {"crank": [0.021]}, "range:rocker")
+    assert float(changed["range:rocker"][0]) == pytest.approx(float(wanted["range:rocker"][0]), rel=1e-12)
