@@ -52,5 +52,3 @@ def test_a_file_that_does_not_run_is_refused(tmp_path):
     (tmp_path / "own.py").write_text("def x(:\n")
     with pytest.raises(InputError, match="SyntaxError"):
         load(f"{tmp_path / 'own.py'}:x")
-    with pytest.raises(InputError, match="leave out --set"):
-        load(f"{tmp_path / 'own.py'}:x", {"crank": "3"})

@@ -27,6 +27,9 @@ from mechsim.model.motion import JointMotion, Motion, Through, join
 # parameters that say which assembly is meant
 SELECTORS = ("branch", "side", "assembly")
 
+# part of the largest margin that is far enough from a dead centre to begin there
+CLEAR = 1e-3
+
 # angles a closed form takes in one go: its arrays of this length stay in a core's own cache
 CHUNK = 8192
 
@@ -430,7 +433,7 @@ class TwoBranchForm(ClosedForm):
         spread = np.concatenate([np.linspace(low, high, 25) for low, high in arcs.arcs])
         margins = self.margin(spread)
         # where the assemblies meet, as in a parallelogram laid flat, no guess tells them apart
-        if self.margin(np.array([start]))[0] > 1e-3 * margins.max():
+        if self.margin(np.array([start]))[0] > CLEAR * margins.max():
             return start
         return float(spread[np.argmax(margins)])
 

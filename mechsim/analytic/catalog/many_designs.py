@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
+from mechsim.analytic.catalog.base import CLEAR, ClosedForm, TwoBranchForm
 from mechsim.analytic.catalog.parameter_fields import HUGE
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.jets import Jet
@@ -39,12 +39,14 @@ class Turning:
         doubtful: whether margins come so near to nought that only the exact roots tell, (n,).
         lowest: the crank angle at which each comes nearest to falling apart, or is farthest open, (n,).
         margins: coefficients of the margins as `numpy.fft` orders them, (n, 2 degree + 1).
+        clear: whether they stand clear of dead centres with the crank at nought, (n,); they are begun there.
     """
 
     full: Bools
     doubtful: Bools
     lowest: Array
     margins: NDArray[np.complex128]
+    clear: Bools
 
 
 def can_be_many(form: ClosedForm, varied: Iterable[str]) -> bool:
@@ -121,7 +123,8 @@ def turning(form: TwoBranchForm, varied: Mapping[str, Array]) -> Turning:
     lowest[of[low == least[of]]] = found[low == least[of]] % TURN
     known = np.isfinite(least) & (scale > 0.0)
     doubtful = ~known | (np.abs(least) <= CLOSE * scale)
-    return Turning(known & (least > CLOSE * scale), doubtful, lowest, harmonics)
+    clear = heights[:, 0] > CLEAR * heights.max(1)
+    return Turning(known & (least > CLOSE * scale), doubtful, lowest, harmonics, clear)
 
 
 def closed_at(form: TwoBranchForm, varied: Mapping[str, Array], angles: Array) -> Bools:

@@ -94,8 +94,11 @@ def _stepped(task: SweepTask, rows: Mapping[str, Array], found: Measured) -> Row
     if known is None:
         return every
     _refuse_swings(known, good, found)
-    left = stepped_together(task, rows, good[known.full & ~known.doubtful], found)
-    return np.union1d(left, np.setdiff1d(every, good[~known.doubtful]))
+    known_well = ~known.doubtful
+    index = good[known_well & known.full & known.clear]
+    left = stepped_together(task, rows, index, found)
+    settled = np.union1d(index, good[known_well & ~known.full])
+    return np.union1d(left, np.setdiff1d(every, settled))
 
 
 def _facts(task: SweepTask, known: object) -> dict[str, Array]:
