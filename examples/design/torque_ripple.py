@@ -9,7 +9,7 @@ Run: python examples/design/torque_ripple.py
 import numpy as np
 
 import mechsim as ms
-from mechsim.studies.optimise import Limit, Optimum, limit_of
+from mechsim.studies.optimise import Limit, MeasureLimit, Optimum
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 25)
 VARY = {"ground": (0.08, 0.13), "coupler": (0.07, 0.13), "rocker": (0.06, 0.1)}
@@ -19,7 +19,7 @@ def search() -> Optimum:
     start = ms.moved("four_bar", angles=TURN, speed=ms.units.rpm(600))
     swing = float(np.ptp(start.values(["rocker.q"], {})["rocker.q"]))
     limits = [
-        limit_of("range:rocker.q", low=0.95 * swing),
+        MeasureLimit("range:rocker", low=0.95 * swing),
         Limit(
             ("B.q",),
             lambda given: np.cos(given["B.q"]) ** 2,

@@ -8,7 +8,9 @@ import pytest
 
 import mechsim as ms
 from mechsim.errors import InputError
-from mechsim.studies.optimise import Goal, Limit, goal_of, limit_of
+from mechsim.maths.complex_step import change_of, stepped
+from mechsim.studies.optimise import Goal, Limit, MeasureLimit, largest, smallest
+from mechsim.studies.optimise.measured_goals import goal_of, limit_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "design"
 TURN = np.linspace(0.0, 2.0 * np.pi, 13)
@@ -34,7 +36,8 @@ def test_less_torque_ripple_keeps_swing_transmission_and_size():
     assert found.outcome == "found"
     assert found.after < 0.8 * found.before
     columns = found.moved.values(["rocker.q", "B.q", "torque"], {})
-    assert np.std(columns["torque"]) == pytest.approx(found.after, rel=1e-9)
+    # the last pose of the turn is the first again
+    assert np.std(columns["torque"][:-1]) == pytest.approx(found.after, rel=1e-9)
     assert np.abs(np.cos(columns["B.q"])).max() <= np.cos(np.deg2rad(40.0)) * (1.0 + 1e-6)
     assert sum(found.values.values()) <= 0.3
 
@@ -72,7 +75,7 @@ def test_a_generated_function_is_the_nearest_of_its_neighbours():
 def test_a_limit_that_cannot_be_kept_is_said_to_be_missed():
     start = ms.moved("four_bar", angles=TURN)
     found = ms.optimise(
-        start, {"rocker": (0.07, 0.08)}, "rms:rocker.v", [limit_of("range:rocker.q", low=6.0)]
+        start, {"rocker": (0.07, 0.08)}, "rms:rocker.v", [MeasureLimit("range:rocker", low=6.0)]
     )
     assert found.outcome == "limits missed"
 
@@ -80,8 +83,7 @@ def test_a_limit_that_cannot_be_kept_is_said_to_be_missed():
 def test_a_search_goes_back_from_where_no_crank_turns():
     start = ms.moved("four_bar", angles=TURN)
     # the most swing is where the crank hardly turns: beyond, the loops are open
-    swing = goal_of("range:rocker.q").function
-    grown = Goal(("rocker.q",), lambda given: 3.0 - swing(given))
+    grown = Goal(("rocker.q",), lambda given: 3.0 - largest(given["rocker.q"]) + smallest(given["rocker.q"]))
     found = ms.optimise(start, {"crank": (0.02, 0.2)}, grown, most=3)
     assert found.outcome == "not converged"
     assert 0.032 <= found.values["crank"] < 0.0571
@@ -94,8 +96,11 @@ def test_a_search_goes_back_from_where_no_crank_turns():
         ({"crnk": (0.1, 0.2)}, "rms:torque", "did you mean 'crank'"),
         ({"crank": (0.2, 0.1)}, "rms:torque", "give its lowest and highest value"),
         ({"crank": (0.1, 0.2)}, "rms:torque", "crank is 0.032 as it stands, outside 0.1 to 0.2"),
-        ({"crank": (0.01, 0.04)}, "worst:torque", "there is no goal 'worst:torque'; write one of max, min"),
-        ({"crank": (0.01, 0.04)}, "rms:rockr.q", "has no quantity"),
+        ({"crank": (0.01, 0.04)}, "worst:torque", "there is no measure 'worst:torque'"),
+        ({"crank": (0.01, 0.04)}, "rms:rockr", "has no quantity 'rockr'; did you mean 'rocker'"),
+        ({"crank": (0.01, 0.04)}, "crank_range", "crank_range has no derivative by dimensions"),
+        ({"crank": (0.01, 0.04)}, "min:transmission", "min:transmission has no derivative by dimensions"),
+        ({"crank": (0.01, 0.04)}, "at:10deg:rocker", "at 0.174533 rad, where the motion is not solved"),
         ({}, "rms:torque", "no dimension may vary"),
     ],
 )
@@ -110,7 +115,36 @@ def test_a_function_that_loses_its_derivative_is_refused():
         ms.optimise(ms.moved("four_bar", angles=TURN), {"crank": (0.01, 0.04)}, lost)
 
 
-def test_a_limit_needs_a_bound_and_a_goal_a_word():
+def test_a_limit_needs_a_bound():
     with pytest.raises(InputError, match="has no bound"):
         Limit((), lambda given: given["crank"])
-    assert goal_of("peak:torque").function({"torque": np.array([1.0, -3.0])}) == 3.0
+    with pytest.raises(InputError, match="range:rocker has no bound"):
+        ms.optimise("four_bar", {"crank": (0.01, 0.04)}, "rms:torque", [MeasureLimit("range:rocker")])
+
+
+WORDS = [
+    "range:rocker",
+    "stroke:C",
+    "max:C.vx",
+    "min:rocker.a",
+    "rms:speed:C",
+    "mean:force:B",
+    "ripple:torque",
+    "at:60deg:C.y",
+]
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_a_measure_is_the_one_of_a_sweep_and_its_slope_that_of_two_sweeps(word):
+    start, step = ms.moved("four_bar", angles=TURN, speed=10.0), 2.0**-14
+    goal, name = goal_of(word, start), "coupler"
+    found = start.slopes(start.quantities(goal.of), [name])
+    alike = {one: stepped(values, found.by[name][one]) for one, values in found.values.items()}
+    value = limit_of(MeasureLimit(word, low=0.0), start).function(alike)
+    beside = 0.091 + step * np.array([-1.0, 0.0, 1.0])
+    swept = ms.sweep("four_bar", {name: beside}, measure=[word], samples=12, speed=10.0)[word].values
+    assert np.real(value) == pytest.approx(swept[1], rel=1e-9)
+    # of second order, of steps a thousandth of the coupler
+    assert change_of(value) == pytest.approx((swept[2] - swept[0]) / (2.0 * step), rel=1e-4)
+    least = np.sqrt(np.square(goal.function(found.values)).mean())
+    assert least == pytest.approx(abs(swept[1]), rel=1e-9)

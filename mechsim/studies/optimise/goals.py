@@ -14,7 +14,6 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
-from mechsim.maths.complex_step import size_of
 
 Quantities = Mapping[str, Any]
 Function = Callable[[Quantities], Any]
@@ -64,41 +63,6 @@ def largest(values: Array) -> Any:
 def smallest(values: Array) -> Any:
     """Return the smallest of values, with its derivative."""
     return values[int(np.argmin(np.real(values)))]
-
-
-def root_mean_square(values: Array) -> Any:
-    """Return the root mean square of values."""
-    return np.sqrt((values**2).mean())
-
-
-# word before a quantity -> what it makes of it
-WORDS: dict[str, Callable[[Array], Any]] = {
-    "max": largest,
-    "min": smallest,
-    "mean": lambda values: values.mean(),
-    "rms": root_mean_square,
-    "range": lambda values: largest(values) - smallest(values),
-    "ripple": lambda values: values - values.mean(),
-    "peak": lambda values: largest(size_of(values)),
-}
-
-
-def goal_of(text: str) -> Goal:
-    """Return the goal WORD:QUANTITY: max, min, mean, rms, range, ripple (about the mean) or peak of a column.
-
-    Raises:
-        InputError: for another word.
-    """
-    word, colon, name = text.partition(":")
-    if not colon or word not in WORDS or not name:
-        raise InputError(f"there is no goal {text!r}; write one of {', '.join(WORDS)}, as rms:torque")
-    return Goal((name,), lambda given: WORDS[word](given[name]))
-
-
-def limit_of(text: str, low: float | None = None, high: float | None = None) -> Limit:
-    """Return the limit of WORD:QUANTITY, as `goal_of`."""
-    goal = goal_of(text)
-    return Limit(goal.of, goal.function, low, high, text)
 
 
 def numbers_from(found: Any, what: str) -> Array:

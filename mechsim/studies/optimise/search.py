@@ -11,7 +11,8 @@ from mechsim.maths.arrays import Array
 from mechsim.maths.complex_step import change_of, stepped
 from mechsim.maths.given import numbers
 from mechsim.model.display import short_repr
-from mechsim.studies.optimise.goals import Function, Goal, Limit, bounded, goal_of, numbers_from
+from mechsim.studies.optimise.goals import Function, Goal, Limit, bounded, numbers_from
+from mechsim.studies.optimise.measured_goals import MeasureLimit, goal_of, limit_of
 from mechsim.studies.sensitivity.asked import Subject, moved
 from mechsim.studies.sensitivity.moved_family import MovedFamily, Slopes, beside
 from mechsim.studies.sensitivity.table import dimensions_asked
@@ -62,7 +63,7 @@ def optimise(
     model: Subject,
     vary: Mapping[str, tuple[float, float]],
     goal: Goal | str,
-    limits: Sequence[Limit] = (),
+    limits: Sequence[Limit | MeasureLimit] = (),
     *,
     most: int = MOST,
 ) -> Optimum:
@@ -75,18 +76,21 @@ def optimise(
     Args:
         model: as `moved` takes it; angles, speed and forces are those of `moved`.
         vary: dimension -> lowest and highest value in SI.
-        goal: what is to be small, or WORD:QUANTITY as `goal_of` has it.
-        limits: what must be kept. That the loops close at every angle is one without being named: a crank
-            asked for over a whole turn turns fully.
+        goal: what is to be small: a measure as `mechsim sweep` has it ("ripple:torque", "range:rocker"), or
+            a function.
+        limits: what must be kept, of measures or functions. That the loops close at every angle is one
+            without being named: a crank asked for over a whole turn turns fully.
         most: mechanisms tried at the most.
 
     Raises:
-        InputError: for an unknown dimension or quantity, bounds that run backwards or leave out the start, or
-            a function that loses derivatives.
+        InputError: for an unknown dimension, measure or quantity, a measure without derivative, bounds that
+            run backwards or leave out the start, or a function that loses derivatives.
         AssemblyError: where the mechanism it begins from cannot stand at every angle.
     """
     subject = moved(model)
-    search = _DimensionSearch(subject, vary, goal_of(goal) if isinstance(goal, str) else goal, limits)
+    wanted = goal_of(goal, subject) if isinstance(goal, str) else goal
+    kept = [limit_of(one, subject) if isinstance(one, MeasureLimit) else one for one in limits]
+    search = _DimensionSearch(subject, vary, wanted, kept)
     search.at(search.begin)
     found = search.constrained(most) if limits else search.free(most)
     return search.told(found)

@@ -20,10 +20,12 @@ OVER: dict[str, Callable[[Array], Array]] = {
     "min": lambda of: of.min(1),
     "rms": lambda of: np.sqrt((of**2).mean(1)),
     "mean": lambda of: of.mean(1),
+    # about the mean
+    "ripple": lambda of: np.sqrt(((of - of.mean(1, keepdims=True)) ** 2).mean(1)),
 }
 # word -> unit of what is known of a design without a turn
 FACTS = {"crank_range": "rad", "dead_centres": "1", "assemblies": "1"}
-WORDS = ("range:J", "stroke:P", "max:Q", "min:Q", "rms:Q", "mean:Q", "at:ANGLE:Q", *FACTS, "FILE.py:FUNC")
+WORDS = ("range:J", "stroke:P", *(f"{word}:Q" for word in OVER), "at:ANGLE:Q", *FACTS, "FILE.py:FUNC")
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +34,7 @@ class TurnMeasure:
 
     Attributes:
         name: as it was asked for.
-        kind: "range", "stroke", "max", "min", "rms", "mean", "at", "function" or one of `FACTS`.
+        kind: "range", "stroke", "at", "function", or one of `OVER` or `FACTS`.
         unit: in SI.
         of: the quantity; None for strokes, facts and functions.
         subject: the point of a stroke, or FILE.py:FUNC.
@@ -93,8 +95,9 @@ def measure(text: str, mechanism: Mechanism) -> TurnMeasure:
     """Return the measure that a text asks for.
 
     Args:
-        text: range:J, stroke:P, max:Q, min:Q, rms:Q, mean:Q with quantities as `turns.quantity` has them,
-            at:ANGLE:Q, crank_range, dead_centres, assemblies, or FILE.py:FUNC of a Motion.
+        text: range:J, stroke:P, max:Q, min:Q, rms:Q, mean:Q, ripple:Q (root mean square about the mean) with
+            quantities as `turns.quantity` has them, at:ANGLE:Q, crank_range, dead_centres, assemblies, or
+            FILE.py:FUNC of a Motion.
         mechanism: whose.
 
     Raises:
@@ -135,7 +138,7 @@ def _stroke(turns: Turns, point: str) -> Array:
     """Return the greatest distance of two places on the path of a point, (designs,) in [m]."""
     shape = (turns.designs, turns.poses)
     x, y, z = (part.reshape(shape) for part in turns.motion.points[point].position.T)
-    most = np.zeros(turns.designs)
+    most = np.zeros(turns.designs, x.dtype)
     for apart in range(1, turns.poses // 2 + 1):
         # each pair once: so many poses apart, round the turn
         dx, dy, dz = (part - np.roll(part, apart, 1) for part in (x, y, z))
