@@ -83,10 +83,11 @@ def test_what_no_loop_holds_is_kept_where_it_is_in_units_of_the_size():
 def test_rows_that_repeat_each_other_do_not_serve_and_those_chosen_do():
     loops, start = six_bar()
     solver = loop_solver(loops, start)
-    assert solver.serves(start)
+    assert all(solver.telling(solver.linearise(start)))
     idle = next(row for row in range(loops.rows) if row not in solver.rows)
     rows = np.sort([*solver.rows[1:], idle])
-    assert not LoopSolver(loops, rows, solver.gauge, start).serves(start)
+    other = LoopSolver(loops, rows, solver.gauge, start)
+    assert not any(other.telling(other.linearise(start)))
 
 
 def test_loops_are_closed_to_rounding_from_a_guess_beside_them_and_say_how_far_they_went():

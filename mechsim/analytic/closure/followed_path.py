@@ -9,32 +9,37 @@ two assemblies meet: the path is then followed up to that change point, which is
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.closure.loop_solver import Linearised, LoopSolver, loop_solver
+from mechsim.analytic.closure.loop_solver import TELLING, Linearised, LoopSolver, loop_solver
 from mechsim.analytic.closure.meeting_cells import folded, meeting_between, through
-from mechsim.analytic.closure.path_cells import Cell, Drive, PathRows, nodes_between
+from mechsim.analytic.closure.path_cells import CLOSED, Cell, Drive, PathRows, nodes_between
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
 from mechsim.model.motion import Through
 
-# nodes of a cell, its first length and its longest, in radians of the drivers' motion
-NODES, FIRST, LONGEST = 9, 0.1, 1.2
+# nodes of a cell, its first length and its longest, in radians of the drivers' motion, and how many times as
+# long as the one before it may be at the most
+NODES, FIRST, LONGEST, GROWTH = 9, 0.1, 1.2, 3.0
 # a cell shorter than this ends at a singular pose
 SHORTEST = 1e-13
 # so much of a cell that its even nodes do not tell of the odd ones is not smooth
 ROUGH = 1e-4
+# the roughness and the way from what was foretold at which the next cell's length aims: they grow with the power
+# of the length that half the nodes have, and all of them
+AIM, AIMED = 1e-5, 5e-3
 # part of the cell about a change point within which poses are read off its polynomial, for there the loops
 # tell nothing; and so near to one no path can begin
 BLIND, CLEAR = 0.05, 1e-5
-# part of the determinant that the best rows have near a singular pose, below which others are picked
-TELLING = 0.5
 # a path that ends so near to its start may end because that is singular
 AT_START = 1e-3
+# what is taken for this where it is less
+TINY = 1e-300
 # two parameters nearer than this are one
 NEAR = 1e-9
 # part of that cell's length beyond it for which it foretells the next: its many nodes foretell no farther
@@ -110,6 +115,8 @@ class FollowedPath(PathRows):
         done, self._side, self._ahead = self.cells[sense], 0.0, None
         here = float(done[-1].nodes[-1]) if done else self.begin
         length = AFTER * abs(float(done[-1].nodes[-1] - done[-1].nodes[0])) if done else FIRST
+        if not done and self.cells[-sense]:
+            length *= GROWTH  # no tangent foretells it
         while sense * (to - here) > 0.0:
             left = sense * (to - here)
             step = left if left <= length else min(length, 0.6 * left)
@@ -145,12 +152,12 @@ class FollowedPath(PathRows):
             step = min(step, left)
         solver = self._solver(here, sense)
         nodes, weights = nodes_between(here, here + sense * step, NODES)
-        found = self.closed(solver, nodes, self._foretold(here, sense, solver, nodes))
+        found = self.closed(solver, nodes, self._foretold(here, sense, solver, nodes), CLOSED)
         if found is None:
             return None, 0.5 * step
         states, loops, moved = found
         cell = Cell(nodes, states, weights, solver)
-        rough = self._roughness(cell)
+        rough = _roughness(states)
         if rough > ROUGH:
             return None, 0.5 * step
         cell, side = self._told(cell, loops)
@@ -163,36 +170,42 @@ class FollowedPath(PathRows):
             length = abs(float(done[-1].nodes[-1] - done[-1].nodes[0]))
             return None, 0.6 * length if self._back(sense) else 0.5 * step
         self._side = middle
-        growth = 2.0 if rough < 1e-7 and moved < 1e-3 else 1.4 if rough < 1e-5 and moved < 1e-2 else 1.0
-        return cell, min(LONGEST, growth * step)
+        return cell, min(LONGEST, step * self._growth(step, sense, rough, moved))
+
+    def _growth(self, step: float, sense: int, rough: float, moved: float) -> float:
+        """Return how many times as long as a cell the next may be."""
+        growth = min(GROWTH, (AIM / max(rough, TINY)) ** (2.0 / (NODES + 1)))
+        if not self.cells[sense]:
+            return growth  # a tangent foretold it
+        # a polynomial errs by the product of the distances to its nodes
+        before = abs(float(np.ptp(self.cells[sense][-1].nodes)))
+        return min(growth, (1.0 + 0.5 * before / step) * (AIMED / max(moved, TINY)) ** (1.0 / NODES) - 0.5)
 
     def _told(self, cell: Cell, closed: Linearised) -> tuple[Cell, Array]:
         """Return a cell solved by rows that tell enough where it is near a singular pose, and its sides.
 
         Rows that repeat others elsewhere may be the ones that count there.
         """
-        side = closed.side()
-        if not cell.solver.open and len(cell.solver.rows) == self.loops.rows:
-            return cell, side
+        side, old = closed.side(), cell.solver
+        serves, whole = old.telling(closed)
+        cell = replace(cell, serves=serves)
         # the nearest node may be the singular pose itself
         beside = np.argsort(np.abs(side))[1:2]
-        nearest = self.unflat(cell.states[beside], cell.nodes[beside])
-        solver = loop_solver(self.loops, nearest, cell.solver.gauge, closed.slope[..., beside])
-        if np.array_equal(solver.rows, cell.solver.rows):
+        if whole[beside[0]]:
             return cell, side
-        own, best = (abs(np.linalg.det(one.linearise(nearest).matrix[0])) for one in (cell.solver, solver))
-        if solver.open != cell.solver.open or own > TELLING * best:
+        nearest = self.unflat(cell.states[beside], cell.nodes[beside])
+        solver = loop_solver(self.loops, nearest, old.gauge, closed.slope[..., beside])
+        if np.array_equal(solver.rows, old.rows):
+            return cell, side
+        own = abs(np.linalg.det(closed.matrix[beside[0]]))
+        best = abs(np.linalg.det(solver.linearise(nearest).matrix[0]))
+        if solver.open != old.open or own > TELLING * best:
             return cell, side
         found = self.closed(solver, cell.nodes, cell.states)
         if found is None:
             return cell, side
-        return replace(cell, states=found[0], solver=solver), found[1].side()
-
-    def _roughness(self, cell: Cell) -> float:
-        half = Cell(
-            cell.nodes[::2], cell.states[::2], nodes_between(0.0, 1.0, NODES // 2 + 1)[1], cell.solver
-        )
-        return float(np.abs(half.at(cell.nodes[1::2]) - cell.states[1::2]).max())
+        told = replace(cell, states=found[0], solver=solver, serves=solver.telling(found[1])[0])
+        return told, found[1].side()
 
     def _met(self, cell: Cell, flip: int, sense: int) -> bool:
         """Say whether a change point lies behind a node of a cell; the path then stops where its cell begins.
@@ -258,10 +271,11 @@ class FollowedPath(PathRows):
         done = self.cells[sense] or self.cells[-sense]
         if not done:
             return loop_solver(self.loops, self.start)
-        cell = done[-1] if self.cells[sense] else done[0]
-        state = cell.states[-1:] if self.cells[sense] else cell.states[:1]
-        at = self.unflat(state, np.array([here]))
-        if cell.solver.serves(at):
+        cell, end = (done[-1], -1) if self.cells[sense] else (done[0], 0)
+        if cell.serves is not None and cell.serves[end]:
+            return cell.solver
+        at = self.unflat(cell.states[[end]], np.array([here]))
+        if cell.serves is None and cell.solver.telling(cell.solver.linearise(at))[0][0]:
             return cell.solver
         return loop_solver(self.loops, at, cell.solver.gauge)
 
@@ -331,6 +345,18 @@ class FollowedPath(PathRows):
     def _dot(self) -> Cell:
         """Return the cell of a path that has not begun: its start alone."""
         return Cell(np.array([self.begin]), self.flat(self.start), np.ones(1), self._solver(self.begin, 1))
+
+
+def _roughness(states: Array) -> float:
+    """Return by how much the states at odd nodes of a cell differ from what those at even nodes tell."""
+    return float(np.abs(_odd_from_even() @ states[::2] - states[1::2]).max())
+
+
+@cache
+def _odd_from_even() -> Array:
+    nodes, half = nodes_between(0.0, 1.0, NODES)[0], nodes_between(0.0, 1.0, NODES // 2 + 1)
+    part = half[1] / (nodes[1::2, None] - half[0])
+    return part / part.sum(1, keepdims=True)
 
 
 def _places(cells: list[Cell], s: Array) -> NDArray[np.intp]:

@@ -1,6 +1,7 @@
 """Solving linearised loops for many instants at once: independent rows, and a gauge for what is left open."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,13 +13,13 @@ from mechsim.maths.arrays import Array
 
 # Newton steps taken at the most, and a residual that is rounding
 MOST_STEPS, ROUNDING = 8, 1e-13
-# a step, in radians or units of the size, that is too long for the linear model
+# steps, in radians or units of the size, that are too long for the linear model
 FAR = 0.3
-# part of the best that rows and gauge may tell before others are picked
-HALF = 0.4
+# part of the best that rows and gauge may tell before others are picked, by singular value and determinant
+HALF, TELLING = 0.4, 0.5
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Linearised:
     """The loops about n sets of coordinates.
 
@@ -36,12 +37,16 @@ class Linearised:
     matrix: Array
     right: Array
 
+    @cached_property
+    def values(self) -> Array:
+        """Singular values of the matrices, (n, u)."""
+        return np.linalg.svd(self.matrix, compute_uv=False)
+
     def side(self) -> Array:
         """Return the signed distance from a singular pose, (n,): two assemblies that meet differ in sign."""
         if not self.matrix.size:  # the drivers alone say where everything is
             return np.ones(len(self.matrix))
-        least = np.linalg.svd(self.matrix, compute_uv=False)[:, -1]
-        return np.linalg.slogdet(self.matrix)[0] * least
+        return np.linalg.slogdet(self.matrix)[0] * self.values[:, -1]
 
 
 @dataclass(frozen=True)
@@ -65,14 +70,22 @@ class LoopSolver:
         """Freedoms that neither drivers nor loops determine."""
         return len(self.gauge)
 
-    def serves(self, at: Coordinates) -> bool:
-        """Whether it tells as much at one set of coordinates as a solver made there."""
-        if not self.open and len(self.rows) == self.loops.rows:
-            return True
-        found = self.linearise(at)
-        own = np.linalg.svd(found.matrix[0], compute_uv=False)[-1]
-        every = np.linalg.svd(found.slope[:, self.loops.unknown, 0], compute_uv=False)
-        return bool(own > HALF * every[len(self.rows) - 1])
+    @property
+    def whole(self) -> bool:
+        """Whether all rows are solved and determine all there is."""
+        return not self.open and len(self.rows) == self.loops.rows
+
+    def telling(self, found: Linearised) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return at which poses it tells about as much as all rows do, (n,) each.
+
+        In the direction that is held least; and in all by the determinant, of which no choice of rows has more.
+        """
+        if self.whole or not len(self.rows):
+            return (np.ones(len(found.matrix), dtype=np.bool_),) * 2
+        slope = found.slope[:, self.loops.unknown].transpose(2, 0, 1)
+        every = np.linalg.svd(slope, compute_uv=False)[:, : len(self.rows)]
+        least = found.values[:, -1] > HALF * every[:, -1]
+        return least, found.values.prod(1) > TELLING * every.prod(1)
 
     def linearise(self, at: Coordinates) -> Linearised:
         """Return the loops about n sets of coordinates."""
@@ -106,10 +119,13 @@ class LoopSolver:
         out[self.loops.unknown] = -np.linalg.solve(matrix, right[..., None])[..., 0].T
         return out
 
-    def close(self, guess: Coordinates) -> tuple[Coordinates, Linearised, Array]:
+    def close(
+        self, guess: Coordinates, enough: float = 0.0, most: float = FAR
+    ) -> tuple[Coordinates, Linearised, Array]:
         """Return coordinates closed by Newton's method from a guess near them; not all need be closed.
 
-        And the loops there, and how far they lie from the guess, (n,).
+        And the loops there, and how far they lie from the guess, (n,). Closed are residuals that are rounding,
+        or no more than `enough`; what goes farther than `most` is given up.
 
         Raises:
             LinAlgError: at a singular pose.
@@ -119,12 +135,11 @@ class LoopSolver:
         worst = np.inf
         for _ in range(MOST_STEPS):
             before, worst = worst, float(np.abs(found.right).max(initial=0.0))
-            if worst == 0.0 or (worst < ROUNDING and worst > 0.1 * before):
+            if worst <= enough or (worst < ROUNDING and worst > 0.1 * before):
                 break
             step = self.step(found.matrix, found.right)
-            length = np.abs(step).max(0)
-            gone += length
-            if not length.max() < FAR:
+            gone += np.abs(step).max(0)
+            if not gone.max() < most:
                 break
             at = self.loops.moved(at, step)
             found = self.linearise(at)

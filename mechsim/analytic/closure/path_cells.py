@@ -2,8 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.analytic.closure.loop_solver import Linearised, LoopSolver
 from mechsim.analytic.closure.tree_loops import TreeLoops, orthogonal
@@ -27,12 +29,14 @@ class Cell:
         states: flattened coordinates, (k, w).
         weights: barycentric, (k,).
         solver: what its poses are solved with.
+        serves: whether the solver tells enough at each node, (k,); None where that is not known.
     """
 
     nodes: Array
     states: Array
     weights: Array
     solver: LoopSolver
+    serves: NDArray[np.bool_] | None = None
 
     @property
     def low(self) -> float:
@@ -64,7 +68,7 @@ class Cell:
     def part(self, low: float, high: float) -> "Cell":
         """Return the same polynomial through nodes from one parameter to another."""
         nodes, weights = nodes_between(low, high, len(self.nodes))
-        return replace(self, nodes=nodes, states=self.at(nodes), weights=weights)
+        return replace(self, nodes=nodes, states=self.at(nodes), weights=weights, serves=None)
 
     def left_out(self) -> float:
         """Return what the polynomial leaves out: by how much its last terms still change it."""
@@ -75,11 +79,17 @@ class Cell:
 
 def nodes_between(low: float, high: float, count: int) -> tuple[Array, Array]:
     """Return Chebyshev points of the second kind from one end to the other, and barycentric weights."""
-    nodes = 0.5 * (low + high) + 0.5 * (low - high) * np.cos(np.pi * np.arange(count) / (count - 1))
+    cosines, weights = _chebyshev(count)
+    nodes = 0.5 * (low + high) + 0.5 * (low - high) * cosines
+    nodes[0], nodes[-1] = low, high
+    return nodes, weights
+
+
+@cache
+def _chebyshev(count: int) -> tuple[Array, Array]:
     weights = np.where(np.arange(count) % 2, -1.0, 1.0)
     weights[[0, -1]] *= 0.5
-    nodes[[0, -1]] = low, high
-    return nodes, weights
+    return np.cos(np.pi * np.arange(count) / (count - 1)), weights
 
 
 class PathRows:
@@ -108,10 +118,15 @@ class PathRows:
         values[list(self.loops.driven)] = self.drive(s) if driven is None else driven
         return Coordinates(values, turns)
 
-    def closed(self, solver: LoopSolver, s: Array, rows: Array) -> tuple[Array, Linearised, float] | None:
-        """Return states closed from rough ones, the loops there, and how far they moved; or None."""
+    def closed(
+        self, solver: LoopSolver, s: Array, rows: Array, enough: float = 0.0
+    ) -> tuple[Array, Linearised, float] | None:
+        """Return states closed from rough ones, the loops there, and how far they moved; or None.
+
+        To rounding, or to a residual that is enough.
+        """
         try:
-            at, found, moved = solver.close(self.unflat(rows, s))
+            at, found, moved = solver.close(self.unflat(rows, s), enough, ASTRAY)
         except np.linalg.LinAlgError:
             return None
         if not (np.abs(found.residual).max(initial=0.0) < CLOSED and moved.max() < ASTRAY):

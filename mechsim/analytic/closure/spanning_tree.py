@@ -9,11 +9,20 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS, Kind
+from mechsim.model.joints import COLUMN, KINDS, Axis, Kind, crossed_at_zero
 from mechsim.model.mechanism import GROUND, Joint, Mechanism
 
+# a turn about the third axis is the sum of these times 1, the cosine and the sine of its angle
+ABOUT_Z = np.array(
+    [
+        [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]],
+        [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
+    ]
+)
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True)
 class TreeJoint:
     """A joint by which a link hangs on one nearer the frame.
 
@@ -31,15 +40,26 @@ class TreeJoint:
     far: int
     first: int
 
-    @property
+    @cached_property
     def kind(self) -> Kind:
         """Its row in the table of kinds."""
         return KINDS[self.joint.kind]
 
-    @property
+    @cached_property
     def turning(self) -> int:
         """Index of its first turn: displacements come first."""
         return self.first + len(self.kind.slides)
+
+    @cached_property
+    def sense(self) -> float:
+        """+1 where the far link moves as its coordinates count, else -1."""
+        return 1.0 if self.forward else -1.0
+
+    @cached_property
+    def angles(self) -> list[int]:
+        """Indices of its angles, from the near link to the far one; a ball has none."""
+        count = 0 if self.kind.ball else len(self.kind.turns)
+        return list(range(self.turning, self.turning + count))[:: 1 if self.forward else -1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +70,25 @@ class Fixed:
     near_point: Array
     far_frame: Array
     far_point: Array
+
+    def axis(self, branch: TreeJoint, axis: Axis) -> tuple[int, Array]:
+        """Return which link an axis of the branch's joint is fixed on, and the axis in its frame."""
+        on_far = (axis == "b") == branch.forward
+        frame, link = (self.far_frame, branch.far) if on_far else (self.near_frame, branch.near)
+        return link, frame[:, COLUMN[axis]]
+
+    def turning(self, branch: TreeJoint) -> list[Array]:
+        """Return what a branch's angles turn the far link's axes by, in the near link's, one after the other.
+
+        Each as what 1, the cosine and the sine of the angle are multiplied by, (3, 3, 3).
+        """
+        ends = [self.near_frame, self.far_frame.swapaxes(0, 1)]
+        if branch.kind.crossed:
+            middle = crossed_at_zero(branch.joint.cross_angle)
+            ends[1:1] = [middle if branch.forward else middle.T, np.eye(3)]
+        about = ABOUT_Z * np.array([1.0, 1.0, branch.sense])[:, None, None]
+        pairs = zip(ends[::2], ends[1::2], strict=True)
+        return [np.einsum("ij...,pjk,kl...->ilp...", one, about, other) for one, other in pairs]
 
 
 @dataclass(frozen=True)
@@ -82,6 +121,23 @@ class SpanningTree:
             near, far = (a, b) if branch.forward else (b, a)
             found[branch.far] = Fixed(near.frame, np.array(near.point), far.frame, np.array(far.point))
         return found
+
+    @cached_property
+    def angles(self) -> list[int]:
+        """Indices of the angles, branch by branch, from the near link to the far one."""
+        return [angle for branch in self.branches for angle in branch.angles]
+
+    @cached_property
+    def turning(self) -> Array:
+        """What their turns are in terms of 1, cosine and sine, (angles, 9, 3), or (angles, 9, 3, n)."""
+        parts = [
+            part
+            for branch in self.branches
+            if branch.angles
+            for part in self.constants[branch.far].turning(branch)
+        ]
+        found = np.array(parts) if parts else np.zeros((0, 3, 3, 3))
+        return found.reshape(len(parts), 9, 3, *found.shape[4:])
 
     @cached_property
     def count(self) -> int:

@@ -43,7 +43,7 @@ class TreeLoops:
     @cached_property
     def unknown(self) -> NDArray[np.intp]:
         """Indices of the coordinates that the loops determine."""
-        return np.setdiff1d(np.arange(self.tree.count), self.driven)
+        return np.delete(np.arange(self.tree.count), self.driven)
 
     @cached_property
     def units(self) -> Array:

@@ -4,12 +4,12 @@ Instants come last in every array here, so that each component is one run of mem
 """
 
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
 from mechsim.analytic.closure.spanning_tree import SpanningTree, TreeJoint
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import COLUMN, crossed_at_zero
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,40 +48,56 @@ def placed(tree: SpanningTree, at: Coordinates) -> Placed:
     """Return where coordinates put the links."""
     n, links = len(at), len(tree.branches)
     kind = at.values.dtype
-    position, rotation = np.empty((links, 3, n), kind), np.empty((links, 3, 3, n), kind)
-    screws = np.zeros((tree.count, 6, n), kind)
-    ball = 0
+    # the ground comes last, where the index -1 finds it
+    position, rotation = np.zeros((links + 1, 3, n), kind), np.empty((links + 1, 3, 3, n), kind)
+    rotation[-1] = np.eye(3)[..., None]
+    screws, centres = np.zeros((tree.count, 6, n), kind), np.zeros((3, tree.count, n), kind)
+    turns = _turns(tree, at)
     for branch in tree.branches:
-        fixed = tree.constants[branch.far]
-        if branch.near < 0:
-            frame, point = on_ground(fixed.near_frame, fixed.near_point)
-        else:
-            turn = rotation[branch.near]
-            frame = carried_frame(fixed.near_frame, turn)
-            point = position[branch.near] + carried_point(fixed.near_point, turn)
-        if branch.kind.ball:
-            other = product(frame, at.turns[ball] if branch.forward else at.turns[ball].transpose(1, 0, 2))
-            ball += 1
-        else:
-            other = _turned(branch, frame, at.values)
-        frame_a, frame_b = (frame, other) if branch.forward else (other, frame)
-        sense = 1.0 if branch.forward else -1.0
-        there, k = point, branch.first
-        for axis in branch.kind.slides:
-            along = frame_a[:, COLUMN[axis]]
-            there = there + along * (sense * at.values[k])
-            screws[k, :3] = sense * along
-            k += 1
-        # axes pass through side b's point
-        centre = there if branch.forward else point
-        for axis in branch.kind.turns:
-            about = (frame_b if axis == "b" else frame_a)[:, COLUMN[axis]]
-            screws[k, 3:] = about if branch.forward else -about
-            screws[k, :3] = cross(centre, screws[k, 3:])
-            k += 1
-        rotation[branch.far] = _turn_of(fixed.far_frame, other)
+        fixed, near = tree.constants[branch.far], rotation[branch.near]
+        turned = turns[branch.far] if branch.near < 0 else [near, *turns[branch.far]]
+        rotation[branch.far] = reduce(product, turned)
+        point = position[branch.near] + carried_point(fixed.near_point, near)
+        there = point
+        for k, axis in enumerate(branch.kind.slides, branch.first):
+            link, along = fixed.axis(branch, axis)
+            screws[k, :3] = branch.sense * carried_point(along, rotation[link])
+            there = there + screws[k, :3] * at.values[k]
+        for k, axis in enumerate(branch.kind.turns, branch.turning):
+            link, about = fixed.axis(branch, axis)
+            screws[k, 3:] = carried_point(branch.sense * about, rotation[link])
+            # axes pass through side b's point
+            centres[:, k] = there if branch.forward else point
         position[branch.far] = there - carried_point(fixed.far_point, rotation[branch.far])
-    return Placed(position, rotation, screws)
+    screws[:, :3] += cross(centres, screws[:, 3:].transpose(1, 0, 2)).transpose(1, 0, 2)
+    return Placed(position[:-1], rotation[:-1], screws)
+
+
+def _turns(tree: SpanningTree, at: Coordinates) -> dict[int, list[Array]]:
+    """Return the turns that lead from each near link's axes to the far link's, one after the other."""
+    angle = at.values[tree.angles]
+    terms = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], 1)
+    every = (
+        tree.turning @ terms if tree.turning.ndim == 3 else np.einsum("haen,hen->han", tree.turning, terms)
+    )
+    counted, balls = iter(every.reshape(-1, 3, 3, len(at))), iter(at.turns)
+    found: dict[int, list[Array]] = {}
+    for branch in tree.branches:
+        if branch.angles:
+            found[branch.far] = [next(counted) for _ in branch.angles]
+            continue
+        fixed = tree.constants[branch.far]
+        frame, back = (_wide(one) for one in (fixed.near_frame, fixed.far_frame.swapaxes(0, 1)))
+        if branch.kind.ball:
+            turn = next(balls)
+            frame = product(frame, turn if branch.forward else turn.swapaxes(0, 1))
+        found[branch.far] = [product(frame, back)]
+    return found
+
+
+def _wide(matrix: Array) -> Array:
+    """Return a matrix (3, 3) as (3, 3, 1), or (3, 3, n) as it is."""
+    return matrix[..., None] if matrix.ndim == 2 else matrix
 
 
 def on_ground(frame: Array, point: Array) -> tuple[Array, Array]:
@@ -97,36 +113,6 @@ def carried_frame(frame: Array, turn: Array) -> Array:
 def carried_point(point: Array, turn: Array) -> Array:
     """Return a point (3,) of a link, or (3, n) of many designs, where the link is turned, (3, n)."""
     return point @ turn if point.ndim == 1 else np.einsum("kn,ikn->in", point, turn)
-
-
-def _turn_of(frame: Array, placed: Array) -> Array:
-    """Return the turn of a link (3, 3, n) from where one of its frames is placed."""
-    return frame @ placed if frame.ndim == 2 else np.einsum("jkn,ikn->ijn", frame, placed)
-
-
-def _turned(branch: TreeJoint, frame: Array, values: Array) -> Array:
-    """Return the far side's joint frame, (3, 3, n), from the near side's."""
-    kind = branch.kind
-    angles = values[branch.first + len(kind.slides) :]
-    if kind.crossed:
-        middle = crossed_at_zero(branch.joint.cross_angle)
-        if branch.forward:
-            return _about_z(middle.T @ _about_z(frame, angles[0]), angles[1])
-        return _about_z(middle @ _about_z(frame, -angles[1]), -angles[0])
-    if kind.turns:
-        return _about_z(frame, angles[0] if branch.forward else -angles[0])
-    return frame
-
-
-def _about_z(frame: Array, angle: Array) -> Array:
-    """Return frames (3, 3, n) turned about their own third axis."""
-    c, s = np.cos(angle), np.sin(angle)
-    out = np.empty((3, 3, len(angle)), np.result_type(frame, angle))
-    x, y = frame[:, 0], frame[:, 1]
-    np.add(c * x, s * y, out=out[:, 0])
-    np.subtract(c * y, s * x, out=out[:, 1])
-    out[:, 2] = frame[:, 2]
-    return out
 
 
 def twists(tree: SpanningTree, here: Placed, rates: Array) -> Array:
