@@ -30,8 +30,8 @@ NODES, FIRST, LONGEST, GROWTH = 9, 0.1, 1.2, 3.0
 SHORTEST = 1e-13
 # so much of a cell that its even nodes do not tell of the odd ones is not smooth
 ROUGH = 1e-4
-# the roughness and the way from what was foretold at which the next cell's length aims: they grow with the power
-# of the length that half the nodes have, and all of them
+# roughness, and the way from what was foretold, at which the length of the next cell aims: they grow as the
+# powers of the length that half the nodes stand for, and all of them
 AIM, AIMED = 1e-5, 5e-3
 # part of the cell about a change point within which poses are read off its polynomial, for there the loops
 # tell nothing; and so near to one no path can begin

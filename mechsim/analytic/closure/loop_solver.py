@@ -78,7 +78,7 @@ class LoopSolver:
     def telling(self, found: Linearised) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return at which poses it tells about as much as all rows do, (n,) each.
 
-        In the direction that is held least; and in all by the determinant, of which no choice of rows has more.
+        In the direction that is held least; and by the determinant, of which no choice of rows has more.
         """
         if self.whole or not len(self.rows):
             return (np.ones(len(found.matrix), dtype=np.bool_),) * 2
@@ -124,8 +124,8 @@ class LoopSolver:
     ) -> tuple[Coordinates, Linearised, Array]:
         """Return coordinates closed by Newton's method from a guess near them; not all need be closed.
 
-        And the loops there, and how far they lie from the guess, (n,). Closed are residuals that are rounding,
-        or no more than `enough`; what goes farther than `most` is given up.
+        And the loops there, and how far they lie from the guess, (n,). They then stand open by rounding, or by
+        no more than `enough`; what goes farther than `most` is given up.
 
         Raises:
             LinAlgError: at a singular pose.

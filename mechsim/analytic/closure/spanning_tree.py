@@ -123,9 +123,9 @@ class SpanningTree:
         return found
 
     @cached_property
-    def angles(self) -> list[int]:
+    def angles(self) -> NDArray[np.intp]:
         """Indices of the angles, branch by branch, from the near link to the far one."""
-        return [angle for branch in self.branches for angle in branch.angles]
+        return np.array([angle for branch in self.branches for angle in branch.angles], dtype=np.intp)
 
     @cached_property
     def turning(self) -> Array:

@@ -11,6 +11,8 @@ import numpy as np
 from mechsim.analytic.closure.spanning_tree import SpanningTree, TreeJoint
 from mechsim.maths.arrays import Array
 
+EYE = np.eye(3)[..., None]
+
 
 @dataclass(frozen=True, slots=True)
 class Coordinates:
@@ -50,7 +52,7 @@ def placed(tree: SpanningTree, at: Coordinates) -> Placed:
     kind = at.values.dtype
     # the ground comes last, where the index -1 finds it
     position, rotation = np.zeros((links + 1, 3, n), kind), np.empty((links + 1, 3, 3, n), kind)
-    rotation[-1] = np.eye(3)[..., None]
+    rotation[-1] = EYE
     screws, centres = np.zeros((tree.count, 6, n), kind), np.zeros((3, tree.count, n), kind)
     turns = _turns(tree, at)
     for branch in tree.branches:
@@ -76,7 +78,10 @@ def placed(tree: SpanningTree, at: Coordinates) -> Placed:
 def _turns(tree: SpanningTree, at: Coordinates) -> dict[int, list[Array]]:
     """Return the turns that lead from each near link's axes to the far link's, one after the other."""
     angle = at.values[tree.angles]
-    terms = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], 1)
+    terms = np.empty((len(angle), 3, len(at)), angle.dtype)
+    terms[:, 0] = 1.0
+    np.cos(angle, out=terms[:, 1])
+    np.sin(angle, out=terms[:, 2])
     every = (
         tree.turning @ terms if tree.turning.ndim == 3 else np.einsum("haen,hen->han", tree.turning, terms)
     )
