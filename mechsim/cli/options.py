@@ -135,10 +135,12 @@ class DriveOptions(HoldOptions):
     )
 
 
-def form_of(model: str, sets: list[str] | None, driven: DriveOptions | None = None) -> Form:
-    """Return what a command was given, with the parameters of `--set`, driven as it was asked."""
+def form_of(
+    model: str, sets: list[str] | None, driven: DriveOptions | None = None, *, still: bool = False
+) -> Form:
+    """Return what a command was given, with the parameters of `--set`, driven as asked; see `load`."""
     changed = changed_by(sets)
-    found = load(model, changed, **moved_by(driven))
+    found = load(model, changed, **moved_by(driven), still=still)
     asked_parameters(found, changed)
     return _told(found)
 

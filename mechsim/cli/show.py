@@ -28,7 +28,7 @@ def show(
     as_json: Json = False,
 ) -> None:
     """Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups."""
-    drive = form_of(model, sets, driven)
+    drive = form_of(model, sets, driven, still=True)
     at = None if angle is None else units.parse_angle(angle, "the crank angle")
     asked_angle("--angle", angle or "")
     found = facts(drive, at, driver)

@@ -241,8 +241,6 @@ class Mechanism:
         """Refuse drivers, holds and couplings of what is no coordinate, and one prescribed twice."""
         known = [name for joint in self.joints for name in joint.coordinates]
         drivable = [name for joint in self.joints if KINDS[joint.kind].drivable for name in joint.coordinates]
-        if not self.drivers:
-            raise InputError(f"{self.name}: nothing is driven; name a driver, as in driver='crank'")
         for name in self.drivers:
             _known("driver", "coordinate", name, drivable)
         for what, given in (("holds", self.holds), ("counted", self.counted)):
@@ -285,6 +283,8 @@ class Mechanism:
         Raises:
             InputError: where another joint is driven, or several are.
         """
+        if not self.drivers:
+            raise InputError(f"{self.name}: nothing is driven; name a driver, as in driver='crank'")
         if not self.has_crank:
             raise InputError(
                 f"{self.name} has no crank: {', '.join(self.drivers)} "
@@ -340,6 +340,8 @@ class Mechanism:
     @property
     def size(self) -> float:
         """The longest distance between two points of one link, in [m]: the yardstick of this mechanism."""
+        if not self.links:
+            return 1.0  # nothing moves by which it could be measured
         names = [GROUND, *(link.name for link in self.links)]
         held = {name: [end.point for end in self.ends(name)] for name in names}
         joints = max(_extent(points) for points in held.values())

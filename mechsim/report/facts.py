@@ -97,7 +97,7 @@ def _mobility(drive: LoopForm) -> dict[str, Any]:
     lines = [
         f"{_several(found.freedoms, 'freedom')} by the rank of the loop Jacobian, "
         f"{_several(found.redundant, 'redundant constraint')}",
-        f"driven: {', '.join(found.drivers)}",
+        f"driven: {', '.join(found.drivers) or 'nothing'}",
     ]
     if mechanism.holds:
         lines.append(f"held: {', '.join(mechanism.holds)}")

@@ -58,6 +58,7 @@ def read_mjcf(
     hold_base: bool = False,
     key: str | None = None,
     track: Sequence[str] = (),
+    still: bool = False,
 ) -> MjcfForm:
     """Return the mechanism of an MJCF file; programs of its drivers are bound later.
 
@@ -69,6 +70,7 @@ def read_mjcf(
         key: keyframe to start from; None takes the reference configuration.
         track: NAME of a site or body, or NAME,BODY@x,y,z in [m]; empty takes the named sites, or the
             origins of bodies where there are none.
+        still: whether nothing need be driven, as to say what it is.
 
     Raises:
         InputError: for what MuJoCo refuses, or a joint, keyframe or point that is not there; one line.
@@ -81,7 +83,9 @@ def read_mjcf(
         for name, value in (holds or {}).items()
     }
     try:
-        read = read_model(path, drivers=drivers, holds=values, base_held=hold_base, key=key, track=track)
+        read = read_model(
+            path, drivers=drivers, holds=values, base_held=hold_base, key=key, track=track, still=still
+        )
     except InputError as error:
         raise error if path in str(error) else InputError(f"{path}: {error}") from None
     exact = corrected(read.mechanism)

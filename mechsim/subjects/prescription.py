@@ -36,6 +36,7 @@ class Prescription:
         key: name of a keyframe to start from.
         track: the only points that count, as `NAME` or `NAME,LINK@x,y,z`; empty for those there are.
         duration: of the programs in [s].
+        still: whether nothing need be driven.
     """
 
     drive: Mapping[str, str | State] = field(default_factory=dict[str, "str | State"])
@@ -44,6 +45,7 @@ class Prescription:
     key: str | None = None
     track: tuple[str, ...] = ()
     duration: float | None = None
+    still: bool = False
 
 
 def prescribed(
@@ -160,6 +162,8 @@ def _redriven(mechanism: Mechanism, asked: Prescription) -> Mechanism:
     if not set(asked.drive) <= set(drivers):
         drivers = tuple(asked.drive)
         holds = {name: value for name, value in holds.items() if name not in drivers or name in asked.hold}
+    if not drivers:
+        raise InputError(f"{mechanism.name}: nothing is driven; hold less, or name a driver by --drive")
     counted = {name: starts[name] for name in drivers}
     counted |= {name: value for name, value in mechanism.counted.items() if name not in holds}
     alone = drivers[0] if len(drivers) == 1 else ""

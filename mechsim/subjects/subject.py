@@ -31,6 +31,7 @@ def load(
     key: str | None = None,
     track: Iterable[str] = (),
     duration: str | float | None = None,
+    still: bool = False,
 ) -> Form:
     """Return what moves.
 
@@ -47,6 +48,7 @@ def load(
         key: name of a keyframe to start from; of MJCF files only.
         track: the points that count, as `NAME` or `NAME,LINK@x,y,z`; all there are if left out.
         duration: of the programs, as text or in [s].
+        still: whether nothing need be driven in an MJCF file, as to say what it is.
 
     Raises:
         InputError: for what is none of these; names the file, the line, the value and the remedy.
@@ -60,6 +62,7 @@ def load(
         key=key,
         track=tuple(track),
         duration=units.parse_time(duration, "the duration") if isinstance(duration, str) else duration,
+        still=still,
     )
     read = _read(model, changed, asked)
     if isinstance(read, TomlSubject):
@@ -86,6 +89,7 @@ def _read(model: str, changed: Mapping[str, str], asked: Prescription) -> Form |
             hold_base=asked.hold_base,
             key=asked.key,
             track=asked.track,
+            still=asked.still,
         )
     return read_python(model, changed)
 

@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 from mechsim.cli import main
+from mechsim.cli.scene_findings import found_in
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.programs import programs, steady
+from mechsim.report.facts import facts
 from mechsim.simulation.mjcf_reader import states_of
 from mechsim.subjects.mjcf_source import read_mjcf
 from mechsim.subjects.subject import load
@@ -229,6 +231,25 @@ def test_a_model_without_a_driver_says_which_joints_there_are(file):
         InputError, match=r"model\.xml: nothing says what is driven.*left, elbow, right, wrist"
     ):
         load(file(text))
+
+
+def test_what_is_only_shown_needs_no_driver_and_what_moves_does(file):
+    text = five_bar().replace('<motor joint="left"/><position joint="right"/>', "")
+    form = load(file(text), still=True)
+    said = facts(form)
+    assert said["mobility"]["freedoms"] == 2
+    assert said["mobility"]["drivers"] == []
+    assert len(said["mobility"]["open"]) == 2
+    assert found_in(form) is not None
+    with pytest.raises(InputError, match="nothing is driven; name a driver"):
+        form.solve([0.0])
+
+
+@pytest.mark.parametrize("body", ["", "<body><freejoint/><geom size='0.1'/></body>"])
+def test_scenes_without_joints_or_of_one_free_body_are_shown(file, body):
+    form = load(file(f"<mujoco><worldbody>{body}</worldbody></mujoco>"), still=True)
+    assert facts(form)["mobility"]["freedoms"] == 6 * bool(body)
+    assert found_in(form) == ()
 
 
 def test_programs_are_bound_to_the_drivers_of_the_file(file):

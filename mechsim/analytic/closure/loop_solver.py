@@ -124,8 +124,8 @@ class LoopSolver:
     ) -> tuple[Coordinates, Linearised, Array]:
         """Return coordinates closed by Newton's method from a guess near them; not all need be closed.
 
-        And the loops there, and how far they lie from the guess, (n,). They then stand open by rounding, or by
-        no more than `enough`; what goes farther than `most` is given up.
+        And the loops there, and how far they lie from the guess, (n,). They then stand open by rounding,
+        or by no more than `enough`; what goes farther than `most` is given up.
 
         Raises:
             LinAlgError: at a singular pose.

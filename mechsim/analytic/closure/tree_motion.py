@@ -85,7 +85,7 @@ def _turns(tree: SpanningTree, at: Coordinates) -> dict[int, list[Array]]:
     every = (
         tree.turning @ terms if tree.turning.ndim == 3 else np.einsum("haen,hen->han", tree.turning, terms)
     )
-    counted, balls = iter(every.reshape(-1, 3, 3, len(at))), iter(at.turns)
+    counted, balls = iter(every.reshape(len(angle), 3, 3, len(at))), iter(at.turns)
     found: dict[int, list[Array]] = {}
     for branch in tree.branches:
         if branch.angles:

@@ -22,7 +22,8 @@ LISTED = 6
 
 def left_open(scene: Inspected) -> Iterator[Finding]:
     """Yield what the drivers leave open, where something is."""
-    if not _any_open(scene):
+    # where nothing is driven, all is open, and nothing is wrong with that
+    if not (scene.drivers and _any_open(scene)):
         return
     model, (slope, _) = scene.model, scene.generic
     held = [*scene.drivers, *scene.read.mechanism.holds]

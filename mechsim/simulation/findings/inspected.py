@@ -115,7 +115,7 @@ class Inspected:
         with quiet():
             mujoco.mj_fwdPosition(self.bare, data)
         rows = data.efc_type == EQUALITY
-        slope = data.efc_J.reshape(-1, self.bare.nv)[rows]
+        slope = data.efc_J.reshape(len(rows), self.bare.nv)[rows]
         return data.efc_pos[rows].copy(), slope.copy(), data.efc_id[rows].copy()
 
     @cached_property

@@ -34,13 +34,14 @@ def require_coordinate(model: mujoco.MjModel, name: str, what: str) -> None:
         raise InputError(f"{what} names {name!r}; hinges and slides of the model are {listed(known)}")
 
 
-def driven(model: mujoco.MjModel, wanted: Sequence[str], held: Sequence[str]) -> tuple[str, ...]:
+def driven(model: mujoco.MjModel, wanted: Sequence[str], held: Sequence[str], still: bool) -> tuple[str, ...]:
     """Return the driven joints.
 
     Args:
         model: the model.
         wanted: named by the user; empty leaves them to the model.
         held: joints that are held, of which no actuator makes drivers.
+        still: whether none need be driven.
 
     Raises:
         InputError: for a name that is no hinge or slide, or a model that says of none that it is driven.
@@ -54,7 +55,7 @@ def driven(model: mujoco.MjModel, wanted: Sequence[str], held: Sequence[str]) ->
         name for a in range(len(model.actuator_trntype)) for name in acted_on(model, a)[:1] if name in known
     ]
     found = tuple(dict.fromkeys(acted)) or ((CRANK,) if CRANK in known else ())
-    if not found:
+    if not (found or still):
         raise InputError(
             "nothing says what is driven: no actuator acts on a joint, and no hinge is called crank; "
             f"name joints by --drive, as in --drive '{(known or ['hip'])[0]}=0.1*sin(t)'; "

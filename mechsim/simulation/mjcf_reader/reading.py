@@ -63,6 +63,7 @@ def read_model(
     base_held: bool = False,
     key: str | None = None,
     track: Sequence[str] = (),
+    still: bool = False,
 ) -> MjcfModel:
     """Read an MJCF file as a mechanism.
 
@@ -74,6 +75,7 @@ def read_model(
         base_held: whether bodies with free joints stand still.
         key: keyframe to start from; None takes the reference configuration.
         track: points, as `tracked` reads them.
+        still: whether nothing need be driven.
 
     Raises:
         InputError: for a file, joint, keyframe or point that cannot be read; names it.
@@ -97,7 +99,7 @@ def read_model(
     said = equalities(model, carried)
     values = facts.coordinate_values(model, start)
     fixed = _held(model, holds or {}, values)
-    drives = driven(model, drivers, list(fixed))
+    drives = driven(model, drivers, list(fixed), still)
     points = tracked(model, carried, track)
     of = {model.body(b).name: carried[b] for b in range(model.nbody)}
     mechanism = Mechanism(
