@@ -15,10 +15,12 @@ from mechsim.studies.reduction import (
     still_joints,
     with_comment,
 )
+from mechsim.studies.reduction import refit as refitting
 from mechsim.studies.reduction.bench import Bench
 from mechsim.studies.reduction.candidate import Candidate, NotThere, changed
 from mechsim.studies.reduction.evidence import evidence
-from mechsim.studies.reduction.second_motion import REACH, second_motion
+from mechsim.studies.reduction.other_motions import REACH, motion_to_fit, second_motion
+from mechsim.studies.reduction.refit import refit
 from mechsim.studies.reduction.spelled_out import spelled_out
 from mechsim.studies.scenes import scene_of, step_time
 from mechsim.subjects.actuator_programs import actuator_programs
@@ -61,6 +63,7 @@ def few_trials(patch):
     """Let a search try few steps and time them roughly."""
     patch.setattr(stepping, "LONGER", (1, 2, 4))
     patch.setattr(step_time, "LEAST", 1e-4)
+    patch.setattr(refitting, "SECONDS", 0.0)
 
 
 def bench(user, spec):
@@ -256,3 +259,33 @@ def test_a_scene_that_diverges_is_refused(tmp_path):
     user, spec = scene(tmp_path, FINGER.replace('kv="0.02"', 'kv="50"'))
     with pytest.raises(InputError, match="diverges over its motion"):
         reduced(user, spec, 1e-5)
+
+
+JUMPY = """<mujoco><option timestep="0.002"/><worldbody><body name="arm">
+<inertial mass="0.1" pos="0.05 0 0" diaginertia="1e-4 1e-4 1e-4"/>
+<joint name="j" axis="0 0 1" armature="0.01" damping="0.1"/>
+<body name="pad" pos="0.1 0 0"><inertial mass="0.02" pos="0.02 0 0" diaginertia="1e-5 1e-5 1e-5"/>
+<joint name="k" axis="0 0 1" stiffness="0.05" springref="150" damping="1e-3"/></body></body></worldbody>
+<equality><joint name="tie" joint1="k" joint2="j" solref="0.005 1" solimp="0.95 0.99 0.001"/></equality>
+<actuator><general name="servo" joint="j" gainprm="100" biastype="affine" biasprm="0 -100 -10"/></actuator>
+</mujoco>"""
+
+
+def test_longer_steps_fitted_to_two_motions_hold_over_a_third_where_others_do_not(tmp_path):
+    user, spec = scene(tmp_path, JUMPY, ctrl="0.05*sin(2*pi*t)", duration=0.2)
+    one, to_fit, held_back = (bench(of, spec) for of in (user, motion_to_fit(user), second_motion(user)))
+    found = refit((one, to_fit), seen(one), 2, {})
+    plain = one.spec.copy()
+    stepping.stepped_so(plain, 2, int(stepping.EULER))
+    fitted = changed(one.spec, found.candidate)
+    errors = {
+        kind: held_back.errors(held_back.lean(of)).trajectory
+        for kind, of in (("fitted", fitted), ("plain", plain))
+    }
+    assert found.error < refitting.GOAL * BOUND
+    assert errors["fitted"] < 0.5 * BOUND
+    assert errors["plain"] > 5.0 * BOUND
+    # what was fitted stands in the file
+    assert np.allclose(
+        mujoco.MjModel.from_xml_string(fitted.to_xml()).dof_armature, fitted.compile().dof_armature, rtol=1e-5
+    )

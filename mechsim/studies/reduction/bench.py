@@ -93,6 +93,10 @@ class Bench:
         """Return a scene over the same motion, its joints starting as the full one's."""
         return lean_scene(self.motion, spec, self.tracked, self.named)
 
+    def away(self, run: SceneRun) -> Array:
+        """Return from where the full one is to where a run's tracked points are, (n, k, 3) in [m]."""
+        return run.points - interpolated(self.run.time, self.run.points, run.time)
+
     def errors(self, scene: LeanScene, *, all_of_them: bool = True) -> LeanErrors:
         """Return how far a scene is from the full one.
 
@@ -103,8 +107,7 @@ class Bench:
         run = stepped(scene)
         if run.broken:
             return BROKEN
-        there = interpolated(self.run.time, self.run.points, run.time)
-        away = worst_distance(np.linalg.norm(run.points - there, axis=2))
+        away = worst_distance(np.linalg.norm(self.away(run), axis=2))
         if not all_of_them:
             return LeanErrors(away, np.nan, np.nan)
         known = self._sparse.time

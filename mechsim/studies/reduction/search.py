@@ -10,12 +10,14 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.simulation.mjcf import to_xml
 from mechsim.simulation.mjcf.silence import quiet
-from mechsim.studies.reduction import table
+from mechsim.studies.reduction import stepping, table
 from mechsim.studies.reduction.bench import BROKEN, Bench, LeanErrors, time_ratios
 from mechsim.studies.reduction.candidate import Candidate, NotThere, changed
 from mechsim.studies.reduction.evidence import Evidence, evidence
+from mechsim.studies.reduction.knobs import Knob
 from mechsim.studies.reduction.lean_scene import LeanScene
-from mechsim.studies.reduction.second_motion import second_motion
+from mechsim.studies.reduction.other_motions import motion_to_fit, second_motion
+from mechsim.studies.reduction.refit import refit
 from mechsim.studies.reduction.spelled_out import spelled_out
 from mechsim.studies.reduction.stepping import LONGER_STEPS
 from mechsim.studies.scenes import UserScene
@@ -122,6 +124,7 @@ def reduced(
 
 
 _Steps = tuple[float, Candidate, float]
+_Kept = tuple[Candidate, LeanScene, float]
 _State = tuple[mujoco.MjSpec, float, tuple[LeftOut, ...], tuple[_Steps, ...]]
 
 
@@ -156,6 +159,8 @@ class _Search:
             found.append(self.state)
         ratios = time_ratios(self.bench.full, [self.bench.lean(one[0]) for one in found])
         self.state = found[int(np.argmin(ratios))]
+        if self.by == "trajectory":
+            self.refitted(0.9)
 
     @property
     def state(self) -> "_State":
@@ -210,7 +215,7 @@ class _Search:
 
     def coarser(self, begun: float) -> None:
         """Take the longest steps that keep the tolerance; know the next ones, should these not hold."""
-        kept: list[tuple[Candidate, LeanScene, float]] = []
+        kept: list[_Kept] = []
         options = table.LAST(self.seen(self.spec))
         for number, candidate in enumerate(options):
             self.tell(candidate.what, begun + 0.2 * number / len(options))
@@ -218,16 +223,52 @@ class _Search:
                 kept.append((candidate, *tried[1:]))
             if len(kept) == ENOUGH:
                 break
-        ratios = time_ratios(self.bench.lean(self.spec), [scene for _, scene, _ in kept]) if kept else []
-        self.steps = sorted(
-            (
-                (float(ratio), candidate, error)
-                for ratio, (candidate, _, error) in zip(ratios, kept, strict=True)
-                if ratio < WORTH
-            ),
-            key=lambda one: one[0],
-        )
+        self.steps = self.timed(kept)
         self.next_steps()
+
+    def timed(self, kept: "Sequence[_Kept]") -> "list[_Steps]":
+        """Return steps that keep the tolerance and save time, the cheapest first."""
+        ratios = time_ratios(self.bench.lean(self.spec), [scene for _, scene, _ in kept]) if kept else []
+        pairs = zip(ratios, kept, strict=True)
+        found = [(float(ratio), candidate, error) for ratio, (candidate, _, error) in pairs if ratio < WORTH]
+        return sorted(found, key=lambda one: one[0])
+
+    def refitted(self, begun: float) -> None:
+        """Fit what acts to steps longer than those taken, longer and longer while the tolerance is kept."""
+        before, taken = self.state, [one for one in self.left_out if one.candidate.family == LONGER_STEPS]
+        self.left_out = [one for one in self.left_out if one not in taken]
+        longest = float(self.spec.option.timestep)
+        self.rebuilt()
+        kept = self.fitted_steps(longest, begun)
+        if not kept:
+            self.state = before
+            return
+        for one in taken:
+            if (tried := self.trial(one.candidate)) is not None:
+                kept.append((one.candidate, *tried[1:]))
+        self.steps = self.timed(kept)
+        self.next_steps()
+
+    def fitted_steps(self, longest: float, begun: float) -> "list[_Kept]":
+        """Return steps longer than some that keep the tolerance with what acts fitted to them."""
+        bench, kept = self.bench, list[_Kept]()
+        to_fit = Bench(motion_to_fit(bench.motion), bench.spec, bench.tracked)
+        seen, stand = self.seen(self.spec), dict[Knob, float]()
+        step = float(self.spec.option.timestep)
+        for times in (times for times in stepping.LONGER if times * step > longest):
+            self.tell(f"{step * times:g} s, what acts fitted", begun)
+            found = None if to_fit.run.broken else refit((bench, to_fit), seen, times, stand)
+            tried = None if found is None else self.trial(found.candidate)
+            if found is None or tried is None:
+                break
+            kept.append((found.candidate, *tried[1:]))
+            stand = found.stand
+        return kept
+
+    def rebuilt(self) -> None:
+        """Leave out again all that is left out, and see what it costs."""
+        self.spec = mujoco.MjSpec.from_string(self.again())
+        self.error = self.error_of(self.bench.lean(self.spec))
 
     def next_steps(self) -> None:
         """Take the best steps not taken yet, if there are any."""
@@ -252,8 +293,7 @@ class _Search:
             elif one.candidate.family == LONGER_STEPS and self.part > LEAST_PART:
                 # what just held over one motion did not over the other: more room, and shorter steps
                 self.part *= 0.5
-                self.spec = mujoco.MjSpec.from_string(self.again())
-                self.error = self.error_of(self.bench.lean(self.spec))
+                self.rebuilt()
                 self.coarser(0.8)
             else:
                 undone.append(one.candidate.what)

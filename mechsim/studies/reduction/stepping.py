@@ -8,6 +8,7 @@ import numpy as np
 from mechsim.maths.arrays import Array
 from mechsim.studies.reduction.candidate import Candidate, NotThere
 from mechsim.studies.reduction.evidence import Evidence
+from mechsim.studies.reduction.still_joints import joints_of
 
 # what makes a step cheaper; longer steps
 FAMILY, LONGER_STEPS = "stepping", "steps"
@@ -68,6 +69,14 @@ def coarser(seen: Evidence) -> list[Candidate]:
     return [one for _, one in sorted(found, key=lambda pair: pair[0])]
 
 
+def stepped_so(spec: mujoco.MjSpec, times: int, integrator: int) -> None:
+    """Make steps so many times as long, damping made good where there is any."""
+    try:
+        _stepped(spec, times, integrator, made_good=True)
+    except NotThere:
+        _stepped(spec, times, integrator, made_good=False)
+
+
 def _what(seen: Evidence, times: int, integrator: int, made_good: bool) -> str:
     step = float(seen.spec.option.timestep)
     said = f"steps of {step:g} s, {CALLED[int(seen.spec.option.integrator)]}: {step * times:g} s, "
@@ -126,9 +135,8 @@ def _make_good(spec: mujoco.MjSpec, old: int, new: int, before: float, after: fl
             changed = True
     for actuator in spec.actuators:
         strength = -float(actuator.biasprm[2]) if actuator.biastype == mujoco.mjtBias.mjBIAS_AFFINE else 0.0
-        target = _target(spec, actuator)
-        if strength and target is not None:
-            target.armature += strength * float(actuator.gear[0]) ** 2 * late[1]
+        for joint, share in _targets(spec, actuator).items() if strength else ():
+            joint.armature += strength * float(actuator.gear[0]) ** 2 * share * late[1]
             changed = True
     if not changed:
         raise NotThere("there is no damper")
@@ -136,12 +144,19 @@ def _make_good(spec: mujoco.MjSpec, old: int, new: int, before: float, after: fl
         part.armature = max(0.0, part.armature)
 
 
-def _target(spec: mujoco.MjSpec, actuator: mujoco.MjsActuator) -> "mujoco.MjsJoint | mujoco.MjsTendon | None":
+def _targets(spec: mujoco.MjSpec, actuator: mujoco.MjsActuator) -> dict[mujoco.MjsJoint, float]:
+    """Return the joints that an actuator acts on, and how much of a tendon's inertia each then has.
+
+    A tendon's own armature acts only between joints of one branch of the tree; joints of several that it
+    drives move alike, as the fingers of a gripper.
+    """
     if actuator.trntype == mujoco.mjtTrn.mjTRN_TENDON:
-        return spec.tendon(actuator.target)
+        weights = joints_of(spec.tendon(actuator.target))
+        whole = sum(weights.values())
+        return {spec.joint(name): weight * whole for name, weight in weights.items()}
     if actuator.trntype in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
-        return spec.joint(actuator.target)
-    return None
+        return {spec.joint(actuator.target): 1.0}
+    return {}
 
 
 def _keep_stiffness(spec: mujoco.MjSpec, before: float, after: float) -> None:
