@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import mujoco
 import numpy as np
 
 from mechsim.cli.scene_options import SceneOptions
@@ -12,6 +13,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.pictures.render.exported_scene import exported
 from mechsim.simulation import mjcf
+from mechsim.simulation.mjcf_reader.parsed_file import parsed
 from mechsim.subjects.subject import load
 
 CRANKS = (
@@ -107,4 +109,15 @@ def scene_files(folder: Path | None, work: Path, only: set[str]) -> Iterator[Sce
         if not path.is_file():
             print(f"{name}: {file} is not there: skipped")
             continue
+        path = _whole(path, work / f"{name}.xml".replace(" ", "-"))
         yield SceneFile(name, path, load(str(path)).mechanism, feed)
+
+
+def _whole(path: Path, without: Path) -> Path:
+    """Return the path of a file that plain MuJoCo loads: without the meshes that are not there, if any."""
+    try:
+        mujoco.MjModel.from_xml_path(str(path))
+    except ValueError:
+        without.write_text(parsed(str(path))[0].to_xml())
+        return without
+    return path

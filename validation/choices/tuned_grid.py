@@ -6,10 +6,12 @@ islands. What keeps it does so at every step over a motion half as long again.
 """
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from mechsim.studies.scenes import UserScene, errors_of, step_times, stepped
+import numpy as np
+
+from mechsim.studies.scenes import SceneRun, UserScene, errors_of, step_times, stepped
 from mechsim.studies.scenes.plain_settings import PlainSettings
 from mechsim.studies.scenes.scene_limit import HARDEST
 from mechsim.studies.tuning.step_ladder import quickest
@@ -24,8 +26,11 @@ JACOBIANS = ("dense", "sparse")
 AROUND, TIMED = 3, 8
 # steps beyond the quickest found so far, in its time a simulated second, that could still be quicker
 HOPE, LONGER = 0.7, 1.5
+# as much slower as clocks may err
+SLOWER = 1.5
 # fewest steps in a motion
 FEWEST = 50
+Found = tuple[float, PlainSettings]
 
 
 def quickest_kept(scene: UserScene, tolerance: float) -> tuple[PlainSettings, float] | None:
@@ -37,7 +42,7 @@ def quickest_kept(scene: UserScene, tolerance: float) -> tuple[PlainSettings, fl
     around = [settings for _, settings in found[:AROUND]]
     for settings in around:
         for one in _second(scene, settings):
-            found += _kept(scene, one, tolerance)
+            found += _kept(stepped(scene, one.applied(scene.model)), one, tolerance, found)
     found.sort(key=lambda one: one[0])
     best = [settings for _, settings in found[: 3 * TIMED] if _stands(scene, settings, tolerance)][:TIMED]
     if not best:
@@ -47,10 +52,10 @@ def quickest_kept(scene: UserScene, tolerance: float) -> tuple[PlainSettings, fl
     return best[least], float(times[least])
 
 
-def _first(scene: UserScene, tolerance: float) -> list[tuple[float, PlainSettings]]:
+def _first(scene: UserScene, tolerance: float) -> list[Found]:
     own, safe = float(scene.model.opt.timestep), 0.5 * quickest(scene.model)
     longest = max(own, min(safe, scene.duration / FEWEST))
-    step, found = LONGEST * own, list[tuple[float, PlainSettings]]()
+    step, found = LONGEST * own, list[Found]()
     while step >= SHORTEST * own:
         tried = list[float]()
         for integrator, constant, hard in itertools.product(INTEGRATORS, CONSTANTS, (True, False)):
@@ -67,8 +72,7 @@ def _first(scene: UserScene, tolerance: float) -> list[tuple[float, PlainSetting
             )
             run = stepped(scene, settings.applied(scene.model))
             tried += [] if run.broken else [run.seconds_per_second]
-            if errors_of(run).closure <= tolerance:
-                found.append((run.seconds_per_second, settings))
+            found += _kept(run, settings, tolerance, found)
         if found and tried and HOPE * min(tried) > min(found)[0]:
             break
         step /= SHORTER
@@ -90,9 +94,11 @@ def _second(scene: UserScene, settings: PlainSettings) -> Iterator[PlainSettings
         )
 
 
-def _kept(scene: UserScene, settings: PlainSettings, tolerance: float) -> list[tuple[float, PlainSettings]]:
-    run = stepped(scene, settings.applied(scene.model))
-    return [(run.seconds_per_second, settings)] if errors_of(run).closure <= tolerance else []
+def _kept(run: SceneRun, settings: PlainSettings, tolerance: float, found: Sequence[Found]) -> list[Found]:
+    """Return settings with their time if they keep the tolerance and are not much slower than others."""
+    time = run.seconds_per_second
+    slow = time > SLOWER * min((one[0] for one in found), default=np.inf)
+    return [] if slow or not errors_of(run).closure <= tolerance else [(time, settings)]
 
 
 def _stands(scene: UserScene, settings: PlainSettings, tolerance: float) -> bool:

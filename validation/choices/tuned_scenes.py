@@ -4,7 +4,7 @@ Problem: models of the catalogue and the gallery as `mechsim export` writes them
 files, each with the motions, measures and tolerances of tuned_cases.py.
 Reference: the file that was written and the lines of Python that run it, judged by plain MuJoCo alone
 (plain_judge.py), by closure over a motion half as long again. For the time: the best of an exhaustive grid
-(tuned_grid.py) that keeps it, timed side by side.
+(tuned_grid.py) that keeps it, timed side by side, in the first case of each scene.
 
     python validation/choices/tuned_scenes.py [FOLDER] [--only NAME,..] [--cases N,..] [--exhaustive]
 
@@ -84,7 +84,7 @@ def judged(
         return [*row, found.closest.errors.by(by), 0.0, 0.0, 0.0, found.seconds, len(found.tried), "is said"]
     error, bar = outside(scene, found, best, work)
     ratio = np.nan
-    if exhaustive and by == "closure" and (grid := quickest_kept(scene, tolerance)):
+    if exhaustive and number == 0 and (grid := quickest_kept(scene, tolerance)):
         own, other = step_times([(scene, each.applied(scene.model)) for each in (best.settings, grid[0])])
         ratio = own / other
         count.ratios = (*count.ratios, ratio)
