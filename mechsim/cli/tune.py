@@ -243,15 +243,18 @@ def _print(found: Tuned, told: dict[str, Any], output: str, python: str | None) 
     head = ("settings changed", f"{found.by} in {unit}", "trajectory in m", "ms a simulated s")
     print_table(f"{told['mechanism']}: {found.by} within {found.tolerance:g} {unit}", head, rows)
     tuned_, published = told["tuned"], told["published"]
+    before = f"published {published['error']:.2g} {unit}, {published['ms_per_s']:.3g} ms"
+    if not np.isfinite(published["error"]):
+        before = "published it diverges"
     if told["reached"]:
         typer.echo(
             f"{output} keeps it: errs by {tuned_['error']:.2g} {unit}, {tuned_['ms_per_s']:.3g} ms a "
-            f"simulated second (published {published['error']:.2g} {unit}, {published['ms_per_s']:.3g} ms)"
+            f"simulated second ({before})"
         )
     else:
         typer.echo(
             f"no MJCF file reaches {found.tolerance:g} {unit} here: {output} errs by {tuned_['error']:.2g} "
-            f"{unit} (published {published['error']:.2g})"
+            f"{unit} ({before})"
         )
         if found.beyond is not None:
             how = f"in {python}" if python else "which --python OUT.py writes"

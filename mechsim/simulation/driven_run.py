@@ -24,6 +24,7 @@ from mechsim.simulation.recorded_motion import States, evaluate
 from mechsim.simulation.run_result import Run
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stepping import MOST_STEPS, Steps, Watch, step, unwatched
+from mechsim.simulation.stiffest_part import stiffest_part
 
 # instants recorded a turn where nothing else is asked
 SAMPLES = 72
@@ -176,7 +177,12 @@ class DrivenRun:
         loops, states = self.closed.loops, steps.states
         distance = loops.conditioning(loops.linearise(states.qpos)[1])
         seen = near_singular(states.time, distance)
-        return seen or met_last(self.closed.model, states.time, states.qpos, states.qvel) or STIFF
+        seen = seen or met_last(self.closed.model, states.time, states.qpos, states.qvel)
+        if seen:
+            return seen
+        run = loops.over_copy()
+        replace(steps.settings, hardness=1.0).apply(run, steps.timestep)  # weights are then inertia
+        return stiffest_part(run.model) or STIFF
 
     def _broken(self, steps: Steps, motion: Motion) -> str:
         """Return in one sentence why a run is none; nothing where it is one."""

@@ -1,5 +1,7 @@
 """What made a scene diverge is named: each cause is made, and told from the others."""
 
+from dataclasses import replace
+
 import pytest
 from scene_texts import FINGER, scene
 
@@ -19,11 +21,32 @@ def broken(folder, text=FINGER, settings=RINGING, **motion):
     return why_broken(run)
 
 
-def test_a_step_too_long_for_a_damper_is_stiffness(tmp_path):
-    stiff = FINGER.replace('damping="0.001"', 'damping="0.02"')
-    assert "stiffness: a step 8 times smaller" in broken(
-        tmp_path, stiff, PlainSettings(integrator="RK4", timestep=5e-4)
-    )
+STIFF = {
+    "the damper of joint swing": ('damping="0.001"', 'damping="0.02"'),
+    "the spring of joint swing": ('stiffness="0.05"', 'stiffness="5e6"'),
+    "actuator servo": ('kp="0.5" kv="0.02"', 'kp="0.5" kv="2"'),
+}
+
+
+@pytest.mark.parametrize("part", STIFF)
+def test_the_part_that_is_too_stiff_for_a_step_is_named_and_what_it_asks_for_is_enough(tmp_path, part):
+    text, rk4 = FINGER.replace(*STIFF[part]), PlainSettings(integrator="RK4", timestep=5e-4)
+    said = broken(tmp_path, text, rk4)
+    assert said.startswith(f"stiffness: {part} asks for steps below")
+    enough = float(said.split("below ")[1].split(" s")[0])
+    one = scene(tmp_path, text=text, ctrl=FED, duration=500 * enough)
+    assert not stepped(one, replace(rk4, timestep=0.8 * enough).applied(one.model)).broken
+    assert stepped(one, replace(rk4, timestep=3.0 * enough).applied(one.model)).broken
+
+
+def test_what_is_too_stiff_for_any_step_is_stepped_implicitly(tmp_path):
+    one = scene(tmp_path, ctrl=FED, text=FINGER.replace(*STIFF["the spring of joint swing"]))
+    run, errors, used = finer(one, PlainSettings(), 1e-5)
+    assert not run.broken
+    assert errors.closure <= 1e-5
+    assert used.integrator == "discrete"
+    asked = finer(one, PlainSettings(integrator="RK4"), 1e-5)[0]
+    assert asked.broken
 
 
 def test_a_joint_at_the_end_of_its_range_is_a_limit(tmp_path):

@@ -14,11 +14,14 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.maths.convergence import believed_order
+from mechsim.simulation.stiffest_part import stiffest_part
 from mechsim.studies.scenes.scene_run import SceneRun, stepped
 from mechsim.studies.scenes.user_scene import UserScene
 
 # steps in the coarsest run, at least; and in the finest, at most; each next has twice as many
 LEAST, MOST = 2000, 400_000
+# tried in this order; the last takes stiffness implicitly
+INTEGRATORS = ("RK4", "implicitfast", "discrete")
 # tolerance of the solver, in its usual one
 EXACTER = 1e-4
 # instants recorded of each
@@ -106,7 +109,10 @@ def limit_of(
     own = scene.duration / float(scene.model.opt.timestep)
     first = int(np.ceil(np.clip(2.0 * own, LEAST, MOST / 4)))
     found: SceneLimit | None = None
-    for integrator in ("RK4", "implicitfast"):
+    for integrator in INTEGRATORS:
+        finest = hardened(scene.model, 4.0 * scene.duration / MOST, integrator)
+        if integrator != INTEGRATORS[-1] and stiffest_part(finest):
+            continue
         best = _finer(scene, first, integrator, goal, seconds, tell)
         if found is None or (found.broken and not best.broken) or best.bars[0] < found.bars[0]:
             found = best

@@ -6,6 +6,7 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.simulation.divergence_cause import met_last, near_singular
+from mechsim.simulation.stiffest_part import stiffest_part
 from mechsim.studies.scenes.scene_run import SceneRun, stepped
 
 # a step that many times smaller tells whether stiffness broke it
@@ -22,11 +23,14 @@ def why_broken(run: SceneRun) -> str:
     )
     if seen:
         return seen
+    stiff = stiffest_part(run.model)
+    if stiff:
+        return stiff
     fine = copy.copy(run.model)
     fine.opt.timestep /= FINER
     if not stepped(run.scene, fine, records=2).broken:
         return f"stiffness: a step {FINER:g} times smaller does not diverge"
-    return "stiffness that smaller steps do not mend, as of loops that contradict each other"
+    return f"what a step {FINER:g} times smaller does not mend either, as of loops that contradict each other"
 
 
 def _distance(run: SceneRun) -> Array:

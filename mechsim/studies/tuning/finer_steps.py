@@ -9,6 +9,8 @@ from mechsim.studies.scenes.scene_run import RECORDS
 
 # steps tried after the file's own, in its steps, and time constant of the loops in steps
 RATIOS = (1.0, 0.5, 0.25, 0.1, 0.04, 0.016, 0.006, 0.0025, 0.001)
+# which takes springs and servos implicitly, for what another integrator does not bear
+IMPLICIT = "discrete"
 CONSTANT = 2.0
 MOST_STEPS = 2_000_000
 
@@ -23,7 +25,8 @@ def finer(
 ) -> tuple[SceneRun, SceneErrors, PlainSettings]:
     """Return a run that keeps a tolerance by closure, or the best there is, with its errors and settings.
 
-    A run that diverges is no reason to stop: finer ones follow.
+    A run that diverges is no reason to stop: it is made again with an integrator that takes stiffness
+    implicitly, unless one was asked for, and finer ones follow.
 
     Args:
         scene: the scene.
@@ -32,21 +35,26 @@ def finer(
         fixed: whether no other settings are tried.
         records: instants recorded after the first.
     """
-    best: tuple[SceneRun, SceneErrors, PlainSettings] | None = None
+    found: list[tuple[SceneRun, SceneErrors, PlainSettings]] = []
     own = settings.timestep or float(scene.model.opt.timestep)
     tried = [settings]
     if not fixed:
         ratios = [ratio for ratio in RATIOS if scene.duration / (ratio * own) <= MOST_STEPS]
         tried += [_harder(settings, ratio * own) for ratio in ratios]
     for one in tried:
-        run = stepped(scene, one.applied(scene.model), records=records or RECORDS)
-        errors = errors_of(run)
-        if best is None or errors.closure < best[1].closure:
-            best = run, errors, one
-        if errors.closure <= tolerance:
+        found.append(_run(scene, one, records))
+        if found[-1][0].broken and not fixed and settings.integrator is None:
+            found.append(_run(scene, replace(one, integrator=IMPLICIT), records))
+        if found[-1][1].closure <= tolerance:
             break
-    assert best is not None
-    return best
+    return min(found, key=lambda each: each[1].closure)
+
+
+def _run(
+    scene: UserScene, settings: PlainSettings, records: int | None
+) -> tuple[SceneRun, SceneErrors, PlainSettings]:
+    run = stepped(scene, settings.applied(scene.model), records=records or RECORDS)
+    return run, errors_of(run), settings
 
 
 def _harder(settings: PlainSettings, step: float) -> PlainSettings:
