@@ -5,6 +5,7 @@ SPEED = "changes what a run costs, not what it gives"
 ANY_TINY = "any tiny number will do where nothing has a length"
 LOOPS = "simulation/model_loops.py"
 MOTION = "analytic/closure/motion.py"
+PATH = "analytic/closure/followed_path.py"
 SOLVER = "analytic/closure/loop_solver.py"
 TREE = "analytic/closure/tree_motion.py"
 CHECKS = "verdict/checks.py"
@@ -73,6 +74,12 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "MOST_STEPS, ROUNDING = (8, 1e-13)",
         "...",
     ): "a Newton step more or less from where it has converged",
+    (PATH, "NODES, FIRST, LONGEST = (9, 0.1, 1.2)", "NODES, FIRST, LONGEST = (9, 0.1, 0.12)"): SPEED,
+    (PATH, "NODES, FIRST, LONGEST = (9, 0.1, 1.2)", "NODES, FIRST, LONGEST = (9, 0.01, 1.2)"): SPEED,
+    (PATH, "NODES, FIRST, LONGEST = (9, 0.1, 1.2)", "NODES, FIRST, LONGEST = (9, 1.0, 1.2)"): SPEED,
+    (PATH, "AFTER = 0.3", "AFTER = 3.0"): SPEED,
+    (PATH, "BEYOND = 0.2137", "BEYOND = 2.137"): SPEED,
+    (PATH, "TELLING = 0.5", "TELLING = 5.0"): "the rows that tell most are then always taken",
     (SOLVER, "FAR = 0.3", "FAR = 0.03"): "a path is followed in shorter steps",
     (
         SOLVER,

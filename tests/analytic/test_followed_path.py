@@ -41,6 +41,10 @@ def test_a_parallelogram_stays_one_turn_after_turn():
     found = np.sort(path.meetings)
     np.testing.assert_allclose(found, np.pi * np.round(found / np.pi), atol=1e-9)
     assert {0, 1, 2} <= set(np.round(found / np.pi).astype(int))
+    # it goes on where it ended
+    path.extend(9.0)
+    for cells in path.cells.values():
+        assert [cell.nodes[-1] for cell in cells[:-1]] == [cell.nodes[0] for cell in cells[1:]]
     motion = closure.solve(mechanism, ANGLES)
     np.testing.assert_allclose(motion.links["coupler"].angular_velocity, 0.0, atol=1e-9)
 

@@ -9,6 +9,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.simulation import model_loops
 from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.drive import CLOCK, drive_of
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
 
@@ -170,6 +171,18 @@ def test_coupled_slides_stand_open_in_units_of_the_models_size(joint, kind, size
     )
     state = loops.model.qpos0[None]
     assert loops.gap(loops.residual(state))[0] == pytest.approx(0.06 / size)
+
+
+def test_driven_slides_stand_open_in_units_of_the_models_size() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        USER.format(equality="", crank=CLOCK).replace('"k"', '"k" type="slide"', 1)
+    )
+    loops = ModelLoops(model, drive=drive_of(model, ("j", "k")))
+    off = np.zeros((3, model.nq))
+    off[1, 1], off[2, 2] = 0.06, 0.06
+    gaps = loops.gap(loops.residual(model.qpos0 + off))
+    assert gaps == pytest.approx([0.0, 0.06, 0.06 / loops.size])
+    assert loops.size == pytest.approx(0.3)
 
 
 def test_what_no_loop_holds_changes_no_determinant_and_has_no_part_in_it(monkeypatch) -> None:

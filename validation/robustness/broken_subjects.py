@@ -38,10 +38,10 @@ PATIENCE, ROOM = 60, 16 << 30
 VARIED = {
     "four_bar": ("C", "rocker", "70mm:78mm"),
     "slider_crank": ("B", "rod", "0.19:0.21"),
-    "rssr": ("P3", "rocker", "23mm:25mm"),
-    "rrsrr": ("C", "link", "25.6mm:26mm"),
-    "looper": ("E", "rocker", "1:1.0001"),
-    "bennett": ("A", "ground", "0.1:0.1001"),
+    "rssr": ("P3", "rocker", "26mm:28mm"),
+    "rrsrr": ("C", "link", "38.5mm:39.5mm"),
+    "looper": ("E", "rocker", "31.5mm:32.5mm"),
+    "bennett": ("A", "twist0", "33deg:35deg"),
 }
 FORMULA = """import numpy as np
 

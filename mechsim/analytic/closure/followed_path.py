@@ -106,7 +106,7 @@ class FollowedPath(PathRows):
             return
         self.reach(to, sense)
 
-    def reach(self, to: float, sense: int = 1) -> None:
+    def reach(self, to: float, sense: int) -> None:
         """Follow the assembly as far as a parameter and no farther.
 
         Raises:

@@ -59,7 +59,7 @@ def _begun(loops: TreeLoops, start: Coordinates, there: Array, through: Through)
 
     words = Words("the drivers on their way to where the programs begin", place, place)
     way = FollowedPath(loops, straight, start, 0.0, through, words)
-    way.reach(far)
+    way.reach(far, 1)
     return way.unflat(way.cells[1][-1].states[-1:], np.array([far]), there)
 
 
