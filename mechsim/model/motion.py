@@ -1,6 +1,6 @@
 """Motion: what the closed forms, the loop equations and MuJoCo all produce."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
@@ -213,6 +213,34 @@ def join(parts: list[Record]) -> Record:
 def taken(record: Record, rows: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Record:
     """Return some instants of a motion, or of another record of instants."""
     return _taken(record, rows)
+
+
+def weighed(record: Record, weights: Array) -> Record:
+    """Return sums of a record's n instants by weights, (k, n): a record of k instants."""
+    return _mapped(lambda one: np.tensordot(weights, one, 1), record)
+
+
+def put(record: Record, rows: NDArray[np.intp], part: Record) -> Record:
+    """Return a record in which some instants, (k,), are those of another with k."""
+
+    def replaced(one: Array, other: Array) -> Array:
+        out = one.copy()
+        out[rows] = other
+        return out
+
+    return _mapped(replaced, record, part)
+
+
+def _mapped(change: Callable[..., Array], *records: Any) -> Any:
+    first = records[0]
+    if isinstance(first, np.ndarray):
+        return change(*records)
+    if isinstance(first, Mapping):
+        return {key: _mapped(change, *(one[key] for one in records)) for key in first}
+    if is_dataclass(first):
+        parts = {f.name: _mapped(change, *(getattr(one, f.name) for one in records)) for f in fields(first)}
+        return type(first)(**parts)  # pyright: ignore[reportCallIssue]
+    return first
 
 
 def _taken(record: Any, rows: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Any:

@@ -246,19 +246,14 @@ def solved(
     qpos, path = follow.followed(closed.loops, closed.closed, angle)
     seconds = clock.perf_counter() - begin
     require_within_limits(closed, qpos)
-    away, near = qpos, list(path.blind(angle))
-    for meeting, rows in near:
-        away = held_off(away, meeting, rows)
+    near = list(path.blind(angle))
+    away = held_off(qpos, near)
     rates = closed.loops.tangent(closed.loops.linearise(away)[1]) * speed[:, None]
     states = States(time, away, rates)
     motion = evaluate(
         closed.loops, closed.track, states, "pose", crank_acceleration=acceleration, watch=watch
     )
-    if near:
-        motion = replace(motion, speed=speed, acceleration=acceleration)
-    for meeting, rows in near:
-        turned = angle[rows] - path.laps(angle[rows]) * TURN
-        motion = mended(motion, closed.loops, closed.track, qpos, meeting, rows, turned)
+    motion = mended(motion, closed.loops, closed.track, qpos, near, (speed, acceleration))
     assert motion.closure is not None
     estimate = float(motion.closure.max(initial=0.0))
     tolerance = allowed(closed, motion) if tolerance is None else tolerance

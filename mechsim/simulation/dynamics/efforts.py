@@ -9,13 +9,15 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Efforts
-from mechsim.model.motion import join
+from mechsim.model.motion import join, put, weighed
 from mechsim.simulation.dynamics.applied import Fields, dry_friction, loop_forces, native, sliding, together
 from mechsim.simulation.dynamics.friction import oppose
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.model_loops import RANK_TOLERANCE
 from mechsim.simulation.poses import follow
+from mechsim.simulation.poses.meeting_motion import Near, held_off
+from mechsim.simulation.poses.meetings import Meeting, fitted
 from mechsim.simulation.recorded_motion import CHUNK, States, link_motions, opening
 from mechsim.simulation.settings import set_armature
 from mechsim.simulation.stepping import Watch, unwatched
@@ -225,6 +227,23 @@ def started(loaded: LoadedModel, angle: float, speed: float) -> tuple[Array, Arr
     return qpos[0], (_rates(loaded, qpos) * speed)[0]
 
 
+@dataclass(frozen=True, slots=True)
+class Posed:
+    """Solved poses and what they need.
+
+    Attributes:
+        qpos: closed states, (n, nq).
+        states: the same, but held off from meetings of assemblies, with their rates.
+        near: which are close to such meetings.
+        found: the efforts.
+    """
+
+    qpos: Array
+    states: States
+    near: Near
+    found: Efforts
+
+
 def required(
     loaded: LoadedModel,
     time: Array,
@@ -232,24 +251,54 @@ def required(
     speed: Array,
     acceleration: Array,
     watch: Watch = unwatched,
-) -> tuple[States, Efforts]:
+) -> Posed:
     """Return the closed states of a crank motion, (n,) each in SI, and what it needs, by inverse dynamics.
+
+    Where two assemblies meet, efforts are limits.
 
     Raises:
         AssemblyError: where the loops do not close.
 
     Accuracy: rounding.
     """
-    qpos = follow.follow(loaded.loops, loaded.closed, angle)
+    qpos, path = follow.followed(loaded.loops, loaded.closed, angle)
+    near = list(path.blind(angle))
+    away = held_off(qpos, near)
     parts = []
     for first in range(0, len(time), CHUNK):
         part = slice(first, first + CHUNK)
-        states = States(time[part], qpos[part], _rates(loaded, qpos[part]) * speed[part, None])
+        states = States(time[part], away[part], _rates(loaded, away[part]) * speed[part, None])
         at = situation(loaded, states)
         parts.append((states, efforts(loaded, at, *needed(loaded, at, acceleration[part]))))
         done = min(first + CHUNK, len(time))
         watch(f"{done:,} of {len(time):,} poses", done / len(time))
-    return join([states for states, _ in parts]), join([found for _, found in parts])
+    found = join([found for _, found in parts])
+    for meeting, rows, turned in near:
+        for row, at in zip(rows, turned, strict=True):
+            crank = (float(one[row]) for one in (time, angle, speed, acceleration))
+            found = put(found, np.array([row]), _beside(loaded, meeting, at, *crank))
+    return Posed(qpos, join([states for states, _ in parts]), near, found)
+
+
+def _beside(
+    loaded: LoadedModel,
+    meeting: Meeting,
+    turned: float,
+    time: float,
+    angle: float,
+    speed: float,
+    acceleration: float,
+) -> Efforts:
+    """Return what one instant needs so near to a meeting that the loops say nothing: read off around it."""
+    count, laps = len(meeting.nodes), angle - turned
+    qpos = meeting.states.copy()
+    qpos[:, loaded.loops.crank_place] += laps
+    states = States(np.full(count, time), qpos, _rates(loaded, qpos) * speed)
+    at = situation(loaded, states)
+    around = efforts(loaded, at, *needed(loaded, at, np.full(count, acceleration)))
+    found = weighed(around, fitted(meeting.nodes, meeting.angle, np.array([turned])))
+    # how friction acts is told, not reckoned with
+    return replace(found, angle=np.array([angle]), sliding=np.round(found.sliding))
 
 
 def _rates(loaded: LoadedModel, qpos: Array) -> Array:

@@ -16,6 +16,7 @@ from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, within
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.poses import follow
+from mechsim.simulation.poses.meeting_motion import mended
 from mechsim.simulation.recorded_motion import evaluate
 from mechsim.simulation.refine import Promise
 from mechsim.simulation.run_result import Driven, Method
@@ -138,12 +139,13 @@ def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, wat
     time = np.linspace(0.0, profile.duration, count + 1)
     angle, speed, acceleration = profile.state(time)
     begin = clock.perf_counter()
-    states, found = required(loaded, time, angle, speed, acceleration, watch)
+    posed = required(loaded, time, angle, speed, acceleration, watch)
     seconds = clock.perf_counter() - begin
-    motion = evaluate(loaded.loops, loaded.track, states, "pose", crank_acceleration=acceleration)
+    motion = evaluate(loaded.loops, loaded.track, posed.states, "pose", crank_acceleration=acceleration)
+    motion = mended(motion, loaded.loops, loaded.track, posed.qpos, posed.near, (speed, acceleration))
     return Driven(
         motion=motion,
-        efforts=found,
+        efforts=posed.found,
         outcome="done",
         method="pose",
         steps=len(time),

@@ -125,7 +125,7 @@ def _posed(loaded: LoadedModel, run: Driven) -> Efforts:
     motion = run.motion
     if run.outcome == "diverged" or motion.time is None:
         raise AssemblyError("the run diverged")
-    return required(loaded, motion.time, motion.angle, motion.speed, motion.acceleration)[1]
+    return required(loaded, motion.time, motion.angle, motion.speed, motion.acceleration).found
 
 
 def _gaps(loaded: LoadedModel, found: Efforts, true: Efforts, known: Known) -> list[tuple[str, Array]]:

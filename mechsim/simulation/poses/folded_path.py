@@ -56,11 +56,11 @@ class FoldedPath:
         first = self.pieces[0]
         return np.floor((angles - first.knots[0, first.loops.crank_place]) / TURN)
 
-    def blind(self, angles: Array) -> Iterator[tuple[Meeting, NDArray[np.intp]]]:
-        """Yield meetings and which of some crank angles are so near that the loops say nothing, (n,)."""
+    def blind(self, angles: Array) -> Iterator[tuple[Meeting, NDArray[np.intp], Array]]:
+        """Yield meetings, which of some crank angles are so near that the loops say nothing, and these."""
         for piece, rows, turned in self.parts(angles):
-            for meeting, close in piece.blind(turned):
-                yield meeting, rows[close]
+            for meeting, close, near in piece.blind(turned):
+                yield meeting, rows[close], near
 
     @cached_property
     def _cuts(self) -> Array:

@@ -1,5 +1,6 @@
 """The motion close to a meeting of two assemblies, where the loops give no rates: read off around it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,29 +13,46 @@ from mechsim.simulation.poses.meetings import Meeting, fitted
 from mechsim.simulation.recorded_motion import States, Track, evaluate
 
 Rows = NDArray[np.intp]
+# meetings, which rows are close to each, and their crank angles, counted as the meeting's, (k,) in [rad]
+Near = Sequence[tuple[Meeting, Rows, Array]]
 
 
-def held_off(states: Array, meeting: Meeting, rows: Rows) -> Array:
-    """Return states of which those at some rows are moved away from a meeting, so that they have rates."""
+def held_off(states: Array, near: Near) -> Array:
+    """Return states of which those close to meetings are moved away from them, so that they have rates."""
     away = states.copy()
-    away[rows] = meeting.states[-1]
+    for meeting, rows, _ in near:
+        away[rows] = meeting.states[-1]
     return away
 
 
 def mended(
-    motion: Motion, loops: ModelLoops, track: Track, qpos: Array, meeting: Meeting, rows: Rows, turned: Array
+    motion: Motion,
+    loops: ModelLoops,
+    track: Track,
+    qpos: Array,
+    near: Near,
+    rates: tuple[Array, Array],
 ) -> Motion:
-    """Return a motion whose rows close to a meeting are interpolated from the motion around it.
+    """Return a motion whose rows close to meetings are interpolated from the motion around these.
 
     Args:
-        motion: with rows that are wrong.
+        motion: at states that were held off.
         loops: of the model.
         track: what was recorded.
         qpos: states of all rows, (n, nq).
-        meeting: that they are close to.
-        rows: which they are, (k,).
-        turned: crank angles of these rows, counted as the meeting's, (k,) in [rad].
+        near: what is close to meetings.
+        rates: the crank's speed and acceleration at all rows, (n,) each.
     """
+    if near:
+        motion = replace(motion, speed=rates[0], acceleration=rates[1])
+    for one in near:
+        motion = _mended(motion, loops, track, qpos, *one)
+    return motion
+
+
+def _mended(
+    motion: Motion, loops: ModelLoops, track: Track, qpos: Array, meeting: Meeting, rows: Rows, turned: Array
+) -> Motion:
     count = len(meeting.nodes)
     tangent = loops.tangent(loops.linearise(meeting.states)[1])
     around = States(np.zeros(count), meeting.states, tangent)

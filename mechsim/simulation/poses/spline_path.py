@@ -63,13 +63,16 @@ class AssemblyPath:
             return states, sure
         return self._closed(guess, turned)
 
-    def blind(self, angles: Array) -> Iterator[tuple[Meeting, NDArray[np.intp]]]:
-        """Yield meetings and which of some crank angles are so near that the loops say nothing, (n,)."""
+    def blind(self, angles: Array) -> Iterator[tuple[Meeting, NDArray[np.intp], Array]]:
+        """Yield meetings, which of some crank angles are so near that the loops say nothing, and these.
+
+        The angles without the laps, as the meeting's is counted.
+        """
         turned = angles - self.laps(angles) * TURN
         for meeting in self.meetings:
             close = np.flatnonzero(meeting.near(turned))
             if len(close):
-                yield meeting, close
+                yield meeting, close, turned[close]
 
     def sides(self, angles: Array) -> Array:
         """Return on which side of the dead centres the path lies at crank angles between the knots, (n,)."""
