@@ -11,6 +11,8 @@ from mechsim.model.mechanism import Mechanism
 # singular values below this part of the largest count as zero: between the 1e-16 of rounding and
 # the 1e-6 or so of a mechanism that is merely near a dead centre
 RANK_TOLERANCE = 1e-9
+# poses at which ranks are looked at: so many are not all special ones
+SEEN = 5
 # condition of the normal equations below which two refinements leave rounding
 WELL = 1e10
 # what is smaller than this part of the largest is nought
@@ -42,7 +44,7 @@ def conditioning(mechanism: Mechanism, poses: Poses) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Freedom:
-    """What the rank of the loop Jacobian says at one pose.
+    """What the rank of the loop Jacobian says, at the pose of several where it is largest.
 
     Attributes:
         mobility: freedoms left by all joints.
@@ -58,17 +60,21 @@ class Freedom:
 
 
 def freedom(mechanism: Mechanism, poses: Poses) -> Freedom:
-    """Return mobility, passive freedoms and redundant rows at the first of the poses.
+    """Return mobility, passive freedoms and redundant rows, of up to `SEEN` of the poses, evenly spread.
+
+    A pose at which assemblies meet says no more than that it is one.
 
     Source: rank of the Jacobian of the loop equations; papers.md sections 1-3 for what is expected.
     """
-    first = {name: pose.at(slice(0, 1)) for name, pose in poses.items()}
+    count = len(next(iter(poses.values())).position)
+    rows = np.unique(np.linspace(0, count - 1, SEEN).astype(np.intp))
+    seen = {name: pose.at(rows) for name, pose in poses.items()}
     unknowns = 6 * len(mechanism.links)
 
     def rank(crank_free: bool) -> tuple[int, int]:
-        values = singular_values(mechanism, first, crank_free=crank_free)[0]
-        rows = equations(mechanism, first, None if crank_free else 0.0).residual.shape[1]
-        return int((values > RANK_TOLERANCE * values[0]).sum()), rows
+        values = singular_values(mechanism, seen, crank_free=crank_free)
+        rows = equations(mechanism, seen, None if crank_free else 0.0).residual.shape[1]
+        return int((values > RANK_TOLERANCE * values[:, :1]).sum(1).max()), rows
 
     free, rows = rank(True)
     held, _ = rank(False)
