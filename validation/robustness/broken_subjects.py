@@ -1,11 +1,13 @@
 """Every command on files as subjects: sound ones are never refused, broken ones end in a result or one line.
 
-    python validation/robustness/broken_subjects.py [--count 1000] [--sound 0.3] [--seed 1] [--only CLASS] [--case N]
+    python validation/robustness/broken_subjects.py [--count 1000] [--sound 0.3] [--seed 1] [--only CLASS]
 
-A part of them is sound: commands with catalogue names, files of the gallery and models that `mechsim export` wrote:
-no refusal, and no *missed* of `validate`. The others are such a command with a strange value of any option
-it has, with a word lost, doubled or garbled, or with its subject, its table or its formula broken in up to
-three places. Each runs in a forked process of its own, so that a crash in C is a fault like
+A part of them is sound: commands with catalogue names, files of the gallery and models that `mechsim
+export` wrote; none may be refused, and `validate` may miss nothing. The others are such a command with a
+strange value of any option it has, with a word lost, doubled or garbled, or with its subject, its table or
+its formula broken in up to three places; what is quick is drawn three times as often.
+
+Each runs in a forked process of its own, so that a crash in C is a fault like
 another. Prints a table of classes, and every fault with the number to run it again by. The exit code is 1 if
 there was any.
 """
@@ -155,7 +157,7 @@ def measured(name: str) -> bytes:
 
 
 def drawn(chance: random.Random, count: int, sound: float) -> list[Tried]:
-    """Return cases, a part of them sound, the rest with something wrong; what is quick three times as often."""
+    """Return cases, a part of them sound, the rest with something wrong."""
     every, by_command = sound_cases(), defaultdict[str, list[Tried]](list)
     for one in every:
         by_command[one.case.words[0]].append(one)

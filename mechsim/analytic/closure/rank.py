@@ -60,15 +60,14 @@ class Freedom:
 
 
 def freedom(mechanism: Mechanism, poses: Poses) -> Freedom:
-    """Return mobility, passive freedoms and redundant rows, of up to `SEEN` of the poses, evenly spread.
+    """Return mobility, passive freedoms and redundant rows, by `SEEN` poses or a few more, evenly spread.
 
     A pose at which assemblies meet says no more than that it is one.
 
     Source: rank of the Jacobian of the loop equations; papers.md sections 1-3 for what is expected.
     """
     count = len(next(iter(poses.values())).position)
-    rows = np.unique(np.linspace(0, count - 1, SEEN).astype(np.intp))
-    seen = {name: pose.at(rows) for name, pose in poses.items()}
+    seen = {name: pose.at(slice(None, None, max(1, count // SEEN))) for name, pose in poses.items()}
     unknowns = 6 * len(mechanism.links)
 
     def rank(crank_free: bool) -> tuple[int, int]:
