@@ -31,7 +31,14 @@ def crosscheck_driven(
     at = (motion.angle, motion.speed, motion.acceleration)
     study = prescribed(machine, *at, time=motion.time, as_run=motion, watch=watch)
     tolerance = None if run.promise is None or run.method == "pose" else run.promise.tolerance
-    return judge_efforts(run.efforts, study.efforts, road=run.method, tolerance=tolerance, bounds=bounds)
+    return judge_efforts(
+        run.efforts,
+        study.efforts,
+        road=run.method,
+        tolerance=tolerance,
+        bounds=bounds,
+        conditioning=machine.drive.conditioning(motion),
+    )
 
 
 def crosscheck_free(

@@ -103,6 +103,7 @@ def judge_efforts(
     road: Literal["pose", "step"],
     tolerance: float | None = None,
     bounds: Bounds | None = None,
+    conditioning: Array | None = None,
 ) -> Verdict:
     """Compare the efforts of a prescribed crank with the true ones at the same angles, speeds and instants.
 
@@ -112,6 +113,7 @@ def judge_efforts(
         road: how it was found: "pose" or "step".
         tolerance: that a stepped run was asked to keep, as a part; None where it was asked nothing.
         bounds: bounds that replace those of `EFFORTS`, by name; parts of the scale where their unit is "1".
+        conditioning: of the loops at each instant, (n,), by which bounds widen; None where it is not known.
 
     Returns:
         The verdict. Forces are relative to the largest root mean square of any joint's force, moments
@@ -122,7 +124,7 @@ def judge_efforts(
     asked = Asked() if tolerance is None else Asked(tolerance)
     by = "asked" if tolerance is not None else road
     allowed = allowances(EFFORTS, by, efforts_scales(exact), asked, bounds)
-    return concluded(checks_of(EFFORTS, found, exact, allowed))
+    return concluded(checks_of(EFFORTS, found, exact, allowed, conditioning))
 
 
 def judge_free_run(

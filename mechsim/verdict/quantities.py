@@ -222,7 +222,9 @@ PROGRAMMED = (
 )
 
 SPRINGS = Bound(
-    f"{OF}rounding: no integration; 3e-14 without springs, 3e-11 with stiff ones that balance", 1e-10
+    f"{OF}rounding: no integration; 3e-14 without springs, 3e-11 with stiff ones that balance",
+    1e-10,
+    power=5,
 )
 ASKED = Bound(f"{OF}asked for", asked=1.0)
 AS_TORQUE = Bound(f"{OF}as the torque; rates of closed loops: measured 1e-9", 1e-8, asked=1.0)
@@ -238,7 +240,7 @@ REACTION = {
     "asked": ASKED,
 }
 ENERGY = {
-    "pose": Bound(f"{OF}rounding: measured 1e-14", 1e-12),
+    "pose": Bound(f"{OF}rounding: measured 1e-14", 1e-12, power=3),
     "step": Bound(f"{OF}rates of closed loops: measured 1e-9", 1e-8),
     "asked": AS_TORQUE,
 }

@@ -5,11 +5,15 @@ import pytest
 from flat_linkages import flat_linkages, named
 
 from mechsim import catalog
+from mechsim.analytic import dynamics
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
+from mechsim.model.forces import Forces
 from mechsim.simulation import closed_model, constant, simulate
+from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.meetings import meeting_between
+from mechsim.studies.dynamics_check import crosscheck_driven
 
 OTHERS = [
     catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045),
@@ -58,6 +62,20 @@ def test_a_run_by_poses_folds_as_the_closed_form_does(drive, turns):
         assert (
             np.abs(found.acceleration - point.acceleration).max() <= 1e-6 * np.abs(point.acceleration).max()
         )
+
+
+@pytest.mark.parametrize("drive", OTHERS[:3], ids=lambda one: f"{one.name} {one.change_points()[0]:.2f}")
+def test_efforts_at_a_meeting_are_limits(drive):
+    machine = dynamics.machine(drive)
+    # begins and ends at the change point
+    at = drive.change_points()[-1]
+    run = driven(machine.mechanism, machine.forces, profile=constant(20.0, 1.0, at), samples=36)
+    verdict = crosscheck_driven(run, machine)
+    assert verdict.passed, verdict.reason
+    heavier = dynamics.machine(drive, Forces(gravity=(0.0, -9.8101, 0.0)))
+    assert not crosscheck_driven(run, heavier).passed
+    with pytest.raises(InputError, match="to fold at change points, where its links would jump in speed"):
+        dynamics.machine(drive.passing("fold"))
 
 
 def test_what_cannot_fold_is_refused_with_its_angle():

@@ -76,9 +76,15 @@ def machine(
         diameter: of those rods in [m]; None takes 0.05 of the mechanism's size.
 
     Raises:
-        InputError: for forces that name what the mechanism does not have.
+        InputError: for forces that name what the mechanism does not have, and for one that is to fold where
+            assemblies meet: its links would jump in speed.
     """
     drive = LoopForm(source) if isinstance(source, Mechanism) else source
+    if getattr(drive, "through", "smooth") == "fold" and drive.change_points():
+        raise InputError(
+            f"{drive.name} is to fold at change points, where its links would jump in speed and no force is "
+            "large enough; leave out through=fold"
+        )
     bare = mechanism or drive.mechanism
     described = with_inertia(bare, density, diameter)
     acting = forces or Forces()

@@ -62,7 +62,10 @@ def _mended(
     model = loops.model
     places = {track.name(model.joint(i).name)[0]: int(model.jnt_qposadr[i]) for i in range(model.njnt)}
     assert motion.closure is not None
-    opened = np.abs(loops.residual(qpos[rows])[:, : 3 * len(loops.pairs)]).max(1, initial=0.0)
+    # beside one that is no special pose, for singular values that are nought at all do not count
+    residual, jacobian = loops.linearise(np.concatenate([qpos[rows], meeting.states[-1:]]))
+    opened = np.abs(residual[:-1, : 3 * len(loops.pairs)]).max(1, initial=0.0)
+    assert motion.conditioning is not None
     return replace(
         motion,
         angle=mend.put(motion.angle, qpos[rows, loops.crank_place]),
@@ -73,6 +76,7 @@ def _mended(
             for name, one in motion.joints.items()
         },
         closure=mend.put(motion.closure, opened),
+        conditioning=mend.put(motion.conditioning, loops.conditioning(jacobian)[:-1]),
     )
 
 
