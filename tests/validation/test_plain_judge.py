@@ -1,0 +1,51 @@
+"""The judge of tuned files, plain MuJoCo alone, agrees with the loop equations and condemns what is soft."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+from scene_texts import scene
+
+from mechsim.studies.scenes import errors_of, limit_of, stepped
+from mechsim.studies.scenes.plain_settings import PlainSettings
+from mechsim.studies.scenes.scene_limit import HARDEST
+from mechsim.studies.tuning.run_lines import python_of
+from mechsim.studies.tuning.tuned_file import tuned_text, written
+
+MOTION = "0.5*sin(2*pi*t)"
+HARD = PlainSettings(timestep=0.001, integrator="implicitfast", solref=(0.003, 1.0), solimp=HARDEST)
+
+
+@pytest.fixture
+def judge(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "validation" / "choices"))
+    return importlib.import_module("plain_judge")
+
+
+@pytest.fixture
+def tuned_script(tmp_path):
+    """Return a scene and the script that was written for it."""
+    one = scene(tmp_path, drive={"knuckle": MOTION}, duration=0.2)
+    outside = written(one, HARD, tuned_text(one, HARD, [], tmp_path).after, tmp_path / "out.xml")
+    (tmp_path / "run.py").write_text(python_of(outside, tmp_path / "out.xml", {"knuckle": MOTION}))
+    return one, tmp_path / "run.py"
+
+
+def test_what_plain_mujoco_closes_is_what_the_loop_equations_close(judge, tuned_script):
+    one, path = tuned_script
+    known = errors_of(stepped(one, HARD.applied(one.model), records=None)).closure
+    script = judge.script_of(path)
+    found = judge.closure_error(script, one.duration, one.places, one.closure.drivers)
+    assert found == pytest.approx(known, rel=1e-6)
+    script.model.eq_solref[:], script.model.eq_solimp[:] = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
+    assert judge.closure_error(script, one.duration, one.places, one.closure.drivers) > 100.0 * known
+
+
+def test_a_run_of_small_steps_tells_a_trajectory_as_the_limit_of_the_scene_does(judge, tuned_script):
+    one, path = tuned_script
+    known = errors_of(stepped(one, HARD.applied(one.model), records=None), limit_of(one, 1e-9)).trajectory
+    found, own = judge.trajectory_error(judge.script_of(path), one.duration, one.places)
+    assert (
+        own < 0.2 * found
+    )  # implicitfast errs as its steps: of sixteen times smaller ones a sixteenth is left
+    assert found == pytest.approx(known, rel=0.15)
