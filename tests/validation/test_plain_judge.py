@@ -47,5 +47,5 @@ def test_a_run_of_small_steps_tells_a_trajectory_as_the_limit_of_the_scene_does(
     found, own = judge.trajectory_error(judge.script_of(path), one.duration, one.places)
     assert (
         own < 0.2 * found
-    )  # implicitfast errs as its steps: of sixteen times smaller ones a sixteenth is left
+    )  # of steps sixteen times smaller a sixteenth is left
     assert found == pytest.approx(known, rel=0.15)
