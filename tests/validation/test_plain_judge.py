@@ -45,7 +45,5 @@ def test_a_run_of_small_steps_tells_a_trajectory_as_the_limit_of_the_scene_does(
     one, path = tuned_script
     known = errors_of(stepped(one, HARD.applied(one.model), records=None), limit_of(one, 1e-9)).trajectory
     found, own = judge.trajectory_error(judge.script_of(path), one.duration, one.places)
-    assert (
-        own < 0.2 * found
-    )  # of steps sixteen times smaller a sixteenth is left
+    assert own < 0.2 * found  # of steps sixteen times smaller a sixteenth is left
     assert found == pytest.approx(known, rel=0.15)
