@@ -1,13 +1,14 @@
 """Many designs of one mechanism, alike but for where their joints and points are: numbers as arrays."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, Mechanism, Pose
-from mechsim.model.rough_poses import rough_poses
+from mechsim.model.rough_poses import Sides, completed, starts
 
 # of one joint: points (3, d) and frames (3, 3, d) of its sides a and b
 Ends = tuple[Array, Array, Array, Array]
@@ -31,6 +32,10 @@ class DesignArrays:
     def count(self) -> int:
         """How many designs there are."""
         return next(iter(self.ends.values()))[0].shape[-1]
+
+    def sides(self) -> dict[str, Sides]:
+        """Return the same ends, designs first: points (d, 3) and frames (d, 3, 3)."""
+        return {name: _designs_first(ends) for name, ends in self.ends.items()}
 
     def on(self, link: str) -> Array:
         """Return the points of all joint ends on a link, (k, 3, d)."""
@@ -58,12 +63,12 @@ class StartedDesigns:
     Attributes:
         arrays: their numbers.
         guess: link -> rough poses, (d, 3) and (d, 3, 3), that say which assemblies are meant.
-        start: crank angles of the guesses, (d,) in [rad].
+        told: coordinate -> its value there, where the poses do not tell it exactly, (d,) in [m] or [rad].
     """
 
     arrays: DesignArrays
     guess: Mapping[str, Pose]
-    start: Array
+    told: Mapping[str, Array]
 
 
 def design_arrays(like: Mechanism, designs: Sequence[Mechanism]) -> DesignArrays:
@@ -84,15 +89,28 @@ def started_designs(like: Mechanism, designs: Sequence[Mechanism]) -> StartedDes
     Raises:
         AssemblyError: where joints lead to a link from nowhere.
     """
-    rough = [rough_poses(one) for one in designs]
+    arrays = design_arrays(like, designs)
+    known = [starts(one) for one in designs]
+    told = {name: np.array([one[name] for one in known]) for name in known[0]}
     guess = {
-        link.name: Pose(
-            np.array([one[link.name].position for one in rough]),
-            np.array([one[link.name].rotation for one in rough]),
+        link: Pose(
+            np.array([one.guess[link].position for one in designs]),
+            np.array([one.guess[link].rotation for one in designs]),
         )
-        for link in like.links
+        for link in designs[0].guess
     }
-    return StartedDesigns(design_arrays(like, designs), guess, np.array([one.start for one in designs]))
+    return StartedDesigns(arrays, completed(like, arrays.sides(), guess, told), told)
+
+
+def those_alike(
+    like: Mechanism, designs: Iterable[Mechanism | None]
+) -> tuple[StartedDesigns | None, NDArray[np.intp]]:
+    """Return the designs that are like one, ready to begin, and which those are; None where none is."""
+    there = [(i, one) for i, one in enumerate(designs) if one is not None and alike(like, one)]
+    # of those that are guessed by other links none can stand for the others
+    there = [(i, one) for i, one in there if one.guess.keys() == there[0][1].guess.keys()]
+    which = np.array([i for i, _ in there], dtype=np.intp)
+    return (started_designs(like, [one for _, one in there]) if there else None), which
 
 
 def alike(one: Mechanism, other: Mechanism) -> bool:
@@ -110,3 +128,8 @@ def alike(one: Mechanism, other: Mechanism) -> bool:
 
 def _kind(joint: object) -> tuple[object, ...]:
     return tuple(getattr(joint, name) for name in ("name", "kind", "cross_angle", "lead"))
+
+
+def _designs_first(ends: Ends) -> Sides:
+    point_a, frame_a, point_b, frame_b = ends
+    return point_a.T, np.moveaxis(frame_a, -1, 0), point_b.T, np.moveaxis(frame_b, -1, 0)

@@ -1,10 +1,16 @@
 """Where assembly begins: the guess of a mechanism, completed link by link along its joints."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from mechsim.errors import AssemblyError
+from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS, displaced
 from mechsim.model.mechanism import GROUND, IDENTITY, Joint, Mechanism, Pose
+
+# of one joint: points (..., 3) and frames (..., 3, 3) of its sides a and b, in their links' frames
+Sides = tuple[Array, Array, Array, Array]
 
 
 def rough_poses(mechanism: Mechanism) -> dict[str, Pose]:
@@ -15,8 +21,31 @@ def rough_poses(mechanism: Mechanism) -> dict[str, Pose]:
     Raises:
         AssemblyError: for links that no chain of joints leads to.
     """
-    placed: dict[str, Pose] = {GROUND: IDENTITY, **mechanism.guess}
-    told = starts(mechanism)
+    sides = {
+        joint.name: (np.asarray(joint.a.point), joint.a.frame, np.asarray(joint.b.point), joint.b.frame)
+        for joint in mechanism.joints
+    }
+    return completed(mechanism, sides, mechanism.guess, starts(mechanism))
+
+
+def completed(
+    mechanism: Mechanism,
+    sides: Mapping[str, Sides],
+    guess: Mapping[str, Pose],
+    told: Mapping[str, float] | Mapping[str, Array],
+) -> dict[str, Pose]:
+    """Return poses of all moving links, of one mechanism or of d that are alike.
+
+    Args:
+        mechanism: one of them.
+        sides: of its joints; of d designs (d, 3) and (d, 3, 3).
+        guess: of some links.
+        told: coordinate -> its value, or (d,).
+
+    Raises:
+        AssemblyError: for links that no chain of joints leads to.
+    """
+    placed: dict[str, Pose] = {GROUND: IDENTITY, **guess}
     waiting = list(mechanism.joints)
     while waiting:
         joint = next((j for j in waiting if j.a.link in placed or j.b.link in placed), None)
@@ -27,15 +56,11 @@ def rough_poses(mechanism: Mechanism) -> dict[str, Pose]:
             )
         waiting.remove(joint)
         forward = joint.a.link in placed
-        near, far = (joint.a, joint.b) if forward else (joint.b, joint.a)
-        if far.link not in placed:
-            shift, turn = _displaced(joint, told, forward)
-            pose = placed[near.link]
-            frame = pose.rotation @ near.frame
-            rotation = frame @ turn @ far.frame.T
-            placed[far.link] = Pose(
-                pose.point(near.point) + frame @ shift - rotation @ np.asarray(far.point), rotation
-            )
+        near, far = (joint.a.link, joint.b.link) if forward else (joint.b.link, joint.a.link)
+        if far not in placed:
+            point_a, frame_a, point_b, frame_b = sides[joint.name]
+            ends = (point_a, frame_a, point_b, frame_b) if forward else (point_b, frame_b, point_a, frame_a)
+            placed[far] = _hung(placed[near], ends, _displaced(joint, told, forward))
     lost = [link.name for link in mechanism.links if link.name not in placed]
     if lost:
         raise AssemblyError(
@@ -43,6 +68,20 @@ def rough_poses(mechanism: Mechanism) -> dict[str, Pose]:
         )
     del placed[GROUND]
     return placed
+
+
+def _hung(pose: Pose, ends: Sides, displacement: tuple[Array, Array]) -> Pose:
+    """Return the pose of a link that a joint holds to one that is placed, its near side first."""
+    (near, near_frame, far, far_frame), (shift, turn) = ends, displacement
+    frame = pose.rotation @ near_frame
+    rotation = frame @ turn @ np.swapaxes(far_frame, -1, -2)
+    at = pose.position + turned(pose.rotation, near)
+    return Pose(at + turned(frame, shift) - turned(rotation, far), rotation)
+
+
+def turned(rotation: Array, vector: Array) -> Array:
+    """Return vectors (..., 3) turned by rotations (..., 3, 3)."""
+    return (rotation @ vector[..., None])[..., 0]
 
 
 def starts(mechanism: Mechanism) -> dict[str, float]:
@@ -53,10 +92,15 @@ def starts(mechanism: Mechanism) -> dict[str, float]:
     return told
 
 
-def _displaced(joint: Joint, told: dict[str, float], forward: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return where the far side's joint frame stands in the near side's: (3,) in [m] and (3, 3)."""
+def _displaced(
+    joint: Joint, told: Mapping[str, float] | Mapping[str, Array], forward: bool
+) -> tuple[Array, Array]:
+    """Return where the far side's joint frame stands in the near side's: (..., 3) in [m] and (..., 3, 3)."""
     values = [told.get(name, 0.0) for name in joint.coordinates]
-    if not any(values):
+    if not any(np.any(value) for value in values):
         return np.zeros(3), np.eye(3)
-    shift, turn = displaced(KINDS[joint.kind], values, joint.cross_angle)
-    return (shift, turn) if forward else (-turn.T @ shift, turn.T)
+    shift, turn = displaced(KINDS[joint.kind], np.broadcast_arrays(*values), joint.cross_angle)
+    if forward:
+        return shift, turn
+    turn = np.swapaxes(turn, -1, -2)
+    return -turned(turn, shift), turn

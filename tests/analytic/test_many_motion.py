@@ -6,6 +6,7 @@ import pytest
 import mechsim as ms
 from mechsim.analytic.closure import many_paths
 from mechsim.analytic.closure.many_motion import can_be_followed_together, many_motion
+from mechsim.model.design_arrays import those_alike
 
 ANGLES = 2.0 * np.pi * np.arange(24) / 24
 JOINTS = {
@@ -19,8 +20,15 @@ def designs(name, parameter, values):
 
 
 def moved(name, parameter, values, joints):
-    loops = can_be_followed_together(ms.load(name).mechanism, joints)
-    return many_motion(loops, designs(name, parameter, values), ANGLES, 3.0, joints, rates=True)
+    return together(ms.load(name).mechanism, designs(name, parameter, values), joints, speed=3.0, rates=True)
+
+
+def together(mechanism, mechanisms, joints=(), *, speed=1.0, rates=False):
+    """Return the motion of those that are like one, and of which of all it is told."""
+    like = can_be_followed_together(mechanism, joints)
+    started, which = those_alike(mechanism, mechanisms)
+    motion, good = many_motion(like, started, ANGLES, speed, joints, rates=rates)
+    return motion, np.isin(np.arange(len(mechanisms)), which[good])
 
 
 @pytest.mark.parametrize("name", ["watt_six_bar", "quick_return"])
@@ -49,17 +57,15 @@ def test_each_design_moves_as_it_does_by_itself(name):
 def test_designs_that_cannot_turn_or_are_not_alike_are_left_to_themselves():
     _, told = moved("watt_six_bar", "crank", [0.025, 0.3, 0.024, 0.026, 0.0251], ("output",))
     assert told.tolist() == [True, False, True, True, True]
-    loops = can_be_followed_together(ms.load("watt_six_bar").mechanism, ("output",))
     others = designs("watt_six_bar", "crank", [0.025, 0.0251, 0.0252])
     others.append(ms.load("stephenson_six_bar").mechanism)
-    _, told = many_motion(loops, others, ANGLES, 1.0, ("output",), rates=False)
+    _, told = together(others[0], others, ("output",))
     assert told.tolist() == [True, True, True, False]
 
 
 def test_another_assembly_is_not_taken_for_the_one_that_is_meant():
     both = [ms.catalog.make("four_bar", branch=branch).mechanism for branch in (1, -1)] * 3
-    loops = can_be_followed_together(both[0], ("rocker",))
-    motion, told = many_motion(loops, both, ANGLES, 1.0, ("rocker",), rates=False)
+    motion, told = together(both[0], both, ("rocker",))
     assert told.all()
     for i, branch in enumerate((1, -1)):
         exact = ms.catalog.make("four_bar", branch=branch).solve(ANGLES).points["B"].position
@@ -80,24 +86,19 @@ def flat_and_others():
 
 def test_a_design_whose_assemblies_meet_is_not_followed_through_with_others():
     mechanisms = flat_and_others()
-    loops = can_be_followed_together(mechanisms[-1], ())
-    _, told = many_motion(loops, mechanisms, ANGLES, 1.0, (), rates=False)
+    _, told = together(mechanisms[-1], mechanisms)
     assert told.tolist() == [False, True, True, True]
 
 
 def test_a_side_that_is_not_watched_is_found_out_by_that(monkeypatch):
     mechanisms = flat_and_others()
-    loops = can_be_followed_together(mechanisms[-1], ())
     whole = np.linalg.slogdet
     monkeypatch.setattr(
         many_paths.np.linalg, "slogdet", lambda matrix: (np.ones(len(matrix)), whole(matrix)[1])
     )
-    _, told = many_motion(loops, mechanisms, ANGLES, 1.0, (), rates=False)
+    _, told = together(mechanisms[-1], mechanisms)
     assert told[0]
 
 
-def test_what_spins_is_coupled_or_has_several_drivers_is_left_to_itself():
-    spins = ms.catalog.make("rssr").mechanism
-    for mechanism in (spins, ms.load("planetary_gear").mechanism, ms.load("five_bar").mechanism):
-        assert can_be_followed_together(mechanism, ()) is None
-    assert can_be_followed_together(ms.catalog.make("rssr", guide=True).mechanism, ()) is not None
+def test_what_has_no_lone_crank_needs_programs():
+    assert can_be_followed_together(ms.load("five_bar").mechanism, ()) is None

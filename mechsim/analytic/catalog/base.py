@@ -82,6 +82,15 @@ class ClosedForm(ABC):
         Frames are NaN where the loop does not close.
         """
 
+    @property
+    def begins_alone(self) -> bool:
+        """Whether `begin_frames` tells which assembly is meant."""
+        return bool(self.broadcast)
+
+    def begin_frames(self, count: int) -> Iterator[tuple[str, LinkFrame]]:
+        """Yield links and their frames in so many designs, cranks at nought; NaN where they cannot be."""
+        return self.frames(np.zeros(count))
+
     def local_points(self) -> Mapping[str, Sequence[Any]]:
         """Return the tracked points in their links' frames, in [m]; parts may be (n,) of many designs."""
         return {name: local for name, (_, local) in self._described.points.items()}

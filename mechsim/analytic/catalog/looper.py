@@ -1,6 +1,6 @@
 """Looper drive: spatial five-link with a cylindrical pair, its dimensions and its closed form."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -65,6 +65,11 @@ class Looper(ClosedForm):
         "other side": {"side": -1},
     }
 
+    # the angle of the frame turns a joint's own frame as well
+    broadcast: ClassVar[frozenset[str]] = frozenset(
+        ("crank", "coupler", "arm", "arm_angle", "rocker", "frame", "follower", "axis_y", "axis_z")
+    )
+
     crank: float = length(0.006, "length O1A")
     coupler: float = length(0.025, "length AB")
     arm: float = length(0.033, "length AC")
@@ -98,23 +103,23 @@ class Looper(ClosedForm):
 
     @property
     def description(self) -> Mechanism:
-        tip, on_rocker = (self.crank, 0.0, 0.0), (self.rocker, 0.0, 0.0)
-        on_coupler = (self.arm * float(np.cos(self.arm_angle)), self.arm * float(np.sin(self.arm_angle)), 0.0)
-        on_follower, far = (0.0, self.follower, 0.0), (0.0, -self.follower_ratio * self.follower, 0.0)
+        joints, far = self.joint_points(), vector(self.local_points()["E"])
+        (tip, _), (at_b, on_rocker), (pivot, _) = (joints[name] for name in ("A", "B", "rocker"))
+        (on_coupler, on_follower), (slide, _) = joints["C"], joints["slide"]
         # counted from the direction to O1, which a crank-rocker's angle stays near: it never wraps
         inward = vector(-self._outward[:, 0])
-        line = End(GROUND, (0.0, self.axis_y, self.axis_z), axis=EX, mark=EY)
+        line = End(GROUND, slide, axis=EX, mark=EY)
         return Mechanism(
             name=self.name,
             links=(Link("crank"), Link("coupler"), Link("rocker"), Link("follower", outline=(far,))),
             joints=(
                 Joint("crank", "revolute", End(GROUND), End("crank")),
                 Joint("A", "spherical", End("crank", tip), End("coupler")),
-                Joint("B", "spherical", End("coupler", (self.coupler, 0.0, 0.0)), End("rocker", on_rocker)),
+                Joint("B", "spherical", End("coupler", at_b), End("rocker", on_rocker)),
                 Joint(
                     "rocker",
                     "revolute",
-                    End(GROUND, vector(self.pivot[:, 0]), mark=inward),
+                    End(GROUND, pivot, mark=inward),
                     End("rocker"),
                 ),
                 Joint("C", "spherical", End("coupler", on_coupler), End("follower", on_follower)),
@@ -129,6 +134,22 @@ class Looper(ClosedForm):
                 "E": ("follower", far),
             },
         )
+
+    def joint_points(self) -> Mapping[str, tuple[Any, Any]]:
+        x, y, z = (float(part) for part in self._outward[:, 0])
+        pivot = (self.frame * x, self.frame * y, z)
+        return {
+            "A": ((self.crank, 0.0, 0.0), ORIGIN),
+            "B": ((self.coupler, 0.0, 0.0), (self.rocker, 0.0, 0.0)),
+            "rocker": (pivot, ORIGIN),
+            "C": ((self._along, self._out, 0.0), (0.0, self.follower, 0.0)),
+            "slide": ((0.0, self.axis_y, self.axis_z), ORIGIN),
+        }
+
+    def local_points(self) -> Mapping[str, Sequence[Any]]:
+        joints = self.joint_points()
+        points = {"A": joints["A"][0], "B": joints["B"][1], "C": joints["C"][0], "D": ORIGIN}
+        return points | {"E": (0.0, -self.follower_ratio * self.follower, 0.0)}
 
     def planar_range(self) -> Arcs:
         """Return the arcs of crank angle over which the four-bar O1ABO2 closes, cut at change points."""
@@ -193,12 +214,12 @@ class Looper(ClosedForm):
         return (flat.a + self._along * flat.ahead + self._out * flat.across).T
 
     @property
-    def _along(self) -> float:
-        return self.arm * float(np.cos(self.arm_angle))
+    def _along(self) -> Any:
+        return self.arm * np.cos(self.arm_angle)
 
     @property
-    def _out(self) -> float:
-        return self.arm * float(np.sin(self.arm_angle))
+    def _out(self) -> Any:
+        return self.arm * np.sin(self.arm_angle)
 
     @cached_property
     def _sheets(self) -> list[tuple[Sheet, int]]:
@@ -283,7 +304,24 @@ class Looper(ClosedForm):
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
         """The planar four-bar, then C on its circle about AB, turned by the cone angle from the plane."""
         flat = self._planar(angle)
-        c, s = cos_sin(self._cone_angle(angle, flat))
+        return self._posed(flat, self._cone_angle(angle, flat))
+
+    @property
+    def begins_alone(self) -> bool:
+        """Further roots of one sign are numbered by all they do over the turn."""
+        return abs(self.side) == 1
+
+    def begin_frames(self, count: int) -> Iterator[tuple[str, LinkFrame]]:
+        """Yield frames in designs whose cranks stand at nought; NaN where more than one root has the sign."""
+        flat = self._planar(np.zeros(count))
+        polynomial = _stacked(self._cylinder(flat))
+        roots = trig_quartic.real_roots(polynomial)
+        fits = np.sign(self.side) * trig_quartic.slope(polynomial, roots) > 0.0
+        alone = np.where(fits, roots, 0.0).sum(0)
+        return self._posed(flat, np.where(fits.sum(0) == 1, alone, np.nan))
+
+    def _posed(self, flat: _Planar, cone_angle: Values) -> Iterator[tuple[str, LinkFrame]]:
+        c, s = cos_sin(cone_angle)
         ex, ez = column(EX), column(EZ)
         coupler = LinkFrame(flat.a, x=flat.ahead, y=c * flat.across + s * ez)
         yield "crank", LinkFrame(column(ORIGIN), x=flat.crank, z=ez)

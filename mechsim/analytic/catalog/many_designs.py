@@ -55,6 +55,11 @@ def can_be_many(form: ClosedForm, varied: Iterable[str]) -> bool:
     return isinstance(form, TwoBranchForm) and {one.partition(".")[0] for one in varied} <= takes
 
 
+def can_be_begun(form: ClosedForm, varied: Iterable[str]) -> bool:
+    """Whether `started` tells where designs of these parameters begin."""
+    return form.begins_alone and {one.partition(".")[0] for one in varied} <= form.broadcast | form.idle
+
+
 def allowed(form: ClosedForm, varied: Mapping[str, Array]) -> Bools:
     """Return which designs have parameters that their declarations allow, (n,)."""
     rules = {one.name: one.metadata for one in fields(form)}
@@ -223,7 +228,7 @@ def one_of(form: ClosedForm, varied: Mapping[str, Array], index: int) -> ClosedF
 
 
 def started(form: ClosedForm, varied: Mapping[str, Array]) -> StartedDesigns:
-    """Return the description of designs whose cranks turn fully, and how they stand with the crank at nought.
+    """Return the description of designs, and how they stand with the crank at nought, where they can.
 
     As `form.mechanism` describes one.
     """
@@ -237,11 +242,11 @@ def started(form: ClosedForm, varied: Mapping[str, Array]) -> StartedDesigns:
         ends[joint.name] = _place(point_a, n), _frame(frame_a, n), _place(point_b, n), _frame(frame_b, n)
     points = {name: _place(local, n) for name, local in wide.local_points().items()}
     with np.errstate(all="ignore"):
-        frames = dict(wide.frames(np.zeros(n)))
+        frames = dict(wide.begin_frames(n))
     guess = {
         name: Pose(link_frames.place(frames[name].origin, n), frames[name].rotation(n)) for name in links
     }
-    return StartedDesigns(DesignArrays(described, ends, points), guess, np.zeros(n))
+    return StartedDesigns(DesignArrays(described, ends, points), guess, {described.crank.name: np.zeros(n)})
 
 
 def _place(parts: Sequence[Any], n: int) -> Array:

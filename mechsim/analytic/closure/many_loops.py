@@ -1,6 +1,5 @@
 """The loops of many designs alike: one tree, and for each design its own joints' places."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,13 +7,14 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.closure.cut_rows import Cut
 from mechsim.analytic.closure.spanning_tree import Fixed
-from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops, tree_loops
+from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, placed
+from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
-from mechsim.model.design_arrays import DesignArrays
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.rough_poses import rough_poses, starts
+from mechsim.model.design_arrays import DesignArrays, StartedDesigns
+from mechsim.model.joints import KINDS, coordinates
+from mechsim.model.mechanism import GROUND, IDENTITY
+from mechsim.model.rough_poses import turned
 
 Rows = NDArray[np.intp]
 Bools = NDArray[np.bool_]
@@ -61,12 +61,40 @@ def _cut(cut: Cut, ends: tuple[Array, ...]) -> Cut:
     return found
 
 
-def rough_coordinates(designs: Sequence[Mechanism]) -> Coordinates:
-    """Return where the guesses of designs have them, (d) sets of coordinates."""
-    found = [tree_loops(one, rough_poses(one), starts(one))[1] for one in designs]
-    return Coordinates(
-        np.concatenate([one.values for one in found], 1), np.concatenate([one.turns for one in found], -1)
-    )
+def rough_coordinates(many: ManyLoops, started: StartedDesigns) -> tuple[Coordinates, Bools]:
+    """Return where guesses have designs, (d) sets of coordinates, and which wind as the one does, (d,).
+
+    As `tree_loops` reads one.
+    """
+    loops, arrays = many.loops, started.arrays
+    tree, sides = loops.tree, arrays.sides()
+    everywhere = {GROUND: IDENTITY, **started.guess}
+    values = np.zeros((tree.count, arrays.count))
+    turns = np.empty((len(tree.balls), 3, 3, arrays.count))
+    ball = 0
+    for branch in tree.branches:
+        joint = branch.joint
+        point_a, frame_a, point_b, frame_b = sides[joint.name]
+        a, b = everywhere[joint.a.link], everywhere[joint.b.link]
+        turn_a, turn_b = a.rotation @ frame_a, b.rotation @ frame_b
+        gap = b.position + turned(b.rotation, point_b) - a.position - turned(a.rotation, point_a)
+        if branch.kind.ball:
+            turns[ball] = np.moveaxis(np.swapaxes(turn_a, -1, -2) @ turn_b, 0, -1)
+            ball += 1
+        found = coordinates(branch.kind, gap, turn_a, turn_b, joint.cross_angle)
+        values[branch.first : branch.first + found.shape[1]] = found.T
+    prescribed = {*tree.mechanism.drivers, *tree.mechanism.holds}
+    for name, value in started.told.items():
+        place = tree.places.get(name)
+        if place is None:
+            continue
+        laps = 0.0 if tree.slides[place] else TURN * np.round((value - values[place]) / TURN)
+        values[place] = value if name in prescribed else values[place] + laps
+    alike = np.ones(arrays.count, dtype=np.bool_)
+    for row, wind in zip(loops.couplings, loops.winds, strict=True):
+        if row.turns:
+            alike &= TURN * np.round(row.look(values)[0] * row.unit / TURN) == wind
+    return Coordinates(values, turns), alike
 
 
 def put_together(many: ManyLoops, at: Coordinates, rank: int) -> tuple[Coordinates, Bools]:

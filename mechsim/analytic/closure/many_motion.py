@@ -8,15 +8,17 @@ import numpy as np
 from mechsim.analytic.closure.checked_start import checked_start
 from mechsim.analytic.closure.loop_solver import loop_solver
 from mechsim.analytic.closure.many_loops import Bools, ManyLoops, Rows, put_together, rough_coordinates
-from mechsim.analytic.closure.many_paths import ManyPaths
+from mechsim.analytic.closure.many_paths import Law, ManyPaths
+from mechsim.analytic.closure.tree_assembly import held_values, with_holds
 from mechsim.analytic.closure.tree_loops import TreeLoops
-from mechsim.analytic.closure.tree_motion import cross
+from mechsim.analytic.closure.tree_motion import Coordinates, cross
 from mechsim.analytic.closure.tree_rates import ClosedPart, rated
 from mechsim.maths.arrays import Array
-from mechsim.model.design_arrays import alike, design_arrays
+from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Joint, Mechanism
 from mechsim.model.motion import JointMotion, Motion, PointMotion
+from mechsim.model.programs import Programs
 
 
 @dataclass
@@ -40,30 +42,62 @@ class LinkRows:
     acceleration: Array
 
 
-def can_be_followed_together(mechanism: Mechanism, joints: Sequence[str]) -> TreeLoops | None:
-    """Return the loops of a mechanism whose designs can be followed together; None where they cannot.
+@dataclass(frozen=True)
+class LikeLoops:
+    """What designs that can be followed together have in common.
 
-    For that one crank turns, nothing is held or coupled, no link spins by itself, and of joints that close
-    loops only hinges are asked for.
+    Attributes:
+        loops: of one of them.
+        start: where that one begins, one set of coordinates.
+        law: parameters of the path -> what is prescribed, and its first two derivatives.
+        begin: parameter at which the motion begins.
+    """
+
+    loops: TreeLoops
+    start: Coordinates
+    law: Law
+    begin: float
+
+
+def can_be_followed_together(
+    mechanism: Mechanism, joints: Sequence[str], programs: Programs | None = None
+) -> LikeLoops | None:
+    """Return what designs of a mechanism have in common; None where they cannot be followed together.
+
+    For that a crank turns or programs move the drivers, there are loops, and of joints that close loops only
+    hinges are asked for.
 
     Raises:
         AssemblyError: where its own loops do not close.
-        MobilityError: where the crank leaves joints or tracked points open.
+        MobilityError: where the drivers leave joints or tracked points open, or are too many.
     """
-    if not mechanism.has_crank or mechanism.holds or mechanism.laws:
+    if programs is None and not mechanism.has_crank:
         return None
     loops, start = checked_start(mechanism)
-    if not len(loops.unknown) or loop_solver(loops, start).open:
+    if not len(loops.unknown):
         return None
     for name in joints:
         if loops.tree.places.get(name) is None and not KINDS[mechanism.joint(name).kind].hinge:
             return None
-    return loops
+    held = held_values(mechanism)
+
+    def turned(angle: Array) -> tuple[Array, Array, Array]:
+        one, none = np.ones((1, len(angle))), np.zeros((1, len(angle)))
+        return with_holds(angle[None], held), with_holds(one, 0.0 * held), with_holds(none, 0.0 * held)
+
+    if programs is None:
+        return LikeLoops(loops, start, turned, float(start.values[loops.driven[0], 0]))
+
+    def moved(clock: Array) -> tuple[Array, Array, Array]:
+        value, first, second = programs.by_clock(clock)
+        return with_holds(value, held), with_holds(first, 0.0 * held), with_holds(second, 0.0 * held)
+
+    return LikeLoops(loops, start, moved, 0.0)
 
 
 def many_motion(
-    loops: TreeLoops,
-    designs: Sequence[Mechanism],
+    like: LikeLoops,
+    started: StartedDesigns,
     angles: Array,
     speed: float,
     joints: Sequence[str],
@@ -73,10 +107,10 @@ def many_motion(
     """Return the motions of designs at crank angles, and of which designs they could be told, (d,).
 
     Args:
-        loops: of a mechanism like them (see `can_be_followed_together`).
-        designs: their guesses say which assemblies are meant.
-        angles: of the crank, (p,) in [rad].
-        speed: of the crank in [rad/s].
+        like: what they have in common (see `can_be_followed_together`).
+        started: the designs; their guesses say which assemblies are meant.
+        angles: of the crank, or of the clock of programs, (p,) in [rad].
+        speed: of the crank or the clock in [rad/s].
         joints: whose motion is wanted.
         rates: False leaves velocities and accelerations nought.
 
@@ -86,17 +120,12 @@ def many_motion(
 
     Accuracy: as `closure.solve`, of which the assembly too is kept: each step is certified for each design.
     """
-    d, p, tree = len(designs), len(angles), loops.tree
-    like = np.array([alike(tree.mechanism, one) for one in designs])
-    # another kind of mechanism only keeps its place
-    designs = [one if same else tree.mechanism for one, same in zip(designs, like, strict=True)]
-    many = ManyLoops(loops, design_arrays(tree.mechanism, designs))
-    rough = rough_coordinates(designs)
-    start = loop_solver(loops, checked_start(tree.mechanism)[1])
-    at, closed = put_together(many, rough, len(start.rows))
-    crank = tree.places[tree.mechanism.crank.name]
-    begin = float(at.values[crank, 0])
-    good = like & closed & (at.values[crank] == begin)
+    d, p, tree = started.arrays.count, len(angles), like.loops.tree
+    many = ManyLoops(like.loops, started.arrays)
+    rough, winds = rough_coordinates(many, started)
+    at, closed = put_together(many, rough, len(loop_solver(like.loops, like.start).rows))
+    driven = list(like.loops.driven)
+    good = winds & closed & (at.values[driven] == like.start.values[driven]).all(0)
     links = len(tree.branches)
     shapes = [(tree.count,)] * 3 + [(links, 3), (links, 3, 3), (links, 6), (links, 6)]
     found = LinkRows(*(np.zeros((*shape, d, p)) for shape in shapes))
@@ -105,11 +134,38 @@ def many_motion(
         _keep(found, rows, places, part, rates=rates)
 
     rows = np.flatnonzero(good)
+    rows, begun = _begun(like, many, rows, Coordinates(at.values[:, rows], at.turns[..., rows]))
+    good = np.isin(np.arange(d), rows)
     if len(rows):
-        begun = type(at)(at.values[:, rows], at.turns[..., rows])
-        good[ManyPaths(many, begin).follow(rows, begun, angles, kept)] = False
+        good[ManyPaths(many, like.law, like.begin).follow(rows, begun, angles, kept)] = False
     motion = _motion(many, found, np.tile(angles, d), speed, joints)
     return motion, good
+
+
+def _begun(like: LikeLoops, many: ManyLoops, rows: Rows, at: Coordinates) -> tuple[Rows, Coordinates]:
+    """Return the designs whose drivers can go straight to where the path begins, and where they are then."""
+    driven = list(like.loops.driven)
+    here, there = like.start.values[driven], like.law(np.array([like.begin]))[0]
+    far = float(np.abs((there - here) / like.loops.units[driven, None]).max())
+    if far == 0.0 or not len(rows):
+        return rows, at
+
+    def straight(s: Array) -> tuple[Array, Array, Array]:
+        slope = np.repeat((there - here) / far, len(s), 1)
+        return here + slope * s, slope, 0.0 * slope
+
+    values, turns = (
+        np.zeros((len(at.values), many.arrays.count)),
+        np.zeros((*at.turns.shape[:3], many.arrays.count)),
+    )
+
+    def kept(some: Rows, _: Rows, part: ClosedPart) -> None:
+        values[:, some], turns[..., some] = part.at.values, part.at.turns
+
+    lost = ManyPaths(many, straight, 0.0).follow(rows, at, np.array([far]), kept)
+    rows = np.setdiff1d(rows, lost)
+    values[driven] = there
+    return rows, Coordinates(values[:, rows], turns[..., rows])
 
 
 def _keep(found: LinkRows, rows: Rows, places: Rows, part: ClosedPart, *, rates: bool) -> None:

@@ -1,4 +1,4 @@
-"""Many designs followed together over the same crank angles, each kept in its own assembly.
+"""Many designs followed together along the same path of their drivers, each kept in its own assembly.
 
 As one mechanism is followed (`followed_path`): by cells that are foretold by the polynomial of the cell
 before, closed at all nodes of all designs together, and taken for a design only where it lies close to what
@@ -28,6 +28,8 @@ SUITS = 0.2
 CHUNK = 4096
 # takes which designs, which of the angles, and their closed instants
 Kept = Callable[[Rows, Rows, ClosedPart], None]
+# parameters of a path (n,) -> what is prescribed and its first two derivatives, (driven, n) each
+Law = Callable[[Array], tuple[Array, Array, Array]]
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,7 @@ class Group:
         at: where they are there, (d) sets of coordinates.
         side: sign of the loops' determinant, (d,); 0 where it is not known yet.
         picked: independent rows, by which they are solved.
+        gauge: directions that the loops leave open, as of a link's spin, over the unknowns, (open, unknowns).
         nodes: of the last cell; none before the first.
         states: there, (d, nodes, w).
     """
@@ -51,6 +54,7 @@ class Group:
     at: Coordinates
     side: Array
     picked: Rows
+    gauge: Array
     nodes: Array
     states: Array
 
@@ -63,14 +67,21 @@ class Group:
 
 
 class ManyPaths:
-    """Designs followed over the angles of their crank."""
+    """Designs followed along a path of their drivers, as over the angles of their crank.
 
-    def __init__(self, many: ManyLoops, begin: float):
-        self.many, self.begin = many, begin
+    Attributes:
+        many: their loops.
+        law: of what is prescribed along the path.
+        begin: parameter at which they begin.
+        left: which could not be followed together, so far.
+    """
+
+    def __init__(self, many: ManyLoops, law: Law, begin: float):
+        self.many, self.law, self.begin = many, law, begin
         self.left: list[Rows] = []
 
     def follow(self, rows: Rows, at: Coordinates, angles: Array, kept: Kept) -> Rows:
-        """Follow designs to crank angles; return those that could not be followed together.
+        """Follow designs to parameters of the path; return those that could not be followed together.
 
         Args:
             rows: which designs of the loops they are, (d,).
@@ -80,8 +91,9 @@ class ManyPaths:
         """
         loops = self.many.of(rows[:1], 1)
         first = Coordinates(at.values[:, :1], at.turns[..., :1])
-        picked = loop_solver(loops, first).rows
-        group = Group(rows, self.begin, FIRST, at, np.zeros(len(rows)), picked, np.zeros(0), np.zeros(0))
+        solver, none = loop_solver(loops, first), np.zeros(0)
+        side = np.zeros(len(rows))
+        group = Group(rows, self.begin, FIRST, at, side, solver.rows, solver.gauge, none, none)
         for sense in (1.0, -1.0):
             ahead = np.flatnonzero(sense * (angles - self.begin) >= (0.0 if sense > 0 else 1e-300))
             waiting = [group] if len(ahead) else []
@@ -127,16 +139,21 @@ class ManyPaths:
         return [replace(group, step=0.5 * step)] if len(group.rows) else []
 
     def _drive(self, s: Array) -> Array:
-        return s[None]
+        return self.law(s)[0]
 
     def _solver(self, group: Group, repeat: int) -> LoopSolver:
         loops = self.many.of(group.rows, repeat)
-        return LoopSolver(loops, group.picked, np.zeros((0, len(loops.unknown))), group.at)
+        pinned = Coordinates(np.repeat(group.at.values, repeat, 1), np.repeat(group.at.turns, repeat, -1))
+        return LoopSolver(loops, group.picked, group.gauge, pinned)
 
     def _served(self, group: Group) -> tuple[Group, list[Group]]:
         """Return the designs whose rows tell enough where they are, and the others with other rows."""
-        if len(group.picked) == self.many.loops.rows:
+        spins = len(group.gauge) > 0
+        if not spins and len(group.picked) == self.many.loops.rows:
             return group, []
+        if spins:
+            # what is left open turns with the links; it goes on as it was, and so do determinants' signs
+            group = replace(group, gauge=self._solver_of_first(group, group.gauge).gauge)
         solver = self._solver(group, 1)
         found = solver.linearise(group.at)
         own = np.linalg.svd(found.matrix, compute_uv=False)[:, -1]
@@ -145,13 +162,19 @@ class ManyPaths:
         if good.all():
             return group, []
         rest = group.some(~good)
-        one = self.many.of(rest.rows[:1], 1)
-        picked = loop_solver(one, rest.some(np.arange(1)).at).rows
-        if len(picked) != len(group.picked) or np.array_equal(picked, group.picked):
+        fresh = self._solver_of_first(rest)
+        same = np.array_equal(fresh.rows, group.picked) and not (spins and good.any())
+        if len(fresh.rows) != len(group.picked) or same:
             self.left.append(rest.rows)
             return group.some(good), []
         # determinants of other rows have other signs
-        return group.some(good), [replace(rest, picked=picked, side=np.zeros(len(rest.rows)))]
+        side = np.zeros(len(rest.rows))
+        return group.some(good), [replace(rest, picked=fresh.rows, gauge=fresh.gauge, side=side)]
+
+    def _solver_of_first(self, group: Group, before: Array | None = None) -> LoopSolver:
+        """Return the solver of a group's first design where it stands."""
+        first = group.some(np.arange(1))
+        return loop_solver(self.many.of(first.rows, 1), first.at, before)
 
     def _closed(self, group: Group, nodes: Array) -> tuple[Array, Bools, Array, Array]:
         """Return states (d, nodes, w) closed there, which are good, by how much steps may grow, and sides."""
@@ -188,7 +211,8 @@ class ManyPaths:
         start = Coordinates(np.repeat(group.at.values, k, 1), np.repeat(group.at.turns, k, -1))
         driven = list(loops.driven)
         ahead = np.zeros((loops.tree.count, count * k))
-        ahead[driven] = (np.tile(nodes, count)[None] - group.here) / loops.units[driven, None]
+        gone = self._drive(np.tile(nodes, count)) - self._drive(np.array([group.here]))
+        ahead[driven] = gone / loops.units[driven, None]
         found = solver.linearise(start)
         opened = np.zeros_like(found.right)
         opened[:, : len(solver.rows)] = np.einsum("rkn,kn->nr", found.slope[solver.rows], ahead)
@@ -230,7 +254,7 @@ class ManyPaths:
         if lost.any():
             self.left.append(group.rows[lost.reshape(count, p).any(1)])
         still, pace = np.zeros_like(s), np.ones_like(s)
-        instants = Instants(s, pace, still, s[None], pace[None], still[None])
+        instants = Instants(s, pace, still, *self.law(s))
         kept(group.rows, places, ClosedPart(solver, np.arange(len(s)), instants, at, found))
 
 

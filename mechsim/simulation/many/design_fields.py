@@ -59,9 +59,9 @@ def seated_fields(
 
 def _branch(branch: Branch, arrays: DesignArrays) -> Branch:
     """Return a joint of the tree as all designs have it."""
-    point_a, frame_a, point_b, frame_b = arrays.ends[branch.joint.name]
-    a = EndArrays(branch.joint.a.link, point_a.T, np.moveaxis(frame_a, -1, 0))
-    b = EndArrays(branch.joint.b.link, point_b.T, np.moveaxis(frame_b, -1, 0))
+    point_a, frame_a, point_b, frame_b = arrays.sides()[branch.joint.name]
+    a = EndArrays(branch.joint.a.link, point_a, frame_a)
+    b = EndArrays(branch.joint.b.link, point_b, frame_b)
     return Branch(branch.joint, *((a, b) if branch.sense > 0 else (b, a)), branch.sense)
 
 

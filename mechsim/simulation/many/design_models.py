@@ -93,15 +93,16 @@ def design_models(like: LikeModel, started: StartedDesigns) -> DesignModels:
     sites = site_fields(model, tree, arrays)
     fields, qpos = seated_fields(model, tree, arrays, started.guess)
     place = like.closed.loops.crank_place
-    turns = TURN * np.round((started.start - qpos[:, place]) / TURN)
+    start = started.told[tree.mechanism.crank.name]
+    turns = TURN * np.round((start - qpos[:, place]) / TURN)
     fields |= {**sites, "qpos0": qpos.copy()}
     fields["qpos0"][:, place] += turns
-    qpos[:, place] = started.start
+    qpos[:, place] = start
     loops = like.closed.loops.with_fields(fields)
     qpos, good = closed_states(loops, qpos)
     # links stand in the reference configuration as the closed loops have them
     seated, rest = seated_fields(model, tree, arrays, _poses(loops, tree, qpos))
-    rest[:, place] += TURN * np.round((started.start - rest[:, place]) / TURN)
+    rest[:, place] += TURN * np.round((start - rest[:, place]) / TURN)
     fields = {**seated, **sites, **placeholder_fields(model, arrays)}
     qpos, closed = closed_states(like.closed.loops.with_fields({**seated, **sites, "qpos0": rest}), rest)
     fields = with_constants(model, fields, rest)

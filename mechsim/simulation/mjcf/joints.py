@@ -12,6 +12,7 @@ import numpy as np
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import COLUMN, KINDS, Axis, Kind, KindName, coordinates, displaced
 from mechsim.model.mechanism import EZ, End, Joint, Mechanism, Pose, Vector
+from mechsim.model.rough_poses import turned
 
 FREE, BALL = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL
 SLIDE, HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
@@ -116,7 +117,7 @@ def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[
 
 def _placed(end: End | EndArrays, link: Pose) -> tuple[Array, Array]:
     """Return where a side of a joint stands with its link: point (..., 3) and frame (..., 3, 3)."""
-    return link.position + _turned(link.rotation, np.asarray(end.point)), link.rotation @ end.frame
+    return link.position + turned(link.rotation, np.asarray(end.point)), link.rotation @ end.frame
 
 
 def _ball(branch: Branch, parent: Pose, child: Pose) -> Pose:
@@ -124,8 +125,8 @@ def _ball(branch: Branch, parent: Pose, child: Pose) -> Pose:
     back = np.swapaxes(parent.rotation, -1, -2)
     rotation = back @ child.rotation
     if KINDS[branch.joint.kind].floats:
-        return Pose(_turned(back, child.position - parent.position), rotation)
-    held = np.asarray(branch.parent.point) - _turned(rotation, np.asarray(branch.child.point))
+        return Pose(turned(back, child.position - parent.position), rotation)
+    held = np.asarray(branch.parent.point) - turned(rotation, np.asarray(branch.child.point))
     return Pose(held, rotation)
 
 
@@ -135,14 +136,10 @@ def _posed(branch: Branch, values: Sequence[float | Array]) -> Pose:
     shift, turn = displaced(KINDS[joint.kind], values, joint.cross_angle)
     if branch.sense < 0:
         turn = np.swapaxes(turn, -1, -2)
-        shift = -_turned(turn, shift)
+        shift = -turned(turn, shift)
     rotation = frame @ turn @ np.swapaxes(branch.child.frame, -1, -2)
     at, local = np.asarray(branch.parent.point), np.asarray(branch.child.point)
-    return Pose(at + _turned(frame, shift) - _turned(rotation, local), rotation)
-
-
-def _turned(rotation: Array, vector: Array) -> Array:
-    return (rotation @ vector[..., None])[..., 0]
+    return Pose(at + turned(frame, shift) - turned(rotation, local), rotation)
 
 
 def model_joints(
@@ -169,7 +166,7 @@ def model_joints(
     if len(kind.slides) > 1 and branch.sense < 0:
         # a turn that comes before slides across it is about the parent's point
         back = np.swapaxes(local.rotation, -1, -2)
-        at = _turned(back, np.asarray(branch.parent.point) - local.position)
+        at = turned(back, np.asarray(branch.parent.point) - local.position)
     return [
         ModelJoint(name, made, at, _axis_of(branch, local, axis), value) for name, made, axis, value in parts
     ]
@@ -198,4 +195,4 @@ def _axis_of(branch: Branch, local: Pose, axis: Axis) -> Array:
     if shared or (axis == "b") == child_is_b:
         return branch.sense * branch.child.frame[..., COLUMN[axis]]
     back = np.swapaxes(local.rotation, -1, -2)
-    return branch.sense * _turned(back, branch.parent.frame[..., COLUMN[axis]])
+    return branch.sense * turned(back, branch.parent.frame[..., COLUMN[axis]])

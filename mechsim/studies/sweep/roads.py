@@ -1,7 +1,6 @@
 """By which road designs are measured: one formula for many, loop equations for many, or one by one."""
 
 from collections.abc import Mapping
-from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +11,13 @@ from mechsim.analytic.closure.many_motion import many_motion
 from mechsim.analytic.dynamics import machine, prescribed
 from mechsim.analytic.forms import Form, closed_form
 from mechsim.errors import AssemblyError, InputError, MechsimError, MobilityError
+from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import taken
+from mechsim.model.motion import Motion, taken
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.studies.motion_source import programs_of
+from mechsim.studies.sweep.beginning import begun_designs
 from mechsim.studies.sweep.measures import FACTS, table_of
 from mechsim.studies.sweep.stepped_road import stepped_alone, stepped_together
 from mechsim.studies.sweep.task import Measured, SweepTask, nothing_measured
@@ -26,6 +26,8 @@ from mechsim.studies.sweep.turns import TRANSMISSION, Turns
 Rows = NDArray[np.intp]
 # poses solved in one go: their arrays stay in a core's own cache
 BLOCK = 8192
+# part of a stroke by which a point may be off after a turn: rounding, far from another assembly
+SAME = 1e-9
 # characters of a reason that are kept
 LONGEST = 240
 
@@ -138,27 +140,34 @@ def _blocks(
 def _loops(task: SweepTask, rows: Mapping[str, Array], found: Measured) -> Rows:
     """Measure designs by loop equations, all together; return those that this does not settle."""
     assert task.together is not None
-    mechanisms: list[Mechanism] = []
-    made: list[int] = []
-    for i in range(len(found.outcome)):
-        row = {name: float(values[i]) for name, values in rows.items()}
-        with suppress(MechsimError, ArithmeticError, ValueError):
-            mechanisms.append(task.subject.make(row).mechanism)
-            made.append(i)
-    index = np.array(made, dtype=np.intp)
-    if not made:
-        return np.arange(len(found.outcome))
+    every = np.arange(len(found.outcome))
+    # a form of the catalogue is measured where its crank turns fully, which is seen where a turn ends
+    closed = task.subject.closed is not None
+    angles = np.append(task.angles, TURN) if closed else task.angles
     try:
-        motion, good = many_motion(
-            task.together, mechanisms, task.angles, task.pace, task.joints, rates=task.rated
-        )
+        begun, index = begun_designs(task, rows)
+        if begun is None:
+            return every
+        motion, good = many_motion(task.together, begun, angles, task.pace, task.joints, rates=task.rated)
     except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
-        return np.arange(len(found.outcome))
+        return every
+    if closed:
+        good &= _come_back(motion, len(index))
+        motion = taken(motion, np.tile(np.arange(len(angles)) < len(task.angles), len(index)))
     with np.errstate(all="ignore"):
-        values = table_of(task.measures, Turns(len(made), len(task.angles), motion), task.places)
+        values = table_of(task.measures, Turns(len(index), len(task.angles), motion), task.places)
     good &= np.all([np.isfinite(one) for one in values.values()], axis=0)
     found.take(index[good], {name: one[good] for name, one in values.items()})
-    return np.setdiff1d(np.arange(len(found.outcome)), index[good])
+    return np.setdiff1d(every, index[good])
+
+
+def _come_back(motion: Motion, designs: int) -> NDArray[np.bool_]:
+    """Whether designs stand at the end of a turn, the last of their instants, as in the first, (designs,)."""
+    same = np.ones(designs, dtype=np.bool_)
+    for point in motion.points.values():
+        path = point.position.reshape(designs, -1, 3)
+        same &= np.abs(path[:, -1] - path[:, 0]).max(1) <= SAME * np.ptp(path, axis=1).max(1)
+    return same
 
 
 def _some(rows: Mapping[str, Array], index: Rows) -> dict[str, Array]:

@@ -1,18 +1,14 @@
 """Designs stepped in MuJoCo: all that are alike in one batch, any other by itself."""
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.catalog.many_designs import can_be_many, started
 from mechsim.analytic.forms import Form
-from mechsim.errors import MechsimError
 from mechsim.maths.arrays import Array
-from mechsim.model.design_arrays import StartedDesigns, alike, started_designs
 from mechsim.model.motion import taken
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.many.design_models import design_models
@@ -21,6 +17,7 @@ from mechsim.simulation.many.stepped_designs import SteppedDesigns, judged, part
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.run import simulate
 from mechsim.studies.motion_source import programs_of
+from mechsim.studies.sweep.beginning import begun_designs
 from mechsim.studies.sweep.measures import table_of
 from mechsim.studies.sweep.task import Measured, SweepTask
 from mechsim.studies.sweep.turns import Turns
@@ -42,7 +39,7 @@ def stepped_together(task: SweepTask, rows: Mapping[str, Array], index: Rows, fo
     if like is None or not len(index):
         return index
     assert task.settings is not None
-    begun, mine = _begun(task, {name: values[index] for name, values in rows.items()})
+    begun, mine = begun_designs(task, {name: values[index] for name, values in rows.items()})
     if begun is None:
         return index
     own = index[mine]
@@ -66,21 +63,6 @@ def stepped_together(task: SweepTask, rows: Mapping[str, Array], index: Rows, fo
     found.refuse(own[broken], "diverged", BROKEN)
     unsettled = np.setdiff1d(lost[~refused], broken)
     return np.setdiff1d(index, np.delete(own, unsettled))
-
-
-def _begun(task: SweepTask, rows: Mapping[str, Array]) -> tuple[StartedDesigns | None, Rows]:
-    """Return the designs that are alike, and which those are."""
-    form, count = task.subject.closed, len(next(iter(rows.values())))
-    if form is not None and can_be_many(form, rows):
-        return started(form, rows), np.arange(count)
-    like, made, which = task.subject.form.mechanism, [], []
-    for i in range(count):
-        with suppress(MechsimError, ArithmeticError, ValueError):
-            one = task.subject.make({name: float(values[i]) for name, values in rows.items()}).mechanism
-            if alike(like, one):
-                made.append(one)
-                which.append(i)
-    return (started_designs(like, made) if made else None), np.array(which, dtype=np.intp)
 
 
 def _measure(task: SweepTask, stepped: SteppedDesigns, rows: Rows, own: Rows, found: Measured) -> None:

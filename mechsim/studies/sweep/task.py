@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.many_motion import can_be_followed_together
-from mechsim.analytic.closure.tree_loops import TreeLoops
+from mechsim.analytic.closure.many_motion import LikeLoops, can_be_followed_together
 from mechsim.errors import InputError, MechsimError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
@@ -97,14 +95,14 @@ class SweepTask:
         return [*dict.fromkeys(of.subject for of in asked if of is not None and of.kind == "joint")]
 
     @cached_property
-    def together(self) -> TreeLoops | None:
-        """The loops by which designs are followed together; None where each must be by itself."""
+    def together(self) -> LikeLoops | None:
+        """What designs followed together have in common; None where each must be by itself."""
         form = self.subject.form
-        alone = self.loaded or any(one.kind in ALONE for one in self.measures)
-        if alone or not isinstance(form, LoopForm) or form.programs is not None or form.through != "smooth":
+        alone = self.loaded or self.wants("transmission") or any(one.kind in ALONE for one in self.measures)
+        if alone or getattr(form, "through", "smooth") != "smooth":
             return None
         with suppress(MechsimError):
-            return can_be_followed_together(form.mechanism, self.joints)
+            return can_be_followed_together(form.mechanism, self.joints, programs_of(form))
         return None
 
     @cached_property

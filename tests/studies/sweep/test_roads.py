@@ -84,6 +84,7 @@ def test_facts_alone_need_no_turn():
 def test_only_what_formulas_take_as_arrays_goes_by_one_formula():
     assert by_one_formula(swept_task("rssr", {"gamma1": [0.1]}, "range:rocker"))
     assert not by_one_formula(swept_task("looper", {"crank": [0.006]}, "range:rocker"))
+    assert not by_one_formula(swept_task("rssr", {"psi1": [0.1]}, "range:rocker", set={"guide": "true"}))
     assert not by_one_formula(swept_task("rssr", {"gamma1": [0.1]}, "max:torque"))
     assert not by_one_formula(swept_task("watt_six_bar", {"crank": [0.1]}, "range:output"))
 
