@@ -43,8 +43,8 @@ CLEARLY = 0.85
 SAME = 0.05
 # the search's time in [s], and what of it is for the limit of the scene, for trials and for timing
 SECONDS, TRIALS = 50.0, 0.75
-# settings refined, and timed again
-REFINED, TIMED = 3, 12
+# settings refined, how often what is then best is refined again, and settings timed again
+REFINED, AGAIN, TIMED = 3, 3, 12
 # times as long as its motion a scene is run for what grows slowly
 GOES_ON = 2.0
 # rounds of timing, and where there is no time left
@@ -237,8 +237,12 @@ def _near(search: _SettingSearch, steps: Sequence[float], few: Few) -> list[floa
 
 def _refined(search: _SettingSearch) -> SceneTrial | None:
     """Return the cheapest that keeps the tolerance, after a look at what lies near the best."""
-    for one in search.cheapest()[:REFINED]:
-        search.passing(variants(search.scene, one.settings))
+    around: set[PlainSettings] = set()
+    for _ in range(AGAIN):
+        near = [one.settings for one in search.cheapest()[:REFINED] if one.settings not in around]
+        for settings in near:
+            search.passing(variants(search.scene, settings))
+        around |= {*near}
     best = [one for one in search.cheapest()[: 2 * TIMED] if _stands(search, one)][:TIMED]
     if not best:
         return None
