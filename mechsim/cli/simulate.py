@@ -1,6 +1,7 @@
 """The command that runs MuJoCo: simulate."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -17,7 +18,6 @@ from mechsim.cli.options import (
     Model,
     Output,
     Sets,
-    SpeedIfAny,
     ThroughChange,
     forces_of,
     form_of,
@@ -32,41 +32,81 @@ from mechsim.cli.output import print_json, progress
 from mechsim.cli.scene_findings import found_in, in_json, of_crank, tell_findings
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.crank_profile import arc_around
+from mechsim.model.motion import taken
+from mechsim.model.scene import Scene
 from mechsim.simulation import CrankProfile, Run, Settings
+from mechsim.subjects.driver_rows import Poses, rows_of
+from mechsim.units import option
 
 Asked = Annotated[Mapping[str, Any], Settings]
+# what is said of a crank alone, and why it is refused beside programs
+OF_A_CRANK = ("speed", "turns", "profile", "every")
+PROGRAMMED = "is of a crank without a program; leave it out, and give --duration"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptions:
+    """What is run, how far and how well."""
+
+    speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
+    turns: float | None = option(None, "Turns of the crank. [default: 1]")
+    profile: str | None = option(
+        None, "Crank angle over time: .csv or .npz with time, angle.", metavar="FILE"
+    )
+    at: str | None = option(
+        None,
+        "Poses instead, each solved by itself: driver coordinates in SI row by row, .csv or .npz.",
+        metavar="FILE",
+    )
+    tolerance: str | None = option(
+        None,
+        "Bound on the place of any tracked point; a bare number is metres. Chooses the steps; without it the "
+        "settings stand, and a ten-thousandth of the stroke is the bound.",
+    )
+    timestep: str | None = option(None, "Time step; a bare number is seconds.")
+    method: str | None = option(
+        None,
+        "step integrates in time, pose solves each crank angle by itself. By default what is asked for: step "
+        "with a tolerance, a time step, an integrator or a constraint setting, else pose.",
+        metavar="step|pose",
+    )
+    every: str | None = option(None, "Crank angle between records, as in 5deg.")
+    samples: int | None = option(None, "Rows, both ends included; about 72 a turn if left out.")
+
+    @property
+    def bound(self) -> float | None:
+        """The tolerance in [m]."""
+        return None if self.tolerance is None else units.parse_length(self.tolerance, "the tolerance")
+
+    def refuse(self, *names: str, because: str) -> None:
+        """Refuse options that were given."""
+        for name in names:
+            if getattr(self, name) is not None:
+                raise InputError(f"--{name} {because}")
+
+    def records(self, motion: CrankProfile) -> int | None:
+        """Return how many instants after the first are recorded; None where it is not said."""
+        if self.every is not None:
+            if self.samples is not None:
+                raise InputError("both --samples and --every were given; give one of them")
+            spacing = units.parse_angle(self.every, "the angle between records")
+            whole = round(motion.turns * simulation.TURN / abs(spacing)) if spacing else 0
+            if whole < 1:
+                raise InputError(
+                    f"records {self.every} apart do not fit the motion; give an angle above 0 within it"
+                )
+            return whole
+        if self.samples is not None and self.samples < 2:
+            raise InputError(f"--samples is {self.samples}; give 2 or more")
+        return None if self.samples is None else self.samples - 1
 
 
 @spread
 def simulate(
     model: Model,
+    options: RunOptions,
     *,
-    speed: SpeedIfAny = None,
-    turns: Annotated[float | None, typer.Option(help="Turns of the crank. [default: 1]")] = None,
-    tolerance: Annotated[
-        str | None,
-        typer.Option(
-            help="Bound on the place of any tracked point; a bare number is metres. Chooses the steps; "
-            "without it the settings stand, and a ten-thousandth of the stroke is the bound."
-        ),
-    ] = None,
-    timestep: Annotated[str | None, typer.Option(help="Time step; a bare number is seconds.")] = None,
     asked: Asked,
-    method: Annotated[
-        str | None,
-        typer.Option(
-            metavar="step|pose",
-            help="step integrates in time, pose solves each crank angle by itself. By default what is asked "
-            "for: step with a tolerance, a time step, an integrator or a constraint setting, else pose.",
-        ),
-    ] = None,
-    profile: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Crank angle over time: .csv or .npz with time, angle.")
-    ] = None,
-    every: Annotated[str | None, typer.Option(help="Crank angle between records, as in 5deg.")] = None,
-    samples: Annotated[
-        int | None, typer.Option(help="Rows, both ends included; about 72 a turn if left out.")
-    ] = None,
     scene: Annotated[str, typer.Option(help="pose, motion, dynamics or picture.")] = "motion",
     cut: Annotated[str | None, typer.Option(help="Joints at which to cut the loops, with commas.")] = None,
     driven: DriveOptions,
@@ -85,85 +125,102 @@ def simulate(
 ) -> None:
     """Run a mechanism in MuJoCo under a driven crank, or under programs of its drivers."""
     place = None if output is None else writable(output, ".csv", ".npz")
-    wanted = None if tolerance is None else units.parse_length(tolerance, "the tolerance")
     if ctrl:
-        _require_no_crank(
-            speed=speed, turns=turns, profile=profile, every=every, method=method, through=through
-        )
+        options.refuse(*OF_A_CRANK, "method", because=PROGRAMMED)
+        if through is not None:
+            raise InputError(f"--through {PROGRAMMED}")
+        options.refuse("at", because="prescribes joints; leave it out with --ctrl")
         simulate_fed(
             model,
             ctrl,
             driven,
-            tolerance=wanted,
-            timestep=timestep,
+            tolerance=options.bound,
+            timestep=options.timestep,
             asked=asked,
-            samples=samples,
+            samples=options.samples,
             place=place,
             output=output,
             as_json=as_json,
         )
-    drive = passed(moving(form_of(model, sets, driven)), through)
-    programs = programs_of(drive)
-    if programs is None:
-        steady = speed_of(speed or SPEED)
-        motion = _profile(profile) if profile else _turned(drive, steady, 1.0 if turns is None else turns)
+    drive = passed(form_of(model, sets, driven), through)
+    model_of = scene_of(scene, cut, forces_of(drive))
+    if options.at is not None:
+        run, motion = _posed(drive, options, asked, model_of), None
     else:
-        _require_no_crank(speed=speed, turns=turns, profile=profile, every=every)
-        motion = programs.clock
-    settings = _settings(motion, timestep, asked)
-    if wanted is not None and (timestep or "steps_per_turn" in asked):
+        motion = _motion(moving(drive), options)
+        run = _run(drive, motion, options, asked, model_of)
+    if place is not None:
+        files.write(place, run.motion if motion else Poses(run.motion))
+    found = found_in(drive, None if motion is None else programs_of(drive) or of_crank(drive, motion))
+    if as_json:
+        told = {"mechanism": drive.name, "output": output, "rows": len(run.motion)}
+        print_json(run.summary() | told | in_json(found))
+    else:
+        tell_findings(found)
+        _tell(run, output)
+    raise typer.Exit(0 if run.outcome == "met" else 1)
+
+
+def _motion(drive: Form, options: RunOptions) -> CrankProfile:
+    """Return how the crank turns, or the clock of the programs."""
+    programs = programs_of(drive)
+    if programs is not None:
+        options.refuse(*OF_A_CRANK, because=PROGRAMMED)
+        return programs.clock
+    if options.profile:
+        return _profile(options.profile)
+    return _turned(drive, speed_of(options.speed or SPEED), 1.0 if options.turns is None else options.turns)
+
+
+def _run(
+    drive: Form, motion: CrankProfile, options: RunOptions, asked: Mapping[str, Any], scene: Scene
+) -> Run:
+    """Run what moves along its motion."""
+    programs, wanted = programs_of(drive), options.bound
+    settings = _settings(motion, options.timestep, asked)
+    if wanted is not None and (options.timestep or "steps_per_turn" in asked):
         raise InputError("--tolerance chooses the step by itself; leave out --timestep and --steps-per-turn")
-    if samples is not None:
-        if every is not None or samples < 2:
-            raise InputError(f"--samples is {samples}; give 2 or more, and leave out --every")
-        samples -= 1
-    if every is not None:
-        spacing = units.parse_angle(every, "the angle between records")
-        whole = round(motion.turns * simulation.TURN / abs(spacing)) if spacing else 0
-        if whole < 1:
-            raise InputError(f"records {every} apart do not fit the motion; give an angle above 0 within it")
-        samples = whole
     with progress("simulate", None) as tick:
-        run = simulation.simulate(
+        return simulation.simulate(
             drive,
             profile=motion if programs is None else None,
             programs=programs,
             tolerance=wanted,
             settings=settings,
-            method=method,  # pyright: ignore[reportArgumentType]
-            samples=samples,
-            scene=scene_of(scene, cut, forces_of(drive)),
+            method=options.method,  # pyright: ignore[reportArgumentType]
+            samples=options.records(motion),
+            scene=scene,
             watch=tick,
         )
-    if place is not None:
-        files.write(place, run.motion)
-    scene_findings = found_in(drive, programs or of_crank(drive, motion))
-    if as_json:
-        told = {"mechanism": drive.name, "output": output, "rows": len(run.motion)}
-        print_json(run.summary() | told | in_json(scene_findings))
-    else:
-        tell_findings(scene_findings)
-        typer.echo(f"{run.outcome}: {_found(run)}")
-        if run.note:
-            typer.echo(run.note)
-        what = "poses" if run.method == "pose" else "steps"
-        typer.echo(f"{run.steps} {what} in {run.seconds:.4g} s, by {run.method}")
-        if place is not None:
-            typer.echo(f"wrote {len(run.motion)} rows to {output}")
-    raise typer.Exit(0 if run.outcome == "met" else 1)
+
+
+def _posed(drive: Form, options: RunOptions, asked: Mapping[str, Any], scene: Scene) -> Run:
+    """Solve the poses at rows of driver coordinates."""
+    options.refuse(*OF_A_CRANK, "samples", because="is of a motion; leave it out with --at")
+    options.refuse("tolerance", "timestep", because="is of steps; poses with --at are solved to rounding")
+    if options.method == "step" or asked:
+        raise InputError("--at solves poses; leave out --method step and settings of steps")
+    assert options.at is not None
+    rows = rows_of(drive, files.read(options.at), options.at, even=True)
+    last = max(round(rows.programs.duration), 1)
+    run = simulation.simulate(drive, programs=rows.programs, method="pose", samples=last, scene=scene)
+    return replace(run, motion=taken(run.motion, rows.times.astype(np.intp)), steps=len(rows.times))
+
+
+def _tell(run: Run, output: str | None) -> None:
+    typer.echo(f"{run.outcome}: {_found(run)}")
+    if run.note:
+        typer.echo(run.note)
+    what = "poses" if run.method == "pose" else "steps"
+    typer.echo(f"{run.steps} {what} in {run.seconds:.4g} s, by {run.method}")
+    if output is not None:
+        typer.echo(f"wrote {len(run.motion)} rows to {output}")
 
 
 def _found(run: Run) -> str:
     if run.outcome == "diverged":
         return run.motion.broken
     return f"places within {run.estimate:.3g} m of the solved poses (bound {run.tolerance:.3g} m)"
-
-
-def _require_no_crank(**given: object) -> None:
-    """Refuse what is said of a crank beside programs."""
-    for name, value in given.items():
-        if value is not None:
-            raise InputError(f"--{name} is of a crank without a program; leave it out, and give --duration")
 
 
 def _turned(drive: Form, speed: float, turns: float) -> CrankProfile:
@@ -183,9 +240,6 @@ def _turned(drive: Form, speed: float, turns: float) -> CrankProfile:
 
 
 def _profile(path: str) -> CrankProfile:
-    from mechsim import files, simulation
-    from mechsim.errors import InputError
-
     table = files.read(path)
     missing = [column for column in ("time", "angle") if column not in table]
     if missing:

@@ -38,17 +38,44 @@ class Poses:
                 yield name, column
 
 
+@dataclass(frozen=True)
+class Rows:
+    """Programs that go straight from row to row of driver coordinates.
+
+    Attributes:
+        programs: of the drivers; they stand still at each row.
+        times: of the rows, in [s], (n,); of rows that are alike the same.
+    """
+
+    programs: Programs
+    times: Array
+
+
 def poses_at(form: Form, table: Mapping[str, Array], source: str) -> Poses:
     """Return the poses at rows of driver coordinates, in the assembly followed from the guess through them.
+
+    Raises:
+        InputError: as `rows_of`.
+        AssemblyError: where the loops cannot close; names the rows.
+    """
+    rows = rows_of(form, table, source)
+    still = np.zeros_like(rows.times)
+    motion = LoopForm(form.mechanism, programs=rows.programs).solve(rows.times, still, still)
+    return Poses(replace(motion, time=rows.times))
+
+
+def rows_of(form: Form, table: Mapping[str, Array], source: str, *, even: bool = False) -> Rows:
+    """Return the programs that lead through rows of driver coordinates.
 
     Args:
         form: what moves.
         table: driver -> values, (n,) in [m] or [rad].
         source: where the rows come from, for messages.
+        even: whether each row follows a second after the one before; else their time is the way in [rad] or
+            parts of the size.
 
     Raises:
         InputError: for a driver without its column, or numbers that are not finite.
-        AssemblyError: where the loops cannot close; names the rows.
     """
     mechanism = form.mechanism
     missing = [name for name in mechanism.drivers if name not in table]
@@ -62,30 +89,29 @@ def poses_at(form: Form, table: Mapping[str, Array], source: str) -> Poses:
         raise InputError(f"{source} holds numbers that are not finite; mend the table")
     units = [mechanism.size if mechanism.unit(name) == "m" else 1.0 for name in mechanism.drivers]
     lengths = np.abs(np.diff(values) / np.array(units)[:, None]).max(0, initial=0.0)
-    along = np.concatenate([[0.0], np.cumsum(lengths)])
+    along = np.concatenate([[0.0], np.cumsum(lengths > 0.0 if even else lengths, dtype=np.float64)])
     new = np.concatenate([[True], lengths > 0.0])
-    way = _way(mechanism, along[new], values[:, new], np.flatnonzero(new), source)
-    still = np.zeros_like(along)
-    motion = LoopForm(mechanism, programs=way).solve(along, still, still)
-    return Poses(replace(motion, time=along))
+    return Rows(_way(mechanism, along[new], values[:, new], np.flatnonzero(new), source), along)
 
 
 def _way(mechanism: Mechanism, knots: Array, values: Array, rows: NDArray[np.intp], source: str) -> Programs:
     """Return programs that go straight from row to row, and stand still at each: smooth for that."""
 
-    def split(time: Array) -> tuple[NDArray[np.intp], Array]:
-        """Return on which stretch times lie, and how far of it is gone."""
+    def split(time: Array) -> tuple[NDArray[np.intp], Array, Array, Array]:
+        """Return on which stretch times lie, how far of it is gone, and the first two derivatives of that."""
         of = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, max(len(knots) - 2, 0))
         length = knots[of + 1] - knots[of] if len(knots) > 1 else np.ones_like(time)
         u = np.clip((time - knots[of]) / length, 0.0, 1.0)
-        return of, u**4 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
+        v = u * (1.0 - u)
+        gone = u**4 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
+        return of, gone, 140.0 * v**3 / length, 420.0 * v**2 * (1.0 - 2.0 * u) / length**2
 
     def state_of(column: Array) -> State:
         change = np.diff(column) if len(column) > 1 else np.zeros(1)
 
         def state(time: Array) -> tuple[Array, Array, Array]:
-            of, gone = split(time)
-            return column[of] + change[of] * gone, np.zeros_like(time), np.zeros_like(time)
+            of, gone, rate, second = split(time)
+            return column[of] + change[of] * gone, change[of] * rate, change[of] * second
 
         return state
 

@@ -60,6 +60,31 @@ def test_poses_are_read_row_by_row(mechsim, tmp_path):
     np.testing.assert_allclose(found[:, 4], [0.1, 0.3], atol=1e-15)
 
 
+@pytest.mark.parametrize(
+    ("model", "rows"),
+    [("five_bar", "left,right\n2.0,1.0\n2.2,1.1\n2.2,1.1\n1.9,0.8\n"), ("rssr", "crank\n1.0\n-0.5\n7.0\n")],
+)
+def test_poses_row_by_row_are_the_same_on_both_roads(mechsim, tmp_path, model, rows):
+    (tmp_path / "rows.csv").write_text(rows)
+    tables = []
+    for command in ("solve", "simulate"):
+        code, _, said = mechsim(command, model, "--at", "rows.csv", "-o", f"{command}.csv")
+        assert code == 0, said
+        tables.append(files.read(f"{command}.csv"))
+    assert len(tables[1]["rocker.q" if model == "rssr" else "P.x"]) == rows.count("\n") - 1
+    for name, column in tables[1].items():
+        np.testing.assert_allclose(column, tables[0][name], atol=1e-12)
+
+
+@pytest.mark.parametrize("words", [("--speed", "3"), ("--samples", "5"), ("--tolerance", "1um")])
+def test_poses_row_by_row_are_no_motion(mechsim, tmp_path, words):
+    (tmp_path / "rows.csv").write_text("crank\n1.0\n")
+    code, _, said = mechsim("simulate", "rssr", "--at", "rows.csv", *words)
+    assert code == 2
+    assert f"{words[0]} is of" in said
+    assert said.count("\n") == 1
+
+
 def test_show_answers_whatever_is_driven(mechsim):
     def told(*words):
         code, out, _ = mechsim("show", "arm.toml", "--json", *words)

@@ -40,7 +40,7 @@ class Linearised:
     @cached_property
     def values(self) -> Array:
         """Singular values of the matrices, (n, u)."""
-        return np.linalg.svd(self.matrix, compute_uv=False)
+        return np.asarray(np.linalg.svd(self.matrix, compute_uv=False), dtype=np.float64)
 
     def side(self) -> Array:
         """Return the signed distance from a singular pose, (n,): two assemblies that meet differ in sign."""
@@ -81,7 +81,8 @@ class LoopSolver:
         In the direction that is held least; and by the determinant, of which no choice of rows has more.
         """
         if self.whole or not len(self.rows):
-            return (np.ones(len(found.matrix), dtype=np.bool_),) * 2
+            everywhere = np.ones(len(found.matrix), dtype=np.bool_)
+            return everywhere, everywhere
         slope = found.slope[:, self.loops.unknown].transpose(2, 0, 1)
         every = np.linalg.svd(slope, compute_uv=False)[:, : len(self.rows)]
         least = found.values[:, -1] > HALF * every[:, -1]
