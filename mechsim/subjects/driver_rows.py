@@ -39,7 +39,7 @@ class Poses:
 
 
 @dataclass(frozen=True)
-class Rows:
+class DriverRows:
     """Programs that go straight from row to row of driver coordinates.
 
     Attributes:
@@ -64,7 +64,7 @@ def poses_at(form: Form, table: Mapping[str, Array], source: str) -> Poses:
     return Poses(replace(motion, time=rows.times))
 
 
-def rows_of(form: Form, table: Mapping[str, Array], source: str, *, even: bool = False) -> Rows:
+def rows_of(form: Form, table: Mapping[str, Array], source: str, *, even: bool = False) -> DriverRows:
     """Return the programs that lead through rows of driver coordinates.
 
     Args:
@@ -91,7 +91,7 @@ def rows_of(form: Form, table: Mapping[str, Array], source: str, *, even: bool =
     lengths = np.abs(np.diff(values) / np.array(units)[:, None]).max(0, initial=0.0)
     along = np.concatenate([[0.0], np.cumsum(lengths > 0.0 if even else lengths, dtype=np.float64)])
     new = np.concatenate([[True], lengths > 0.0])
-    return Rows(_way(mechanism, along[new], values[:, new], np.flatnonzero(new), source), along)
+    return DriverRows(_way(mechanism, along[new], values[:, new], np.flatnonzero(new), source), along)
 
 
 def _way(mechanism: Mechanism, knots: Array, values: Array, rows: NDArray[np.intp], source: str) -> Programs:
