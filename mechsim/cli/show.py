@@ -85,7 +85,13 @@ def _print_facts(found: dict[str, Any]) -> None:
             rows.append((names, point, *(f"{value:.9g}" for value in place)))
     at = f"{math.degrees(found['angle']):.6g} deg"
     if not rows:
-        typer.echo(f"no assembly at crank angle {at}: the crank cannot stand there")
+        passes = any(low <= found["angle"] <= high for low, high in found["crank_ranges"])
+        why = (
+            "its pose there is singular, as where links lie flat on each other"
+            if passes
+            else "the crank cannot stand there"
+        )
+        typer.echo(f"no assembly at crank angle {at}: {why}")
         return
     title = f"Assemblies at crank angle {at}"
     print_table(title, ("assembly", "point", "x [m]", "y [m]", "z [m]"), rows)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mechsim.errors import InputError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.maths.convergence import half_extent
@@ -15,7 +15,7 @@ from mechsim.model.motion import Motion
 from mechsim.model.outcome import PLACE, Outcome
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.divergence_cause import STIFF, met_last, near_singular
-from mechsim.simulation.model_loops import CLOSED
+from mechsim.simulation.model_loops import CLOSED, ModelLoops
 from mechsim.simulation.open_freedoms import require_within_limits
 from mechsim.simulation.pose_errors import in_another_assembly, pose_errors
 from mechsim.simulation.poses import follow
@@ -39,6 +39,8 @@ HELD = 32.0
 PROBES = 64
 # a crank this far from where it is driven, in [rad], is driven no more
 LOST = np.pi
+# distance from a singular pose at which rounding leaves of rates six digits
+HELD_LEAST = 1e-7
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,8 +250,9 @@ def solved(
     require_within_limits(closed, qpos)
     near = list(path.blind(angle))
     away = held_off(qpos, near)
-    rates = closed.loops.tangent(closed.loops.linearise(away)[1]) * speed[:, None]
-    states = States(time, away, rates)
+    jacobian = closed.loops.linearise(away)[1]
+    _require_held(closed.loops, jacobian, angle)
+    states = States(time, away, closed.loops.tangent(jacobian) * speed[:, None])
     motion = evaluate(
         closed.loops, closed.track, states, "pose", crank_acceleration=acceleration, watch=watch
     )
@@ -268,6 +271,16 @@ def solved(
         method="pose",
         note=closed.note,
     )
+
+
+def _require_held(loops: ModelLoops, jacobian: Array, angle: Array) -> None:
+    """Refuse poses at which the loops hold so little that nothing says how they go on."""
+    lost = loops.conditioning(jacobian) < HELD_LEAST
+    if lost.any():
+        raise AssemblyError(
+            f"{loops.name}: the pose at {loops.said(float(angle[np.argmax(lost)]))} is singular, as where links lie flat on each other, and nothing "
+            "says there how they go on; keep away from it"
+        )
 
 
 def check_records(closed: ClosedModel, profile: CrankProfile, samples: int | None) -> None:

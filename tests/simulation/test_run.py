@@ -15,6 +15,7 @@ from mechsim.simulation import Settings, simulate
 from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
+from mechsim.subjects.subject import load
 from mechsim.units import rpm
 from mechsim.verdict.judge import crosscheck
 
@@ -439,3 +440,14 @@ def test_accelerations_are_those_of_the_linkage_where_dry_friction_sticks(name: 
     largest = max(float(np.abs(point.acceleration).max()) for point in exact.points.values())
     # measured 0.03
     assert worst(run.motion, exact, "acceleration") < 0.3 * largest
+
+
+def test_a_linkage_that_lies_exactly_flat_is_refused_there_and_right_beside() -> None:
+    flat = load("sarrus", {"upper": "40mm"})
+    for run in (lambda: flat.solve([0.0]), lambda: simulate(flat, speed=-6.0, turns=0.3, method="pose")):
+        with pytest.raises(AssemblyError, match="the pose at crank angle 0 rad is .*singular"):
+            run()
+    angle = np.linspace(0.5, -0.5, 8)
+    height = flat.solve(angle, 2.0).points["top"]
+    np.testing.assert_allclose(height.position[:, 2], 0.08 * np.sin(angle), atol=1e-12)
+    np.testing.assert_allclose(height.velocity[:, 2], 0.16 * np.cos(angle), atol=1e-11)
