@@ -277,8 +277,9 @@ def _require_held(loops: ModelLoops, jacobian: Array, angle: Array) -> None:
     """Refuse poses at which the loops hold so little that nothing says how they go on."""
     lost = loops.conditioning(jacobian) < HELD_LEAST
     if lost.any():
+        where = loops.said(float(angle[np.argmax(lost)]))
         raise AssemblyError(
-            f"{loops.name}: the pose at {loops.said(float(angle[np.argmax(lost)]))} is singular, as where links lie flat on each other, and nothing "
+            f"{loops.name}: the pose at {where} is singular, as where links lie flat on each other, and nothing "
             "says there how they go on; keep away from it"
         )
 

@@ -444,7 +444,8 @@ def test_accelerations_are_those_of_the_linkage_where_dry_friction_sticks(name: 
 
 def test_a_linkage_that_lies_exactly_flat_is_refused_there_and_right_beside() -> None:
     flat = load("sarrus", {"upper": "40mm"})
-    for run in (lambda: flat.solve([0.0]), lambda: simulate(flat, speed=-6.0, turns=0.3, method="pose")):
+    through = simulation.constant(-6.0, 0.3, 0.0)
+    for run in (lambda: flat.solve([0.0]), lambda: simulate(flat, profile=through, method="pose")):
         with pytest.raises(AssemblyError, match="the pose at crank angle 0 rad is .*singular"):
             run()
     angle = np.linspace(0.5, -0.5, 8)
