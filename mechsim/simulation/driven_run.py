@@ -279,7 +279,7 @@ def _require_held(loops: ModelLoops, jacobian: Array, angle: Array) -> None:
     if lost.any():
         where = loops.said(float(angle[np.argmax(lost)]))
         raise AssemblyError(
-            f"{loops.name}: the pose at {where} is singular, as where links lie flat on each other, and nothing "
+            f"{loops.name}: the pose at {where} is singular, as where links lie flat on each other; nothing "
             "says there how they go on; keep away from it"
         )
 
