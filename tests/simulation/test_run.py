@@ -446,7 +446,7 @@ def test_a_linkage_that_lies_exactly_flat_is_refused_there_and_right_beside() ->
     flat = load("sarrus", {"upper": "40mm"})
     through = simulation.constant(-6.0, 0.3, 0.0)
     for run in (lambda: flat.solve([0.0]), lambda: simulate(flat, profile=through, method="pose")):
-        with pytest.raises(AssemblyError, match="the pose at crank angle 0 rad is .*singular"):
+        with pytest.raises(AssemblyError, match=r"the pose at crank angle 0 rad is .*singular"):
             run()
     angle = np.linspace(0.5, -0.5, 8)
     height = flat.solve(angle, 2.0).points["top"]
