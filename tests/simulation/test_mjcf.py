@@ -173,3 +173,12 @@ def test_a_chain_without_loops_is_a_model_without_constraints() -> None:
         {"hand": ("lower", (0.2, 0.0, 0.0))},
     )
     assert model_of(arm).neq == 0
+
+
+def test_moments_about_a_bodys_own_axes_are_written_whole():
+    text = """<mujoco><worldbody><body name="a"><joint name="j"/><inertial pos="0 0 0.1" mass="1"
+    fullinertia="0.0123456789012 0.02 0.03 0.001 0.002 0.003"/></body></worldbody></mujoco>"""
+    spec = mujoco.MjSpec.from_string(text)
+    first, again = spec.compile(), mujoco.MjModel.from_xml_string(mjcf.to_xml(spec.copy()))
+    for of in ("body_inertia", "body_iquat", "body_ipos", "body_mass"):
+        assert np.array_equal(getattr(again, of), getattr(first, of))

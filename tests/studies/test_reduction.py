@@ -289,3 +289,9 @@ def test_longer_steps_fitted_to_two_motions_hold_over_a_third_where_others_do_no
     assert np.allclose(
         mujoco.MjModel.from_xml_string(fitted.to_xml()).dof_armature, fitted.compile().dof_armature, rtol=1e-5
     )
+
+
+def test_a_tracked_point_that_stays_where_it_is_is_refused(tmp_path):
+    user, spec = scene(tmp_path, SERVO, track=("P,arm@0,0,0",))
+    with pytest.raises(InputError, match=r"moves by 0 m .* track a point that moves"):
+        reduced(user, spec, 1e-5)

@@ -45,7 +45,7 @@ def to_xml(spec: mujoco.MjSpec) -> str:
         owner = spec.body(body.get("name"))
         _rewrite(body, owner, EXACT["body"])
         for inertial in body.findall("inertial"):
-            _rewrite(inertial, owner, EXACT["inertial"])
+            _rewrite_inertial(inertial, owner)
     for joint in root.findall(".//body/joint"):
         _rewrite(joint, spec.joint(joint.get("name")), EXACT["joint"])
     for site in root.findall("./worldbody//site"):
@@ -74,6 +74,18 @@ def _rewrite(element: ET.Element, source: Any, attributes: dict[str, str]) -> No
         # the writer leaves out what is within rounding of the default
         elif attribute in DEFAULT and not np.array_equal(values, DEFAULT[attribute]):
             element.set(attribute, _text(values))
+
+
+def _rewrite_inertial(inertial: ET.Element, owner: mujoco.MjsBody) -> None:
+    """Write moments as the specification has them: about axes of its own, or all six about the body's."""
+    full = np.asarray(owner.fullinertia)
+    if not np.isfinite(full).all():
+        _rewrite(inertial, owner, EXACT["inertial"])
+        return
+    _rewrite(inertial, owner, {"pos": "ipos", "mass": "mass"})
+    for attribute in ("quat", "diaginertia"):
+        inertial.attrib.pop(attribute, None)
+    inertial.set("fullinertia", _text(full))
 
 
 def _text(values: Any) -> str:

@@ -73,6 +73,11 @@ class Bench:
         return stepped(self.full, records=None)
 
     @cached_property
+    def moved(self) -> float:
+        """How far what is tracked goes from where it starts, in [m]."""
+        return worst_distance(np.linalg.norm(self.run.points - self.run.points[0], axis=2))
+
+    @cached_property
     def efforts(self) -> Mapping[str, Array]:
         """The full scene's efforts, by name, (n,) each."""
         return _efforts(self._sparse)

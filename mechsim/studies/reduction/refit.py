@@ -62,7 +62,7 @@ def refit(benches: Sequence[Bench], seen: Evidence, times: int, start: Mapping[K
         start: knob -> where it begins; those not named begin where they are.
 
     Returns:
-        None where it takes too long.
+        None where it takes too long, or nothing has any effect.
     """
     fits: list[_Fit] = []
     for kind in INTEGRATORS:
@@ -71,7 +71,7 @@ def refit(benches: Sequence[Bench], seen: Evidence, times: int, start: Mapping[K
         fits.append(_Fit(benches, longer, seen, start))
     # the start of the motion is no measure: light parts jump there whatever the integrator
     best = min(fits, key=lambda one: float(np.median(np.abs(one.residuals(one.start)))))
-    if best.seconds > SECONDS:
+    if best.seconds > SECONDS or not best.felt():
         return None
     values, worst = best.fitted()
     step, own = float(seen.spec.option.timestep), CALLED[int(seen.spec.option.integrator)]
@@ -105,11 +105,20 @@ class _Fit:
         # of a round of iterations
         self.seconds = TURNS * len(self.knobs) * (process_time() - began)
 
+    def felt(self) -> bool:
+        """Forget the knobs that do nothing where they begin; say whether any is left."""
+        if not self.knobs:
+            return False
+        felt = np.abs(self._slopes(self.start)).max(0) > FELT
+        self.knobs = tuple(knob for knob, one in zip(self.knobs, felt, strict=True) if one)
+        self.start = self.start[felt]
+        return bool(felt.any())
+
     def fitted(self) -> tuple[Array, float]:
         """Return where the knobs stand best, and the worst error there in tolerances."""
         from scipy.optimize import least_squares
 
-        ends, values, cost = process_time() + SECONDS, self._without_idle(), np.inf
+        ends, values, cost = process_time() + SECONDS, self.start, np.inf
         while True:
             found = least_squares(self.residuals, values, jac=self._slopes, max_nfev=TURNS)  # pyright: ignore[reportArgumentType]
             values, worst = found.x, self._worst(found.x)
@@ -135,9 +144,3 @@ class _Fit:
         here = self.residuals(values)
         nudges = NUDGE * np.eye(len(values))
         return np.stack([(self.residuals(values + nudge) - here) / NUDGE for nudge in nudges], 1)
-
-    def _without_idle(self) -> Array:
-        """Forget the knobs that do nothing; return where the others begin."""
-        felt = np.abs(self._slopes(self.start)).max(0) > FELT
-        self.knobs = tuple(knob for knob, one in zip(self.knobs, felt, strict=True) if one)
-        return self.start[felt]

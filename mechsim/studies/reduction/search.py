@@ -117,6 +117,12 @@ def reduced(
             raise InputError(
                 f"{scene.path} diverges over {which}: {bench.run.broken}; mend the scene, or ask for less"
             )
+    if by == "trajectory" and first.moved <= tolerance:
+        raise InputError(
+            f"what is tracked of {scene.path} moves by {first.moved:.2g} m and the tolerance is "
+            f"{tolerance:.2g} m: nothing at all would keep it; track a point that moves, as "
+            "--track P,BODY@x,y,z does"
+        )
     search = _Search(first, tolerance, by, tell)
     search.bodies |= {name for name in keep if full.body(name) is not None}
     search.go()
@@ -250,18 +256,22 @@ class _Search:
         self.next_steps()
 
     def fitted_steps(self, longest: float, begun: float) -> "list[_Kept]":
-        """Return steps longer than some that keep the tolerance with what acts fitted to them."""
+        """Return steps as long as some or longer that keep the tolerance with what acts fitted to them.
+
+        Each begins where the last ended: from nothing few long ones are found.
+        """
         bench, kept = self.bench, list[_Kept]()
         to_fit = Bench(motion_to_fit(bench.motion), bench.spec, bench.tracked)
         seen, stand = self.seen(self.spec), dict[Knob, float]()
         step = float(self.spec.option.timestep)
-        for times in (times for times in stepping.LONGER if times * step > longest):
+        for times in (times for times in stepping.LONGER if times > 1 and times * step >= longest):
             self.tell(f"{step * times:g} s, what acts fitted", begun)
             found = None if to_fit.run.broken else refit((bench, to_fit), seen, times, stand)
             tried = None if found is None else self.trial(found.candidate)
-            if found is None or tried is None:
+            if found is None or (tried is None and times * step > longest):
                 break
-            kept.append((found.candidate, *tried[1:]))
+            if tried is not None:
+                kept.append((found.candidate, *tried[1:]))
             stand = found.stand
         return kept
 
