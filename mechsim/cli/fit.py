@@ -12,7 +12,7 @@ from mechsim.cli.force_options import MachineOptions
 from mechsim.cli.options import SPEED, DriveOptions, Json, Model, Output, Sets, family_of, speed_of, writable
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.errors import InputError
-from mechsim.studies.fit import Fit, MeasuredMotion, fit_dimensions, measured_of
+from mechsim.studies.fit import Fit, MeasuredMotion, fit_dimensions, measured_of, single
 from mechsim.studies.sensitivity import Loading, MovedFamily
 from mechsim.units import option
 
@@ -28,6 +28,9 @@ class FitOptions:
         metavar="FILE.csv",
     )
     vary: tuple[str, ...] = option((), "Dimensions to find.", read=units.parse_names, metavar="p,...")
+    offset: bool = option(
+        False, "The zero of the crank's encoder is unknown, too: find CRANK.offset.", name="--offset"
+    )
     speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
 
     def check(self) -> str:
@@ -62,7 +65,7 @@ def fit(
     loading = Loading(acting.forces, acting.density, acting.diameter)
     moved = MovedFamily(family, measured.angles, speed_of(asked.speed or SPEED), loading)
     with progress("fit", None, quiet=as_json) as tick:
-        found = fit_dimensions(moved, measured, asked.vary, watch=tick)
+        found = fit_dimensions(moved, measured, asked.vary, offset=asked.offset, watch=tick)
     told = _told(found, measured) | {"output": output}
     if place is not None:
         _write(place, found, measured, told)
@@ -79,17 +82,18 @@ def _write(place: Path, found: Fit, measured: MeasuredMotion, told: dict[str, An
     if place.suffix.lower() == ".json":
         files.write_json(place, told)
         return
-    over, at = found.moved.over
-    table = {over: at}
-    fitted = found.moved.values([*measured.values], {})
+    table = {found.moved.over[0]: measured.over}
+    named = single(measured.values, found.moved)
+    fitted = found.moved.values([*named.values()], {})
     for name, values in measured.values.items():
-        table |= {name: values, f"{name}.fit": fitted[name], f"{name}.left": fitted[name] - values}
+        own = fitted[named[name]]
+        table |= {name: values, f"{name}.fit": own, f"{name}.left": own - values}
     files.write_table(place, table)
 
 
 def _told(found: Fit, measured: MeasuredMotion) -> dict[str, Any]:
     """Return a fit as plain data."""
-    dimensions = found.moved.family.dimensions
+    within = found.within()
     return {
         "mechanism": found.moved.family.name,
         "outcome": found.outcome,
@@ -97,12 +101,14 @@ def _told(found: Fit, measured: MeasuredMotion) -> dict[str, Any]:
             name: {
                 "value": value,
                 "deviation": found.deviations.get(name),
+                "within_95": within.get(name),
                 "start": found.start[name],
-                "unit": dimensions[name].unit,
+                "unit": found.units[name],
             }
             for name, value in found.values.items()
         },
         "covariance": found.covariance.tolist(),
+        "correlations": {f"{a}, {b}": one for (a, b), one in found.correlations.items()},
         "not_told_apart": [list(group) for group in found.together],
         "rms": dict(found.rms),
         "spread": found.spread,
@@ -115,18 +121,19 @@ def _told(found: Fit, measured: MeasuredMotion) -> dict[str, Any]:
 
 
 def _print(found: Fit, measured: MeasuredMotion) -> None:
-    dimensions = found.moved.family.dimensions
+    within = found.within()
     rows = [
         (
             name,
             f"{value:.9g}",
             f"{found.deviations[name]:.2g}" if name in found.deviations else "not told",
+            f"{within[name]:.2g}" if name in within else "not told",
             f"{found.start[name]:.9g}",
-            dimensions[name].unit,
+            found.units[name],
         )
         for name, value in found.values.items()
     ]
-    head = ("dimension", "found", "± (1 sigma)", "begun from", "unit")
+    head = ("dimension", "found", "± (1 sigma)", "± (95 %)", "begun from", "unit")
     print_table(f"{found.moved.family.name}: {found.outcome}", head, rows)
     for group in found.together:
         told = f"cannot be told apart by what was measured: {', '.join(group)}; hold one, or measure more"

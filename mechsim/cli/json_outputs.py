@@ -300,8 +300,9 @@ OUTPUTS["sensitivity"] = record(
 OUTPUTS["fit"] = record(
     mechanism=TEXT,
     outcome=TEXT,
-    dimensions=named(record(value=NUMBER, deviation=NUMBER, start=NUMBER, unit=TEXT)),
+    dimensions=named(record(value=NUMBER, deviation=NUMBER, within_95=NUMBER, start=NUMBER, unit=TEXT)),
     covariance=many(NUMBERS),
+    correlations=named(NUMBER),
     not_told_apart=many(TEXTS),
     rms=named(NUMBER),
     spread=NUMBER,

@@ -1,11 +1,17 @@
 """Dimensions from measured motion: found again, with uncertainties that are true, and what cannot be told."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic import catalog
+from mechsim import files
+from mechsim.analytic import catalog, dynamics
 from mechsim.errors import AssemblyError, InputError
+from mechsim.studies.fit import single
+from mechsim.studies.sensitivity.moved_family import beside
 
 ANGLES = np.linspace(0.0, 6.0, 13)
 TRUE = {"coupler": 0.0913, "rocker": 0.0735, "arm_angle": 0.55}
@@ -77,6 +83,69 @@ def test_a_file_of_the_gallery_is_fitted_under_its_programs():
     table = {"t": columns["t"], f"{point}.x": columns[f"{point}.x"], f"{point}.y": columns[f"{point}.y"]}
     found = ms.fit("five_bar", table, "arm")
     assert found.values["arm"] == pytest.approx(0.061, rel=1e-10)
+
+
+REFERENCE = Path(__file__).parents[2] / "reference"
+
+
+@pytest.mark.parametrize(
+    ("name", "vary", "effort"),
+    [("four_bar", ["coupler", "rocker"], "torque:crank"), ("five_bar", ["arm"], "torque:left")],
+)
+def test_a_table_of_the_reference_data_is_fitted_with_its_own_names(name, vary, effort):
+    whole = files.read(REFERENCE / "data" / f"{name}.csv")
+    wanted = ["angle" if "angle" in whole else "t", *(one for one in whole if "v" in one), effort]
+    table = {one: whole[one][::9] for one in wanted}
+    of = ms.moved(str(REFERENCE / "mechanisms" / f"{name}.toml"), angles=[0.0], speed=20.0)
+    true = {one: of.family.dimensions[one].value for one in vary}
+    begun = replace(of, family=beside(of.family, {one: 0.99 * value for one, value in true.items()}))
+    found = ms.fit(begun, table, vary)
+    assert found.outcome == "fitted"
+    assert all(found.values[one] == pytest.approx(value, rel=1e-10) for one, value in true.items())
+    assert {*found.rms} == {*table} - {"angle", "t"}
+
+
+def test_the_unknown_zero_of_a_crank_is_found_with_the_dimensions():
+    form, ahead = catalog.make("four_bar", coupler=0.0913), 0.07
+    efforts = dynamics.prescribed(dynamics.machine(form), ANGLES + ahead, 5.0).efforts
+    motion = form.solve(ANGLES + ahead, 5.0)
+    table = {"angle": ANGLES, "C.x": motion.points["C"].position[:, 0], "torque": efforts.torque}
+    table["rocker.a"] = motion.joints["rocker"].acceleration
+    found = ms.fit("four_bar", table, ["coupler"], offset=True, speed=5.0)
+    assert (found.outcome, found.units["crank.offset"]) == ("fitted", "rad")
+    assert found.values["crank.offset"] == pytest.approx(ahead, rel=1e-9)
+    assert found.values["coupler"] == pytest.approx(0.0913, rel=1e-10)
+    assert found.moved.angles == pytest.approx(ANGLES + ahead)
+    # without it the coupler is taken for what it is not
+    assert abs(ms.fit("four_bar", table, ["coupler"], speed=5.0).values["coupler"] - 0.0913) > 1e-4
+
+
+def test_a_zero_that_a_phase_may_stand_for_is_named():
+    motion = catalog.make("warp_knitter").solve(ANGLES)
+    table = {"angle": ANGLES, "D.x": motion.points["D"].position[:, 0]}
+    found = ms.fit("warp_knitter", table, ["phase"], offset=True)
+    assert found.together == (("phase", "crank.offset"),)
+
+
+def test_intervals_are_wider_by_students_t_where_deviations_are_found_from_what_is_left():
+    table = {name: column[:3] for name, column in measured(2e-5).items()}
+    bare = {name: column for name, column in table.items() if "±" not in name}
+    weighed, plain = (ms.fit("four_bar", one, ["coupler"]) for one in (table, bare))
+    assert weighed.within()["coupler"] == pytest.approx(1.959964 * weighed.deviations["coupler"])
+    assert plain.free == 5
+    assert plain.within()["coupler"] == pytest.approx(2.570582 * plain.deviations["coupler"])
+
+
+def test_the_force_of_a_driver_that_slides_is_called_as_in_the_reference_data():
+    of = ms.moved("stewart_gough", angles=[0.0])
+    assert single({"force:l1": np.zeros(1)}, of) == {"force:l1": "drive l1"}
+    with pytest.raises(InputError, match="column force:s1 is no single quantity"):
+        single({"force:s1": np.zeros(1)}, of)
+
+
+def test_a_zero_is_refused_where_there_is_none():
+    with pytest.raises(InputError, match="no lone crank without a program whose zero could be unknown"):
+        ms.fit("five_bar", {"t": [0.0, 0.1], "P.x": [0.0, 0.0]}, ["arm"], offset=True)
 
 
 @pytest.mark.parametrize(

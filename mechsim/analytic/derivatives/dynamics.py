@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.derivatives.force_numbers import force_numbers, with_force_numbers
-from mechsim.analytic.derivatives.motion import followed_motion
+from mechsim.analytic.derivatives.motion import Followed, followed_motion
 from mechsim.analytic.derivatives.numbers import numbers_of
 from mechsim.analytic.dynamics.friction import STILL
 from mechsim.analytic.dynamics.machines import Machine
@@ -37,7 +37,7 @@ class EffortDerivatives:
 
 def effort_derivatives(
     machine: Machine,
-    change: Mapping[str, Array],
+    change: Mapping[str, Array | None],
     angles: ArrayLike,
     speed: ArrayLike = 1.0,
     acceleration: ArrayLike = 0.0,
@@ -46,7 +46,8 @@ def effort_derivatives(
 
     Args:
         machine: mechanism with masses, and what acts on it.
-        change: dimension -> derivatives of `machine_numbers`, as `changes` gives them.
+        change: dimension -> derivatives of `machine_numbers`, as `changes` gives them; None for that by the
+            drivers themselves, where no load follows a course over their angle.
         angles: of the crank, or of the clock of programs, (n,) in [rad].
         speed: of it, scalar or (n,) in [rad/s].
         acceleration: of it, scalar or (n,) in [rad/s2].
@@ -57,11 +58,23 @@ def effort_derivatives(
     Accuracy: about 1e-15 times the condition of the loops, as efforts have it.
     """
     followed = followed_motion(machine.drive, machine.mechanism, angles, 1.0, 0.0)
+    return efforts_along(machine, followed, change, speed, acceleration)
+
+
+def efforts_along(
+    machine: Machine,
+    followed: Followed,
+    change: Mapping[str, Array | None],
+    speed: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+) -> EffortDerivatives:
+    """Return efforts along a motion that was followed already at unit speed; as `effort_derivatives`."""
+    followed = replace(followed, mechanism=machine.mechanism)
     study = moved_efforts(machine, followed.motion(), speed, acceleration)
     by: dict[str, dict[str, Array]] = {}
     acting = force_numbers(machine.forces)
     for name, slope in change.items():
-        own, others = np.split(slope, [len(slope) - len(acting)])
+        own, others = _split(slope, len(acting))
         mechanism, motion = followed.changed(name, own)
         forces = with_force_numbers(machine.forces, stepped(acting, others))
         found = moved_efforts(
@@ -71,6 +84,13 @@ def effort_derivatives(
     left = {joint: one.open for joint, one in study.efforts.reactions.items()}
     open_ = frozenset(f"{joint}.{part}" for joint, parts in left.items() for part in parts)
     return EffortDerivatives(dict(study.columns()), by, open_)
+
+
+def _split(slope: Array | None, acting: int) -> tuple[Array | None, Array]:
+    """Return changes of a mechanism's numbers, and those of what acts on it."""
+    if slope is None:
+        return None, np.zeros(acting)
+    return slope[: len(slope) - acting], slope[len(slope) - acting :]
 
 
 def machine_numbers(mechanism: Mechanism, forces: Forces) -> Array:

@@ -51,9 +51,59 @@ class MotionDerivatives:
     by: Mapping[str, Motion]
 
 
+@dataclass(frozen=True)
+class Followed:
+    """A motion that was followed once, from which those with other dimensions begin.
+
+    Attributes:
+        form: what moves.
+        mechanism: its mechanism, with masses where they count.
+        path: of its assembly.
+        instants: along it.
+        parts: the instants, closed.
+        given: the mechanism as numbers, where it is another than the path's own.
+    """
+
+    form: Form
+    mechanism: Mechanism
+    path: FollowedPath
+    instants: Instants
+    parts: Sequence[ClosedPart]
+    given: GivenMechanism | None = None
+
+    def motion(self) -> Motion:
+        """Return the motion itself."""
+        found = in_order([(part.index, rated(self.path, part)) for part in self.parts])
+        return record_of(self.path, found, self.instants, self.given, self.form)
+
+    def changed(self, name: str, slope: Array | None) -> tuple[Mechanism, Motion]:
+        """Return the mechanism and the motion whose imaginary parts are the changes by a dimension.
+
+        Args:
+            name: of the dimension.
+            slope: derivatives of the mechanism's numbers by it, (k,); None puts the drivers ahead.
+
+        Raises:
+            AssemblyError: where it alone would leave loops open that repeat each other.
+        """
+        nominal, ahead = numbers_of(self.mechanism), float(slope is None)
+        slope = np.zeros(len(nominal)) if slope is None else slope
+        if slope.shape != nominal.shape or not np.isfinite(slope).all():
+            raise InputError(
+                f"the change by {name!r} has shape {slope.shape} or is not finite; the mechanism has "
+                f"{len(nominal)} numbers: take what `changes` gives"
+            )
+        mechanism = with_numbers(self.mechanism, stepped(nominal, slope))
+        given = STEP * max(ahead, float(np.abs(slope).max()) * min(1.0, 1.0 / mechanism.size))
+        found = [
+            (part.index, _changed(self.path, part, mechanism, name, given, ahead)) for part in self.parts
+        ]
+        return mechanism, record_of(self.path, in_order(found), self.instants, mechanism, self.form)
+
+
 def motion_derivatives(
     form: Form,
-    change: Mapping[str, Array],
+    change: Mapping[str, Array | None],
     angles: ArrayLike,
     speed: ArrayLike = 1.0,
     acceleration: ArrayLike = 0.0,
@@ -64,7 +114,8 @@ def motion_derivatives(
 
     Args:
         form: what moves.
-        change: dimension -> derivatives of the mechanism's numbers, as `changes` gives them.
+        change: dimension -> derivatives of the mechanism's numbers, as `changes` gives them; None for that
+            by the drivers themselves, all of them ahead by as much.
         angles: of the crank, or of the clock of programs, (n,) in [rad].
         speed: of it, scalar or (n,) in [rad/s].
         acceleration: of it, scalar or (n,) in [rad/s2].
@@ -76,7 +127,15 @@ def motion_derivatives(
 
     Accuracy: about 1e-15 times the condition of the loops, as the rates have it.
     """
-    followed = followed_motion(form, form.mechanism, angles, speed, acceleration)
+    return derivatives_along(
+        followed_motion(form, form.mechanism, angles, speed, acceleration), change, torn=torn
+    )
+
+
+def derivatives_along(
+    followed: Followed, change: Mapping[str, Array | None], *, torn: bool = False
+) -> MotionDerivatives:
+    """Return a motion that was followed already, and its derivatives; as `motion_derivatives`."""
     found: dict[str, Motion] = {}
     for name, slope in change.items():
         try:
@@ -85,51 +144,6 @@ def motion_derivatives(
             if not torn:
                 raise
     return MotionDerivatives(followed.motion(), found)
-
-
-@dataclass(frozen=True)
-class Followed:
-    """A motion that was followed once, from which those with other dimensions begin.
-
-    Attributes:
-        form: what moves.
-        mechanism: its mechanism, with masses where they count.
-        path: of its assembly.
-        instants: along it.
-        parts: the instants, closed.
-    """
-
-    form: Form
-    mechanism: Mechanism
-    path: FollowedPath
-    instants: Instants
-    parts: Sequence[ClosedPart]
-
-    def motion(self) -> Motion:
-        """Return the motion itself."""
-        found = in_order([(part.index, rated(self.path, part)) for part in self.parts])
-        return record_of(self.path, found, self.instants, None, self.form)
-
-    def changed(self, name: str, slope: Array) -> tuple[Mechanism, Motion]:
-        """Return the mechanism and the motion whose imaginary parts are the changes by a dimension.
-
-        Args:
-            name: of the dimension.
-            slope: derivatives of the mechanism's numbers by it, (k,).
-
-        Raises:
-            AssemblyError: where it alone would leave loops open that repeat each other.
-        """
-        nominal = numbers_of(self.mechanism)
-        if slope.shape != nominal.shape or not np.isfinite(slope).all():
-            raise InputError(
-                f"the change by {name!r} has shape {slope.shape} or is not finite; the mechanism has "
-                f"{len(nominal)} numbers: take what `changes` gives"
-            )
-        mechanism = with_numbers(self.mechanism, stepped(nominal, slope))
-        given = STEP * float(np.abs(slope).max()) * min(1.0, 1.0 / mechanism.size)
-        found = [(part.index, _changed(self.path, part, mechanism, name, given)) for part in self.parts]
-        return mechanism, record_of(self.path, in_order(found), self.instants, mechanism, self.form)
 
 
 def followed_motion(
@@ -171,14 +185,19 @@ def followed_form(
 
 
 def _changed(
-    path: FollowedPath, part: ClosedPart, mechanism: GivenMechanism, name: str, given: float
+    path: FollowedPath, part: ClosedPart, mechanism: GivenMechanism, name: str, given: float, ahead: float
 ) -> LoopMotion:
-    """Return the motion of some instants with complex numbers, their imaginary parts at most as given."""
+    """Return the motion of some instants with complex numbers, their imaginary parts at most as given.
+
+    Drivers are ahead by so many imaginary steps.
+    """
     loops = with_mechanism(part.solver.loops, mechanism)
     solver = replace(part.solver, loops=loops)
     at = Coordinates(part.at.values.astype(complex), part.at.turns.astype(complex))
     for held, value in mechanism.holds.items():
         at.values[loops.tree.places[held]] += 1j * np.imag(value)
+    for driver in mechanism.drivers:
+        at.values[loops.tree.places[driver]] += 1j * STEP * ahead
     before = solver.linearise(at)
     at = loops.moved(at, solver.step(before.matrix, before.right))
     found = solver.linearise(at)

@@ -5,18 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.closure.assembly import crank_angles
 from mechsim.analytic.closure.followed_path import FollowedPath
-from mechsim.analytic.closure.motion import crank_rate
-from mechsim.analytic.closure.tree_rates import (
-    ClosedPart,
-    Instants,
-    LoopMotion,
-    closed_parts,
-    in_order,
-    rated,
-)
-from mechsim.analytic.derivatives.motion import followed_form, record_of, with_mechanism
+from mechsim.analytic.closure.tree_rates import ClosedPart, Instants
+from mechsim.analytic.derivatives.motion import Followed, followed_motion, with_mechanism
 from mechsim.analytic.derivatives.numbers import GivenMechanism, numbers_of, with_numbers
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError
@@ -36,37 +27,47 @@ class MotionBeside:
         path: of its assembly.
         instants: along it.
         parts: closed there.
+        reach: how far coordinates may move in all to another mechanism, in [rad] or parts of the size.
     """
 
     form: Form
     path: FollowedPath
     instants: Instants
     parts: tuple[ClosedPart, ...]
+    reach: float = np.inf
 
-    def of(self, mechanism: Mechanism) -> Motion:
+    def of(self, mechanism: Mechanism, ahead: float = 0.0) -> Motion:
         """Return the motion of a mechanism with the same links, joints and drivers but other dimensions.
 
-        It is in the assembly into which this one goes over as its dimensions become the other ones.
+        Its drivers may all be ahead, by so much in [rad] or [m], of where the record says. It is in the
+        assembly into which this one goes over as its dimensions become the other ones.
 
         Raises:
             AssemblyError: where the loops do not close, or another assembly is too near to be told apart.
         """
+        return self.followed(mechanism, ahead).motion()
+
+    def followed(self, mechanism: Mechanism, ahead: float = 0.0) -> Followed:
+        """Return that motion as one from which others begin, and derivatives are taken; as `of`."""
         own = self.form.mechanism
         given = with_numbers(own, numbers_of(mechanism))
-        moved = in_order([(part.index, self._moved(part, given)) for part in self.parts])
-        return record_of(self.path, moved, self.instants, given, self.form)
+        parts = [self._closed(part, given, ahead) for part in self.parts]
+        return Followed(self.form, mechanism, self.path, self.instants, parts, given)
 
-    def _moved(self, part: ClosedPart, mechanism: GivenMechanism) -> LoopMotion:
+    def _closed(self, part: ClosedPart, mechanism: GivenMechanism, ahead: float) -> ClosedPart:
         loops = with_mechanism(part.solver.loops, mechanism)
         solver = replace(part.solver, loops=loops)
         side, at = np.sign(part.loops.side()), replace(part.at, values=part.at.values.copy())
         for held, value in mechanism.holds.items():
             at.values[loops.tree.places[held]] = value
-        found = solver.linearise(at)
+        for driver in mechanism.drivers:
+            at.values[loops.tree.places[driver]] += ahead
+        found, gone = solver.linearise(at), 0.0
         for _ in range(STEPS):
             step = solver.step(found.matrix, found.right)
             longest = float(np.abs(step).max(initial=0.0))
-            if not longest < LONGEST:
+            gone += longest
+            if not (longest < LONGEST and gone < self.reach):
                 break
             at = loops.moved(at, step)
             found = solver.linearise(at)
@@ -78,23 +79,23 @@ class MotionBeside:
                 f"{mechanism.name}: with these dimensions the loops do not close in this assembly at all of "
                 "its instants; change them by less"
             )
-        return rated(self.path, replace(part, solver=solver, at=at, loops=found))
+        return replace(part, solver=solver, at=at, loops=found)
 
 
 def motion_beside(
-    form: Form, angles: ArrayLike, speed: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
+    form: Form,
+    angles: ArrayLike,
+    speed: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    reach: float = np.inf,
 ) -> MotionBeside:
     """Return a motion from which others near it are solved, at angles of the crank or of a clock.
+
+    Others are no farther than `reach`, as `MotionBeside` has it.
 
     Raises:
         AssemblyError: where the loops do not close, or where two assemblies meet.
     """
-    angle = crank_angles(form.mechanism, angles)
-    rates = [
-        crank_rate(form.mechanism, what, value, len(angle))
-        for what, value in (("speed", speed), ("acceleration", acceleration))
-    ]
-    path, instants = followed_form(form, angle, *rates)
-    if path.blind(angle).any():
-        raise AssemblyError(f"{form.name}: two assemblies meet on the motion; keep away from there")
-    return MotionBeside(form, path, instants, tuple(closed_parts(path, instants)))
+    found = followed_motion(form, form.mechanism, angles, speed, acceleration)
+    return MotionBeside(form, found.path, found.instants, tuple(found.parts), reach)

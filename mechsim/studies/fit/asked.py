@@ -19,6 +19,7 @@ def fit(
     table: str | Path | Mapping[str, ArrayLike],
     vary: str | Sequence[str],
     *,
+    offset: bool = False,
     speed: float = 1.0,
     forces: Forces | None = None,
 ) -> Fit:
@@ -27,8 +28,11 @@ def fit(
     Args:
         model: as `moved` takes it; the fit begins from its dimensions.
         table: measured motion: columns angle in [rad] (t in [s] under programs) and quantities named like
-            ours, in SI; a column P3.x± is the standard deviation of P3.x. A .csv or .npz file, or a mapping.
+            ours or in `reference/` (torque:crank), in SI; a column P3.x± is the standard deviation of P3.x.
+            A .csv or .npz file, or a mapping.
         vary: dimensions to find.
+        offset: whether the zero of the crank's encoder is unknown, too: CRANK.offset is how far the crank
+            stood ahead of the angles in the table.
         speed: of the crank in [rad/s], which only rates and efforts depend on.
         forces: what acts on it, where efforts were measured.
 
@@ -45,4 +49,4 @@ def fit(
     else:
         columns, where = files.read(table), str(table)
     names = [vary] if isinstance(vary, str) else vary
-    return fit_dimensions(subject, measured_of(columns, subject.form, where), names)
+    return fit_dimensions(subject, measured_of(columns, subject.form, where), names, offset=offset)

@@ -1,17 +1,18 @@
 """Dimensions fitted to measured motion by least squares, with exact derivatives."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
+from mechsim.analytic.derivatives import Dimension
 from mechsim.errors import InputError, MechsimError
 from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
-from mechsim.studies.fit.measured import MeasuredMotion
+from mechsim.studies.fit.measured import MeasuredMotion, single
 from mechsim.studies.sensitivity.moved_family import MovedFamily, beside
-from mechsim.studies.sensitivity.quantities import unit_of
+from mechsim.studies.sensitivity.quantities import is_effort, unit_of
 from mechsim.studies.sensitivity.table import dimensions_asked
 
 # singular values of the scaled derivatives below this part of the largest tell nothing
@@ -33,6 +34,7 @@ class Fit:
         outcome: "undetermined" where what was measured does not tell some dimensions apart.
         start: dimension -> value from which it began, in SI.
         values: dimension -> value found.
+        units: dimension -> its SI unit.
         deviations: dimension -> standard deviation; none of those that cannot be told apart.
         covariance: of the dimensions in their order, (p, p); of those that can be told from the others.
         together: groups of dimensions that cannot be told apart: what was measured tells of each group one
@@ -42,6 +44,7 @@ class Fit:
             given; about 1 where these are true. Without any, what they would have to be, as parts of the
             mechanism's size and in [rad].
         weighed: whether deviations were given.
+        free: how many numbers were measured beyond those that tell the dimensions.
         condition: of the scaled derivatives: how much worse the worst combination is told than the best.
         tried: mechanisms solved.
     """
@@ -50,16 +53,29 @@ class Fit:
     outcome: FitOutcome
     start: Mapping[str, float]
     values: Mapping[str, float]
+    units: Mapping[str, str]
     deviations: Mapping[str, float]
     covariance: Array
     together: Sequence[tuple[str, ...]]
     rms: Mapping[str, float]
     spread: float
     weighed: bool
+    free: int
     condition: float
     tried: int
 
     __repr__ = short_repr
+
+    def within(self, part: float = 0.95) -> dict[str, float]:
+        """Return how far to either side of what was found a dimension lies with so much certainty, in SI.
+
+        By the normal distribution where deviations were given, else by Student's t.
+        """
+        from scipy.stats import norm, t
+
+        share = 0.5 * (1.0 + part)
+        factor = norm.ppf(share) if self.weighed else t.ppf(share, self.free) if self.free > 0 else np.inf
+        return {name: float(factor) * one for name, one in self.deviations.items()}
 
     @property
     def correlations(self) -> dict[tuple[str, str], float]:
@@ -75,38 +91,44 @@ def fit_dimensions(
     measured: MeasuredMotion,
     vary: Sequence[str],
     *,
+    offset: bool = False,
     watch: Callable[[str, float], None] = lambda _, __: None,
 ) -> Fit:
     """Return the dimensions with which a mechanism moves most nearly as it was measured.
 
     The sum of squares of what is left, in the deviations given, is made smallest by scipy's `least_squares`
     (trust region) with exact derivatives, from the dimensions as they stand. Where no deviations are given,
-    lengths count in the mechanism's size and angles in [rad].
+    lengths count in the mechanism's size, angles in [rad], rates and efforts in the largest that was measured
+    in their unit.
 
     Args:
         moved: the mechanism, and its speed and forces; its angles are those measured.
         measured: what was measured.
         vary: names of dimensions, whole places by their parts.
+        offset: whether the zero of the crank's encoder is unknown, too: CRANK.offset is how far the crank
+            stood ahead of what was read.
         watch: told now and then how far it has come.
 
     Raises:
-        InputError: for an unknown dimension or quantity, or fewer numbers than dimensions.
+        InputError: for an unknown dimension or quantity, fewer numbers than dimensions, or an offset of what
+            has no crank, or of efforts under loads that follow its angle.
         AssemblyError: where the mechanism from which it begins cannot stand at what was measured.
     """
     from scipy.optimize import least_squares
 
     family = replace(moved, angles=measured.angles)
-    columns, names = family.quantities([*measured.values]), dimensions_asked(family, vary)
-    if columns != list(measured.values):
-        lost = next(one for one in measured.values if one not in columns)
-        raise InputError(f"column {lost} is no single quantity; name columns as P3.x or rocker.q")
+    named = single(measured.values, family)
+    names = dimensions_asked(family, vary)
     family.family.require_independent(names)
+    if offset:
+        _require_offset(family, named.values())
+        names.append(family.offset)
     if measured.count < len(names):
         raise InputError(
             f"{measured.count} numbers are measured and {len(names)} dimensions wanted; "
             "measure more, or vary fewer"
         )
-    problem = _Problem(family, measured, columns, names, watch)
+    problem = _Problem(family, measured, named, names, watch)
     problem.residuals(np.zeros(len(names)))
     slopes: Any = problem.slopes
     found: Any = least_squares(
@@ -122,6 +144,21 @@ def fit_dimensions(
     return problem.told(found.x, found.status > 0)
 
 
+def _require_offset(moved: MovedFamily, columns: Iterable[str]) -> None:
+    """Refuse an unknown zero where none can be found."""
+    name = moved.family.name
+    if not moved.offset:
+        raise InputError(
+            f"{name} has no lone crank without a program whose zero could be unknown; leave it out"
+        )
+    acting = moved.loading.acting(moved.form)
+    if (acting.loads or acting.couples or acting.crank_torque) and any(is_effort(one) for one in columns):
+        raise InputError(
+            f"{name}: efforts under loads that follow the crank do not tell its zero; "
+            "leave them or the loads out"
+        )
+
+
 class _Problem:
     """What least squares asks for, in parts of each dimension's scale."""
 
@@ -129,29 +166,26 @@ class _Problem:
         self,
         moved: MovedFamily,
         measured: MeasuredMotion,
-        columns: list[str],
+        named: Mapping[str, str],
         names: list[str],
         watch: Callable[[str, float], None],
     ):
-        self.moved, self.measured, self.columns, self.names, self.watch = (
-            moved,
-            measured,
-            columns,
-            names,
-            watch,
-        )
+        self.moved, self.measured, self.named, self.names = moved, measured, named, names
+        self.watch = watch
+        self.columns = [*dict.fromkeys(named.values())]
         mechanism = moved.form.mechanism
-        self.start = {name: moved.family.dimensions[name].value for name in names}
-        units = {name: moved.family.dimensions[name].unit for name in names}
+        known = {**moved.family.dimensions, moved.offset: Dimension(moved.offset, 0.0, "rad")}
+        self.start = {name: known[name].value for name in names}
+        self.dimension_units = units = {name: known[name].unit for name in names}
         lengths = {name: mechanism.size if units[name] == "m" else 1.0 for name in names}
         own = {
             name: abs(value) or 1.0 if units[name] == "1" else lengths[name]
             for name, value in self.start.items()
         }
         self.scale = np.array([own[name] for name in names])
-        self.units = {one: unit_of(one, mechanism) for one in columns}
+        self.units = {one: unit_of(of, mechanism) for one, of in named.items()}
         self.weighed = bool(measured.deviations)
-        self.weights = {one: self._weight(one, mechanism.size) for one in columns}
+        self.weights = {one: self._weight(one, mechanism.size) for one in named}
         self.count = 0
 
     def _weight(self, column: str, size: float) -> Array:
@@ -164,8 +198,10 @@ class _Problem:
             raise InputError(
                 f"it is said how well {known} is known, but not how well {column} is; add a column {column}±"
             )
-        length = self.units[column].startswith("m")
-        return np.full(len(self.measured.angles), size if length else 1.0)
+        unit, values = self.units[column], self.measured.values
+        alike = [float(np.abs(values[one]).max()) for one in values if self.units[one] == unit]
+        counts = {"m": size, "rad": 1.0}.get(unit) or max(alike) or 1.0
+        return np.full(len(self.measured.angles), counts)
 
     def dimensions(self, x: Array) -> dict[str, float]:
         """Return dimensions from parts of their scales."""
@@ -181,9 +217,10 @@ class _Problem:
             MechsimError: for dimensions that leave no assembly.
         """
         self.count += 1
-        self.watch(f"{self.count} mechanisms", min(1.0, self.count / MOST))
+        self.watch(f"{self.count} mechanisms", 0.0)
         found = self.moved.values(self.columns, self.dimensions(x))
-        return np.concatenate([self._off(one, found[one]) / self.weights[one] for one in self.columns])
+        off = [self._off(one, found[of]) / self.weights[one] for one, of in self.named.items()]
+        return np.concatenate(off)
 
     def _off(self, column: str, values: Array) -> Array:
         off = values - self.measured.values[column]
@@ -201,7 +238,8 @@ class _Problem:
         """Return exact derivatives of what is left, (m, p)."""
         by = self.moved.slopes(self.columns, self.names, self.dimensions(x)).by
         rows = [
-            np.concatenate([by[name][one] / self.weights[one] for one in self.columns]) for name in self.names
+            np.concatenate([by[name][of] / self.weights[one] for one, of in self.named.items()])
+            for name in self.names
         ]
         return np.array(rows).T * self.scale
 
@@ -211,7 +249,8 @@ class _Problem:
         _, singular, right = np.linalg.svd(slopes, full_matrices=True)
         singular = np.pad(singular, (0, len(self.names) - len(singular)))
         seen = singular > BLIND * singular[0]
-        free = self.measured.count - int(seen.sum())
+        # numbers that stay what they are, as places out of a flat linkage's plane, tell nothing of errors
+        free = int(((left != 0.0) | slopes.any(1)).sum()) - int(seen.sum())
         spread = float(np.sqrt((left**2).sum() / free)) if free > 0 else 0.0
         unit = 1.0 if self.weighed else spread
         covariance = (right[seen].T / singular[seen] ** 2) @ right[seen] * unit**2
@@ -219,26 +258,30 @@ class _Problem:
         together = tuple(_groups(right[~seen], self.names))
         lost = {name for group in together for name in group}
         values = self.dimensions(x)
-        parts = np.split(left, len(self.columns))
+        parts = np.split(left, len(self.named))
         rms = {
             one: float(np.sqrt(((part * self.weights[one]) ** 2).mean()))
-            for one, part in zip(self.columns, parts, strict=True)
+            for one, part in zip(self.named, parts, strict=True)
         }
         deviations = {
             name: float(np.sqrt(covariance[i, i])) for i, name in enumerate(self.names) if name not in lost
         }
         outcome: FitOutcome = "undetermined" if together else "fitted" if rested else "not converged"
+        own = {name: value for name, value in values.items() if name != self.moved.offset}
+        angles = self.moved.angles + values.get(self.moved.offset, 0.0)
         return Fit(
-            moved=replace(self.moved, family=beside(self.moved.family, values)),
+            moved=replace(self.moved, family=beside(self.moved.family, own), angles=angles),
             outcome=outcome,
             start=self.start,
             values=values,
+            units=self.dimension_units,
             deviations=deviations,
             covariance=covariance,
             together=together,
             rms=rms,
             spread=spread,
             weighed=self.weighed,
+            free=free,
             condition=float(singular[0] / singular[-1]) if singular[-1] > 0.0 else np.inf,
             tried=self.count,
         )

@@ -9,6 +9,7 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.studies.motion_source import programs_of
+from mechsim.studies.sensitivity.moved_family import MovedFamily
 
 # what marks the column that says how well another is known, before or after its name
 MARKS = ("±", "+-")
@@ -19,11 +20,13 @@ class MeasuredMotion:
     """What was measured at n instants.
 
     Attributes:
+        over: the crank's angle in [rad], or t in [s] under programs, as the table has it, (n,).
         angles: of the crank, or of the clock of programs, (n,) in [rad].
         values: quantity -> (n,), in SI.
         deviations: quantity -> standard deviation of each, (n,), of those of which it is known.
     """
 
+    over: Array
     angles: Array
     values: Mapping[str, Array]
     deviations: Mapping[str, Array]
@@ -71,7 +74,26 @@ def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table"
         values.pop(name, None)
     if not values:
         raise InputError(f"{where} holds no measured quantity; add columns as P3.x or rocker.q")
-    return MeasuredMotion(at if programs is None else programs.pace * at, values, deviations)
+    return MeasuredMotion(at, at if programs is None else programs.pace * at, values, deviations)
+
+
+def single(asked: Mapping[str, Array], moved: MovedFamily) -> dict[str, str]:
+    """Return the quantity that each column of a table is: its name there -> ours.
+
+    Besides our own names those of efforts as `reference/` has them: torque:J of a crank or of a driver,
+    force:J of a driver that slides.
+
+    Raises:
+        InputError: for a column that is none, or several.
+    """
+    found: dict[str, str] = {}
+    straight = {f"force:{name}": f"drive {name}" for name in moved.form.mechanism.straight}
+    for name in asked:
+        columns = moved.quantities([straight.get(name, name)])
+        if len(columns) != 1:
+            raise InputError(f"column {name} is no single quantity; name columns as P3.x or rocker.q")
+        found[name] = columns[0]
+    return found
 
 
 def _marked(name: str) -> str | None:

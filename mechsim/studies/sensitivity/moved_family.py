@@ -9,12 +9,14 @@ import numpy as np
 
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
-from mechsim.analytic.derivatives.dynamics import effort_derivatives, machine_numbers, moved_efforts
+from mechsim.analytic.derivatives.dynamics import efforts_along, machine_numbers, moved_efforts
 from mechsim.analytic.derivatives.joint_places import AXES, placed_family
+from mechsim.analytic.derivatives.motion import Followed, derivatives_along, followed_motion
 from mechsim.analytic.derivatives.motion_beside import MotionBeside, motion_beside
 from mechsim.analytic.dynamics import InverseDynamics, Machine, machine, prescribed
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError, InputError
+from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
 from mechsim.model.joints import KINDS
@@ -26,8 +28,14 @@ from mechsim.studies.sensitivity.tolerances import CLEARANCE
 
 # instants of a motion where none are asked for, and how near to a dead centre they come, as part of the range
 INSTANTS, CLEAR = 73, 0.01
+# nor nearer to where assemblies meet
+MEETING = 1e-3
 
 Columns = dict[str, Array]
+# how far a mechanism's coordinates may lie from those of the one that it is solved from, in [rad] or sizes
+REACH = 0.5
+# what follows the crank's name where its zero is meant
+OFFSET = ".offset"
 
 
 @dataclass(frozen=True)
@@ -102,6 +110,12 @@ class MovedFamily:
         programs = programs_of(self.form)
         return self.speed if programs is None else programs.pace
 
+    @property
+    def offset(self) -> str:
+        """The name of the crank's unknown zero, a dimension in [rad]; empty under programs."""
+        alone = programs_of(self.form) is None and self.form.mechanism.has_crank
+        return self.form.mechanism.crank.name + OFFSET if alone else ""
+
     def quantities(self, asked: Sequence[str]) -> list[str]:
         """Return the columns that names stand for (see `columns_of`).
 
@@ -129,48 +143,54 @@ class MovedFamily:
 
         Args:
             columns: quantities.
-            dimensions: name -> value in SI, of those that change.
+            dimensions: name -> value in SI, of those that change; `offset` is how far the crank is ahead.
 
         Raises:
             AssemblyError: where its loops do not close.
             InputError: for dimensions that no mechanism can have.
         """
-        form = self.family.make(dimensions)
+        own, ahead = self._parted(dimensions)
+        form = self.family.make(own)
         found: Columns = {}
         if any(not is_effort(one) for one in columns):
-            found |= dict(self._motion(form, columns).columns())
+            found |= dict(self._motion(form, columns, ahead).columns())
         if any(is_effort(one) for one in columns):
-            found |= dict(self._efforts(form).columns())
+            found |= dict(self._efforts(form, ahead).columns())
         return {one: found[one] for one in columns}
 
     @cached_property
     def _near(self) -> MotionBeside | None:
         """The motion as it stands, from which others are solved; None where two assemblies meet on it."""
         with suppress(AssemblyError):
-            return motion_beside(self.form, self.angles, self.rate)
+            return motion_beside(self.form, self.angles, self.rate, reach=REACH)
         return None
 
     @cached_property
     def _near_unit(self) -> MotionBeside | None:
         """The same per radian of the crank or of the clock."""
-        return None if self._near is None else motion_beside(self.form, self.angles)
+        return None if self._near is None else motion_beside(self.form, self.angles, reach=REACH)
 
-    def _motion(self, form: Form, columns: Sequence[str]) -> Motion:
+    def _parted(self, dimensions: Mapping[str, float]) -> tuple[dict[str, float], float]:
+        """Return dimensions of the family, and how far the crank is ahead in [rad]."""
+        own = {name: value for name, value in dimensions.items() if name != self.offset}
+        return own, dimensions.get(self.offset, 0.0)
+
+    def _motion(self, form: Form, columns: Sequence[str], ahead: float) -> Motion:
         """Return the motion of another mechanism; where Newton's method does not reach it, by itself."""
         if self._near is not None:
             with suppress(AssemblyError):
-                return self._near.of(form.mechanism)
-        found = form.solve(self.angles, self.rate)
+                return self._near.of(form.mechanism, ahead)
+        found = form.solve(self.angles + ahead, self.rate)
         told = dict(found.columns())
         whole = all(one in told for one in columns if not is_effort(one))
-        return found if whole else LoopForm(form.mechanism).solve(self.angles, self.rate)
+        return found if whole else LoopForm(form.mechanism).solve(self.angles + ahead, self.rate)
 
-    def _efforts(self, form: Form) -> InverseDynamics:
+    def _efforts(self, form: Form, ahead: float) -> InverseDynamics:
         machine = self.loading.machine(form)
         if self._near_unit is not None:
             with suppress(AssemblyError):
-                return moved_efforts(machine, self._near_unit.of(form.mechanism), self.rate)
-        return prescribed(machine, self.angles, self.rate)
+                return moved_efforts(machine, self._near_unit.of(form.mechanism, ahead), self.rate)
+        return prescribed(machine, self.angles + ahead, self.rate)
 
     def slopes(
         self, columns: Sequence[str], names: Sequence[str], at: Mapping[str, float] | None = None
@@ -179,20 +199,27 @@ class MovedFamily:
 
         Args:
             columns: quantities.
-            names: dimensions.
+            names: dimensions, and `offset`.
             at: name -> value in SI, of dimensions that are changed before.
 
         Raises:
             AssemblyError: where loops do not close, or a dimension alone would tear them open.
         """
-        here = beside(self.family, at or {})
-        form = here.make({})
+        own, ahead = self._parted(at or {})
+        here = beside(self.family, own)
+        dimensions = [name for name in names if name != self.offset]
         motion, efforts = (any(is_effort(one) is kind for one in columns) for kind in (False, True))
+
+        def slopes(*numbers: Callable[[Mapping[str, float]], Array]) -> dict[str, Array | None]:
+            found = changes(here, dimensions, *numbers)
+            return {name: found.get(name) for name in names}
+
         return self._found(
-            form,
+            here.make({}),
+            ahead,
             columns,
-            changes(here, names) if motion else None,
-            changes(here, names, self._numbers(here)) if efforts else None,
+            slopes() if motion else None,
+            slopes(self._numbers(here)) if efforts else None,
         )
 
     def play(self, columns: Sequence[str], joint: str) -> list[Columns]:
@@ -210,26 +237,28 @@ class MovedFamily:
         change = {f"{joint}{CLEARANCE}{i}": one @ by_axis for i, one in enumerate(directions)}
         full = len(self._numbers(self.family)({})) if any(is_effort(one) for one in columns) else 0
         wide = {name: np.pad(one, (0, full - len(one))) for name, one in change.items()} if full else None
-        found = self._found(self.form, columns, change, wide)
+        found = self._found(self.form, 0.0, columns, change, wide)
         return [dict(one) for one in found.by.values()]
 
     def _found(
         self,
         form: Form,
+        ahead: float,
         columns: Sequence[str],
-        change: Mapping[str, Array] | None,
-        machine_change: Mapping[str, Array] | None,
+        change: Mapping[str, Array | None] | None,
+        machine_change: Mapping[str, Array | None] | None,
     ) -> Slopes:
         """Return quantities and derivatives by changes of a mechanism's numbers and of a machine's."""
         values: Columns = {}
         by: dict[str, Columns] = {name: {} for name in (change or machine_change or {})}
         if change is not None:
-            found = motion_derivatives(form, change, self.angles, self.rate)
+            found = derivatives_along(self._followed(self._near, form, ahead, self.rate), change)
             values |= dict(found.motion.columns())
             for name, motion in found.by.items():
                 by[name] |= dict(motion.columns())
         if machine_change is not None:
-            told = effort_derivatives(self.loading.machine(form), machine_change, self.angles, self.rate)
+            unit = self._followed(self._near_unit, form, ahead, 1.0)
+            told = efforts_along(self.loading.machine(form), unit, machine_change, self.rate)
             values |= told.columns
             for name, moved in told.by.items():
                 by[name] |= moved
@@ -237,6 +266,13 @@ class MovedFamily:
             {one: values[one] for one in columns},
             {name: {one: own[one] for one in columns} for name, own in by.items()},
         )
+
+    def _followed(self, near: MotionBeside | None, form: Form, ahead: float, rate: float) -> Followed:
+        """Return the motion of another mechanism from this one, or from its own guess if that is too far."""
+        if near is not None:
+            with suppress(AssemblyError):
+                return near.followed(form.mechanism, ahead)
+        return followed_motion(form, form.mechanism, self.angles + ahead, rate, 0.0)
 
     def _numbers(self, family: DesignFamily) -> Callable[[Mapping[str, float]], Array]:
         """Return what gives the numbers of a machine of the family."""
@@ -271,14 +307,18 @@ def beside(family: DesignFamily, values: Mapping[str, float]) -> DesignFamily:
 def instants_of(form: Form) -> Array:
     """Return angles of the crank or of the programs' clock spread over what it can do, (n,) in [rad].
 
-    A crank that only swings keeps away from its dead centres, where derivatives have no bound.
+    A crank that only swings keeps away from its dead centres, and any from where two assemblies meet:
+    derivatives have no bound there.
     """
     programs = programs_of(form)
     if programs is not None:
-        return np.linspace(0.0, programs.pace * programs.duration, INSTANTS)
-    arcs = form.crank_range()
-    if arcs.full:
-        return np.linspace(0.0, 2.0 * np.pi, INSTANTS)
-    low, high = max(arcs.arcs, key=lambda arc: arc[1] - arc[0])
-    clear = CLEAR * (high - low)
-    return np.linspace(low + clear, high - clear, INSTANTS)
+        low, high, turn = 0.0, programs.pace * programs.duration, np.inf
+    elif (arcs := form.crank_range()).full:
+        low, high, turn = 0.0, TURN, TURN
+    else:
+        low, high = max(arcs.arcs, key=lambda arc: arc[1] - arc[0])
+        clear = CLEAR * (high - low)
+        low, high, turn = low + clear, high - clear, TURN
+    at = np.linspace(low, high, INSTANTS)
+    off = np.abs(at[:, None] - np.array(form.change_points()))
+    return at[(np.minimum(off, np.abs(off - turn)) > MEETING * (high - low)).all(1)]

@@ -21,7 +21,7 @@ def is_effort(name: str) -> bool:
     return (
         name in alone
         or ending in COMPONENTS
-        or name.startswith(("drive ", "gear ", "power_", "force:", "moment:"))
+        or name.startswith(("drive ", "gear ", "power_", "torque:", "force:", "moment:"))
     )
 
 
@@ -43,9 +43,10 @@ def columns_of(asked: Iterable[str], known: Sequence[str], mechanism: Mechanism)
         InputError: for a name that is none of these, or none at all.
     """
     there = [name for name in known if name not in GIVEN and name not in mechanism.drivers]
+    alone = f"torque:{mechanism.crank.name}" if mechanism.has_crank else ""
     found: dict[str, None] = {}
     for name in asked:
-        columns = _columns(name, there)
+        columns = _columns("torque" if name == alone else name, there)
         if not columns:
             raise InputError(f"{mechanism.name} has no quantity {name!r}{_nearest(name, there, mechanism)}")
         found |= dict.fromkeys(columns)

@@ -84,6 +84,21 @@ def test_a_swinging_crank_is_looked_at_between_its_dead_centres():
     assert low < at[0] < at[-1] < high
 
 
+def test_a_motion_is_looked_at_aside_of_where_assemblies_meet():
+    of = family("elliptic_trammel")
+    at = instants_of(of.make({}))
+    assert len(at) == 71
+    assert np.abs(np.cos(at)).min() > 1e-3
+    assert derivative_table(MovedFamily(of, at[::10], 1.0), ["pen"]).by
+
+
+def test_efforts_are_asked_for_by_the_joint_that_is_driven():
+    found = derivative_table(moved("four_bar"), ["torque:crank"], ["rocker"])
+    assert [*found.values] == ["torque"]
+    with pytest.raises(InputError, match="no quantity 'torque:rocker'"):
+        derivative_table(moved("four_bar"), ["torque:rocker"])
+
+
 def test_a_table_is_a_dataset_with_units():
     xarray = pytest.importorskip("xarray")
     data = derivative_table(moved("four_bar"), ["rocker"], ["crank", "arm_angle"]).to_xarray()

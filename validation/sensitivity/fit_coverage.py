@@ -1,0 +1,67 @@
+"""Whether stated uncertainties of fitted dimensions are true: how many of many noisy tables hold the truth.
+
+For each mechanism, tables of places and of a joint at 24 instants are made with normal errors of 20 um and
+0.3 mrad, with and without telling them, and with an unknown zero of the crank; dimensions are fitted, and it
+is counted how often the truth lies within the 95 % that are stated. Of 3 dimensions and 200 tables that is
+right within 93 to 97 % (1.5 % of binomial spread for one dimension alone).
+
+Run: python validation/sensitivity/fit_coverage.py [TABLES]
+"""
+
+import sys
+
+import numpy as np
+
+import mechsim as ms
+
+CASES = (
+    ("four_bar", ("C.x", "C.y", "rocker.q"), ("coupler", "rocker", "arm_angle"), False),
+    ("four_bar", ("C.x", "C.y", "rocker.q"), ("crank", "coupler", "rocker"), True),
+    ("slider_crank", ("B.x",), ("crank", "rod"), True),
+    ("rssr", ("P3.x", "P3.y", "P3.z"), ("coupler", "pivot.z", "gamma2"), True),
+    ("klann", ("G.x", "G.y"), ("DE", "EG", "BH"), False),
+)
+ANGLES = np.linspace(0.2, 6.0, 24)
+NOISE = {"m": 2e-5, "rad": 3e-4}
+ZERO = 0.02
+PART = 0.95
+
+
+def covered(name, columns, vary, offset, told, tables):
+    """How many of all fitted dimensions lie within what is stated, and the mean of squares beside one."""
+    subject = ms.moved(name, angles=ANGLES)
+    exact = subject.values(columns, {subject.offset: ZERO if offset else 0.0})
+    true = {one: subject.family.dimensions[one].value for one in vary}
+    true |= {subject.offset: ZERO} if offset else {}
+    random, hits, squares = np.random.default_rng(7), [], []
+    for _ in range(tables):
+        table = {"angle": ANGLES}
+        for column, values in exact.items():
+            size = NOISE["rad" if column.endswith(".q") else "m"]
+            table[column] = values + size * random.standard_normal(len(values))
+            if told:
+                table[f"{column}±"] = np.full(len(values), size)
+        found = ms.fit(subject, table, vary, offset=offset)
+        assert found.outcome == "fitted"
+        within = found.within(PART)
+        hits.append([abs(found.values[one] - value) <= within[one] for one, value in true.items()])
+        squares.append(found.spread**2)
+    return np.mean(hits), np.mean(squares)
+
+
+def main(tables):
+    for case in CASES:
+        # of several units alike errors are wanted where none are told
+        for told in (True, False) if len({one.endswith(".q") for one in case[1]}) == 1 else (True,):
+            share, square = covered(*case, told, tables)
+            words = f"{case[0]:13s} {', '.join(case[2])}{', crank.offset' if case[3] else ''}"
+            print(
+                f"{words}: {100.0 * share:.1f} % within 95 %, errors {'told' if told else 'not told'}"
+                + (f", mean square {square:.2f}" if told else ""),
+                flush=True,
+            )
+            assert 0.93 <= share <= 0.97 or tables < 200
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 200)
