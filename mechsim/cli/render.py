@@ -27,9 +27,8 @@ from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
 from mechsim.model.motion import Motion
 from mechsim.pictures.render import Look, write_picture, write_video
-from mechsim.pictures.render.file_bodies import file_bodies
+from mechsim.pictures.render.file_bodies import bodies_of
 from mechsim.studies.motion_source import MOST_SAMPLES, joint_loads, motion_of, profile_of
-from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.units import option, parse_angle
 
 
@@ -96,8 +95,7 @@ def render(
     at = None if film.angle is None else parse_angle(film.angle, "the crank angle")
     asked_angle("--angle", film.angle or "")
     drive = moving(form_of(model, sets, driven))
-    if isinstance(drive, MjcfForm) and drive.source:
-        look = replace(look, bodies=file_bodies(drive.source))
+    look = replace(look, bodies=bodies_of(drive))
     if film.trace:
         _round(place, drive, film, look, picture)
         return

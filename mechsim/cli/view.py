@@ -5,7 +5,6 @@ import sys
 import tempfile
 import webbrowser
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 import typer
@@ -13,7 +12,6 @@ import typer
 from mechsim.cli.declared_options import spread
 from mechsim.cli.options import SPEED, DriveOptions, Model, Output, Sets, Speed, form_of, speed_of, writable
 from mechsim.files import written_beside
-from mechsim.pictures.render.file_bodies import file_bodies
 from mechsim.pictures.view import page
 from mechsim.report.views import mechanism_view
 from mechsim.subjects.mjcf_source import MjcfForm
@@ -28,7 +26,7 @@ def view(
     form = form_of(model, sets, driven)
     read = form.source if isinstance(form, MjcfForm) else None
     shown = mechanism_view(form, speed_of(speed), read.limits if read else None)
-    text = page(replace(shown, bodies=file_bodies(read) if read else None))
+    text = page(shown)
     browser = None if place is not None else _browser()
     if place is None:
         stem = Path(model.split(".py:")[0]).stem

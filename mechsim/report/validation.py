@@ -14,7 +14,7 @@ from mechsim.files import written_beside
 from mechsim.pictures import plots
 from mechsim.pictures.view import page, three_js
 from mechsim.report.agreement import explanations
-from mechsim.report.facts import OWN, facts
+from mechsim.report.facts import facts
 from mechsim.report.page import Section, write_report
 from mechsim.report.plot_table import PLOTS, PlotSource
 from mechsim.report.studies import studies_in
@@ -83,18 +83,20 @@ def _drawn(folder: Path, name: str, case: Case, notes: list[str]) -> tuple[bytes
 
     What cannot be drawn is None, and the notes say why; the page does without it.
     """
-    from mechsim.pictures.render import turn_angles, write_picture, write_video
+    from mechsim.pictures.render import Look, turn_angles, write_picture, write_video
+    from mechsim.pictures.render.file_bodies import bodies_of
 
     mechanism, motion = case.drive.mechanism, case.run.motion
+    look = Look(size=SIZE, bodies=bodies_of(case.drive))
     picture, video = folder / f"{_stem(name)}.png", folder / f"{_stem(name)}.mp4"
     still: bytes | None = None
     try:
-        write_picture(picture, mechanism, motion, size=SIZE, angle=float(motion.angle[0]))
+        write_picture(picture, mechanism, motion, look, angle=float(motion.angle[0]))
         still = picture.read_bytes()
         if case.quick:
             return still, None
         angles = turn_angles(motion, FRAMES_PER_TURN)
-        write_video(video, mechanism, motion, angles=angles, fps=FRAMES_PER_SECOND, size=SIZE, paths="tail")
+        write_video(video, mechanism, motion, look, angles=angles, fps=FRAMES_PER_SECOND, paths="tail")
     except (MissingToolError, OutputError) as error:
         # where nothing at all can be written, the page says so
         if str(error) not in notes:
@@ -141,23 +143,21 @@ def _bound(case: Case, road: str) -> float:
 
 
 def _facts(case: Case) -> dict[str, Any]:
-    mechanism = case.drive.mechanism
-    if not mechanism.has_crank:
-        joints = [f"{j.name}: {j.kind}, {j.a.link} - {j.b.link}" for j in mechanism.joints]
-        return {"what it is": OWN, "drivers": ", ".join(mechanism.drivers), "joints": joints}
     known = facts(case.drive)
+    listed: dict[str, Any] = {
+        "what it is": known["about"],
+        "mobility": known["mobility_explained"],
+        "joints": [f"{j['name']}: {j['kind']}, {j['links'][0]} - {j['links'][1]}" for j in known["joints"]],
+    }
+    if "crank_range" not in known:
+        return listed
     reach = known["crank_range"]
     if reach != "full turn":
         reach = [
             f"{math.degrees(low):.4f}° to {math.degrees(high):.4f}°" for low, high in known["crank_ranges"]
         ]
-    listed: dict[str, Any] = {
-        "what it is": known["about"],
-        "mobility": known["mobility_explained"],
-        "joints": [f"{j['name']}: {j['kind']}, {j['links'][0]} - {j['links'][1]}" for j in known["joints"]],
-        "crank range": reach,
-        "assemblies": f"{len(known['assemblies'])} at crank angle {math.degrees(known['angle']):g}°",
-    }
+    listed["crank range"] = reach
+    listed["assemblies"] = f"{len(known['assemblies'])} at crank angle {math.degrees(known['angle']):g}°"
     if known["dead_centres"]:
         listed["dead centres"] = ", ".join(f"{math.degrees(at):.4f}°" for at in known["dead_centres"])
     if known["transmission_angle"] is not None:

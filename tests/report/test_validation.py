@@ -4,9 +4,11 @@ import json
 import sys
 from dataclasses import replace
 
+import mediapy
 import pytest
 
 from mechsim.cli import main
+from mechsim.pictures import render
 from mechsim.pictures.render import gl_backend
 
 
@@ -39,6 +41,28 @@ def test_the_report_holds_page_numbers_plots_picture_and_video(monkeypatch, tmp_
     assert f"{len(checks)} of {len(checks)}" in page
     for check in checks:
         assert check["quantity"] in page
+
+
+PUSHED = """
+<mujoco model="pushed"><worldbody>
+  <body><joint name="crank" axis="0 0 1"/><geom type="box" size="0.03 0.008 0.006" rgba="0 0.9 0 1"/>
+    <body pos="0.03 0 0"><joint name="A" axis="0 0 1"/><geom size="0.008" rgba="0 0.9 0 1"/>
+      <site name="C" pos="0.15 0 0"/></body></body>
+  <body pos="0.18 0 0"><joint name="slide" type="slide" axis="1 0 0"/><geom size="0.02" rgba="0 0.9 0 1"/>
+    <site name="S"/></body></worldbody>
+  <equality><connect site1="C" site2="S"/></equality></mujoco>
+"""
+
+
+def test_a_scene_of_ones_own_is_drawn_as_its_file_draws_it(monkeypatch, tmp_path, capsys):
+    (tmp_path / "pushed.xml").write_text(PUSHED)
+    monkeypatch.setattr(render, "write_video", lambda path, *_, **__: path.touch())
+    words = ("pushed.xml", "--drive", "crank=0.5+0.1*sin(2*pi*t)", "--report", "out")
+    code, said = validated(monkeypatch, tmp_path, capsys, *words)
+    assert not code, said.err
+    red, green, blue = mediapy.read_image(tmp_path / "out" / "pushed.png").astype(int).reshape(-1, 3).T
+    assert ((green > 90) & (red < 40) & (blue < 40)).sum() > 500
+    assert "driven: crank" in (tmp_path / "out" / "index.html").read_text()
 
 
 def test_without_opengl_validation_passes_and_one_line_names_the_package(monkeypatch, tmp_path, capsys):

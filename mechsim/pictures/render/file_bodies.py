@@ -31,6 +31,12 @@ MOST, CELL = 60_000, 1.0 / 400.0
 ELLIPSOID = (24, 12)
 
 
+def bodies_of(form: object) -> dict[str, list[Shape]] | None:
+    """Return the bodies of what was read from an MJCF file, as the file draws them; None of all else."""
+    read = getattr(form, "source", None)
+    return file_bodies(read) if isinstance(read, MjcfModel) else None
+
+
 @quiet()
 def file_bodies(read: MjcfModel) -> dict[str, list[Shape]] | None:
     """Return the bodies of a file's links, "ground" included; None where it draws nothing on them.
