@@ -113,7 +113,9 @@ def _errors(source: PlotSource, road: str) -> "Figure":
         exact = drive.solve_as(run)
     else:
         exact = drive.solve(run.angle, run.speed, run.acceleration)
-    return plots.error_plot(run.angle, run.place_errors(exact), unit="m", bound=source.bounds.get(road))
+    errors, bound, timed = run.place_errors(exact), source.bounds.get(road), bool(run.drivers)
+    at = run.time if timed and run.time is not None else run.angle
+    return plots.error_plot(at, errors, unit="m", bound=bound, timed=timed)
 
 
 def _transmission(source: PlotSource) -> "Figure":

@@ -12,7 +12,7 @@ from mechsim.model.programs import Programs
 from mechsim.model.scene import Scene
 from mechsim.simulation import closed_model
 from mechsim.simulation.begun import begun, clock_of
-from mechsim.simulation.closed_model import Source
+from mechsim.simulation.closed_model import ClosedModel, Source
 from mechsim.simulation.driven_run import DrivenRun, check_records, first_state, solved
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.open_freedoms import require_determined, require_movable, standing
@@ -72,11 +72,7 @@ def simulate(
             leave its range.
         MobilityError: where the crank does not settle the poses asked for, or cannot move.
     """
-    if tolerance is not None and not 0.0 < number(tolerance) < np.inf:
-        remedy = units_remedy(tolerance, "units.parse_length('1 um')")
-        raise InputError(f"tolerance is {tolerance} m; give a finite length above 0{remedy}")
-    if method not in (None, "step", "pose"):
-        raise InputError(f"there is no method {method!r}; known are step, pose")
+    _check(tolerance, method, samples)
     for name, given, kind in (
         ("scene", scene, Scene),
         ("settings", settings, Settings),
@@ -98,25 +94,44 @@ def simulate(
         if speed is None:
             raise InputError("neither a crank speed nor a profile was given; give one of them")
         profile = constant(speed, turns, closed.angle)
-    if samples is not None and not (number(samples) >= 1 and number(samples) % 1 == 0):
-        raise InputError(f"{samples} samples asked for; take a whole number, at least 1")
     samples = None if samples is None else int(samples)
     check_records(closed, profile, samples)
-    found = standing(closed)
-    if method is None:
-        stepping = tolerance is not None or settings is not None or found.open
-        method = "step" if stepping else "pose"
-    require_movable(closed, found)
-    if method == "pose":
-        require_determined(closed, found)
-    if programs is not None:
-        closed = begun(closed, programs)
+    if method is None and (tolerance is not None or settings is not None):
+        method = "step"
+    closed, method = _movable(closed, method, programs)
     if method == "pose":
         return solved(closed, profile, samples, tolerance, watch or unwatched)
     run = DrivenRun(closed, profile, first_state(closed, profile), samples, watch or unwatched)
     run.require_smooth()
     settings = settings or Settings()
     return run.stepped(settings) if tolerance is None else within(run, settings, tolerance)
+
+
+def _check(tolerance: float | None, method: Method | None, samples: int | None) -> None:
+    """Refuse values that cannot be used."""
+    if tolerance is not None and not 0.0 < number(tolerance) < np.inf:
+        remedy = units_remedy(tolerance, "units.parse_length('1 um')")
+        raise InputError(f"tolerance is {tolerance} m; give a finite length above 0{remedy}")
+    if method not in (None, "step", "pose"):
+        raise InputError(f"there is no method {method!r}; known are step, pose")
+    if samples is not None and not (number(samples) >= 1 and number(samples) % 1 == 0):
+        raise InputError(f"{samples} samples asked for; take a whole number, at least 1")
+
+
+def _movable(
+    closed: ClosedModel, method: Method | None, programs: Programs | None
+) -> tuple[ClosedModel, Method]:
+    """Return a model where its motion begins, and the method; what leaves a freedom is stepped.
+
+    Raises:
+        MobilityError: where the crank cannot move, or poses are asked for that it does not settle.
+    """
+    found = standing(closed)
+    method = method or ("step" if found.open else "pose")
+    require_movable(closed, found)
+    if method == "pose":
+        require_determined(closed, found)
+    return closed if programs is None else begun(closed, programs), method
 
 
 def require_programs(source: Source, programs: Programs | None, else_given: object) -> None:

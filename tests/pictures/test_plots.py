@@ -12,6 +12,8 @@ from mechsim import catalog
 from mechsim.errors import InputError, OutputError
 from mechsim.pictures import plots
 from mechsim.pictures.number_text import readable
+from mechsim.report.plot_table import PLOTS, PlotSource
+from mechsim.subjects.subject import load
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 37)
 ERRORS = {"P2": 1e-9 * np.sin(TURN), "P3": 0.0 * TURN}
@@ -112,6 +114,13 @@ def test_errors_that_are_not_numbers_leave_a_gap():
     assert plots.drawn(figure).startswith(b"<?xml")
     (line, _) = figure.axes[0].get_lines()
     assert np.isnan(line.get_ydata()).sum() == 31
+
+
+def test_errors_of_programs_are_drawn_over_time():
+    source = PlotSource(drive=load("five_bar"), speed=1.0)
+    (ax,) = PLOTS["poses"].draw(source).axes
+    assert ax.get_xlabel() == "time [s]"
+    assert ax.get_lines()[0].get_xdata()[-1] == pytest.approx(source.drive.programs.duration)
 
 
 def test_what_cannot_be_plotted_is_refused(motion, tmp_path):

@@ -73,23 +73,25 @@ def transmission_plot(angles: ArrayLike, transmission: ArrayLike) -> "Figure":
 
 @styled()
 def error_plot(
-    angles: ArrayLike,
+    at: ArrayLike,
     errors: Mapping[str, ArrayLike],
     *,
     unit: str,
     bound: float | None = None,
     title: str = "",
+    timed: bool = False,
 ) -> "Figure":
     """Draw errors over the turn on a logarithmic scale, with the bound they must keep.
 
     Args:
-        angles: crank angles, (n,) in [rad].
+        at: crank angles, (n,) in [rad], or times in [s].
         errors: label -> error, (n,); the size is drawn, gaps stand for NaN.
         unit: of errors and bound.
         bound: largest error allowed; None draws none.
         title: what was compared.
+        timed: whether they are over time.
     """
-    x = np.rad2deg(np.asarray(angles))
+    x = np.asarray(at) if timed else np.rad2deg(np.asarray(at))
     figure, axes = blank(1, 1, (5.6, 3.0))
     ax = axes[0, 0]
     for i, (label, values) in enumerate(errors.items()):
@@ -104,7 +106,10 @@ def error_plot(
     ax.set_ylim(bottom=max(FLOOR, 1e-4 * min(peaks)) if peaks else None)
     ax.set_ylabel(f"error [{unit}]")
     ax.set_title(title)
-    angle_axis(ax)
+    if timed:
+        ax.set_xlabel("time [s]")
+    else:
+        angle_axis(ax)
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
