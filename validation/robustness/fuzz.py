@@ -327,7 +327,8 @@ def unclear(code: int | None, said: str) -> Iterator[str]:
 def untidy(place: Path, case: Case, code: int | None) -> Iterator[str]:
     """Yield what is wrong with the files left in a folder."""
     for path in place.rglob("*"):
-        if path.name in case.files:
+        # the parts of a sweep that was stopped are there to go on with
+        if path.name in case.files or any(part.endswith(".parts") for part in path.parts):
             continue
         if not any(path.name in word for word in case.words):
             yield f"left {path.name}"
@@ -405,35 +406,56 @@ def fuzz(examples: int) -> tuple[Counter[int | None], list[str]]:
 
 
 # what is long enough to be interrupted, and writes
-LONG = (
-    ("solve", "rssr", "--angles", "0:3600:0.05deg", "-o", "out.csv"),
-    ("solve", "rssr", "--angles", "0:3600:0.05deg", "-o", "out.npz"),
-    ("simulate", "four_bar", "--turns", "20", "-o", "out.npz"),
-    ("export", "looper", "-o", "out.xml"),
-    ("plot", "rssr", "-o", "out.svg"),
+SCENE = Path(__file__).resolve().parents[2] / "models" / "four_bar.xml"
+RUN = f"{SCENE} --drive crank=600rpm --duration 0.2 --tolerance 1um"
+LONG = tuple(
+    tuple(line.split())
+    for line in (
+        "solve rssr --angles 0:3600:0.05deg -o out.csv",
+        "solve rssr --angles 0:3600:0.05deg -o out.npz",
+        "simulate four_bar --turns 20 -o out.npz",
+        "export looper -o out.xml",
+        "plot rssr -o out.svg",
+        "sweep four_bar --vary rocker=70mm:78mm:9000 --measure stroke:C -o out.csv",
+        f"tune {RUN} -o out.xml",
+        f"reduce {RUN} -o out.xml",
+        "view rssr -o out.html",
+        "trace looper --starts 3000 -o out.csv",
+        "sensitivity rssr --of P3 --tolerances crank=10um --samples 3000000 -o out.csv",
+        f"validate {SCENE} --drive crank=600rpm --duration 2 --plot out.svg",
+    )
 )
 
+# so many of them are done within two seconds or so
+SHORT = 5
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+def _heard() -> None:
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_DFL)
 
 
 def interrupts(count: int, seed: int = 1) -> list[str]:
     """End whole processes by Ctrl-C, SIGTERM or SIGHUP after random times; return every fault."""
     chance, found = random.Random(seed), []
     for i in range(count):
-        words, number = LONG[i % len(LONG)], SIGNALS[i % len(SIGNALS)]
+        words, number = LONG[i % len(LONG)], SIGNALS[(i + i // len(LONG)) % len(SIGNALS)]
         with tempfile.TemporaryDirectory() as place:
+            # what runs in the background ignores Ctrl-C, and nohup a hang-up
             process = subprocess.Popen(
-                [sys.executable, "-c", LISTENING, *words], cwd=place, text=True, **PIPES
+                [sys.executable, "-c", LISTENING, *words], cwd=place, text=True, preexec_fn=_heard, **PIPES
             )
             assert process.stdout is not None
             process.stdout.readline()
-            time.sleep(chance.uniform(0.0, 1.5))
+            time.sleep(chance.uniform(0.0, 5.0 if i % len(LONG) >= SHORT else 1.5))
             process.send_signal(number)
             said = process.communicate()[1]
             # as if by Ctrl-C, whose exit code is that of a refusal
             ended = 2 if process.returncode == 128 + number else process.returncode
             # before a command listens and after it is done the system ends the process, and nothing is said
-            wrong = [] if process.returncode == -number else unclear(ended, said)
+            last = (said.splitlines() or [""])[-1]
+            wrong = [] if process.returncode == -number else unclear(ended, last)
             faults = [*wrong, *untidy(Path(place), Case(words), process.returncode)]
         found += [f"ended by {number.name}: {fault}  <-  {' '.join(words)}" for fault in faults]
     return found
