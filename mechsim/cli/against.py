@@ -69,11 +69,11 @@ def held_against(
     place = None if asked.plot is None else writable(asked.plot)
     if place is not None:
         plots.form_of(place)
-    if not source.lower().endswith(".csv"):
-        tell(f"mechsim: runs {source.rpartition(':')[0] or source}: a formula is code")
     bound = None if asked.tolerance is None else units.parse_length(asked.tolerance, "the tolerance")
     if bound is not None and not 0.0 < bound < math.inf:
         raise InputError(f"--tolerance is {asked.tolerance}; give a length above 0, as in 1um")
+    if not source.lower().endswith(".csv"):
+        tell(f"mechsim: runs {source.rpartition(':')[0] or source}: a formula is code")
     found = held(read_family(model, sets, driven), source, speed=speed, tolerance=bound)
     name, scene = found.form.name, found_in(found.form) or ()
     told_of = found.as_dict()

@@ -22,6 +22,8 @@ from mechsim.model.joints import KINDS, KindName, coordinates
 Vector = tuple[float, float, float]
 
 GROUND = "ground"
+# what names of links begin with that stand for no body: those between several joints of one
+UNSEEN = "~"
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 EX: Vector = (1.0, 0.0, 0.0)
 EY: Vector = (0.0, 1.0, 0.0)
@@ -63,6 +65,11 @@ class Link:
     name: str
     outline: tuple[Vector, ...] = ()
     inertia: Inertia | None = None
+
+    @property
+    def seen(self) -> bool:
+        """Whether it stands for a body; motions need not say where others are."""
+        return not self.name.startswith(UNSEEN)
 
 
 @dataclass(frozen=True, slots=True)

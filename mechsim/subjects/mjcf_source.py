@@ -11,7 +11,7 @@ from mechsim import units
 from mechsim.analytic.closure.exact_geometry import Corrected, corrected
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.errors import InputError, MechsimError
-from mechsim.model.mechanism import Mechanism, Pose
+from mechsim.model.mechanism import UNSEEN, Mechanism, Pose
 from mechsim.model.motion import Motion
 from mechsim.model.programs import programs, steady
 from mechsim.units import Unit
@@ -45,9 +45,7 @@ class MjcfForm(LoopForm):
 
 def _seen(motion: Motion) -> Motion:
     """Return a motion without the links that stand for nothing in the file."""
-    from mechsim.simulation.mjcf_reader.joint_chains import HIDDEN
-
-    return replace(motion, links={k: v for k, v in motion.links.items() if not k.startswith(HIDDEN)})
+    return replace(motion, links={k: v for k, v in motion.links.items() if not k.startswith(UNSEEN)})
 
 
 def read_mjcf(

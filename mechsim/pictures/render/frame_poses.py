@@ -10,6 +10,7 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, Mechanism, Pose
 from mechsim.model.motion import Motion
+from mechsim.model.unseen_links import moved_links
 
 # path points kept over a motion: a picture cannot show more
 PATH_POINTS = 360
@@ -78,17 +79,10 @@ def frame_poses(
     Raises:
         InputError: where the motion lacks a link, holds a NaN, or does not reach an angle.
     """
-    poses = {GROUND: Pose(np.zeros(3), np.eye(3))}
-    for link in mechanism.links:
-        if link.name not in motion.links:
-            raise InputError(
-                f"the motion does not say where link {link.name!r} is, so it cannot be drawn; "
-                "solve it with links"
-            )
-        moved = motion.links[link.name]
-        if not (np.isfinite(moved.position).all() and np.isfinite(moved.rotation).all()):
-            raise InputError(f"the motion of link {link.name!r} holds NaN or infinity and cannot be drawn")
-        poses[link.name] = Pose(moved.position, moved.rotation)
+    poses = {GROUND: Pose(np.zeros(3), np.eye(3)), **moved_links(mechanism, motion)}
+    for name, pose in poses.items():
+        if not (np.isfinite(pose.position).all() and np.isfinite(pose.rotation).all()):
+            raise InputError(f"the motion of link {name!r} holds NaN or infinity and cannot be drawn")
     step = max(1, len(motion) // PATH_POINTS)
     fine = np.unique(np.append(np.arange(0, len(motion), step), len(motion) - 1))
     paths = {name: _picked(poses[link], fine).point(local) for name, (link, local) in _moving(mechanism)}

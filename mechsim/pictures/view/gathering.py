@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.mechanism import GROUND, Mechanism
 from mechsim.model.motion import JointMotion, Motion
+from mechsim.model.unseen_links import moved_links
 from mechsim.pictures.render.ghost import errors, factor
 from mechsim.pictures.view.interpolation import interpolated, quaternions
 from mechsim.pictures.view.records import GhostTrack, Mark, PoseGrid, Readout, Slider, SliderUnit
@@ -43,8 +44,9 @@ def motion_grid(
         speeds: whether the motion's rates are told.
     """
     nodes = motion.angle if nodes is None else nodes
-    position = {link.name: motion.links[link.name].position for link in mechanism.links}
-    quaternion = {link.name: quaternions(motion.links[link.name].rotation) for link in mechanism.links}
+    poses = moved_links(mechanism, motion)
+    position = {name: pose.position for name, pose in poses.items()}
+    quaternion = {name: quaternions(pose.rotation) for name, pose in poses.items()}
     slider = Slider(driver, unit, nodes, _closed(mechanism, motion), float(nodes[0]), tuple(marks))
     told = (*_readouts(mechanism, motion, speeds), *extra)
     return PoseGrid(name, (slider,), position, quaternion, told, ghost)
@@ -63,7 +65,7 @@ def ghost_of(
         rows: instants over which the slider rises: all of a crank that turns, half of a swing.
     """
     spinning = shown.spinning | other.spinning
-    found = errors(mechanism, _poses(mechanism, shown), _poses(mechanism, other), spinning)
+    found = errors(mechanism, moved_links(mechanism, shown), moved_links(mechanism, other), spinning)
     shift = {link: pair[0][rows] for link, pair in found.items()}
     turn = {link: pair[1][rows] for link, pair in found.items()}
     nodes = shown.time if shown.drivers and shown.time is not None else shown.angle
@@ -97,13 +99,6 @@ def _closed(mechanism: Mechanism, motion: Motion) -> bool:
         for name, moved in motion.links.items()
         if name not in motion.spinning
     )
-
-
-def _poses(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
-    return {
-        link.name: Pose(motion.links[link.name].position, motion.links[link.name].rotation)
-        for link in mechanism.links
-    }
 
 
 def _readouts(mechanism: Mechanism, motion: Motion, speeds: bool) -> list[Readout]:

@@ -1,6 +1,6 @@
 """The joints of bodies: each body hangs on the one above by its joints, one after the other.
 
-Between several joints of one body stand links of no extent, whose names begin with `HIDDEN`.
+Between several joints of one body stand links of no extent, whose names begin with `UNSEEN`.
 """
 
 from dataclasses import dataclass
@@ -10,12 +10,11 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS, displaced
-from mechsim.model.mechanism import EX, EZ, GROUND, IDENTITY, ORIGIN, End, Joint, Link, Pose, Vector
+from mechsim.model.mechanism import EX, EZ, GROUND, IDENTITY, ORIGIN, UNSEEN, End, Joint, Link, Pose, Vector
 from mechsim.simulation.mjcf_reader.kinds import OF_JOINT
 from mechsim.simulation.mjcf_reader.link_places import Carrier, carriers, link_name, rotation, shifted, vector
 
 # begins the name of a link between two joints of one body; no user sees it
-HIDDEN = "~"
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,7 @@ def chains(model: mujoco.MjModel) -> Chains:
         for j in range(first, first + count):
             last = j == first + count - 1
             name = model.joint(j).name
-            far = Carrier(link_name(model, body) if last else f"{HIDDEN}{name}", IDENTITY)
+            far = Carrier(link_name(model, body) if last else f"{UNSEEN}{name}", IDENTITY)
             links.append(Link(far.link))
             joints.append(_joint(model, j, near, far))
             near = far
