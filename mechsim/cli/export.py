@@ -93,6 +93,7 @@ def export(
                 "--tolerance, settings and -o"
             )
         folder = folder_for(every)
+        folder.mkdir(exist_ok=True)
         with progress("export", len(catalog.DRIVES)) as tick:
             for one in catalog.DRIVES:
                 text = mjcf.to_xml(exported(catalog.make(one).mechanism, wanted))

@@ -44,6 +44,7 @@ def extremes(
 
 
 def _write(folder: Path, found: StabilityMap) -> None:
+    folder.mkdir(exist_ok=True)
     plots.write(folder / "extremes.svg", extremes_map(found))
     write_json(folder / "extremes.json", found.as_dict())
 

@@ -253,7 +253,7 @@ def writable(path: str, *extensions: str) -> Path:
 
 
 def folder_for(path: str) -> Path:
-    """Return an output folder, made if it was not there, checked before any work is done for it."""
+    """Return an output folder, checked before any work is done for it; what is not there, can be made."""
     require_extra("pictures", "jinja2", "matplotlib", "mediapy")
     folder = Path(path)
     if os.path.exists(folder) and not os.path.isdir(folder):
@@ -262,12 +262,15 @@ def folder_for(path: str) -> Path:
         raise OutputError(
             f"cannot make the folder {path!r}: there is no folder {str(folder.parent)!r}; make it first"
         )
-    try:
-        folder.mkdir(exist_ok=True)
-    except (OSError, ValueError) as error:
-        raise OutputError(
-            f"cannot make the folder {path!r}: {getattr(error, 'strerror', error)}; choose another place"
-        ) from error
-    if not os.access(folder, os.W_OK):
+    if not os.path.isdir(folder):
+        try:
+            folder.mkdir()
+            # it is made for good by what is written into it
+            folder.rmdir()
+        except (OSError, ValueError) as error:
+            raise OutputError(
+                f"cannot make the folder {path!r}: {getattr(error, 'strerror', error)}; choose another place"
+            ) from error
+    elif not os.access(folder, os.W_OK):
         raise OutputError(f"cannot write into the folder {path!r}; choose another, or change its rights")
     return folder

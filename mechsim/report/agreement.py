@@ -20,13 +20,14 @@ def write_agreement_report(folder: Path, found: Agreement, results: dict[str, An
     """Write a page into a folder: the model, the curves, their difference, where it comes from.
 
     Args:
-        folder: exists.
+        folder: made if it is not there.
         found: what came of the comparison.
         results: as `mechsim validate --json` prints them.
 
     Returns:
         What could not be done, one sentence each.
     """
+    folder.mkdir(exist_ok=True)
     notes: list[str] = []
     drawings: list[tuple[str, bytes]] = []
     for curves in worst_first(found)[:DRAWN]:

@@ -37,7 +37,7 @@ def write_validation_report(
     """Write plots, pictures, videos and the page that shows them into a folder.
 
     Args:
-        folder: exists.
+        folder: made if it is not there.
         cases: name -> case.
         results: as `mechsim validate --json` prints them.
         done: called with the name of each mechanism drawn.
@@ -46,6 +46,7 @@ def write_validation_report(
         What could not be done, one sentence each: without OpenGL there are no pictures, and the
         sentence names the package that brings it.
     """
+    folder.mkdir(exist_ok=True)
     notes: list[str] = []
     sections: list[Section] = []
     for name, case in cases.items():

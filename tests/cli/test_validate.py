@@ -16,6 +16,21 @@ def judged(text):
     }
 
 
+def test_what_is_asked_is_read_before_a_formula_is_run(mechsim):
+    code, out, err = mechsim("validate", "four_bar", "--against", "none.py:law", "--tolerance", "x")
+    assert (code, out) == (2, "")
+    assert err.startswith("mechsim: the tolerance 'x'")
+    assert err.count("\n") == 1
+
+
+def test_a_folder_for_a_page_that_is_never_made_is_none(mechsim, tmp_path):
+    page = str(tmp_path / "page")
+    asked = ("validate", "four_bar", "--report", page)
+    assert mechsim(*asked, "--against", "none.csv", "--tolerance", "x").code == 2
+    assert mechsim(*asked, "--set", "crank=9").code == 2
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_gallery_is_listed_and_its_names_are_models(mechsim):
     code, out, _ = mechsim("list", "--json")
     assert not code
