@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.model.mechanism import GROUND, IDENTITY, joint_coordinate
+from mechsim.model.mechanism import GROUND, IDENTITY, UNSEEN, joint_coordinate
 from mechsim.simulation.mjcf_reader import read_model
-from mechsim.simulation.mjcf_reader.joint_chains import HIDDEN, chains, poses
+from mechsim.simulation.mjcf_reader.joint_chains import chains, poses
 
 # every kind of joint, several of them on a body, ref, points off the origin, jointless bodies, frames,
 # defaults, degrees, and a body called as the frame is
@@ -56,7 +56,7 @@ def test_links_stand_where_mujoco_has_the_bodies_and_coordinates_are_those_of_qp
     mujoco.mj_kinematics(model, data)
     placed = {GROUND: IDENTITY, **poses(model, chains(model), state)}
     for name, pose in placed.items():
-        if name == GROUND or name.startswith(HIDDEN):
+        if name == GROUND or name.startswith(UNSEEN):
             continue
         body = data.body({"ground_body": "ground"}.get(name, name))
         np.testing.assert_allclose(pose.position, body.xpos, atol=1e-14)
@@ -237,6 +237,12 @@ BAD = {
     "not a number": (
         LOOPS.replace("EQUALITY", "").replace("0 0.4 0", "0 nan 0"),
         r"line 8: body 'c' .*not finite",
+    ),
+    "no turn": (
+        LOOPS.replace("EQUALITY", "").replace(
+            "<worldbody>", '<worldbody><body name="far" quat="1 0 1e300 0"/>'
+        ),
+        "body 'far' holds a quat that is no turn",
     ),
     "a flex": (
         LOOPS.replace("EQUALITY", "").replace(

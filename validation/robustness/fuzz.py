@@ -319,7 +319,8 @@ def unclear(code: int | None, said: str) -> Iterator[str]:
         yield f"exit code {code}"
     if "Traceback" in said:
         yield f"a traceback on stderr: {said[-300:]!r}"
-    lines = [line for line in said.splitlines() if line.strip()]
+    # that code is run is said before it is
+    lines = [line for line in said.splitlines() if line.strip() and not line.endswith("a formula is code")]
     if code == 2 and (len(lines) != 1 or not lines[0].startswith("mechsim: ")):
         yield f"exit code 2 with {len(lines)} lines: {said[:300]!r}"
 

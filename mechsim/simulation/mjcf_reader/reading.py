@@ -153,7 +153,7 @@ def _held(model: mujoco.MjModel, holds: Mapping[str, Held], values: Mapping[str,
 
 
 def _require_finite(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start: Array) -> None:
-    """Refuse a model with NaN, which MuJoCo's compiler lets pass."""
+    """Refuse a model with NaN, or with quaternions that overflow: MuJoCo's compiler lets them pass."""
     for what, parts, arrays in (
         ("body", spec.bodies, (model.body_pos, model.body_quat)),
         ("joint", spec.joints, (model.jnt_pos, model.jnt_axis, model.jnt_range)),
@@ -161,10 +161,13 @@ def _require_finite(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start
         ("equality", spec.equalities, (model.eq_data,)),
     ):
         for part in parts:
-            if not all(np.isfinite(array[part.id]).all() for array in arrays):
+            values = np.concatenate([array[part.id].ravel() for array in arrays])
+            no_turn = what in ("body", "site") and not np.linalg.norm(values[3:]) > 0.0
+            if no_turn or not np.isfinite(values).all():
                 where = ", ".join([path, *filter(None, [part.info])])
                 called = f" {part.name!r}" if part.name else ""
-                raise InputError(f"{where}: {what}{called} holds numbers that are not finite; mend the file")
+                why = "a quat that is no turn" if no_turn else "numbers that are not finite"
+                raise InputError(f"{where}: {what}{called} holds {why}; mend the file")
     if not np.isfinite(start).all():
         raise InputError(f"{path}: where it starts is not finite; mend ref or the keyframe")
 
