@@ -165,6 +165,12 @@ def subject_of_model(source: Model, name: str, speed: float, budget: Budget | No
 
 def _affordable(built: BuiltModel, name: str, budget: Budget) -> tuple[int, ...]:
     """Return the steps a turn of the finest reference runs that a part of the budget has time for."""
+    if budget.left < 0.0:
+        # trying it takes as long again
+        raise InputError(
+            f"{name} took {budget.spent:.2g} s to load and build, but the budget is {budget.seconds:g} s; "
+            f"give --budget {np.ceil(budget.kept + 4.0 * budget.spent):g}s or more"
+        )
     pace, coarse = Pace(), Settings(steps_per_turn=min(FINE) // max(COARSER))
     for _ in range(2):  # the first run of all pays for what is loaded then
         begun = process_time()
