@@ -23,6 +23,8 @@ from mechsim.units import Unit
 SEED = 20240607
 # designs of one list, which is held in memory
 MOST_LISTED = 200_000_000
+# bytes that a design takes beside its parameters in a table of one measure, while that is put together
+ROW = 88.0
 RANGE = "p=a:b:n, as in crank=12mm:15mm:31"
 SPAN = "p=a:b, as in crank=12mm:15mm"
 
@@ -206,6 +208,7 @@ def sampled(
     for name, one in ends.items():
         if len(one) != 2 or not one[0] <= one[1]:
             raise InputError(f"{name} of {model} runs from {one.tolist()}; give its lower and its upper end")
+    require_room(f"{count:,} designs", count, ROW + 16.0 * len(ends), "{most} fit: take fewer")
     points = _points(word, len(ends), count, seed)
     values = {name: low + (high - low) * points[:, i] for i, (name, (low, high)) in enumerate(ends.items())}
     return Designs(values, {name: there[name] for name in values}, "list", f"{text}, seed {seed}")

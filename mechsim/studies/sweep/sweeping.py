@@ -201,8 +201,14 @@ def run_sweep(
         assert folder is not None
         _put(whole, parts[number], *folder.read(number))
     left = [(i, *ends) for i, ends in enumerate(parts) if i not in done]
-    if left:
-        run_parts(task, left, keep, scheduler)
+    try:
+        if left:
+            run_parts(task, left, keep, scheduler)
+    except InputError:
+        if folder is not None and not ended:
+            # what could not be begun leaves nothing behind
+            folder.remove()
+        raise
     found = dataset(task, whole.values, whole.outcome, whole.reason, {MARK: mark})
     if place is not None and folder is not None:
         write_sweep(place, found)

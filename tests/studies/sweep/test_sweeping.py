@@ -104,7 +104,8 @@ def test_a_missing_library_is_named_with_what_brings_it(tmp_path, monkeypatch):
         ms.sweep("four_bar", VARY, MEASURES)
 
 
-def test_no_scheduler_that_does_not_answer(monkeypatch):
+def test_no_scheduler_that_does_not_answer(tmp_path, monkeypatch):
     monkeypatch.setattr(chunks, "ANSWER", 0.2)
     with pytest.raises(InputError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
-        ms.sweep("four_bar", VARY, MEASURES, scheduler="tcp://127.0.0.1:9")
+        ms.sweep("four_bar", VARY, MEASURES, scheduler="tcp://127.0.0.1:9", output=tmp_path / "out.nc")
+    assert list(tmp_path.iterdir()) == []
