@@ -342,6 +342,11 @@ class ModelLoops:
             return None
         return rows
 
+    @property
+    def spins(self) -> bool:
+        """Whether the loops leave freedoms open beside the crank, as was seen when they were last solved."""
+        return self._basis is not None and len(self._basis[2]) < len(self.free)
+
     def side(self, jacobian: Array) -> Array:
         """Return on which side of the dead centres states lie, (n,): +1 or -1; 0 where that is not known.
 

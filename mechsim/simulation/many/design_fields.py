@@ -1,6 +1,6 @@
 """The models of designs as fields of one model: what the generator and MuJoCo's compiler make of each."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -9,8 +9,8 @@ from mujoco import batch
 from mechsim.maths.arrays import Array
 from mechsim.model.design_arrays import DesignArrays
 from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, IDENTITY, Pose
-from mechsim.simulation.mjcf.body_inertia import PLACEHOLDER, placeholder
+from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
+from mechsim.simulation.mjcf.body_inertia import PLACEHOLDER, placeholder, principal
 from mechsim.simulation.mjcf.generator import FLYWHEEL
 from mechsim.simulation.mjcf.joints import CRANK, Branch, EndArrays, meeting_points, model_joints, seated_pose
 from mechsim.simulation.mjcf.loop_cuts import Tree
@@ -18,6 +18,9 @@ from mechsim.simulation.mjcf.loop_cuts import Tree
 Fields = dict[str, Array]
 BODY = int(mujoco.mjtSameFrame.mjSAMEFRAME_BODY)
 INERTIA = int(mujoco.mjtSameFrame.mjSAMEFRAME_INERTIA)
+INERTIA_TURN = int(mujoco.mjtSameFrame.mjSAMEFRAME_INERTIAROT)
+NONE = int(mujoco.mjtSameFrame.mjSAMEFRAME_NONE)
+UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def seated_fields(
@@ -97,6 +100,19 @@ def placeholder_fields(model: mujoco.MjModel, arrays: DesignArrays) -> Fields:
     return fields
 
 
+def inertia_fields(model: mujoco.MjModel, designs: Sequence[Mechanism]) -> Fields:
+    """Return the inertias of designs, whose links must have them."""
+    names = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
+    fields: Fields = {name: np.repeat(getattr(model, name)[None], len(designs), 0) for name in names}
+    for i, design in enumerate(designs):
+        for link in design.links:
+            body, inertia = model.body(link.name).id, link.inertia
+            assert inertia is not None
+            fields["body_mass"][i, body], fields["body_ipos"][i, body] = inertia.mass, inertia.centre
+            fields["body_iquat"][i, body], fields["body_inertia"][i, body] = principal(inertia)
+    return fields
+
+
 def with_constants(model: mujoco.MjModel, fields: Mapping[str, Array], qpos0: Array) -> Fields:
     """Return fields of designs and all that MuJoCo's compiler works out from them."""
     sims = batch.Batch(model, len(qpos0), 1)
@@ -117,7 +133,11 @@ def loosened(model: mujoco.MjModel, fields: Mapping[str, Array]) -> None:
     for kind, local in (("site", fields["site_pos"]), ("body", fields["body_ipos"])):
         same = getattr(model, f"{kind}_sameframe")
         away = (local != 0.0).any((0, 2))
-        same[away & (same == BODY) | (same == INERTIA)] = int(mujoco.mjtSameFrame.mjSAMEFRAME_NONE)
+        same[away & (same == BODY) | (same == INERTIA)] = NONE
+    if "body_iquat" in fields:
+        turned = (fields["body_iquat"] != UNTURNED).any((0, 2))
+        model.body_sameframe[turned] = NONE
+        model.site_sameframe[model.site_sameframe == INERTIA_TURN] = NONE
 
 
 def quaternions(rotation: Array) -> Array:

@@ -1,5 +1,6 @@
 """The closed models of designs, and their stepping through a turn of the crank, all in one batch."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -9,12 +10,16 @@ from numpy.typing import NDArray
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.design_arrays import StartedDesigns
-from mechsim.model.mechanism import Mechanism, Pose
+from mechsim.model.forces import Forces
+from mechsim.model.mechanism import Mechanism, Pose, Vector
+from mechsim.model.rod_inertia import with_inertia
 from mechsim.model.scene import Scene
 from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.dynamics.loaded_model import loaded_model
 from mechsim.simulation.many.design_fields import (
     Fields,
+    inertia_fields,
     placeholder_fields,
     seated_fields,
     site_fields,
@@ -37,10 +42,12 @@ class LikeModel:
     Attributes:
         closed: the model.
         tree: of its loops, cut.
+        gravity: in [m/s2], where inertias are real; None where they are placeholders.
     """
 
     closed: ClosedModel
     tree: Tree
+    gravity: Vector | None = None
 
     @property
     def joints(self) -> dict[str, int]:
@@ -67,28 +74,46 @@ class DesignModels:
     good: Bools
 
 
-def like_model(mechanism: Mechanism) -> LikeModel | None:
+def like_model(mechanism: Mechanism, gravity: Vector | None = None) -> LikeModel | None:
     """Return the model of a mechanism whose designs can be stepped together; None where they cannot.
 
     For that a crank turns all there is, loops are closed by points, and nothing is coupled or held.
+
+    Args:
+        mechanism: one of the designs.
+        gravity: in [m/s2], where links are to have real inertias; None gives them placeholders.
 
     Raises:
         AssemblyError: where its own loops do not close.
     """
     if not mechanism.has_crank or mechanism.laws or mechanism.holds:
         return None
-    tree = cut_loops(mechanism, splits=True)
-    closed = closed_model.of_source(mechanism, Scene(level="motion"))
+    tree = cut_loops(mechanism, splits=gravity is None)
+    if gravity is None:
+        closed: ClosedModel = closed_model.of_source(mechanism, Scene(level="motion"))
+    else:
+        closed = loaded_model(mechanism, Forces(gravity=gravity))
     loops = closed.loops
     if tree.mechanism is not mechanism or loops.frames or loops.couplings or closed.loose.any():
         return None
     # what of the loops' rows says something is looked for once, in a model that is known to close
     loops.tangent(loops.linearise(closed.closed[None])[1])
-    return LikeModel(closed, tree)
+    if gravity is not None and loops.spins:
+        # forces decide how fast what nothing determines begins to spin, and rounding does not
+        return None
+    return LikeModel(closed, tree, gravity)
 
 
-def design_models(like: LikeModel, started: StartedDesigns) -> DesignModels:
-    """Return the models of designs, generated, compiled and closed as one is, on arrays."""
+def design_models(
+    like: LikeModel, started: StartedDesigns, designs: Sequence[Mechanism] = ()
+) -> DesignModels:
+    """Return the models of designs, generated, compiled and closed as one is, on arrays.
+
+    Args:
+        like: what they have in common.
+        started: their numbers, and where they begin.
+        designs: themselves, where their inertias are real.
+    """
     model, tree, arrays = like.closed.model, like.tree, started.arrays
     sites = site_fields(model, tree, arrays)
     fields, qpos = seated_fields(model, tree, arrays, started.guess)
@@ -103,7 +128,9 @@ def design_models(like: LikeModel, started: StartedDesigns) -> DesignModels:
     # links stand in the reference configuration as the closed loops have them
     seated, rest = seated_fields(model, tree, arrays, _poses(loops, tree, qpos))
     rest[:, place] += TURN * np.round((start - rest[:, place]) / TURN)
-    fields = {**seated, **sites, **placeholder_fields(model, arrays)}
+    real = [with_inertia(one) for one in designs]
+    weights = inertia_fields(model, real) if like.gravity is not None else placeholder_fields(model, arrays)
+    fields = {**seated, **sites, **weights}
     qpos, closed = closed_states(like.closed.loops.with_fields({**seated, **sites, "qpos0": rest}), rest)
     fields = with_constants(model, fields, rest)
     return DesignModels(like, fields, qpos, good & closed & _as_simple(model, fields))

@@ -22,6 +22,13 @@ def quaternion(rotation: np.ndarray) -> np.ndarray:
 
 def set_inertia(body: mujoco.MjsBody, inertia: Inertia) -> None:
     """Give a body mass, centre and principal moments."""
+    body.explicitinertial = True
+    body.mass, body.ipos = inertia.mass, inertia.centre
+    body.iquat, body.inertia = principal(inertia)
+
+
+def principal(inertia: Inertia) -> tuple[Array, Array]:
+    """Return the quaternion of the principal axes and the moments about them, (4,) and (3,)."""
     moments = inertia.matrix
     turn = np.eye(3)
     values = np.diag(moments).copy()
@@ -31,11 +38,7 @@ def set_inertia(body: mujoco.MjsBody, inertia: Inertia) -> None:
     # the largest of a flat body may exceed the sum of the others by rounding, which MuJoCo refuses
     largest = int(np.argmax(values))
     values[largest] = min(values[largest], values.sum() - values[largest])
-    body.explicitinertial = True
-    body.mass = inertia.mass
-    body.ipos = inertia.centre
-    body.iquat = quaternion(turn)
-    body.inertia = values
+    return quaternion(turn), values
 
 
 def set_placeholder(body: mujoco.MjsBody, mechanism: Mechanism, link: str) -> None:

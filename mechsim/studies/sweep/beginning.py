@@ -1,7 +1,8 @@
 """Designs made together, with where their assembly begins: by a formula on arrays, or each by itself."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,41 +12,63 @@ from mechsim.analytic.catalog.many_designs import allowed, can_be_begun, started
 from mechsim.errors import MechsimError
 from mechsim.maths.arrays import Array
 from mechsim.model.design_arrays import StartedDesigns, those_alike
+from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.studies.sweep.task import SweepTask
 
 Rows = NDArray[np.intp]
 
 
-def begun_designs(task: SweepTask, rows: Mapping[str, Array]) -> tuple[StartedDesigns | None, Rows]:
-    """Return the designs that can be made and are alike, and which those are; None where none is.
+@dataclass(frozen=True)
+class BegunDesigns:
+    """Designs that are alike, and where they begin.
+
+    Attributes:
+        started: their numbers.
+        which: of those asked for they are.
+        mechanisms: themselves, where they are wanted whole; else none.
+    """
+
+    started: StartedDesigns
+    which: Rows
+    mechanisms: Sequence[Mechanism] = ()
+
+
+def begun_designs(task: SweepTask, rows: Mapping[str, Array], *, whole: bool = False) -> BegunDesigns | None:
+    """Return the designs that can be made and are alike; None where none is.
 
     Args:
         task: the sweep.
         rows: parameter -> its value in each design.
+        whole: whether the mechanisms themselves are wanted, those on which other forces act left out.
     """
     form = task.subject.closed
-    if form is not None and can_be_begun(form, rows):
+    if form is not None and can_be_begun(form, rows) and not whole:
         return _by_formula(form, rows)
-    return those_alike(task.subject.form.mechanism, _made(task, rows))
+    made = [*_made(task, rows)]
+    started, which = those_alike(task.subject.form.mechanism, made)
+    if started is None:
+        return None
+    return BegunDesigns(started, which, [one for i in which if (one := made[i]) is not None])
 
 
-def _by_formula(form: ClosedForm, rows: Mapping[str, Array]) -> tuple[StartedDesigns | None, Rows]:
+def _by_formula(form: ClosedForm, rows: Mapping[str, Array]) -> BegunDesigns | None:
     good = np.flatnonzero(allowed(form, rows))
-    if not len(good):
-        return None, good
-    begun = started(form, {name: one[good] for name, one in rows.items()})
-    stands = np.all([np.isfinite(pose.rotation).all((1, 2)) for pose in begun.guess.values()], axis=0)
-    if stands.all():
-        return begun, good
-    good = good[stands]
-    return (started(form, {name: one[good] for name, one in rows.items()}) if len(good) else None), good
+    while len(good):
+        begun = started(form, {name: one[good] for name, one in rows.items()})
+        stands = np.all([np.isfinite(pose.rotation).all((1, 2)) for pose in begun.guess.values()], axis=0)
+        if stands.all():
+            return BegunDesigns(begun, good)
+        good = good[stands]
+    return None
 
 
 def _made(task: SweepTask, rows: Mapping[str, Array]) -> Iterator[Mechanism | None]:
-    """Yield designs; None for those that cannot be made."""
+    """Yield designs; None for those that cannot be made, or on which other forces act."""
     for i in range(len(next(iter(rows.values())))):
         one = None
         with suppress(MechsimError, ArithmeticError, ValueError):
-            one = task.subject.make({name: float(values[i]) for name, values in rows.items()}).mechanism
+            form = task.subject.make({name: float(values[i]) for name, values in rows.items()})
+            like = (getattr(form, "forces", None) or Forces()) == task.forces
+            one = form.mechanism if like or not task.loaded else None
         yield one

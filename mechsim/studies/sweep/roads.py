@@ -145,10 +145,11 @@ def _loops(task: SweepTask, rows: Mapping[str, Array], found: Measured) -> Rows:
     closed = task.subject.closed is not None
     angles = np.append(task.angles, TURN) if closed else task.angles
     try:
-        begun, index = begun_designs(task, rows)
+        begun = begun_designs(task, rows)
         if begun is None:
             return every
-        motion, good = many_motion(task.together, begun, angles, task.pace, task.joints, rates=task.rated)
+        started, index = begun.started, begun.which
+        motion, good = many_motion(task.together, started, angles, task.pace, task.joints, rates=task.rated)
     except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
         return every
     if closed:

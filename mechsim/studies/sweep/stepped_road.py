@@ -13,6 +13,7 @@ from mechsim.model.motion import taken
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.many.design_models import design_models
 from mechsim.simulation.many.design_motion import Told, design_motion
+from mechsim.simulation.many.design_torque import design_torque
 from mechsim.simulation.many.stepped_designs import SteppedDesigns, judged, parted, stepped_designs
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.run import simulate
@@ -39,12 +40,12 @@ def stepped_together(task: SweepTask, rows: Mapping[str, Array], index: Rows, fo
     if like is None or not len(index):
         return index
     assert task.settings is not None
-    begun, mine = begun_designs(task, {name: values[index] for name, values in rows.items()})
+    begun = begun_designs(task, {name: values[index] for name, values in rows.items()}, whole=task.loaded)
     if begun is None:
         return index
-    own = index[mine]
+    own = index[begun.which]
     try:
-        models = design_models(like, begun)
+        models = design_models(like, begun.started, begun.mechanisms)
         stepped = stepped_designs(models, task.settings, task.pace, task.samples * task.stride, task.stride)
         verdict = judged(stepped)
     except np.linalg.LinAlgError:
@@ -69,15 +70,18 @@ def _measure(task: SweepTask, stepped: SteppedDesigns, rows: Rows, own: Rows, fo
     """Measure the motions of designs, some at a time."""
     if not len(rows):
         return
-    motion = design_motion(stepped, rows, task.records, _told(task))
-    values = table_of(task.measures, Turns(len(rows), len(task.records), motion), task.places)
+    motion, efforts = design_motion(stepped, rows, task.records, _told(task)), dict[str, Array]()
+    if task.loaded:
+        assert task.settings is not None
+        efforts["torque"] = design_torque(stepped, rows, task.records, task.settings.hardness)
+    turns = Turns(len(rows), len(task.records), motion, efforts)
+    values = table_of(task.measures, turns, task.places)
     found.take(own[rows], values)
 
 
 def _told(task: SweepTask) -> Told:
     """Return how much of a motion the measures need."""
-    asked = [one.of for one in task.measures if one.of is not None]
-    if any(of.part[:1] == "a" or (of.kind == "point" and of.part[:1] == "v") for of in asked):
+    if task.accelerated:
         return "rates"
     return "places" if task.wants("stroke") or task.wants("point") else "joints"
 

@@ -13,6 +13,7 @@ from mechsim.analytic.closure.many_motion import LikeLoops, can_be_followed_toge
 from mechsim.errors import InputError, MechsimError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
+from mechsim.model.forces import Forces
 from mechsim.simulation.many.design_models import LikeModel, like_model
 from mechsim.simulation.recorded_motion import CHUNK
 from mechsim.simulation.settings import Settings
@@ -109,12 +110,30 @@ class SweepTask:
     def like(self) -> LikeModel | None:
         """The model by which designs are stepped together; None where each must be by itself."""
         form = self.subject.form
-        alone = self.settings is None or self.loaded or self.wants("function") or self.samples > CHUNK
-        if alone or programs_of(form) is not None:
+        alone = self.settings is None or self.wants("function") or self.samples > CHUNK
+        if alone or programs_of(form) is not None or (self.loaded and not self._weighed):
             return None
         with suppress(MechsimError):
-            return like_model(form.mechanism)
+            return like_model(form.mechanism, self.forces.gravity if self.loaded else None)
         return None
+
+    @property
+    def forces(self) -> Forces:
+        """What acts on the subject as it stands."""
+        return getattr(self.subject.form, "forces", None) or Forces()
+
+    @property
+    def _weighed(self) -> bool:
+        """Whether the drive's torque against gravity and inertia is all that is asked of forces."""
+        plain = self.forces == Forces(gravity=self.forces.gravity)
+        efforts = {one.of.subject for one in self.measures if one.of is not None and one.of.kind == "effort"}
+        return plain and efforts == {"torque"} and not self.accelerated
+
+    @property
+    def accelerated(self) -> bool:
+        """Whether rates of points, or accelerations, are measured."""
+        asked = [one.of for one in self.measures if one.of is not None]
+        return any(of.part[:1] == "a" or (of.kind == "point" and of.part[:1] == "v") for of in asked)
 
     @property
     def intervals(self) -> int:

@@ -35,12 +35,22 @@ def test_a_stepped_sweep_is_close_to_that_of_formulas_and_not_the_same():
         assert (stepped[name].values != exact[name].values).all()
 
 
-def test_torques_of_stepped_designs():
-    stepped = ms.sweep(
-        "four_bar", {"crank": [0.02]}, "max:torque", settings=Settings(steps_per_turn=200), speed=40.0
-    )
-    exact = ms.sweep("four_bar", {"crank": [0.02]}, "max:torque", samples=100, speed=40.0)
-    assert float(stepped["max:torque"][0]) == pytest.approx(float(exact["max:torque"][0]), rel=1e-3)
+def test_torques_of_stepped_designs(monkeypatch):
+    asked = {"settings": Settings(steps_per_turn=200), "speed": 40.0, "samples": 50}
+    together = ms.sweep("four_bar", {"crank": [0.02, 0.03]}, "max:torque", **asked)["max:torque"]
+    monkeypatch.setattr(SweepTask, "like", None)
+    alone = ms.sweep("four_bar", {"crank": [0.02, 0.03]}, "max:torque", **asked)["max:torque"]
+    # the same constraint forces, whose rounding is 1e-10 of them
+    np.testing.assert_allclose(together, alone, rtol=1e-8)
+    exact = ms.sweep("four_bar", {"crank": [0.02, 0.03]}, "max:torque", samples=50, speed=40.0)["max:torque"]
+    np.testing.assert_allclose(together, exact, rtol=1e-4)
+
+
+def test_what_decides_by_forces_is_stepped_by_itself():
+    for model, measure in (("rssr", "max:torque"), ("four_bar", "max:force:A"), ("four_bar", "max:C.vx")):
+        task = swept_task(model, {"crank": [0.013]}, [measure, "max:torque"], settings=FEW)
+        assert task.like is None
+    assert swept_task("rssr", {"crank": [0.013]}, "max:P3.vx", settings=FEW).like is not None
 
 
 def test_outcomes_of_stepped_designs():
