@@ -26,60 +26,67 @@ if TYPE_CHECKING:
 MOST_REASONS = 5
 
 
+Vary = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="P=A:B:N", help="Vary a parameter: crank=12mm:15mm:31; branch=1,-1; with --sample P=A:B."
+    ),
+]
+Design = Annotated[
+    str | None,
+    typer.Option(metavar="FILE.csv", help="Designs instead, one a row: a column a parameter."),
+]
+Sample = Annotated[
+    str | None,
+    typer.Option(metavar="sobol:N", help="Spread N designs over the ranges: sobol, halton, latin, random."),
+]
+Measure = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="M",
+        help="range:J, stroke:P, max|min|rms|mean|ripple:QUANTITY, at:ANGLE:QUANTITY, crank_range, "
+        "dead_centres, assemblies, FILE.py:FUNC of a Motion; quantities are J, J.v, J.a, P.x, P.vx, "
+        "P.ax, speed:P, acceleration:P, torque, force:J, moment:J, transmission.",
+    ),
+]
+Samples = Annotated[
+    int | None, typer.Option(help="Poses a turn, or over the programs; 72, when stepped about so many.")
+]
+Method = Annotated[
+    str | None,
+    typer.Option(
+        metavar="step",
+        help="step integrates every design in MuJoCo; so does an integrator or a constraint setting. By "
+        "default formulas and loop equations.",
+    ),
+]
+Check = Annotated[
+    int,
+    typer.Option(metavar="N", help="Judge N random designs by the other road, too."),
+]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with a sweep that was stopped.")]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(metavar="tcp://HOST:PORT", help="Of a Dask cluster; without it, this process by threads."),
+]
+
+
 @spread
 def sweep(
     model: Model,
     output: File,
     *,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="P=A:B:N", help="Vary a parameter: crank=12mm:15mm:31; branch=1,-1; with --sample P=A:B."
-        ),
-    ] = None,
-    design: Annotated[
-        str | None,
-        typer.Option(metavar="FILE.csv", help="Designs instead, one a row: a column a parameter."),
-    ] = None,
-    sample: Annotated[
-        str | None,
-        typer.Option(
-            metavar="sobol:N", help="Spread N designs over the ranges: sobol, halton, latin, random."
-        ),
-    ] = None,
-    measure: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="M",
-            help="range:J, stroke:P, max|min|rms|mean|ripple:QUANTITY, at:ANGLE:QUANTITY, crank_range, "
-            "dead_centres, assemblies, FILE.py:FUNC of a Motion; quantities are J, J.v, J.a, P.x, P.vx, "
-            "P.ax, speed:P, acceleration:P, torque, force:J, moment:J, transmission.",
-        ),
-    ] = None,
-    samples: Annotated[
-        int | None, typer.Option(help="Poses a turn, or over the programs; 72, when stepped about so many.")
-    ] = None,
+    vary: Vary = None,
+    design: Design = None,
+    sample: Sample = None,
+    measure: Measure = None,
+    samples: Samples = None,
     speed: Speed = "600rpm",
-    method: Annotated[
-        str | None,
-        typer.Option(
-            metavar="step",
-            help="step integrates every design in MuJoCo; so does an integrator or a constraint setting. By "
-            "default formulas and loop equations.",
-        ),
-    ] = None,
+    method: Method = None,
     asked: Annotated[Mapping[str, Any], Settings],
-    check: Annotated[
-        int,
-        typer.Option(metavar="N", help="Judge N random designs by the other road, too."),
-    ] = 0,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with a sweep that was stopped.")] = False,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="tcp://HOST:PORT", help="Of a Dask cluster; without it, this process by threads."
-        ),
-    ] = None,
+    check: Check = 0,
+    resume: Resume = False,
+    scheduler: Scheduler = None,
     driven: DriveOptions,
     sets: Sets = None,
     as_json: Json = False,
