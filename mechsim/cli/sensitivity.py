@@ -245,7 +245,9 @@ def _drawn(table: Sensitivity, study: ToleranceStudy | None) -> Any:
     over, at = table.moved.over
     if study is None:
         curves: Mapping[str, Any] = {quantity: table.of(quantity) for quantity in table.values}
-        return plots.sensitivity_plot(over, at, curves, table.units)
+        return plots.sensitivity_plot(
+            over, at, curves, table.units, {name: one.unit for name, one in table.dimensions.items()}
+        )
     bands = {
         one: plots.Band(
             table.units[one],

@@ -8,6 +8,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
+from mechsim.maths.path import tangents
 from mechsim.pictures.plots.figure import COLOURS, STYLES, angle_axis, blank, styled
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ MOST, LINES = 12, 12
 # how wide the widest band is drawn, in parts of the path's extent
 WIDE = 0.06
 INK = "#222831"
+# units as they are drawn: how many of them one in SI is, and their names
+SHOWN: dict[str, tuple[float, str]] = {"m": (1e3, "mm"), "rad": (180.0 / np.pi, "°")}
 BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "fontsize": 8.0}
 
 
@@ -79,30 +82,41 @@ class ToleranceSheet:
 
 @styled()
 def sensitivity_plot(
-    over: str, at: Array, curves: Mapping[str, Mapping[str, Array]], units: Mapping[str, str]
+    over: str,
+    at: Array,
+    curves: Mapping[str, Mapping[str, Array]],
+    units: Mapping[str, str],
+    by: Mapping[str, str],
 ) -> "Figure":
-    """Draw derivatives of each quantity over the motion, the largest few of its dimensions.
+    """Draw derivatives of each quantity that has any over the motion, the largest few of its dimensions.
+
+    They are told per mm or per degree, by which lengths and angles are alike in size.
 
     Args:
         over: "angle" in [rad] or "t" in [s].
         at: (n,).
-        curves: quantity -> dimension -> derivative, (n,).
+        curves: quantity -> dimension -> derivative, (n,) in SI.
         units: quantity -> unit.
+        by: dimension -> unit.
 
     Raises:
         InputError: for more quantities than a sheet holds.
     """
+    curves = {of: lines for of, lines in curves.items() if any(one.any() for one in lines.values())} or curves
     _require_few(curves)
     figure, axes = blank(len(curves), 1, (7.2, 0.6 + 2.1 * len(curves)), sharex=True)
     names = [*dict.fromkeys(name for lines in curves.values() for name in lines)]
-    for ax, (quantity, lines) in zip(axes[:, 0], curves.items(), strict=True):
+    for ax, (quantity, given) in zip(axes[:, 0], curves.items(), strict=True):
+        times, unit = SHOWN.get(units[quantity], (1.0, units[quantity]))
+        lines = {name: one * times / SHOWN.get(by[name], (1.0, ""))[0] for name, one in given.items()}
+        per = [shown for measure, (_, shown) in SHOWN.items() if measure in {by[name] for name in lines}]
         order = [name for name in _largest_first(lines) if lines[name].any()]
         for name in order[:LINES]:
             i = names.index(name)
             style = STYLES[i // len(COLOURS) % len(STYLES)]
             ax.plot(_axis(over, at), lines[name], style, color=COLOURS[i % len(COLOURS)], label=name)
         left = f", {len(order) - LINES} smaller left out" if len(order) > LINES else ""
-        ax.set_title(f"derivatives of {quantity} [{units[quantity]} per SI unit]{left}")
+        ax.set_title(f"derivatives of {quantity} [{unit} per {' or '.join(per) or '1'}]{left}")
         if order:
             ax.legend(**BESIDE)
     _across(axes[-1, 0], over)
@@ -133,7 +147,9 @@ def tolerance_plot(sheet: ToleranceSheet) -> "Figure":
     for row, (quantity, band) in zip(axes[len(sheet.paths) :], bands.items(), strict=True):
         _draw_band(row[0], sheet, quantity, band)
         _draw_shares(row[1], band)
-    _across(axes[-1, 0], sheet.over)
+        _across(row[0], sheet.over)
+    for ax in axes[len(sheet.paths) : -1, 0]:
+        ax.set_xlabel("")
     return figure
 
 
@@ -169,15 +185,13 @@ def in_plane(places: Array) -> tuple[Array, Array]:
     if abs(axes[0, 0]) < abs(axes[1, 0]):
         axes = axes[::-1]
     flat = middle @ axes.T
-    along = np.gradient(flat, axis=0)
-    length = np.sqrt((along**2).sum(1, keepdims=True))
-    along = along / np.where(length > 0.0, length, 1.0)
+    along = tangents(flat)
     return flat, np.column_stack([-along[:, 1], along[:, 0]])
 
 
 def _draw_band(ax: "Axes", sheet: ToleranceSheet, quantity: str, band: Band) -> None:
     at = _axis(sheet.over, sheet.at)
-    times, unit = {"m": (1e3, "mm"), "rad": (180.0 / np.pi, "°")}.get(band.unit, (1.0, band.unit))
+    times, unit = SHOWN.get(band.unit, (1.0, band.unit))
     ax.fill_between(
         at, -band.worst * times, band.worst * times, color=COLOURS[1], alpha=0.25, label="worst case"
     )

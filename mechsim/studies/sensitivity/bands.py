@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.maths.arrays import Array
+from mechsim.maths.path import tangents
 from mechsim.studies.sensitivity.study import ToleranceStudy
 from mechsim.studies.sensitivity.table import Sensitivity
 
@@ -46,7 +47,6 @@ def _across(places: Array) -> Array:
     """Return unit vectors across a path in the plane nearest to it, (n, 3)."""
     middle = places - places.mean(0)
     normal = np.linalg.svd(middle, full_matrices=False)[2][2]
-    along = np.gradient(middle, axis=0)
-    across = np.cross(normal, along)
+    across = np.cross(normal, tangents(middle))
     length = np.sqrt((across**2).sum(1, keepdims=True))
     return across / np.where(length > 0.0, length, 1.0)
