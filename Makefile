@@ -9,10 +9,10 @@ check:
 	$(PYTHON) -m mypy --warn-unused-ignores --cache-dir /dev/null tests/house/typed_use.py
 
 test:
-	$(PYTHON) -m pytest -q -n 2
+	$(PYTHON) -m pytest -q -n 2 --dist worksteal
 
 test-all:
-	$(PYTHON) -m pytest -q -n 2 -m 'slow or not slow'
+	$(PYTHON) -m pytest -q -n 2 --dist worksteal -m 'slow or not slow'
 
 validate:
 	$(PYTHON) -m mechsim validate --report out/

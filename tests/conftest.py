@@ -11,7 +11,7 @@ settings.register_profile(
     "mechsim",
     derandomize=True,
     deadline=None,
-    max_examples=15,
+    max_examples=10,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
 )
 settings.load_profile("mechsim")

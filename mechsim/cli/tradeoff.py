@@ -77,11 +77,7 @@ def tradeoff(
     drawing = None if plot is None else writable(plot, ".svg", ".png", ".pdf")
     if by not in COMPARED:
         raise InputError(f"there is no error by {by!r}; known are {', '.join(COMPARED)}")
-    seconds = units.parse_time(budget, "the budget")
-    if not 0.0 < seconds < float("inf"):
-        raise InputError(f"the budget is {budget}; give a time above 0, as in 60s")
-    kept = min(TOLD + (DRAWN if drawing else 0.0), 0.5 * seconds)
-    clock = Budget(seconds, endings.typed_at, kept)
+    clock = _clock(budget, drawn=drawing is not None)
     with progress("tradeoff", 100) as tick:
         subject = _subject(model, sets, speed_of(speed), clock)
         found = measure(subject, budget=clock, seed=seed, tell=_Percent(tick))
@@ -90,21 +86,27 @@ def tradeoff(
     if drawing is not None:
         plots.write(drawing, work_precision(found, by))
     if as_json:
-        told = {"seed": seed, "budget": seconds, "output": output, "plot": plot}
+        told = {"seed": seed, "budget": clock.seconds, "output": output, "plot": plot}
         print_json(_advised(found.as_dict(by), found, by, model) | told)
     else:
         _print(found, by)
         _print_advice(found, by, model)
-    if clock.spent > (1.0 + BEYOND) * seconds:
+        for what, path in (("every point", output), ("plot", plot)):
+            if path is not None:
+                typer.echo(f"wrote {what} to {path}")
+    if clock.spent > (1.0 + BEYOND) * clock.seconds:
         endings.tell(
-            f"mechsim: took {clock.spent:.2g} s, more than the budget of {seconds:g} s: two short trials, "
-            "with what must be loaded and built for them, take that long here"
+            f"mechsim: took {clock.spent:.2g} s, more than the budget of {clock.seconds:g} s: two short "
+            "trials, with what must be loaded and built for them, take that long here"
         )
-    if as_json:
-        return
-    for what, path in (("every point", output), ("plot", plot)):
-        if path is not None:
-            typer.echo(f"wrote {what} to {path}")
+
+
+def _clock(budget: str, *, drawn: bool) -> Budget:
+    """Return the clock of a budget, by which some time is kept for what is told and drawn."""
+    seconds = units.parse_time(budget, "the budget")
+    if not 0.0 < seconds < float("inf"):
+        raise InputError(f"the budget is {budget}; give a time above 0, as in 60s")
+    return Budget(seconds, endings.typed_at, min(TOLD + (DRAWN if drawn else 0.0), 0.5 * seconds))
 
 
 def _subject(model: str, sets: list[str] | None, speed: float, clock: Budget) -> Subject:

@@ -105,20 +105,9 @@ def step(
     done, spent, processor, diverged = 0, 0.0, 0.0, False
     while done < total and not diverged:
         count = min(BLOCK, total - done)
-        control = None
-        if torque is not None or controls is not None:
-            control = np.zeros((1, count, model.nu + model.nv))
-            if controls is not None:
-                control[0, :, : model.nu] = controls[done : done + count]
-            if torque is not None:
-                control[0][:, model.nu + loops.moved_dofs] = torque[done : done + count]
+        control = _fed(loops, slice(done, done + count), controls, torque)
         begin, busy = clock.perf_counter(), clock.process_time()
-        out = sims.rollout(
-            count,
-            control=control,
-            control_spec=CONTROL,
-            record=("qpos", "qvel", TIME),
-        )
+        out = sims.rollout(count, control=control, control_spec=CONTROL, record=("qpos", "qvel", TIME))
         spent += clock.perf_counter() - begin
         processor += clock.process_time() - busy
         number = np.arange(done + 1, done + count + 1)
@@ -147,6 +136,20 @@ def _lead(loops: ModelLoops) -> None:
     # by these MuJoCo scales the softness of couplings: what carries a flywheel gives way to nothing
     model.dof_invweight0[moved] = 1.0 / model.dof_armature[moved]
     model.eq_active0[[one.number for one in loops.followers]] = 0
+
+
+def _fed(loops: ModelLoops, steps: slice, controls: Array | None, torque: Array | None) -> Array | None:
+    """Return what feeds actuators and drives over some steps, (1, steps, nu + nv); None for nothing."""
+    given = [one[steps] for one in (controls, torque) if one is not None]
+    if not given:
+        return None
+    model = loops.model
+    control = np.zeros((1, len(given[0]), model.nu + model.nv))
+    if controls is not None:
+        control[0, :, : model.nu] = controls[steps]
+    if torque is not None:
+        control[0][:, model.nu + loops.moved_dofs] = torque[steps]
+    return control
 
 
 def _torque(loops: ModelLoops, profile: CrankProfile, timestep: float, steps: int) -> Array:

@@ -15,7 +15,7 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.programs import State
 from mechsim.subjects import jet_functions
-from mechsim.subjects.expressions import FUNCTIONS, Walker, parsed
+from mechsim.subjects.expressions import Walker, parsed
 
 # a number and then letters: a quantity in the midst of an expression; an exponent is part of its number
 _NUMBER = r"(?<![\w.])((?>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))"
@@ -240,6 +240,3 @@ def _angle(power: float) -> float:
 
 def _is_place(name: str) -> bool:
     return name.startswith(_PLACE.partition("{")[0])
-
-
-RESERVED = ("t", "pi", *FUNCTIONS)

@@ -52,7 +52,7 @@ def exact_c(drive: Looper, f: float, near: np.ndarray) -> np.ndarray:
         return np.array([[float(value) for value in column] for column in columns]).T * [[1], [1], [2]]
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(loopers())
 def test_links_keep_their_lengths_and_the_follower_keeps_its_axis(drive):
     points = drive.positions(angles_of(drive))
@@ -77,7 +77,7 @@ def test_links_keep_their_lengths_and_the_follower_keeps_its_axis(drive):
     assert np.abs(e - d + drive.follower_ratio * (c - d)).max() <= bound * drive.follower_ratio
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(loopers())
 def test_every_assembly_is_its_own_and_signed_as_it_says(drive):
     angle = float(angles_of(drive, 1)[0])

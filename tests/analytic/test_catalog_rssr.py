@@ -70,7 +70,7 @@ def test_layouts_of_the_paper_agree_with_fifty_digits_and_swing_as_they_should(n
     assert drive.crank_range().full
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(
     rssrs(),
     turns,
@@ -118,7 +118,7 @@ def test_guide_does_not_change_the_rocker():
     assert (free.position == guided.position).all()
 
 
-@settings(max_examples=30)
+@settings(max_examples=12)
 @given(rssrs())
 def test_dead_centres_are_where_fifty_digits_put_them(drive):
     def gap(f):

@@ -52,7 +52,7 @@ def open_loops(drive: WarpKnitter, points: dict[str, np.ndarray]) -> float:
     return float(max(np.abs(gap).max() for gap in gaps)) / longest(drive)
 
 
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(seeds)
 def test_links_keep_their_lengths_over_the_whole_range(seed):
     drive = random_knitter(seed)
@@ -101,7 +101,7 @@ def test_motion_agrees_with_the_loop_equations_of_the_description(drive):
                 assert np.abs(gap).max() <= bound, (kind, name, part)
 
 
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(seeds)
 def test_position_velocity_and_acceleration_of_k_agree_with_fifty_digits(seed):
     drive = random_knitter(seed)
@@ -196,7 +196,7 @@ def test_a_ratio_that_no_gear_has_is_followed_turn_by_turn():
     assert open_loops(drive, drive.positions(np.linspace(-40.0, 40.0, 60))) <= CLOSED
 
 
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(seeds)
 def test_assemblies_are_numbered_by_rising_angle_of_the_base_link(seed):
     drives = random_knitter(seed).assemblies(0.0)
@@ -206,7 +206,7 @@ def test_assemblies_are_numbered_by_rising_angle_of_the_base_link(seed):
     assert angles == sorted(angles)
 
 
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(seeds)
 def test_every_assembly_at_a_crank_angle_is_listed_with_its_number_or_none(seed):
     drive = random_knitter(seed)

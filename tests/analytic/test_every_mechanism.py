@@ -100,7 +100,7 @@ def test_units_scale_the_motion(name, data, scale):
 
 
 @pytest.mark.parametrize("name", DIGITS)
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(st.data(), st.floats(1.0, 300.0), st.floats(-500.0, 500.0))
 def test_position_velocity_and_acceleration_agree_with_fifty_digits(name, data, speed, acceleration):
     drive = data.draw(CASES[name].random)

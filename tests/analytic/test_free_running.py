@@ -55,12 +55,12 @@ def test_pendulum_carries_three_times_its_weight_at_the_bottom():
 
 
 @pytest.mark.parametrize("name", ["four_bar", "rssr", "warp_knitter"])
-def test_a_machine_without_losses_keeps_its_energy_over_twenty_turns(name):
+def test_a_machine_without_losses_keeps_its_energy_over_eight_turns(name):
     machine = dynamics.machine(catalog.make(name), Forces(gravity=DOWN))
-    run = dynamics.free_run(machine, angle=0.3, speed=40.0, turns=20.0, samples=201)
+    run = dynamics.free_run(machine, angle=0.3, speed=40.0, turns=8.0, samples=81)
     assert run.outcome == "done"
     assert run.energy_error <= 1e-10
-    assert run.angle[-1] - run.angle[0] == pytest.approx(40.0 * np.pi, rel=1e-12)
+    assert run.angle[-1] - run.angle[0] == pytest.approx(16.0 * np.pi, rel=1e-12)
 
 
 def test_without_forces_the_time_of_a_turn_is_the_integral_of_the_root_of_inertia():

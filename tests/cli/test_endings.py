@@ -32,12 +32,10 @@ def run(words: str, folder: Path, **environment: str) -> subprocess.CompletedPro
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        ("list 2>&-", 0, ""),
         ("list >&-", 0, ""),
         ("solve rssr -o out.csv <&- >&- 2>&-", 0, ""),
         ("solve rsr 2>&-", 2, ""),
         ("solve rsr 2>/dev/full", 2, ""),
-        ("list >/dev/full", 2, "No space left on device"),
         ("solve rssr >/dev/full", 2, "No space left on device"),
     ],
 )
@@ -126,7 +124,7 @@ def test_a_fault_of_the_program_never_looks_like_missed(
 
 @pytest.mark.parametrize("asked", ["osmesa", "nonsense"])
 def test_a_back_end_that_fails_stops_nothing_that_does_not_draw(asked: str, tmp_path: Path) -> None:
-    done = run("simulate rssr", tmp_path, MUJOCO_GL=asked)
+    done = run("simulate rssr --method pose --samples 8", tmp_path, MUJOCO_GL=asked)
     assert done.returncode == 0
     if done.stderr:
         assert done.stderr == (

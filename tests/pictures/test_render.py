@@ -98,7 +98,7 @@ def decoded(path, size):
 def test_every_link_is_seen_in_every_frame(name):
     drive = catalog.make(name)
     mechanism = drive.mechanism
-    for picture in bare(mechanism, drive.solve(TURN[::6], 60.0)):
+    for picture in bare(mechanism, drive.solve(TURN[::12], 60.0)):
         for link, rgba in link_colours(mechanism).items():
             assert coloured(picture, rgba).sum() > 25, link
 
@@ -108,7 +108,7 @@ def test_every_link_is_seen_in_every_frame(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_nothing_reaches_the_border(name, view):
     drive = catalog.make(name)
-    for picture in bare(drive.mechanism, drive.solve(TURN[::9], 60.0), camera=view, paths="whole"):
+    for picture in bare(drive.mechanism, drive.solve(TURN[::18], 60.0), camera=view, paths="whole"):
         _, saturation = hues(picture)
         edge = np.concatenate([saturation[:5].ravel(), saturation[-5:].ravel(), saturation[:, :5].ravel()])
         assert max(edge.max(), saturation[:, -5:].max()) < 0.2

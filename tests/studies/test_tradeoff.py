@@ -281,7 +281,7 @@ class Spent(NamedTuple):
     processor: float
 
 
-@pytest.mark.parametrize("budget", [2.0, 5.0, 20.0])
+@pytest.mark.parametrize("budget", [2.0, 20.0])
 @pytest.mark.parametrize("share", [1.0, 4.0])
 @pytest.mark.parametrize(("step", "building"), [(2e-5, 0.05), (1e-3, 0.3)])
 def test_the_clock_stops_within_a_fifth_of_the_budget_whatever_a_step_a_model_and_others_take(

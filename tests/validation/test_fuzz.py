@@ -28,19 +28,19 @@ def numbers_as_users_have_them():
 
 
 def test_random_commands_end_in_a_result_or_one_clear_line(study):
-    codes, faults = study.fuzz(60)
+    codes, faults = study.fuzz(30)
     assert faults == []
     # both kinds are there
-    assert codes[0] >= 10
-    assert codes[2] >= 10
+    assert codes[0] >= 5
+    assert codes[2] >= 5
 
 
 def test_an_interrupted_command_says_so_and_leaves_nothing(study):
-    assert study.interrupts(6) == []
+    assert study.interrupts(3) == []
 
 
 def test_a_killed_process_leaves_a_whole_file_or_none(study):
-    hit, faults = study.kills(4)
+    hit, faults = study.kills(2)
     assert faults == []
     assert hit > 0
 

@@ -33,7 +33,7 @@ LINKS = {
 
 
 def motion_of(mechanism: Mechanism, road: str = "step", speed: float = SPEED, **options) -> Motion:
-    return simulate(mechanism, speed=speed, method=road, **options).motion
+    return simulate(mechanism, speed=speed, method=road, **{"samples": 72, **options}).motion
 
 
 def named_as_the_points(drive: ClosedForm):

@@ -60,7 +60,7 @@ def crank_grid(form: Form, name: str, speed: float, limits: tuple[float, float] 
         driver=form.mechanism.crank.name,
         marks=[one for mark in marks for one in lapped(mark, angles)],
         extra=extra,
-        ghost=_ghost(form, speed, angles),
+        ghost=_ghost(form, speed),
     )
     return replace(grid, error=between(grid, form.solve(middles, speed), middles))
 
@@ -114,8 +114,8 @@ def lapped(mark: Mark, angles: Array) -> list[Mark]:
     return [replace(mark, at=float(np.clip(at, low, high))) for at in laps]
 
 
-def _ghost(form: Form, speed: float, angles: Array) -> GhostTrack | None:
-    """Return where MuJoCo's stepped run puts the links, over angles that rise; None where it cannot run."""
+def _ghost(form: Form, speed: float) -> GhostTrack | None:
+    """Return where MuJoCo's stepped run puts the links, over rising angles; None where it cannot run."""
     try:
         arcs = form.crank_range()
         profile = constant(speed, 1.0) if arcs.full else within_range(form.mechanism, arcs, speed)

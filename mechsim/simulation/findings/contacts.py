@@ -29,12 +29,10 @@ def collisions(scene: Inspected) -> Iterator[Finding]:
             if meant and depth > DEEP * scene.size and depth > deepest.get(pair, (0.0,))[0]:
                 deepest[pair] = depth, geoms
     for pair, (depth, geoms) in deepest.items():
-        yield _collision(scene, pair, geoms, depth, joined=pair in joined)
+        yield _collision(scene, geoms, depth, joined=pair in joined)
 
 
-def _collision(
-    scene: Inspected, pair: tuple[int, int], geoms: tuple[int, int], depth: float, *, joined: bool
-) -> Finding:
+def _collision(scene: Inspected, geoms: tuple[int, int], depth: float, *, joined: bool) -> Finding:
     model = scene.model
     first, second = (str(model.body(int(model.geom_bodyid[geom])).name) for geom in geoms)
     where = "collide where they are joined" if joined else "stand in each other where the scene starts"

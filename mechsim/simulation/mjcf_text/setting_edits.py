@@ -5,8 +5,6 @@ from collections.abc import Mapping, Sequence
 from mechsim.simulation.mjcf_text.edited_text import EditedText
 from mechsim.simulation.mjcf_text.element_spans import Element
 
-# attributes of equality constraints that a default can give to all
-SOFTNESS = ("solref", "solimp")
 # so many rows without an attribute of their own are served by one default
 FEW = 2
 

@@ -24,15 +24,15 @@ LEVEL = 1.5
 def diagnosis(miss: Miss) -> tuple[Finding, ...]:
     """Return what explains a miss, the likeliest first; one finding that says so where nothing does."""
     if miss.worst(miss.exact) <= LEVEL:
-        return (_none(miss, "the difference is too near its bound for a cause to be told"),)
+        return (_none("the difference is too near its bound for a cause to be told"),)
     tried = [one for one in _all(miss) if one.explains >= WORTH]
     if not tried:
-        return (_none(miss, "none of the causes tried explains the difference"),)
+        return (_none("none of the causes tried explains the difference"),)
     said = _equal(miss, _without_edges(miss, tried))
     sure = said[0].worst <= 1.0 and said[0].explains >= SURE
     found = tuple(_finding(one, len(said), sure and len(said) <= MOST) for one in said[:MOST])
     if said[0].explains < SURE:
-        found += (_none(miss, "what is left is explained by none of the causes tried"),)
+        found += (_none("what is left is explained by none of the causes tried"),)
     return found
 
 
@@ -111,5 +111,5 @@ def _percent(part: float) -> str:
     return f"{100.0 * part:.3g} %" if part < 0.9995 else "all"
 
 
-def _none(miss: Miss, said: str) -> Finding:
+def _none(said: str) -> Finding:
     return Finding(kind="none", what="", by=0.0, explains=0.0, say=said)

@@ -1,7 +1,7 @@
 """A user's MJCF scene and the motion it is put through, as plain MuJoCo runs it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import mujoco
@@ -287,14 +287,3 @@ def _started(
     closed = closure.brought(qpos, {name: value for name, (value, _, _) in first.items()})
     speeds = {name: rate for name, (_, rate, _) in first.items()}
     return closed, closure.rates(closed, speeds, model.jnt_dofadr.tolist(), model.nv)
-
-
-def tracked_as(scene: UserScene, points: Mapping[str, tuple[str, Vector]]) -> UserScene:
-    """Return a scene of which other points are tracked: name -> (link, place in its frame in [m])."""
-    tree = scene.closure.loops.tree
-    joints = scene.mechanism.joints[: scene.model.njnt]
-    bodies = {joint.b.link: int(scene.model.jnt_bodyid[j]) for j, joint in enumerate(joints)} | {GROUND: 0}
-    changed = replace(tree, mechanism=replace(scene.mechanism, points=dict(points)))
-    closure = replace(scene.closure, loops=replace(scene.closure.loops, tree=changed))
-    places = {name: (bodies[link], np.array(local)) for name, (link, local) in points.items()}
-    return replace(scene, closure=closure, places=places)

@@ -97,7 +97,7 @@ class Tradeoff:
         best = cheapest(self.costs, self.errors(quantity) + bar, bound)
         return None if best is None else self.points[best]
 
-    def curves(self, quantity: str = "position") -> dict[str, list[Point]]:
+    def curves(self) -> dict[str, list[Point]]:
         """Return family -> its points by rising steps, in the order of the ladder."""
         names = dict.fromkeys(point.family.name for point in self.points)
         found = {name: [p for p in self.points if p.family.name == name] for name in names}

@@ -45,8 +45,6 @@ SAME = 0.05
 SECONDS, TRIALS = 50.0, 0.75
 # settings refined, how often what is then best is refined again, and settings timed again
 REFINED, AGAIN, TIMED = 3, 3, 12
-# times as long as its motion a scene is run for what grows slowly
-GOES_ON = 2.0
 # rounds of timing, and where there is no time left
 ROUNDS, LATE = 5, 2
 # times that differ by less are the same: then fewer changes are better

@@ -121,17 +121,17 @@ def walk(
     from scipy.integrate import DOP853
 
     y, first, newton = _begin(road, start, direction)
-    size = road.size
     points, arc, frames = [y], [0.0], [first]
+    end = np.inf if length is None else length
     solver = DOP853(
         lambda _, y: road.frame(y, frames[-1].tangent).tangent,
         0.0,
         y,
-        np.inf if length is None else length,
-        first_step=min(1e-3 * size, np.inf if length is None else length),
-        max_step=0.25 * size if longest is None else longest,
+        end,
+        first_step=min(1e-3 * road.size, end),
+        max_step=0.25 * road.size if longest is None else longest,
         rtol=tolerance,
-        atol=tolerance * size,
+        atol=tolerance * road.size,
     )
     plane = first.mark_rate / (first.mark_rate @ first.mark_rate)
     while str(solver.status) == "running":
@@ -140,12 +140,7 @@ def walk(
                 f"{road.name}: the curve has not closed after {most_steps} steps over a length of "
                 f"{arc[-1]:.6g}; give the length at which to stop, or allow more steps"
             )
-        solver.step()
-        if str(solver.status) == "failed":
-            raise AssemblyError(
-                f"{road.name}: no step is short enough at {points[-1].tolist()}; "
-                "the curve is not smooth there"
-            )
+        _advance(road, solver, points[-1])
         before, after = (float(plane @ road.gap(at, y)) for at in (points[-1], solver.y))
         if before < 0.0 <= after:
             home = _homecoming(road, solver, y, plane, first)
@@ -153,16 +148,8 @@ def walk(
                 end, total, iterations = home
                 frames.append(road.frame(end, frames[-1].tangent))
                 return _curve([*points, end], [*arc, total], frames, True, newton + iterations)
-        here, iterations = road.corrected(solver.y)
+        here, frame, iterations = _landed(road, solver, points[-1], frames[-1])
         newton += iterations
-        frame = road.frame(here, frames[-1].tangent)
-        if _crossed(frames[-1], frame):
-            raise AssemblyError(
-                f"{road.name}: branches of the curve cross between {points[-1].tolist()} and "
-                f"{here.tolist()}; which one goes on is not determined there; change the dimensions a little"
-            )
-        # the solver goes on from the corrected point
-        solver.y, solver.f = here, frame.tangent
         points.append(here)
         arc.append(float(solver.t))
         frames.append(frame)
@@ -206,6 +193,28 @@ def _begin(road: Road, start: Array, direction: ArrayLike | None) -> tuple[Array
         return y, road.frame(y, along), newton
     except AssemblyError as error:
         raise InputError(f"{error}; start somewhere else") from error
+
+
+def _advance(road: Road, solver: "DOP853", at: Array) -> None:
+    """Let the solver take a step."""
+    solver.step()
+    if str(solver.status) == "failed":
+        raise AssemblyError(
+            f"{road.name}: no step is short enough at {at.tolist()}; the curve is not smooth there"
+        )
+
+
+def _landed(road: Road, solver: "DOP853", at: Array, last: Frame) -> tuple[Array, Frame, int]:
+    """Return the point of the curve nearest to a step's end, from which the solver then goes on."""
+    here, iterations = road.corrected(solver.y)
+    frame = road.frame(here, last.tangent)
+    if _crossed(last, frame):
+        raise AssemblyError(
+            f"{road.name}: branches of the curve cross between {at.tolist()} and {here.tolist()}; "
+            "which one goes on is not determined there; change the dimensions a little"
+        )
+    solver.y, solver.f = here, frame.tangent
+    return here, frame, iterations
 
 
 def _homecoming(
