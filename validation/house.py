@@ -88,10 +88,11 @@ def floors(graph: nx.DiGraph) -> int:
 
 
 def functions(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield the length in lines and the name of every function of a file."""
+    """Yield the lines, without signature and docstring, and the name of every function of a file."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            yield (node.end_lineno or node.lineno) - node.lineno + 1, node.name
+            does = node.body[ast.get_docstring(node) is not None :]
+            yield (node.end_lineno or 0) - does[0].lineno + 1 if does else 0, node.name
 
 
 def figures(package: Path = PACKAGE) -> dict[str, object]:

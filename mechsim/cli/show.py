@@ -54,10 +54,15 @@ def _print_facts(found: dict[str, Any]) -> None:
     print_table(f"Mobility W = {freedoms}", ("why",), lines)
     for name, program in found.get("programs", {}).items():
         typer.echo(f"program of {name}: {program}")
-    if "crank_range" not in found:
-        if found["duration"] is not None:
-            typer.echo(f"the programs run for {found['duration']:.6g} s")
-        return
+    if "crank_range" in found:
+        _print_crank(found)
+        _print_assemblies(found)
+    elif found["duration"] is not None:
+        typer.echo(f"the programs run for {found['duration']:.6g} s")
+
+
+def _print_crank(found: dict[str, Any]) -> None:
+    """Say how far the crank goes, and what is known of the way."""
     reach = found["crank_range"]
     if reach != "full turn":
         arcs = found["crank_ranges"]
@@ -78,7 +83,10 @@ def _print_facts(found: dict[str, Any]) -> None:
         typer.echo("transmission angle: known for mechanisms of the catalogue only")
     for line in found["assur_explained"]:
         typer.echo(line)
-    rows = []
+
+
+def _print_assemblies(found: dict[str, Any]) -> None:
+    rows: list[tuple[str, ...]] = []
     for assembly in found["assemblies"]:
         names = ", ".join(f"{k} {v:+d}" for k, v in assembly.items() if isinstance(v, int))
         for point, place in assembly["points"].items():

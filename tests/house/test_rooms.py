@@ -135,6 +135,12 @@ def test_no_module_is_hidden_by_what_its_package_exports():
     assert hidden == []
 
 
+def test_no_function_goes_on_for_more_than_fifty_lines():
+    # its signature and docstring are not counted: both are told line by line
+    long = [(name, *one) for name, path in FILES.items() for one in house.functions(path) if one[0] > 50]
+    assert long == []
+
+
 def test_no_two_classes_share_a_name():
     named = re.compile(r"^ *class (\w+)", re.MULTILINE)
     found = Counter(name for path in FILES.values() for name in named.findall(path.read_text()))
