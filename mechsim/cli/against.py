@@ -11,7 +11,6 @@ from typing import NoReturn
 import typer
 
 from mechsim import units
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
 from mechsim.cli.endings import tell
 from mechsim.cli.options import DriveOptions, read_family, writable
@@ -97,7 +96,7 @@ def held_against(
 
 def tell_code(forms: Iterable[Form]) -> None:
     """Say what code of the user's own is run for the formulas that files name."""
-    files = [form.formula.rpartition(":")[0] for form in forms if isinstance(form, LoopForm)]
+    files = [form.formula.rpartition(":")[0] for form in forms]
     own = [file for file in dict.fromkeys(files) if file and Path(file).resolve().parent != gallery.folder()]
     if own:
         tell(f"mechsim: runs {', '.join(own)}: a formula is code")

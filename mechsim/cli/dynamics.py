@@ -9,7 +9,6 @@ import numpy as np
 import typer
 
 from mechsim import files
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.dynamics import (
     InverseDynamics,
     Machine,
@@ -125,7 +124,7 @@ def dynamics(
 
 def _programs(machine: Machine) -> Programs | None:
     """Return the programs of a machine's drivers; None where a crank turns."""
-    return machine.drive.programs if isinstance(machine.drive, LoopForm) else None
+    return machine.drive.programs
 
 
 def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool) -> bool:

@@ -15,7 +15,6 @@ from mechsim.cli.options import (
     Output,
     Sets,
     folder_for,
-    forces_of,
     form_of,
     scene_of,
     speed_of,
@@ -109,7 +108,7 @@ def export(
     if form == "toml":
         text = toml_of(moved if isinstance(moved, LoopForm) else moved.mechanism)
     else:
-        whole = scene_of(scene, cut, forces_of(moved))
+        whole = scene_of(scene, cut, moved.forces)
         text, missed = _text(moved.mechanism, whole, asked, timestep, speed, tolerance)
     if place is None:
         typer.echo(text, nl=False)

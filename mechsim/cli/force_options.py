@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from mechsim import files, units
 from mechsim.analytic import dynamics
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.model import motors
@@ -197,7 +196,7 @@ class MachineOptions:
         if motor is not None and self.gear is not None:
             motor = Geared(motor, self.gear)
         elastic = (*self.spring, *self.damper)
-        told = drive.forces if isinstance(drive, LoopForm) else None
+        told = drive.forces
         file = told or Forces(gravity=self.gravity)
         return replace(
             file,

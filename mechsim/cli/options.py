@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import typer
 
 from mechsim import files, units
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.cli import completion
@@ -17,7 +16,6 @@ from mechsim.cli.endings import tell
 from mechsim.cli.slips import asked_parameters
 from mechsim.errors import InputError, OutputError, require_extra
 from mechsim.model.forces import Forces
-from mechsim.model.programs import Programs
 from mechsim.model.scene import GRAVITY, Scene
 from mechsim.subjects.families import family
 from mechsim.subjects.mjcf_source import MjcfForm
@@ -198,7 +196,7 @@ def _told(form: Form) -> Form:
 
 def moving(form: Form) -> Form:
     """Return what moves; refuse several drivers of which nothing says how they go."""
-    if isinstance(form, LoopForm) and form.programs is None and not form.mechanism.has_crank:
+    if form.programs is None and not form.mechanism.has_crank:
         drivers = form.mechanism.drivers
         far = "10mm" if form.mechanism.unit(drivers[0]) == "m" else "30deg"
         raise InputError(
@@ -206,16 +204,6 @@ def moving(form: Form) -> Form:
             f"give each a --drive JOINT=PROGRAM, as in --drive '{drivers[0]}={far}*sin(2*pi*t)'"
         )
     return form
-
-
-def programs_of(form: Form) -> Programs | None:
-    """Return the programs of what moves; None where a crank turns."""
-    return form.programs if isinstance(form, LoopForm) else None
-
-
-def forces_of(form: Form) -> Forces | None:
-    """Return what acts on a mechanism, as its file says; None where that is not said."""
-    return form.forces if isinstance(form, LoopForm) else None
 
 
 def speed_of(text: str) -> float:

@@ -13,7 +13,6 @@ from mechsim.cli.options import (
     Speed,
     form_of,
     moving,
-    programs_of,
     speed_of,
     writable,
 )
@@ -54,7 +53,7 @@ def plot(
     if kind not in PLOTS:
         raise InputError(f"there is no plot {kind!r}; known are {', '.join(PLOTS)}")
     drive = moving(form_of(model, sets, driven))
-    if programs_of(drive) is not None and kind not in TIMED:
+    if drive.programs is not None and kind not in TIMED:
         raise InputError(
             f"plot {kind!r} is of a crank without a program; under programs known are {', '.join(TIMED)}"
         )

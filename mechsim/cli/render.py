@@ -17,7 +17,6 @@ from mechsim.cli.options import (
     Sets,
     form_of,
     moving,
-    programs_of,
     speed_of,
     writable,
 )
@@ -100,7 +99,7 @@ def render(
         _round(place, drive, film, look, picture)
         return
     profile = profile_of(drive, film.speed, film.turns, at)
-    programmed = programs_of(drive) is not None
+    programmed = drive.programs is not None
     samples = film.samples(profile.duration, picture, look.overlay, timed=programmed)
     motion = motion_of(drive, "simulated" if film.road == "both" else film.road, profile, samples)
     beside: dict[str, Any] = {}

@@ -14,7 +14,6 @@ from mechsim.cli.options import SPEED, DriveOptions, Json, Model, Output, Sets, 
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.errors import InputError
 from mechsim.pictures import plots
-from mechsim.studies.motion_source import programs_of
 from mechsim.studies.sensitivity import (
     Loading,
     MovedFamily,
@@ -99,7 +98,7 @@ def sensitivity(
     picture = None if asked.plot is None else writable(asked.plot, ".svg", ".pdf", ".png")
     family = family_of(model, sets, driven)
     form = family.make({})
-    if programs_of(form) is not None and (asked.angles or asked.speed):
+    if form.programs is not None and (asked.angles or asked.speed):
         what = "--angles" if asked.angles else "--speed"
         raise InputError(f"{what} is of a crank without a program; leave it out with --drive")
     angles = (

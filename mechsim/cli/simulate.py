@@ -19,11 +19,9 @@ from mechsim.cli.options import (
     Output,
     Sets,
     ThroughChange,
-    forces_of,
     form_of,
     moving,
     passed,
-    programs_of,
     scene_of,
     speed_of,
     writable,
@@ -143,7 +141,7 @@ def simulate(
             as_json=as_json,
         )
     drive = passed(form_of(model, sets, driven), through)
-    model_of = scene_of(scene, cut, forces_of(drive))
+    model_of = scene_of(scene, cut, drive.forces)
     if options.at is not None:
         run, motion = _posed(drive, options, asked, model_of), None
     else:
@@ -151,7 +149,7 @@ def simulate(
         run = _run(drive, motion, options, asked, model_of)
     if place is not None:
         files.write(place, run.motion if motion else Poses(run.motion))
-    found = found_in(drive, None if motion is None else programs_of(drive) or of_crank(drive, motion))
+    found = found_in(drive, None if motion is None else drive.programs or of_crank(drive, motion))
     if as_json:
         told = {"mechanism": drive.name, "output": output, "rows": len(run.motion)}
         print_json(run.summary() | told | in_json(found))
@@ -163,7 +161,7 @@ def simulate(
 
 def _motion(drive: Form, options: RunOptions) -> CrankProfile:
     """Return how the crank turns, or the clock of the programs."""
-    programs = programs_of(drive)
+    programs = drive.programs
     if programs is not None:
         options.refuse(*OF_A_CRANK, because=PROGRAMMED)
         return programs.clock
@@ -176,7 +174,7 @@ def _run(
     drive: Form, motion: CrankProfile, options: RunOptions, asked: Mapping[str, Any], scene: Scene
 ) -> Run:
     """Run what moves along its motion."""
-    programs, wanted = programs_of(drive), options.bound
+    programs, wanted = drive.programs, options.bound
     settings = _settings(motion, options.timestep, asked)
     if wanted is not None and (options.timestep or "steps_per_turn" in asked):
         raise InputError("--tolerance chooses the step by itself; leave out --timestep and --steps-per-turn")

@@ -23,7 +23,6 @@ from mechsim.cli.options import (
     form_of,
     moving,
     passed,
-    programs_of,
     speed_of,
     writable,
 )
@@ -59,7 +58,7 @@ class SolveOptions:
 
     def check(self, drive: Form) -> None:
         """Refuse what does not go together."""
-        if (self.angles or self.speed) and (programs_of(drive) or self.at):
+        if (self.angles or self.speed) and (drive.programs or self.at):
             what = "--angles" if self.angles else "--speed"
             raise InputError(f"{what} is of a crank without a program; leave it out with --drive and --at")
         if not 2 <= self.samples <= MOST_SAMPLES:
@@ -84,7 +83,7 @@ def solve(
         _told(drive, poses_at(drive, files.read(asked.at), asked.at), place, as_json)
         return
     moving(drive)
-    programs = programs_of(drive)
+    programs = drive.programs
     if programs is not None:
         times = np.linspace(0.0, programs.duration, asked.samples)
         motion = drive.solve(programs.pace * times, programs.pace)

@@ -5,14 +5,12 @@ from typing import Any
 import numpy as np
 
 from mechsim.analytic import dynamics
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile, within_range
 from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion
-from mechsim.model.programs import Programs
 from mechsim.simulation import Run, simulate
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
@@ -26,7 +24,7 @@ def profile_of(drive: Form, speed: float, turns: float, through: float | None = 
 
     The swing passes a crank angle, or where assembly begins. Drivers under programs go by their clock.
     """
-    programs = programs_of(drive)
+    programs = drive.programs
     if programs is not None:
         return programs.clock
     if not (turns != 0.0 and abs(turns) < 1e4):
@@ -36,14 +34,9 @@ def profile_of(drive: Form, speed: float, turns: float, through: float | None = 
     )
 
 
-def programs_of(drive: Form) -> Programs | None:
-    """Return how the drivers go, where they are not one crank."""
-    return drive.programs if isinstance(drive, LoopForm) else None
-
-
 def simulated(drive: Form, profile: CrankProfile, **asked: Any) -> Run:
     """Return a run in MuJoCo under the programs of the drivers, or else under the motion of the crank."""
-    programs = programs_of(drive)
+    programs = drive.programs
     if programs is not None:
         return simulate(drive, programs=programs, **asked)
     return simulate(drive, profile=profile, **asked)

@@ -6,7 +6,6 @@ from typing import Protocol
 
 import numpy as np
 
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.dynamics import Machine, machine, prescribed
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError
@@ -15,7 +14,7 @@ from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.efforts import Efforts
 from mechsim.model.motion import Motion, PointMotion, taken
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.studies.motion_source import programs_of, simulated
+from mechsim.studies.motion_source import simulated
 from mechsim.verdict.checks import Check, Verdict, allowances, check_of, checks_of, concluded, over_roads
 from mechsim.verdict.quantities import MOTION, QUANTITIES, motion_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import Asked, Tolerance
@@ -57,7 +56,7 @@ def by_reference(form: Form, known: Known, closed: Form | None = None) -> Verdic
 
 
 def _solved(form: Form, known: Known) -> Motion:
-    programs = programs_of(form)
+    programs = form.programs
     if programs is None:
         assert known.speed is not None
         return form.solve(known.first, known.speed)
@@ -65,7 +64,7 @@ def _solved(form: Form, known: Known) -> Motion:
 
 
 def _machine(form: Form) -> Machine:
-    return machine(form, form.forces if isinstance(form, LoopForm) else None)
+    return machine(form, form.forces)
 
 
 def _by_equations(form: Form, known: Known) -> Verdict:
@@ -79,7 +78,7 @@ def _by_equations(form: Form, known: Known) -> Verdict:
 
 def _by_poses(form: Form, known: Known) -> Verdict:
     try:
-        acting, programs, profile = _machine(form), programs_of(form), _profile(form, known)
+        acting, programs, profile = _machine(form), form.programs, _profile(form, known)
         samples = len(known.first) - (programs is None)
         motion = simulated(form, profile, method="pose", samples=samples).motion
         run = driven(
@@ -100,7 +99,7 @@ def _by_poses(form: Form, known: Known) -> Verdict:
 
 def _profile(form: Form, known: Known) -> CrankProfile:
     """Return the crank's steady motion over what is known, or the clock of the programs."""
-    programs = programs_of(form)
+    programs = form.programs
     if programs is not None:
         return programs.clock
     assert known.speed is not None

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError
@@ -20,7 +19,7 @@ from mechsim.model.outcome import gravest
 from mechsim.simulation import Run, Settings
 from mechsim.studies.agreement.agreement import Agreement, held
 from mechsim.studies.closed_form_checks import KEPT_OFF, against_loops
-from mechsim.studies.motion_source import profile_of, programs_of, simulated
+from mechsim.studies.motion_source import profile_of, simulated
 from mechsim.subjects.families import family as dimension_family
 from mechsim.verdict.checks import Verdict, over_roads
 from mechsim.verdict.judge import crosscheck
@@ -109,18 +108,18 @@ def _validated(drive: Form, family: DesignFamily, speed: float, quick: bool) -> 
     begin = clock.perf_counter()
     profile = profile_of(drive, speed, drive.period / TURN)
     # by the clock of programs there is no other speed than their own
-    speed = speed if programs_of(drive) is None else profile.fastest
+    speed = speed if drive.programs is None else profile.fastest
     angles = profile.state(np.linspace(0.0, profile.duration, 73))[0]
     exact = drive.solve(angles, speed)
     verdicts: dict[str, Verdict] = {}
     if isinstance(drive, ClosedForm):
         verdicts["closed form"] = against_loops(drive, exact)
     formula = None
-    if isinstance(drive, LoopForm) and drive.formula:
+    if drive.formula:
         formula = held(family, speed=speed, attribute=not quick)
         verdicts["formula"] = Verdict(formula.outcome, formula.checks, formula.reason)
     # only a crank at constant speed has a drive whose error means something
-    wanted = speed if profile.steady and programs_of(drive) is None else None
+    wanted = speed if profile.steady and drive.programs is None else None
     poses = run = simulated(drive, profile, method="pose")
     verdicts["pose"] = crosscheck(poses.motion, drive, speed=wanted)
     if not quick:
@@ -139,7 +138,7 @@ def _validated(drive: Form, family: DesignFamily, speed: float, quick: bool) -> 
 
 def _stepped(drive: Form, profile: CrankProfile, speed: float, place: float) -> tuple[Run, Verdict]:
     """Return a run in time and its verdict, with places bound in [m]."""
-    programmed = programs_of(drive) is not None
+    programmed = drive.programs is not None
     decided = profile if programmed else _decided(drive, profile, speed)
     run = simulated(drive, decided, settings=Settings(steps_per_turn=STEPS))
     if run.outcome != "diverged" and run.estimate > place:

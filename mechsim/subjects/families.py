@@ -57,7 +57,7 @@ def family(
 
     def forces(values: Mapping[str, float]) -> Forces | None:
         made = make(values)
-        return made.forces if isinstance(made, LoopForm) else None
+        return made.forces
 
     acted = forces if getattr(form, "forces", None) is not None else None
     read = {} if path is None else reckoned_from(read_source(path).document)

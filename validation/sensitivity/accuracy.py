@@ -22,7 +22,6 @@ from mechsim.analytic.derivatives.catalog_family import catalog_family
 from mechsim.analytic.derivatives.dimensions import EIGHTH
 from mechsim.analytic.derivatives.motion_beside import motion_beside
 from mechsim.errors import MechsimError
-from mechsim.studies.motion_source import programs_of
 from mechsim.subjects import gallery
 from mechsim.subjects.families import family
 
@@ -103,11 +102,11 @@ def beside(name):
     """Return the largest relative errors of positions and velocities against mechanisms solved beside."""
     of = family(name)
     form = of.make({})
-    if not form.mechanism.has_crank and programs_of(form) is None:
+    if not form.mechanism.has_crank and form.programs is None:
         units = {one: "5mm" if form.mechanism.unit(one) == "m" else "5deg" for one in form.mechanism.drivers}
         of = family(name, drive={one: f"{far}*sin(2*pi*t)" for one, far in units.items()})
         form = of.make({})
-    programs = programs_of(form)
+    programs = form.programs
     angles = form.mechanism.start + 0.4 * AT / AT[-1] if programs is None else programs.pace * AT / 40.0
     rate = 1.0 if programs is None else programs.pace
     found = motion_derivatives(form, changes(of, [*of.dimensions]), angles, rate)

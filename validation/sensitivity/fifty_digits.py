@@ -30,7 +30,6 @@ from exact.solving import followed, in_doubles, instant  # noqa: E402
 
 import mechsim as ms  # noqa: E402
 from mechsim.analytic import catalog  # noqa: E402
-from mechsim.studies.motion_source import programs_of  # noqa: E402
 
 DIGITS, STEP = 95, "1e-26"
 ROWS = (7, 33, 58)
@@ -116,7 +115,7 @@ class ByMechsim:
     def __init__(self, one, model):
         speed = float(make.motions()["speeds"].get(one.name, make.motions()["speed"]))
         subject = ms.moved(model, angles=one.clock, speed=speed)
-        programs = programs_of(subject.form)
+        programs = subject.form.programs
         if programs is not None:
             subject = ms.moved(model, angles=programs.pace * one.clock)
         points = [
@@ -134,10 +133,10 @@ class ByMechsim:
     def _efforts(self, subject):
         """Columns of drive efforts, and what the other road calls them."""
         form = subject.form
-        if programs_of(form) is None:
+        if form.programs is None:
             return {"torque": f"torque:{form.mechanism.driver}"}
         slides = form.mechanism.straight
-        drivers = programs_of(form).drivers
+        drivers = form.programs.drivers
         return {f"drive {name}": f"{'force' if name in slides else 'torque'}:{name}" for name in drivers}
 
     def _named(self, one, parameter):

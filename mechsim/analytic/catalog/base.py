@@ -60,6 +60,10 @@ class ClosedForm(ABC):
     long_runs: ClassVar[bool] = False
     # parameters that may be arrays, one number a design, for `many_designs`
     broadcast: ClassVar[frozenset[str]] = frozenset()
+    # what a `LoopForm` may have: drivers under programs, the forces and the formula of its file
+    programs: ClassVar[None] = None
+    forces: ClassVar[None] = None
+    formula: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         for parameter in fields(self):

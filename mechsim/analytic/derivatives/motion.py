@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.closure.assembly import crank_angles
 from mechsim.analytic.closure.cut_rows import cuts_of
 from mechsim.analytic.closure.followed_path import FollowedPath
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.closure.motion import crank_rate
 from mechsim.analytic.closure.programmed_motion import clock_instants, followed_under, held_too
 from mechsim.analytic.closure.spanning_tree import SpanningTree
@@ -175,7 +174,7 @@ def followed_form(
     form: Form, angle: Array, speed: Array, acceleration: Array
 ) -> tuple[FollowedPath, Instants]:
     """Return the path of what moves, and instants along it."""
-    programs = form.programs if isinstance(form, LoopForm) else None
+    programs = form.programs
     through: Through = getattr(form, "through", "smooth")
     if programs is not None:
         path = followed_under(form.mechanism, programs, through)
@@ -227,7 +226,7 @@ def record_of(
     found = recorded(path, moved, instants.at, instants.speed, instants.acceleration, of)
     if mechanism is not None:
         found = replace(found, conditioning=None)
-    programs = form.programs if isinstance(form, LoopForm) else None
+    programs = form.programs
     if programs is None:
         return found
     return replace(found, time=instants.at / programs.pace, drivers=programs.drivers)

@@ -30,7 +30,7 @@ def mechanism_view(form: Form, speed: float, limits: Mapping[str, tuple[float, f
     """
     searched, limits = limits is None, limits or {}
     road = "closed form" if isinstance(form, ClosedForm) else "loop equations"
-    if form.mechanism.has_crank and not (isinstance(form, LoopForm) and form.programs is not None):
+    if form.mechanism.has_crank and form.programs is None:
         grids = crank_grids(form, speed, limits.get(form.mechanism.crank.name))
         others, said = curve_grids(form) if searched else ([], NOT_SOUGHT)
         facts = [f"Solved by its {road}; speeds are at a crank speed of {speed * 60.0 / TURN:g} rpm.", said]

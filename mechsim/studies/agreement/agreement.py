@@ -25,7 +25,6 @@ from mechsim.studies.agreement.diagnosis import diagnosis
 from mechsim.studies.agreement.miss import Miss
 from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.studies.agreement.table_claims import claims_of_table, read_table, tabled_comparand
-from mechsim.studies.motion_source import programs_of
 from mechsim.subjects.families import family as dimension_family
 from mechsim.subjects.python_object import object_of
 from mechsim.verdict.checks import Check, Verdict, concluded
@@ -213,7 +212,7 @@ def _claims(
 ) -> tuple[str, Comparand, list[Claim], AskedAgain | None]:
     """Return what is held against a form: its name, the instants, what it says, what asks it again."""
     if against is None:
-        against = form.formula if isinstance(form, LoopForm) else ""
+        against = form.formula
         if not against:
             raise InputError(
                 f"nothing is held against {form.name}; give a function, FILE.py:FUNC or FILE.csv"
@@ -229,7 +228,7 @@ def _claims(
         source, function = getattr(against, "__name__", "the function"), against
     if not callable(function):
         raise InputError(f"{source} is of type {type(function).__name__}; name a function")
-    if programs_of(form) is None and not form.mechanism.has_crank:
+    if form.programs is None and not form.mechanism.has_crank:
         raise InputError(
             f"{form.name}: no program says how {', '.join(form.mechanism.drivers)} move; give each one, as "
             f"drive={{'{form.mechanism.drivers[0]}': '0.3*sin(2*pi*t)'}}"

@@ -17,10 +17,9 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError, InputError, MechsimError
 from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Efforts
-from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion
 from mechsim.studies.agreement.named_quantities import NamedQuantity
-from mechsim.studies.motion_source import profile_of, programs_of
+from mechsim.studies.motion_source import profile_of
 
 INSTANTS = 73
 TURN = 2.0 * np.pi
@@ -96,13 +95,13 @@ class Comparand:
     @cached_property
     def efforts(self) -> Efforts:
         """What drives and joints carry."""
-        machine = self.machine or dynamics.machine(self.form, acting(self.form))
+        machine = self.machine or dynamics.machine(self.form, self.form.forces)
         found = dynamics.prescribed(machine, self.angle, self.speed, self.acceleration, time=self.time)
         return found.efforts
 
     def drivers(self) -> dict[str, tuple[Array, Array, Array]]:
         """Return driver -> value, rate and acceleration, (n,) each in SI."""
-        programs = programs_of(self.form)
+        programs = self.form.programs
         if self.solved is not None and programs is not None:
             # where drivers really were, as in a run
             joints = {name: self.solved.joints[name] for name in programs.drivers}
@@ -228,11 +227,6 @@ def _derivatives(comparand: Comparand, family: DesignFamily) -> dict[str, Motion
     return dict(found.by)
 
 
-def acting(form: Form) -> Forces | None:
-    """Return what acts on it, as its file says."""
-    return form.forces if isinstance(form, LoopForm) else None
-
-
 def comparand_of(form: Form, speed: float, samples: int = INSTANTS) -> Comparand:
     """Return a form over its range: a turn, a swing, or its programs from begin to end, evenly in time.
 
@@ -249,6 +243,6 @@ def comparand_of(form: Form, speed: float, samples: int = INSTANTS) -> Comparand
 def asked_of(comparand: Comparand) -> Array | Mapping[str, Array]:
     """Return what a formula is asked at: the crank's angles, or the coordinates of the drivers by name."""
     drivers = {name: state[0] for name, state in comparand.drivers().items()}
-    if programs_of(comparand.form) is None or len(drivers) == 1:
+    if comparand.form.programs is None or len(drivers) == 1:
         return next(iter(drivers.values()))
     return drivers

@@ -19,7 +19,7 @@ from mechsim.model.programs import Programs, State
 from mechsim.simulation import Settings
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.named_quantities import NamedQuantity
-from mechsim.studies.motion_source import profile_of, programs_of, simulated
+from mechsim.studies.motion_source import profile_of, simulated
 from mechsim.studies.scenes.scene_limit import interpolated
 from mechsim.studies.scenes.scene_run import SceneRun, stepped
 from mechsim.studies.scenes.user_scene import UserScene, scene_of
@@ -96,7 +96,7 @@ def _own_runs(comparand: Comparand, named: list[NamedQuantity]) -> TwoRuns:
 def _profile(comparand: Comparand) -> CrankProfile:
     """Return the motion of the crank that a comparand was made of."""
     form, speed = comparand.form, float(comparand.speed[0])
-    if programs_of(form) is not None:
+    if form.programs is not None:
         return profile_of(form, 1.0, 1.0)
     assert comparand.time is not None
     fastest = float(np.abs(comparand.speed).max()) * float(np.sign(speed or 1.0))

@@ -16,9 +16,8 @@ from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.programs import Programs, State, programs, tabled
 from mechsim.studies.agreement.claim import Claim
-from mechsim.studies.agreement.comparand import Comparand, acting
+from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.named_quantities import AXES, NamedQuantity, Names, nearest
-from mechsim.studies.motion_source import programs_of
 
 CLOCKS = ("t", "time")
 _UNIT = re.compile(r"(.*?)\s*\[([^\]]*)\]\s*")
@@ -123,7 +122,7 @@ def tabled_comparand(
     Raises:
         InputError: for a table that tells neither of all drivers nor of the time.
     """
-    mechanism, known = form.mechanism, programs_of(form)
+    mechanism, known = form.mechanism, form.programs
     clock = next((name for name in CLOCKS if name in table), None)
     if mechanism.has_crank and known is None:
         return _of_crank(form, table, speed, source, clock)
@@ -140,7 +139,7 @@ def tabled_comparand(
     rows = len(next(iter(table.values())).values)
     time = table[clock].values if clock else np.linspace(0.0, 1.0, rows)
     through = _through(mechanism, names, table, time)
-    own = LoopForm(mechanism, forces=acting(form), programs=through)
+    own = LoopForm(mechanism, forces=form.forces, programs=through)
     one = np.full_like(time, through.pace)
     used = [*names.values(), *(name for driver in names for name in _rates(driver) if name in table)]
     there = through.pace * (time - time[0])

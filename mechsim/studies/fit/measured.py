@@ -8,7 +8,6 @@ import numpy as np
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
-from mechsim.studies.motion_source import programs_of
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 
 # what marks the column that says how well another is known, before or after its name
@@ -43,7 +42,7 @@ def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table"
     Raises:
         InputError: without angle or t, for numbers that are not finite, or a ± column that is of nothing.
     """
-    programs = programs_of(form)
+    programs = form.programs
     over = "angle" if programs is None else "t"
     if over not in table:
         unit = "crank angles in rad" if over == "angle" else "times in s"

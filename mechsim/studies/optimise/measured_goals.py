@@ -10,7 +10,6 @@ from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.motion import JointMotion, Motion, PointMotion
-from mechsim.studies.motion_source import programs_of
 from mechsim.studies.optimise.goals import Goal, Limit, Quantities
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 from mechsim.studies.sweep.measures import FACTS, TurnMeasure, measure
@@ -114,7 +113,7 @@ def _measured(text: str, moved: MovedFamily) -> _Measured:
             f"{text} has no derivative by dimensions; write a function of columns as Goal or Limit, "
             "as examples/design/torque_ripple.py does"
         )
-    whole = programs_of(form) is None and abs(angles[-1] - angles[0] - TURN) < SAME
+    whole = form.programs is None and abs(angles[-1] - angles[0] - TURN) < SAME
     place = None
     if found.angle is not None:
         near = np.abs(angles - found.angle)

@@ -22,7 +22,6 @@ from mechsim.model.forces import Forces
 from mechsim.model.joints import KINDS
 from mechsim.model.motion import Motion
 from mechsim.model.rod_inertia import STEEL, with_inertia
-from mechsim.studies.motion_source import programs_of
 from mechsim.studies.sensitivity.quantities import columns_of, is_effort
 from mechsim.studies.sensitivity.tolerances import CLEARANCE
 
@@ -56,7 +55,7 @@ class Loading:
         """Return what acts on a mechanism."""
         if self.forces is not None:
             return self.forces(form)
-        own = form.forces if isinstance(form, LoopForm) else None
+        own = form.forces
         return own or Forces()
 
     def machine(self, form: Form) -> Machine:
@@ -101,19 +100,19 @@ class MovedFamily:
     @cached_property
     def over(self) -> tuple[str, Array]:
         """What tells the instants apart: crank angle in [rad], or t in [s] under programs."""
-        programs = programs_of(self.form)
+        programs = self.form.programs
         return ("angle", self.angles) if programs is None else ("t", self.angles / programs.pace)
 
     @property
     def rate(self) -> float:
         """Speed of the crank or of the clock, in [rad/s]."""
-        programs = programs_of(self.form)
+        programs = self.form.programs
         return self.speed if programs is None else programs.pace
 
     @property
     def offset(self) -> str:
         """The name of the crank's unknown zero, a dimension in [rad]; empty under programs."""
-        alone = programs_of(self.form) is None and self.form.mechanism.has_crank
+        alone = self.form.programs is None and self.form.mechanism.has_crank
         return self.form.mechanism.crank.name + OFFSET if alone else ""
 
     def quantities(self, asked: Sequence[str]) -> list[str]:
@@ -310,7 +309,7 @@ def instants_of(form: Form) -> Array:
     A crank that only swings keeps away from its dead centres, and any from where two assemblies meet:
     derivatives have no bound there.
     """
-    programs = programs_of(form)
+    programs = form.programs
     if programs is not None:
         low, high, turn = 0.0, programs.pace * programs.duration, np.inf
     elif (arcs := form.crank_range()).full:

@@ -13,7 +13,6 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import MechsimError
 from mechsim.simulation.run import simulate
-from mechsim.studies.motion_source import programs_of
 from mechsim.studies.sweep.designs import SEED
 from mechsim.studies.sweep.roads import alone, facts_alone
 from mechsim.studies.sweep.table import column_name
@@ -78,7 +77,7 @@ def _other_road(task: SweepTask) -> str:
 
 def _judged(task: SweepTask, form: Form) -> tuple[float, str]:
     """Return the largest place error between both roads, in [m], and why they do not agree; else nothing."""
-    programs = programs_of(form)
+    programs = form.programs
     asked: dict[str, Any] = {"speed": task.pace} if programs is None else {"programs": programs}
     if task.settings is None:
         run = simulate(form, samples=task.samples, method="pose", **asked)

@@ -16,7 +16,6 @@ from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion, taken
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
-from mechsim.studies.motion_source import programs_of
 from mechsim.studies.sweep.beginning import begun_designs
 from mechsim.studies.sweep.measures import FACTS, table_of
 from mechsim.studies.sweep.stepped_road import stepped_alone, stepped_together
@@ -229,7 +228,7 @@ def alone(task: SweepTask, form: Form, facts: Mapping[str, float]) -> tuple[dict
         if not form.crank_range().arcs:
             raise AssemblyError(f"{form.name}: the loops close at no crank angle")
         return {one.name: facts[one.kind] for one in task.measures}, "met", ""
-    if programs_of(form) is None and isinstance(form, ClosedForm):
+    if form.programs is None and isinstance(form, ClosedForm):
         arcs = form.crank_range()
         if not arcs.full:
             where = f"it can stand {arcs}" if arcs.arcs else "it can close nowhere in the turn"
@@ -273,7 +272,7 @@ def require_measurable(task: SweepTask) -> None:
             )
         if one.of is not None and one.of.kind == "transmission":
             closed_form(form, "a transmission angle")
-    if programs_of(form) is None and not form.mechanism.has_crank:
+    if form.programs is None and not form.mechanism.has_crank:
         raise InputError(
             f"{form.name} has no lone crank to turn; give its drivers programs with --drive JOINT=PROGRAM"
         )

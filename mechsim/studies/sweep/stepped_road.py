@@ -17,7 +17,6 @@ from mechsim.simulation.many.design_torque import design_torque
 from mechsim.simulation.many.stepped_designs import SteppedDesigns, judged, parted, stepped_designs
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.run import simulate
-from mechsim.studies.motion_source import programs_of
 from mechsim.studies.sweep.beginning import begun_designs
 from mechsim.studies.sweep.measures import table_of
 from mechsim.studies.sweep.task import Measured, SweepTask
@@ -92,7 +91,7 @@ def stepped_alone(task: SweepTask, form: Form) -> tuple[dict[str, float], str, s
     Raises:
         AssemblyError: where it cannot be put together all along the motion.
     """
-    programs = programs_of(form)
+    programs = form.programs
     asked: dict[str, Any] = {"method": "step", "settings": task.settings, "samples": task.intervals}
     asked |= {"speed": task.pace} if programs is None else {"programs": programs}
     run = simulate(form, **asked)

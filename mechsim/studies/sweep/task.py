@@ -17,7 +17,6 @@ from mechsim.model.forces import Forces
 from mechsim.simulation.many.design_models import LikeModel, like_model
 from mechsim.simulation.recorded_motion import CHUNK
 from mechsim.simulation.settings import Settings
-from mechsim.studies.motion_source import programs_of
 from mechsim.studies.sweep.designs import Designs
 from mechsim.studies.sweep.measures import FACTS, TurnMeasure
 from mechsim.studies.sweep.subject import SweptSubject
@@ -58,7 +57,7 @@ class SweepTask:
     @property
     def pace(self) -> float:
         """Speed of the crank or of the programs' clock in [rad/s]."""
-        programs = programs_of(self.subject.form)
+        programs = self.subject.form.programs
         return self.speed if programs is None else programs.pace
 
     @cached_property
@@ -72,7 +71,7 @@ class SweepTask:
         """Angles of the crank or of the programs' clock, (poses,) in [rad]; empty where none is wanted."""
         if not any(one.turns for one in self.measures):
             return np.zeros(0)
-        programs = programs_of(self.subject.form)
+        programs = self.subject.form.programs
         if programs is None:
             turn = TURN * np.arange(self.samples) / self.samples
         else:
@@ -103,7 +102,7 @@ class SweepTask:
         if alone or getattr(form, "through", "smooth") != "smooth":
             return None
         with suppress(MechsimError):
-            return can_be_followed_together(form.mechanism, self.joints, programs_of(form))
+            return can_be_followed_together(form.mechanism, self.joints, form.programs)
         return None
 
     @cached_property
@@ -111,7 +110,7 @@ class SweepTask:
         """The model by which designs are stepped together; None where each must be by itself."""
         form = self.subject.form
         alone = self.settings is None or self.wants("function") or self.samples > CHUNK
-        if alone or programs_of(form) is not None or (self.loaded and not self._weighed):
+        if alone or form.programs is not None or (self.loaded and not self._weighed):
             return None
         with suppress(MechsimError):
             return like_model(form.mechanism, self.forces.gravity if self.loaded else None)
@@ -120,7 +119,7 @@ class SweepTask:
     @property
     def forces(self) -> Forces:
         """What acts on the subject as it stands."""
-        return getattr(self.subject.form, "forces", None) or Forces()
+        return self.subject.form.forces or Forces()
 
     @property
     def _weighed(self) -> bool:
@@ -138,7 +137,7 @@ class SweepTask:
     @property
     def intervals(self) -> int:
         """Between the poses of a stepped motion, whose last one is that in which it ends."""
-        return self.samples if programs_of(self.subject.form) is None else self.samples - 1
+        return self.samples if self.subject.form.programs is None else self.samples - 1
 
     @property
     def stride(self) -> int:
@@ -153,7 +152,7 @@ class SweepTask:
         Raises:
             InputError: for an angle at which something is measured and no instant is recorded.
         """
-        programs, form = programs_of(self.subject.form), self.subject.form
+        programs, form = self.subject.form.programs, self.subject.form
         whole = TURN if programs is None else programs.pace * programs.duration
         begin = form.mechanism.start if programs is None else 0.0
         found = np.arange(self.samples)

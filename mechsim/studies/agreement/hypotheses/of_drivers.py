@@ -14,7 +14,6 @@ from mechsim.model.programs import Programs, State
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.hypotheses.hypothesis import DISCRETE, NAMED, Hypothesis
 from mechsim.studies.agreement.miss import Miss, Rows, Values
-from mechsim.studies.motion_source import programs_of
 
 DEG = 180.0 / np.pi
 # most samples of a delay
@@ -25,7 +24,7 @@ FAR = 2.5
 
 def _driven(comparand: Comparand, changes: Mapping[str, Callable[[State], State]]) -> Comparand:
     """Return a comparand whose drivers go otherwise: name -> what makes a program of a program."""
-    form, programs = comparand.form, programs_of(comparand.form)
+    form, programs = comparand.form, comparand.form.programs
     if programs is None:
         crank = form.mechanism.crank.name
         steady = comparand.angle, comparand.speed, comparand.acceleration
@@ -152,7 +151,7 @@ def driver_offsets(miss: Miss) -> Iterator[Hypothesis]:
 def _rolled(miss: Miss) -> tuple[tuple[float], ...]:
     """Return the offset, in samples of a full turn, at which exact values look most like the claims."""
     comparand = miss.comparand
-    if programs_of(comparand.form) is not None or not comparand.form.crank_range().full:
+    if comparand.form.programs is not None or not comparand.form.crank_range().full:
         return ()
     angle, n = comparand.angle, len(comparand) - 1
     if n < 8 or np.ptp(np.diff(angle)) > 1e-9 or abs(abs(angle[-1] - angle[0]) - TURN) > 1e-9:
@@ -175,7 +174,7 @@ def _turned_on(values: Array, k: int) -> Array:
 def delays(miss: Miss) -> Iterator[Hypothesis]:
     """All that is claimed late, by samples or by a time; one program of several late."""
     yield from _by_samples(miss)
-    comparand, programs = miss.comparand, programs_of(miss.comparand.form)
+    comparand, programs = miss.comparand, miss.comparand.form.programs
     if comparand.time is None or (miss.function and programs is None):
         return
     step = float(np.median(np.diff(comparand.time)))
@@ -258,7 +257,7 @@ def _out_of_phase(miss: Miss, driver: str, duration: float) -> Hypothesis:
 
 def drivers_swapped(miss: Miss) -> Iterator[Hypothesis]:
     """Two drivers taken for each other."""
-    programs = programs_of(miss.comparand.form)
+    programs = miss.comparand.form.programs
     if programs is None:
         return
     for one, other in combinations(programs.drivers, 2):

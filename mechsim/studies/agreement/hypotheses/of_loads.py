@@ -8,7 +8,6 @@ import numpy as np
 from mechsim.analytic import dynamics
 from mechsim.maths.arrays import Array
 from mechsim.model.inertia import Inertia
-from mechsim.studies.agreement.comparand import acting
 from mechsim.studies.agreement.hypotheses.hypothesis import DISCRETE, NAMED, Hypothesis
 from mechsim.studies.agreement.miss import Miss, Values
 
@@ -17,7 +16,7 @@ EARTH = 9.81
 
 
 def _machine(miss: Miss) -> dynamics.Machine:
-    return miss.comparand.machine or dynamics.machine(miss.comparand.form, acting(miss.comparand.form))
+    return miss.comparand.machine or dynamics.machine(miss.comparand.form, miss.comparand.form.forces)
 
 
 def _of_efforts(miss: Miss) -> bool:
