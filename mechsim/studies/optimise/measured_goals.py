@@ -99,7 +99,9 @@ class _Measured:
         if of is not None and of.kind == "joint":
             (values,) = found.values()
             unit = "m" if of.unit.startswith("m") else "rad"
-            return Turns(1, count, replace(motion, joints={of.subject: JointMotion(*[values] * 3, unit)}))
+            return Turns(
+                1, count, replace(motion, joints={of.subject: JointMotion(values, values, values, unit)})
+            )
         name, order, _ = _point(self.measure)
         vectors = np.column_stack([found.get(f"{name}.{order}{axis}", still) for axis in AXES])
         return Turns(1, count, replace(motion, points={name: PointMotion(vectors, vectors, vectors)}))
