@@ -28,6 +28,8 @@ ORIGIN: Vector = (0.0, 0.0, 0.0)
 EX: Vector = (1.0, 0.0, 0.0)
 EY: Vector = (0.0, 1.0, 0.0)
 EZ: Vector = (0.0, 0.0, 1.0)
+# what is farther away has no square that is a finite number, in [m]
+FARTHEST = 1e100
 # lengths and cosines of unit vectors across each other are off by less
 ROUNDED = 1e-14
 
@@ -170,6 +172,11 @@ class Joint:
             raise InputError(
                 f"cross angle of joint {self.name!r} is {self.cross_angle} rad; give one between 0 and pi"
             )
+        if not KINDS[self.kind].crossed and self.cross_angle != np.pi / 2:
+            raise InputError(
+                f"cross angle of {self.kind} joint {self.name!r} is {self.cross_angle} rad; only the axes of "
+                "a universal joint cross: take it out"
+            )
         if not abs(number(self.lead)) < np.inf or KINDS[self.kind].led != (self.lead != 0.0):
             raise InputError(
                 f"lead of {self.kind} joint {self.name!r} is {self.lead} m; "
@@ -221,13 +228,16 @@ class Mechanism:
         names = [link.name for link in self.links]
         _unique(self.name, "link", [GROUND, *names])
         _unique(self.name, "joint", [joint.name for joint in self.joints])
+        _unique(self.name, "point", [*self.points])
         for joint in self.joints:
             for end in (joint.a, joint.b):
                 _known(f"joint {joint.name!r}", "link", end.link, [GROUND, *names])
         for point, (link, place) in self.points.items():
             _known(f"point {point!r}", "link", link, [GROUND, *names])
-            if numbers(place).shape != (3,) or not np.isfinite(numbers(place)).all():
-                raise InputError(f"point {point!r} is at {place}; give three finite numbers in [m]")
+            if numbers(place).shape != (3,) or not (np.abs(numbers(place)) < FARTHEST).all():
+                raise InputError(
+                    f"point {point!r} is at {place}; give three numbers in [m] below {FARTHEST:g}"
+                )
         for link, pose in self.guess.items():
             _known("guess", "link", link, names)
             _require_pose(link, pose)
@@ -400,8 +410,10 @@ def _unit_and_across(axis: Array, mark: Array) -> bool:
 
 def _finite(end: End, what: str, value: Vector) -> Array:
     vector = numbers(value)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise InputError(f"{what} {value} of a joint on link {end.link!r} is not three finite numbers")
+    if vector.shape != (3,) or not (np.abs(vector) < FARTHEST).all():
+        raise InputError(
+            f"{what} {value} of a joint on link {end.link!r} is not three finite numbers below {FARTHEST:g}"
+        )
     return vector
 
 
@@ -425,6 +437,10 @@ def _extent(points: list[Vector]) -> float:
 
 def _unique(mechanism: str, what: str, names: list[str]) -> None:
     for name in names:
+        if not name.strip() or any(character < " " for character in name):
+            raise InputError(
+                f"mechanism {mechanism!r} has a {what} called {name!r}; give it a name of letters in one line"
+            )
         if names.count(name) > 1:
             raise InputError(f"mechanism {mechanism!r} has more than one {what} called {name!r}; rename one")
 

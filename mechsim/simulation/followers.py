@@ -19,7 +19,7 @@ def chained(couplings: Sequence[Coupled], driven: Sequence[int]) -> list[Coupled
         found = next((one for one in waiting if _follows(one, known)), None)
         if found is None:
             return chain
-        waiting.remove(found)
+        waiting = [one for one in waiting if one is not found]  # arrays have no plain equality
         chain.append(found)
         known.add(int(found.left.dofs[0]))
 

@@ -5,11 +5,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from mechsim.errors import InputError
-from mechsim.subjects.checked_values import is_quantity
+from mechsim.subjects.checked_values import is_quantity, shown
 from mechsim.subjects.expressions import parsed
 from mechsim.subjects.key_kinds import Choice, Key, Keys, Named, Number, Several
 from mechsim.subjects.toml_keys import ROOT
-from mechsim.units import Unit
+from mechsim.subjects.toml_source import TomlSource
+from mechsim.units import Unit, of_any_kind
 
 # numbers of other kinds than these are in SI in a file, too
 _OWN: tuple[Unit, ...] = ("m", "rad")
@@ -52,6 +53,30 @@ def reckoned_from(document: Mapping[str, Any]) -> dict[str, frozenset[str]]:
         # a parameter is reckoned from those before it
         found[name] = frozenset().union(*({one} | found[one] for one in read if one in found))
     return found
+
+
+def require_kinds(source: TomlSource, given: Mapping[str, Any]) -> None:
+    """Refuse a parameter with a unit that is no length, or no angle, where one stands alone in the file.
+
+    Args:
+        source: of the file.
+        given: parameter -> what it is, in the file or by `--set`.
+
+    Raises:
+        InputError: names the parameter, its value and what the file makes of it.
+    """
+    rest = {key: one for key, one in source.document.items() if key != "parameters"}
+    alone = {tree.id: unit for tree, unit in _uses(ROOT, rest) if isinstance(tree, ast.Name) and unit in _OWN}
+    for name in alone.keys() & given.keys():
+        if not is_quantity(given[name]):
+            continue
+        path = ("parameters", name)
+        with source.about(path):
+            unit = of_any_kind(given[name], f"parameter {name}")[1]
+        if unit != alone[name]:
+            what, example = ("a length", "13 mm") if alone[name] == "m" else ("an angle", "30 deg")
+            why = f"is {shown(given[name])}, but the file uses it as {what}; give one such as {example!r}"
+            raise source.refusal(path, why)
 
 
 def _uses(key: Key, value: Any) -> Iterator[tuple[ast.expr, Unit]]:

@@ -1,10 +1,13 @@
 """What a command is given, made into what moves: a name, FILE.toml, FILE.xml or FILE.py:OBJECT."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from difflib import get_close_matches
 
 from mechsim import units
 from mechsim.analytic import catalog
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.closure.start_values import with_closed_guess
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.model.programs import State
@@ -66,11 +69,16 @@ def load(
     )
     read = _read(model, changed, asked)
     if isinstance(read, TomlSubject):
-        return prescribed(read.form, asked, read.programs, read.duration)
+        return prescribed(_begun(read.form), asked, read.programs, read.duration)
     if isinstance(read, MjcfForm):
         # the reader has done the rest
         return prescribed(read, Prescription(drive=asked.drive, duration=asked.duration))
-    return prescribed(read, asked)
+    return prescribed(_begun(read) if isinstance(read, LoopForm) else read, asked)
+
+
+def _begun(form: LoopForm) -> LoopForm:
+    """Return a form that begins where it is put together, on MuJoCo's road too."""
+    return replace(form, mechanism=with_closed_guess(form.mechanism))
 
 
 def _read(model: str, changed: Mapping[str, str], asked: Prescription) -> Form | TomlSubject:

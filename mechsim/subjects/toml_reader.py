@@ -14,7 +14,7 @@ from mechsim.model.inertia import Inertia
 from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
 from mechsim.subjects.checked_values import Values
 from mechsim.subjects.key_kinds import Keys
-from mechsim.subjects.parameter_units import parameter_units
+from mechsim.subjects.parameter_units import parameter_units, require_kinds
 from mechsim.subjects.toml_couplings import couplings_of
 from mechsim.subjects.toml_drivers import (
     FileProgram,
@@ -66,7 +66,9 @@ def toml_subject(
     """Return the mechanism of a file that was read; as `read_toml`."""
     document = {name: one for name, one in source.document.items() if name not in ("parameters", "units")}
     told = parameter_units(source.document) if changed else {}
-    values = values_of(source).with_parameters(source.document.get("parameters", {}), changed or {}, told)
+    parameters = source.document.get("parameters", {})
+    values = values_of(source).with_parameters(parameters, changed or {}, told)
+    require_kinds(source, {**parameters, **(changed or {})})
     read = values.checked(ROOT, document, ())
     of = coordinates_of(values, read["joints"])
     with source.about(()):

@@ -20,7 +20,8 @@ def number(value: float) -> str:
 
 def quoted(value: str) -> str:
     """Return text in quotes."""
-    return json.dumps(value)
+    text = json.dumps(value, ensure_ascii=False)
+    return text.replace("\x7f", "\\u007f")
 
 
 def key(name: str) -> str:

@@ -51,6 +51,21 @@ def test_an_idle_spin_is_no_freedom(name):
     assert len(closure.solve(drive.mechanism, [drive.mechanism.start])) == 1
 
 
+def test_a_ball_that_no_loop_holds_and_no_point_tells_of_is_no_freedom():
+    mechanism = Mechanism(
+        "beside",
+        (Link("crank"), Link("ball")),
+        (
+            Joint("crank", "revolute", End(GROUND), End("crank")),
+            Joint("ball", "spherical", End(GROUND), End("ball")),
+        ),
+        "crank",
+        {"P": ("crank", (0.1, 0.0, 0.0))},
+    )
+    motion = closure.solve(mechanism, [0.0, np.pi / 2])
+    np.testing.assert_allclose(motion.points["P"].position[1], [0.0, 0.1, 0.0], atol=1e-16)
+
+
 def test_a_start_at_a_dead_centre_is_no_freedom():
     drive = catalog.make("four_bar", rocker=0.035)
     ((_, high), *_) = drive.crank_range().arcs

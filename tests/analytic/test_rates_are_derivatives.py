@@ -20,7 +20,7 @@ MIDDLE = 4
 
 
 def rocking_slide() -> Mechanism:
-    """A block on the crank's pin that slides along a rocker: a slide and a pin on moving, slanted axes."""
+    """A block on a table, a crank's pin and a rocker: a slide and a pin on moving, slanted axes."""
     return mechanisms._placed(
         Mechanism(
             "rocking slide",
@@ -35,6 +35,7 @@ def rocking_slide() -> Mechanism:
                     at("block", (0.003, -0.001, 0.0), (1.0, 0.2, 0.0)),
                 ),
                 Joint("pivot", "revolute", at(GROUND, (-0.08, 0.01, 0.0)), at("rocker")),
+                Joint("table", "planar", at(GROUND, (0.02, 0.01, 0.0)), at("block", (0.001, 0.002, 0.0))),
             ),
             "shaft",
             {"P": ("block", (0.01, 0.02, 0.005))},
@@ -177,7 +178,8 @@ def test_both_sets_of_equations_give_the_same_rates(mechanism, request):
         for part in ("velocity", "angular_velocity", "acceleration", "angular_acceleration"):
             near(getattr(tree.links[name], part), getattr(link, part), 1e-11)
     assert six.points.keys() == tree.points.keys() == mechanism.points.keys()
-    assert six.joints.keys() <= tree.joints.keys()
+    assert six.joints.keys() == tree.joints.keys()
+    assert tree.joints.keys() == {name for joint in mechanism.joints for name in joint.coordinates}
     for name, joint in six.joints.items():
         turns = (tree.joints[name].value - joint.value) / (2.0 * np.pi if joint.unit == "rad" else np.inf)
         near(tree.joints[name].value, joint.value + 2.0 * np.pi * np.round(turns), 1e-12)

@@ -61,7 +61,14 @@ def arm_with(kind, turned_round):
         links=(Link("arm"), Link("tip")),
         joints=(
             Joint("crank", "revolute", End(GROUND), End("arm")),
-            Joint("J", kind, a, b, cross_angle=CROSS_ANGLE, lead=0.01 if KINDS[kind].led else 0.0),
+            Joint(
+                "J",
+                kind,
+                a,
+                b,
+                cross_angle=CROSS_ANGLE if KINDS[kind].crossed else np.pi / 2,
+                lead=0.01 if KINDS[kind].led else 0.0,
+            ),
         ),
         driver="crank",
         points={},

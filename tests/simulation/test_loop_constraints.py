@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
+from mechsim.simulation.followers import chained
 from mechsim.simulation.loop_constraints import Coupled, Sum
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recorded_motion import States, add_sensors, has_dry_friction, link_motions, opening
@@ -126,3 +127,11 @@ def test_dry_friction_of_joints_and_tendons_is_seen(where, dry):
     text = MODEL.replace("EQUALITY", "")
     rubbed = text.replace(f'<{where} name="', f'<{where} frictionloss=".1" name="', 1) if where else text
     assert has_dry_friction(mujoco.MjModel.from_xml_string(rubbed)) == dry
+
+
+def test_couplings_follow_the_driven_coordinate_in_whatever_order_they_stand():
+    sides = [
+        Sum(np.array([i]), np.array([i]), zeros=np.array([0.0]), weights=np.array([1.0])) for i in range(3)
+    ]
+    last, first = (Coupled(sides[i], sides[i - 1], np.array([0.0, 2.0, 1.0]), i) for i in (2, 1))
+    assert [one.number for one in chained([last, first], [0])] == [1, 2]

@@ -72,6 +72,11 @@ def test_a_parameter_is_changed_as_if_the_file_had_it_so(file, text, crank):
     np.testing.assert_allclose(read.positions([0.0])["A"], [[crank, 0.0, 0.0]], rtol=1e-14)
 
 
+def test_a_parameter_is_changed_only_in_what_it_measures(file):
+    with pytest.raises(InputError, match=r"crank is '30deg', but the file uses it as a length"):
+        load(file(FOUR_BAR), {"crank": "30deg"})
+
+
 def test_a_crank_that_only_swings_has_the_range_of_the_closed_form(file):
     read = load(
         file(FOUR_BAR.replace("start = 10", "start = 70").replace("cos(10)", "cos(70)")), {"crank": "100 mm"}
@@ -126,7 +131,23 @@ CHANGES = {
         '"crank*cos(pi/18)"',
         ("line 33", "guess.coupler.at[0]", "a part of pi"),
     ),
+    "a parameter in a unit of angle for a length": (
+        '"4 cm"',
+        '"4 deg"',
+        ("line 7", "parameters.crank", "uses it as a length"),
+    ),
     "an angle for a length": ('"30 mm"', '"30 deg"', ("line 11", "'30 deg'", "does not measure that")),
+    "a place without a square": (
+        '["ground", 0, 0] }\nb',
+        '["ground", 1e200, 0] }\nb',
+        ("line 25", "1e+197", "below 1e+100"),
+    ),
+    "an empty name": ('A = { link = "crank"', '"" = { link = "crank"', ("a point called ''",)),
+    "a cross angle of a hinge": (
+        '[joints.A]\nkind = "revolute"',
+        '[joints.A]\nkind = "revolute"\ncross_angle = 80',
+        ("line 17", "cross angle of revolute joint 'A'", "take it out"),
+    ),
     "two components": ('["ground", 0, 0] }\nb', '["ground", 0] }\nb', ("joints.rocker.a.at", "a list of 3")),
     "a truth value": ("start = 10", "start = true", ("line 4", "start is True")),
     "not finite": ("start = 10", "start = inf", ("line 4", "start is inf")),

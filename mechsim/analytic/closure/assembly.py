@@ -17,6 +17,9 @@ from mechsim.model.rough_poses import rough_poses
 FLOOR = 4.0 * np.finfo(np.float64).eps
 
 
+# the most by which a link turns in one step, in [rad]: the linear model is not true farther
+LONGEST_TURN = 0.5
+
 # how far a pose between two crank angles may stand open: near enough for the next step, which begins from it
 ROUGH = 1e-6
 
@@ -68,9 +71,8 @@ def assemble(
         before = worst
         step = -least_norm(mechanism, rows.jacobian, rows.residual)
         turns = step.reshape(len(angles), -1, 6)[..., 3:]
-        # never turn a link by more than half a radian at once: the linear model is not true that far
-        step *= 0.5 / np.maximum(0.5, np.sqrt((turns**2).sum(-1)).max(-1))[:, None]
-        poses = _moved(mechanism, poses, step)
+        step *= LONGEST_TURN / np.maximum(LONGEST_TURN, np.sqrt((turns**2).sum(-1)).max(-1))[:, None]
+        poses = moved_poses(mechanism, poses, step)
     if not gap.max() <= tolerance:
         worst = int(np.argmax(gap))
         raise AssemblyError(
@@ -112,7 +114,8 @@ def _gap(mechanism: Mechanism, residual: Array) -> Array:
     return np.abs(residual * row_units(mechanism, residual.shape[1])).max(1)
 
 
-def _moved(mechanism: Mechanism, poses: Poses, step: Array) -> dict[str, Pose]:
+def moved_poses(mechanism: Mechanism, poses: Poses, step: Array) -> dict[str, Pose]:
+    """Return poses displaced by (n, 6 links): shifts in [m] and rotation vectors in [rad]."""
     moved = {}
     for i, link in enumerate(mechanism.links):
         shift, vector = step[:, 6 * i : 6 * i + 3], step[:, 6 * i + 3 : 6 * i + 6]

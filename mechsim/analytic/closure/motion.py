@@ -1,6 +1,6 @@
 """Velocities and accelerations of everything, by the loop equations differentiated twice."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,7 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.complex_step import unwrapped
 from mechsim.maths.given import numbers
-from mechsim.model.joints import KINDS
+from mechsim.model.joints import COLUMN, KINDS
 from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, joint_coordinate
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 
@@ -74,7 +74,7 @@ def rates(
         points=points,
         links=links,
         joints={
-            joint.name: joint_motion(joint, links) for joint in mechanism.joints if KINDS[joint.kind].single
+            name: motion for joint in mechanism.joints for name, motion in joint_motions(joint, links).items()
         },
     )
 
@@ -95,31 +95,59 @@ def crank_rate(mechanism: Mechanism, what: str, value: ArrayLike, n: int) -> Arr
     return np.broadcast_to(rate, (n,))
 
 
-def joint_motion(joint: Joint, links: Mapping[str, LinkMotion]) -> JointMotion:
-    """Return the motion of a joint of one freedom from those of its links; angles are unwrapped."""
+def joint_motions(joint: Joint, links: Mapping[str, LinkMotion]) -> dict[str, JointMotion]:
+    """Return the motion of each coordinate of a joint from those of its links; angles are unwrapped."""
+    kind = KINDS[joint.kind]
     a, b = (_link_motion(end.link, links) for end in (joint.a, joint.b))
-    poses = [Pose(link.position, link.rotation) for link in (a, b)]
-    value = joint_coordinate(joint, *poses)[..., 0]
-    axis = a.rotation @ np.asarray(joint.a.axis)
-    if KINDS[joint.kind].hinge:
-        # the links turn against each other about the axis, which a rate of the axis is square to
-        spin = b.angular_velocity - a.angular_velocity
-        return JointMotion(
-            unwrapped(value), dot(axis, spin), dot(axis, b.angular_acceleration - a.angular_acceleration)
-        )
+    values = joint_coordinate(joint, *(Pose(link.position, link.rotation) for link in (a, b)))
+    slid, turned = _slides(joint, a, b), _turns(joint, a, b)
+    motions: dict[str, JointMotion] = {}
+    for i, (name, unit) in enumerate(zip(joint.coordinates, kind.units, strict=True)):
+        part = None if kind.single else i
+        if unit == "m":
+            motions[name] = JointMotion(values[..., i], *next(slid), "m", part)
+        else:
+            motions[name] = JointMotion(unwrapped(values[..., i]), *next(turned), "rad", part)
+    return motions
+
+
+def _slides(joint: Joint, a: LinkMotion, b: LinkMotion) -> Iterator[tuple[Array, Array]]:
+    """Yield first and second rate of each displacement, seen from link a, whose axes count it."""
     ends = point_on(a, joint.a.point), point_on(b, joint.b.point)
     gap = ends[1].position - ends[0].position
-    gap_rate = ends[1].velocity - ends[0].velocity
-    gap_second = ends[1].acceleration - ends[0].acceleration
-    axis_rate = cross(a.angular_velocity, axis)
-    axis_second = cross(a.angular_acceleration, axis) + cross(a.angular_velocity, axis_rate)
-    # the gap lies along the axis, which a rate of the axis is square to
-    return JointMotion(
-        value,
-        dot(axis, gap_rate),
-        dot(axis, gap_second) + 2.0 * dot(axis_rate, gap_rate) + dot(axis_second, gap),
-        "m",
-    )
+    seen = ends[1].velocity - ends[0].velocity - cross(a.angular_velocity, gap)
+    second = ends[1].acceleration - ends[0].acceleration - cross(a.angular_acceleration, gap)
+    second -= cross(a.angular_velocity, 2.0 * seen + cross(a.angular_velocity, gap))
+    frame = a.rotation @ joint.a.frame
+    for axis in KINDS[joint.kind].slides:
+        along = frame[..., COLUMN[axis]]
+        yield dot(along, seen), dot(along, second)
+
+
+def _turns(joint: Joint, a: LinkMotion, b: LinkMotion) -> Iterator[tuple[Array, Array]]:
+    """Yield first and second rate of each angle: links turn against each other about the joint's axes."""
+    kind = KINDS[joint.kind]
+    if kind.ball or not kind.turns:
+        return
+    spin = b.angular_velocity - a.angular_velocity
+    turning = b.angular_acceleration - a.angular_acceleration
+    axis = a.rotation @ np.asarray(joint.a.axis)
+    if not kind.crossed:
+        # a rate of the axis is square to it
+        yield dot(axis, spin), dot(axis, turning)
+        return
+    other = b.rotation @ np.asarray(joint.b.axis)
+    first = _along(axis, other, spin)
+    swung = first[0][..., None] * cross(a.angular_velocity, axis)
+    swung = swung + first[1][..., None] * cross(b.angular_velocity, other)
+    yield from zip(first, _along(axis, other, turning - swung), strict=True)
+
+
+def _along(axis: Array, other: Array, vector: Array) -> tuple[Array, Array]:
+    """Return the parts of vectors, (..., 3), along two unit vectors that cross."""
+    near, shares = dot(axis, other), (dot(axis, vector), dot(other, vector))
+    across = 1.0 - near**2
+    return (shares[0] - near * shares[1]) / across, (shares[1] - near * shares[0]) / across
 
 
 def _link_motion(name: str, links: Mapping[str, LinkMotion]) -> LinkMotion:

@@ -1,10 +1,35 @@
 """Where a mechanism stands as it is put together: its poses and the values of its coordinates."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from mechsim.analytic.closure.tree_assembly import assembled
 from mechsim.analytic.closure.tree_motion import placed
+from mechsim.errors import AssemblyError
 from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose, joint_coordinate
+
+# poses nearer to each other, in sizes and as matrices, are one
+SAME = 1e-9
+
+
+def with_closed_guess(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism whose guess is where it is put together, so that every road begins in one assembly.
+
+    It is itself where its guess is that already, or where its loops do not close.
+    """
+    try:
+        poses = start_poses(mechanism)[0]
+    except AssemblyError:
+        return mechanism
+    size = mechanism.size
+    if mechanism.guess.keys() == poses.keys() and all(
+        np.abs(pose.position - poses[name].position).max() < SAME * size
+        and np.abs(pose.rotation - poses[name].rotation).max() < SAME
+        for name, pose in mechanism.guess.items()
+    ):
+        return mechanism
+    return replace(mechanism, guess=poses)
 
 
 def start_poses(mechanism: Mechanism) -> tuple[dict[str, Pose], dict[str, float]]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from mechsim.analytic.closure.drawn_poses import drawn_towards_guess
 from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops, tree_loops
 from mechsim.analytic.closure.tree_motion import Coordinates, placed
 from mechsim.errors import AssemblyError
@@ -12,6 +13,8 @@ from mechsim.model.rough_poses import rough_poses, starts
 
 # Newton steps before giving up, the longest turn of one in [rad], and a gap that is closed
 MOST_STEPS, LONGEST, CLOSED = 60, 0.5, 1e-12
+# how far a link may stray from its guess, in sizes and [rad], before another way to close the loops is tried
+NEAR = 0.5
 
 
 def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
@@ -20,10 +23,36 @@ def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
     Raises:
         AssemblyError: where they do not close; names the gap that is left.
     """
-    loops, rough = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
-    at = closed(loops, rough)
-    _require_axes_alike(loops, at)
-    return loops, at
+    rough, told = rough_poses(mechanism), starts(mechanism)
+    found: list[tuple[float, TreeLoops, Coordinates]] = []
+    refused: AssemblyError | None = None
+    for poses in (rough, drawn_towards_guess(mechanism, rough)):
+        if poses is None:
+            continue
+        try:
+            loops, begun = tree_loops(mechanism, poses, told)
+            at = closed(loops, begun)
+            _require_axes_alike(loops, at)
+            found.append((_strayed(mechanism, loops, at), loops, at))
+        except AssemblyError as error:
+            refused = refused or error
+        if found and found[-1][0] < NEAR:
+            break
+    if not found:
+        assert refused is not None
+        raise refused
+    return min(found, key=lambda one: one[0])[1:]
+
+
+def _strayed(mechanism: Mechanism, loops: TreeLoops, at: Coordinates) -> float:
+    """Return how far links of the guess are from it, in units of the size and in [rad], the worst."""
+    here, worst = placed(loops.tree, at), 0.0
+    for name, pose in mechanism.guess.items():
+        i = loops.tree.links[name]
+        gone = float(np.linalg.norm(here.position[i, :, 0] - pose.position)) / mechanism.size
+        turned = float(np.trace(pose.rotation.T @ here.rotation[i, :, :, 0]))
+        worst = max(worst, gone, float(np.arccos(np.clip(0.5 * (turned - 1.0), -1.0, 1.0))))
+    return worst
 
 
 def held_values(mechanism: Mechanism) -> Array:

@@ -10,7 +10,7 @@ from mechsim.analytic.closure.assembly import crank_angles
 from mechsim.analytic.closure.checked_start import checked_start
 from mechsim.analytic.closure.followed_path import FollowedPath
 from mechsim.analytic.closure.loop_solver import loop_solver
-from mechsim.analytic.closure.motion import crank_rate, joint_motion, point_on
+from mechsim.analytic.closure.motion import crank_rate, joint_motions, point_on
 from mechsim.analytic.closure.tree_assembly import held_values, with_holds
 from mechsim.analytic.closure.tree_motion import placed, twists
 from mechsim.analytic.closure.tree_rates import Instants, LoopMotion, loop_motion
@@ -184,8 +184,7 @@ def recorded(
     for joint in mechanism.joints:
         kind = KINDS[joint.kind]
         if tree.place(joint.name) is None:
-            if kind.single:
-                joints[joint.name] = joint_motion(joint, links)
+            joints |= joint_motions(joint, links)
             continue
         for i, (name, unit) in enumerate(zip(joint.coordinates, kind.units, strict=True)):
             of = tree.places[name]

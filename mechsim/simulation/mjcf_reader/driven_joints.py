@@ -55,11 +55,12 @@ def driven(model: mujoco.MjModel, wanted: Sequence[str], held: Sequence[str], st
         name for a in range(len(model.actuator_trntype)) for name in acted_on(model, a)[:1] if name in known
     ]
     found = tuple(dict.fromkeys(acted)) or ((CRANK,) if CRANK in known else ())
+    if not (found or still or known):
+        raise InputError("nothing can be driven: the model has no hinge or slide that is not held; add one")
     if not (found or still):
         raise InputError(
             "nothing says what is driven: no actuator acts on a joint, and no hinge is called crank; "
-            f"name joints by --drive, as in --drive '{(known or ['hip'])[0]}=0.1*sin(t)'; "
-            f"there are {listed(known)}"
+            f"name joints by --drive, as in --drive '{known[0]}=0.1*sin(t)'; there are {listed(known)}"
         )
     return found
 

@@ -1,0 +1,35 @@
+"""Rough poses of the links of which the guess says nothing, drawn to where the guess puts the others."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from mechsim.analytic.closure.assembly import LONGEST_TURN, moved_poses
+from mechsim.analytic.closure.loop_equations import equations, row_units, scaled
+from mechsim.model.mechanism import Mechanism, Pose
+
+# steps of Newton's method, which need not close anything, and singular values that are left out of them
+STEPS, RANK = 30, 1e-6
+
+
+def drawn_towards_guess(mechanism: Mechanism, rough: Mapping[str, Pose]) -> dict[str, Pose] | None:
+    """Return poses in which the links without a guess open the loops least while the others stand still.
+
+    A chain of joints alone puts a leg somewhere, not towards the plate that it carries. None where all links
+    have a guess, or none has.
+    """
+    free = np.array([link.name not in mechanism.guess for link in mechanism.links])
+    if free.all() or not free.any():
+        return None
+    columns, size = np.repeat(free, 6), mechanism.size
+    poses = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in rough.items()}
+    for _ in range(STEPS):
+        rows = equations(mechanism, poses, None)
+        slope = scaled(mechanism, rows.jacobian)[0][:, columns]
+        gap = (rows.residual * row_units(mechanism, rows.residual.shape[1]))[0]
+        step = np.zeros(6 * len(free))
+        step[columns] = -np.linalg.lstsq(slope, gap, rcond=RANK)[0]
+        step *= LONGEST_TURN / max(LONGEST_TURN, float(np.abs(step).max()))
+        step = step.reshape(-1, 6) * np.repeat([size, 1.0], 3)
+        poses = moved_poses(mechanism, poses, step.reshape(1, -1))
+    return {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
