@@ -105,7 +105,6 @@ def test_a_table_is_a_program():
     [
         {"driver": ("left", "left")},
         {"driver": "missing"},
-        {"driver": ()},
         {"holds": {"left": 0.0}},
         {"holds": {"A": np.nan}},
         {"couplings": (Coupling("c", "A", "nothing", (0.0, 1.0)),)},

@@ -27,7 +27,7 @@ VARIANTS = {
 
 def read_back(mechanism: Mechanism, folder: Path) -> Mechanism:
     path = folder / "written.toml"
-    path.write_text(toml_of(mechanism))
+    path.write_text(toml_of(mechanism), "utf-8")
     return load(str(path)).mechanism
 
 
@@ -59,7 +59,7 @@ def test_the_judge_sees_one_bit(tmp_path):
 
 def test_names_that_are_no_bare_keys_come_back(tmp_path):
     mechanism = catalog.make("four_bar").mechanism
-    points = {'a "b"\\': mechanism.points["A"], "ü.1": mechanism.points["B"]}
+    points = {'a "b"\\': mechanism.points["A"], "ü.1": mechanism.points["B"], "🙂\x7f": mechanism.points["C"]}
     assert alike(read_back(replace(mechanism, points=points), tmp_path), replace(mechanism, points=points))
 
 

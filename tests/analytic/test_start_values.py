@@ -1,0 +1,72 @@
+"""Where a mechanism is put together: the assembly its guess means, in which every road begins."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim import closure, simulate
+from mechsim.analytic.closure.start_values import start_poses, with_closed_guess
+from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
+from mechsim.subjects.subject import load
+from mechsim.subjects.toml_reader import read_toml
+from mechsim.subjects.toml_writer import toml_of
+
+
+def spherical_four_bar() -> Mechanism:
+    """Four hinges through one point; its rough guess is far from closed."""
+
+    def end(link: str, arc: float = 0.0) -> End:
+        arc = np.deg2rad(arc)
+        return End(link, axis=(float(np.sin(arc)), 0.0, float(np.cos(arc))))
+
+    turns = {"three": ((0.2, 1.0, 0.4), 40.0), "four": ((0.0, 1.0, 0.5), 75.0)}
+    guess: dict[str, Pose] = {}
+    for link, (axis, angle) in turns.items():
+        u, a = np.array(axis) / np.linalg.norm(axis), np.deg2rad(angle)
+        tilde = np.cross(np.eye(3), -u)
+        guess[link] = Pose(np.zeros(3), np.eye(3) + np.sin(a) * tilde + (1.0 - np.cos(a)) * tilde @ tilde)
+    return Mechanism(
+        "spherical",
+        tuple(Link(name) for name in ("two", "three", "four")),
+        (
+            Joint("crank", "revolute", end(GROUND), end("two")),
+            Joint("A", "revolute", end("two", 25.0), end("three")),
+            Joint("B", "revolute", end("three", 70.0), end("four", 60.0)),
+            Joint("O", "revolute", replace(end(GROUND, 75.0), mark=(0.0, 1.0, 0.0)), end("four")),
+        ),
+        "crank",
+        {"P": ("three", (0.04, 0.01, 0.04)), "Q": ("four", (0.04, 0.01, 0.04))},
+        guess=guess,
+    )
+
+
+def test_legs_without_a_guess_are_put_towards_the_plate_that_has_one():
+    whole = load("stewart_gough").mechanism
+    plate = whole.guess["plate"]
+    alone = replace(whole, guess={"plate": Pose(plate.position + 0.005, plate.rotation)})
+    found = start_poses(alone)[0]["plate"]
+    assert found.position == pytest.approx(plate.position, abs=1e-12)
+    assert found.rotation == pytest.approx(plate.rotation, abs=1e-12)
+
+
+def test_both_roads_begin_where_the_mechanism_is_put_together():
+    mechanism = with_closed_guess(spherical_four_bar())
+    poses = {name: Pose(one.position[None], one.rotation[None]) for name, one in mechanism.guess.items()}
+    assert max(opened.max() for opened in closure.residual_norms(mechanism, poses, 0.0)) < 1e-14
+    assert with_closed_guess(mechanism) is mechanism
+    found = simulate(mechanism, speed=1.0, turns=0.2, method="pose").motion
+    exact = closure.solve(spherical_four_bar(), found.angle)
+    assert max(gap.max() for gap in found.place_errors(exact).values()) < 1e-13
+
+
+def test_a_file_is_loaded_as_it_is_put_together_and_comes_back_so(tmp_path):
+    rough = tmp_path / "rough.toml"
+    rough.write_text(toml_of(spherical_four_bar()), "utf-8")
+    begun = load(str(rough)).mechanism
+    told = read_toml(str(rough)).form.mechanism.guess["three"].rotation
+    assert np.abs(begun.guess["three"].rotation - told).max() > 0.1
+    again = tmp_path / "again.toml"
+    again.write_text(toml_of(begun), "utf-8")
+    back = load(str(again)).mechanism
+    assert all((back.guess[link].rotation == pose.rotation).all() for link, pose in begun.guess.items())
