@@ -236,7 +236,7 @@ class Mechanism:
             _known(f"point {point!r}", "link", link, [GROUND, *names])
             if numbers(place).shape != (3,) or not (np.abs(numbers(place)) < FARTHEST).all():
                 raise InputError(
-                    f"point {point!r} is at {place}; give three numbers in [m] below {FARTHEST:g}"
+                    f"point {point!r} is at {place}; give three finite numbers in [m] below {FARTHEST:g}"
                 )
         for link, pose in self.guess.items():
             _known("guess", "link", link, names)
