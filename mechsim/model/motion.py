@@ -217,7 +217,11 @@ def taken(record: Record, rows: NDArray[np.bool_] | NDArray[np.intp] | slice) ->
 
 def weighed(record: Record, weights: Array) -> Record:
     """Return sums of a record's n instants by weights, (k, n): a record of k instants."""
-    return _mapped(lambda one: np.tensordot(weights, one, 1), record)
+
+    def summed(one: Array) -> Array:
+        return np.asarray(np.tensordot(weights, one, 1), dtype=np.float64)
+
+    return _mapped(summed, record)
 
 
 def put(record: Record, rows: NDArray[np.intp], part: Record) -> Record:

@@ -91,14 +91,14 @@ class Stack:
         zero = np.zeros(3)
         self._add(dot(u, v) - cosine, bias, [(a.slot, zero, across), (b.slot, zero, -across)])
 
-    def distance_along(self, a: Side, i: int, b: Side, distance: float) -> None:
-        """U.D = distance, with U column i of a's frame."""
+    def no_gap_along(self, a: Side, i: int, b: Side) -> None:
+        """U.D = 0, with U column i of a's frame."""
         u, u_rate, u_bias = a.direction(i)
         gap, gap_rate = b.point - a.point, b.point_velocity - a.point_velocity
         bias = 2.0 * dot(u_rate, gap_rate) + dot(u_bias, gap)
         bias = bias + dot(u, b.point_bias - a.point_bias)
         parts = [(a.slot, -u, cross(u, gap) - cross(a.arm, u)), (b.slot, u, cross(b.arm, u))]
-        self._add(dot(u, gap) - distance, bias, parts)
+        self._add(dot(u, gap), bias, parts)
 
     def weighted(self, residual: Array, bias: Array, parts: list[tuple[Array, "Moved"]]) -> None:
         """A weighted sum of joint coordinates is given, weights (n,) or scalar; residual in [rad] or [m]."""
@@ -166,7 +166,7 @@ def add_joint(stack: Stack, joint: Joint, a: Side, b: Side) -> None:
         free = [COLUMN[axis] for axis in kind.slides]
         for i in range(3):
             if i not in free:
-                stack.distance_along(a, i, b, 0.0)
+                stack.no_gap_along(a, i, b)
     if kind.crossed:
         stack.angle_between(a, 2, b, 2, np.cos(joint.cross_angle))
     elif kind.aligned:

@@ -75,18 +75,25 @@ def _followed(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, As
 
 def _folded(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, FoldedPath]:
     here = float(start[loops.crank_place])
-    low, high, gain = min(here, float(angles.min())), max(here, float(angles.max())), None
-    if high - low > 1.5 * TURN and loops.drive is None:
-        lap = folded(loops, start, here, here + TURN)
-        gain = _gain(loops, np.stack([start, _settled_on(lap.pieces[-1], np.array([here + TURN]))[0]]))
-    path = folded(loops, start, low, high) if gain is None else replace(lap, gain=gain)
+    low, high = min(here, float(angles.min())), max(here, float(angles.max()))
+    path = _folded_lap(loops, start) if high - low > 1.5 * TURN and loops.drive is None else None
+    path = path or folded(loops, start, low, high)
     states = np.empty((len(angles), len(start)))
     for piece, rows, turned in path.parts(angles):
         states[rows] = _settled_on(piece, turned)
-    if gain is not None:
-        states += path.laps(angles)[:, None] * gain
+    if path.gain is not None:
+        states += path.laps(angles)[:, None] * path.gain
     states[:, loops.crank_place] = angles
     return states, path
+
+
+def _folded_lap(loops: ModelLoops, start: Array) -> FoldedPath | None:
+    """Return the path over one turn; None where that does not lead back."""
+    here = float(start[loops.crank_place])
+    lap = folded(loops, start, here, here + TURN)
+    end = _settled_on(lap.pieces[-1], np.array([here + TURN]))[0]
+    gain = _gain(loops, np.stack([start, end]))
+    return None if gain is None else replace(lap, gain=gain)
 
 
 def _settled_on(path: AssemblyPath, angles: Array) -> Array:

@@ -20,8 +20,8 @@ LOOSE, ROUNDING, MOST_STEPS = 0.05, 1e-13, 8
 SAFE = 0.25
 # a zero of the determinant this near, in [rad], is looked at: assemblies may meet there
 TRIED = 0.05
-# part of the determinant that a first stride has to leave
-DEEP = 0.5
+# step by which it is seen how the determinant sinks where a walk begins, in [rad]
+BEGUN = 1e-6
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,11 @@ class _Walker:
         self.here, self.angle = here, float(here[0, self.loops.crank_place])
         self.slope, self.side = self.loops.tangent(jacobian), self.loops.side(jacobian)
         self.height = self.loops.determinant(jacobian)[0]
-        self.bend, self.sinking = np.zeros_like(self.slope), 0.0
+        self.bend = np.zeros_like(self.slope)
+        # a first stride past a meeting could end in the other assembly
+        beside = self.loops.moved(here, BEGUN * self.sense * self.slope)
+        low = self.loops.determinant(self.loops.linearise(beside)[1])[0]
+        self.sinking = (self.height - low) / BEGUN
         self.trial, self.stride = TRIED, stride
 
     @property
@@ -127,12 +131,11 @@ class _Walker:
         guess = loops.moved(self.here, sense * step * self.slope + 0.5 * step**2 * self.bend)
         guess[0, loops.crank_place] = target
         there = _landed(loops, self.here, guess, self.side)
-        low = self.height if there is None else loops.determinant(loops.linearise(there[0])[1])[0]
-        # before it is known how it sinks, a stride past a meeting may end in the other assembly
-        if there is None or (self.sinking == 0.0 and abs(low) < DEEP * abs(self.height)):
+        if there is None:
             self._shorten(step / 2.0)
             return
         self.here, slope = there
+        low = loops.determinant(loops.linearise(self.here)[1])[0]
         self.sinking, self.height = (self.height - low) / step, low
         self.trial = min(max(self.trial, 0.03 * self.ahead), TRIED)
         self.bend = sense * (slope - self.slope) / step
