@@ -16,15 +16,22 @@ FITTED_REACH, FITTED_UNEVEN = 0.6, -0.3
 
 def second_motion(scene: UserScene) -> UserScene:
     """Return a scene put through a second motion, from the same start; it judges and chooses nothing."""
-    return _other(scene, REACH, UNEVEN)
+    return other_motion(scene, REACH, UNEVEN)
 
 
 def motion_to_fit(scene: UserScene) -> UserScene:
     """Return a scene put through another motion, from the same start, to fit to."""
-    return _other(scene, FITTED_REACH, FITTED_UNEVEN)
+    return other_motion(scene, FITTED_REACH, FITTED_UNEVEN)
 
 
-def _other(scene: UserScene, reach: float, uneven: float) -> UserScene:
+def other_motion(scene: UserScene, reach: float, uneven: float) -> UserScene:
+    """Return a scene put through its motion at another pace, from the same start.
+
+    Args:
+        scene: and its motion.
+        reach: how far it goes, in parts of it.
+        uneven: by how much its pace differs within it, either way.
+    """
     count = len(scene.drive)
     programs = [
         {

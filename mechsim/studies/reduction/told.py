@@ -15,8 +15,8 @@ def with_comment(found: Reduction, name: str, tolerance: float, unit: str) -> st
     first, second = (errors.by(found.by) for errors in found.errors)
     lines = [
         f"Reduced from {name}: {found.speedup:.3g} times as fast as it.",
-        f"Within {first:.2g} {unit} of it over the motion it was reduced for, {second:.2g} {unit} over "
-        f"another; the tolerance is {tolerance:.3g} {unit}.",
+        f"After each of its steps within {first:.2g} {unit} of it over the motion it was reduced for, "
+        f"{second:.2g} {unit} over another; the tolerance is {tolerance:.3g} {unit}.",
         f"Over these motions efforts differ by up to {max(one.torque for one in found.errors):.2g} (N m, N), "
         f"changes of energy by up to {max(one.energy for one in found.errors):.2g} J.",
         "Left out, with the error that each alone costs and its time in parts of the full scene's:"
