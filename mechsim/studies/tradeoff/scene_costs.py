@@ -113,7 +113,8 @@ def _things(seen: Evidence) -> list[Candidate]:
                 found.append(_set(f"{field} {name}", field, value))
     loops = [one.name for one in seen.spec.equalities if one.active]
     if loops:
-        found.append(Candidate("rows", f"without {counted(len(loops), 'loop')}: none of their rows", _no_loops))
+        what = f"without {counted(len(loops), 'loop')}: none of their rows"
+        found.append(Candidate("rows", what, _no_loops))
     return found
 
 
