@@ -13,6 +13,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
 from mechsim.subjects.subject import load
@@ -452,3 +453,8 @@ def test_a_linkage_that_lies_exactly_flat_is_refused_there_and_right_beside() ->
     height = flat.solve(angle, 2.0).points["top"]
     np.testing.assert_allclose(height.position[:, 2], 0.08 * np.sin(angle), atol=1e-12)
     np.testing.assert_allclose(height.velocity[:, 2], 0.16 * np.cos(angle), atol=1e-11)
+
+
+def test_forces_of_links_that_all_turn_evenly_are_judged_by_their_speed() -> None:
+    found = driven(load("parallel_gripper").mechanism, speed=60.0, samples=6, method="pose").efforts
+    assert found.residual.max() < 1e-11

@@ -117,9 +117,11 @@ def efforts(loaded: LoadedModel, at: Situation, qacc: Array, multipliers: Array,
     placed = native(loaded.model, at.plain)
     loops = loop_forces(loaded, at.plain, at.jacobian, multipliers)
     fields = loaded.look(loaded.looking(native=False), at.states, together(at.outer, placed, loops, drive))
-    largest = max(float(np.abs(qacc).max()), np.finfo(np.float64).tiny)
     lost, outer, motor = powers(loaded, at)
     rates = at.states.qvel
+    # links that all turn evenly have no acceleration by which its rounding could be measured
+    even = float(np.abs(rates[:, crank]).max()) ** 2
+    largest = max(float(np.abs(qacc).max()), even, np.finfo(np.float64).tiny)
     return Efforts(
         size=loaded.mechanism.size,
         time=at.states.time,
