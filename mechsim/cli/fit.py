@@ -137,7 +137,7 @@ def _print(found: Fit, measured: MeasuredMotion) -> None:
     print_table(f"{found.moved.family.name}: {found.outcome}", head, rows)
     for group in found.together:
         told = f"cannot be told apart by what was measured: {', '.join(group)}; hold one, or measure more"
-        typer.echo(told if len(group) > 1 else f"nothing that was measured depends on {group[0]}")
+        typer.echo(told if len(group) > 1 else f"nothing that was measured depends on {', '.join(group)}")
     strongest = max(found.correlations.items(), key=lambda pair: abs(pair[1]), default=None)
     if strongest is not None:
         (a, b), value = strongest

@@ -38,7 +38,7 @@ class Solved:
     columns: Sequence[str]
     bounds: Mapping[str, float]
     values: Array
-    angular: Array
+    angular: NDArray[np.bool_]
 
     def off(self, parts: Array) -> Array:
         """Return by how much quantities are off, (k,), with dimensions off by parts of their bounds, (p,).
