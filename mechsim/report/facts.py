@@ -11,6 +11,7 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.closure.settled import settled
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
 from mechsim.analytic.forms import Form
+from mechsim.errors import MechsimError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Fluctuation, FreeRun
@@ -45,8 +46,13 @@ def facts(drive: Form, angle: float | None = None, driver: str | None = None) ->
     explained: list[str] = []
     # racks and polynomials have no place among Assur's groups
     if (freedom.planar and not mechanism.couplings) or driver is not None:
-        apart = structure.assur_groups(mechanism, driver)
-        groups, explained = apart.as_dicts(), apart.lines()
+        try:
+            apart = structure.assur_groups(mechanism, driver)
+            groups, explained = apart.as_dicts(), apart.lines()
+        except MechsimError as error:  # holds, and links that repeat others, leave no groups
+            if driver is not None:
+                raise
+            explained = [f"no Assur groups: {error}"]
     return {
         "mobility": freedom.actual,
         **found,

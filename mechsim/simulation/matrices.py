@@ -50,6 +50,15 @@ def look(model: mujoco.MjModel, kind: Jacobian) -> tuple[Array, float]:
     if kind == "dense":
         inertia = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, inertia)
-        touched = (data.efc_J.reshape(-1, model.nv) != 0.0).astype(np.float64)
+        touched = (dense_rows(data) != 0.0).astype(np.float64)
         filled = float(((inertia != 0.0) | (touched.T @ touched > 0.0)).mean())
     return data.qacc.copy(), filled
+
+
+def dense_rows(data: mujoco.MjData) -> Array:
+    """Return the Jacobian of the constraints of a model that keeps it dense, (nefc, nv).
+
+    MuJoCo's array is longer where rows moved nothing and were left out.
+    """
+    nv = data.model.nv
+    return data.efc_J[: data.nefc * nv].reshape(data.nefc, nv)

@@ -7,6 +7,7 @@ import pytest
 
 from mechsim import closure, simulate
 from mechsim.analytic.closure.start_values import start_poses, with_closed_guess
+from mechsim.errors import InputError
 from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
 from mechsim.subjects.subject import load
 from mechsim.subjects.toml_reader import read_toml
@@ -70,3 +71,10 @@ def test_a_file_is_loaded_as_it_is_put_together_and_comes_back_so(tmp_path):
     again.write_text(toml_of(begun), "utf-8")
     back = load(str(again)).mechanism
     assert all((back.guess[link].rotation == pose.rotation).all() for link, pose in begun.guess.items())
+
+
+def test_a_floating_joint_is_refused_where_no_model_can_have_it():
+    crank = spherical_four_bar()
+    beside = (*crank.joints, Joint("free", "floating", End(GROUND), End("body")))
+    with pytest.raises(InputError, match="joint 'free' floats"):
+        simulate(replace(crank, links=(*crank.links, Link("body")), joints=beside), speed=1.0)

@@ -88,3 +88,19 @@ def test_a_model_that_mujoco_gets_wrong_is_stepped_with_dense_matrices(study, mo
 def test_a_kind_of_matrices_that_does_not_exist_is_refused() -> None:
     with pytest.raises(InputError, match="known are auto, dense, sparse"):
         Settings(jacobian="banded")
+
+
+def test_rows_that_move_nothing_are_no_part_of_the_jacobian():
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option jacobian="dense"/><worldbody>
+        <body name="a"><joint axis="0 0 1"/><geom size=".01" pos=".1 0 0"/></body>
+        <body name="b"><joint axis="0 1 1"/><geom size=".01" pos="0 .1 0"/></body></worldbody>
+        <equality><connect body1="a" body2="b" anchor="0 0 0"/>
+        <connect body1="a" body2="b" anchor=".1 .2 .3"/></equality></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_fwdPosition(model, data)
+    assert data.efc_J.size > data.nefc * model.nv
+    arm = np.array([0.1, 0.2, 0.3])
+    turns = np.cross([[0.0, 0.0, 1.0], np.array([0.0, 1.0, 1.0]) / np.sqrt(2.0)], arm)
+    np.testing.assert_allclose(matrices.dense_rows(data), np.column_stack([turns[0], -turns[1]]), atol=1e-15)

@@ -9,6 +9,7 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.model.programs import Programs
+from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
@@ -115,7 +116,7 @@ class Inspected:
         with quiet():
             mujoco.mj_fwdPosition(self.bare, data)
         rows = data.efc_type == EQUALITY
-        slope = data.efc_J.reshape(len(rows), self.bare.nv)[rows]
+        slope = dense_rows(data)[rows]
         return data.efc_pos[rows].copy(), slope.copy(), data.efc_id[rows].copy()
 
     @cached_property

@@ -13,6 +13,7 @@ from mechsim.maths.arrays import Array
 from mechsim.simulation.findings.implicit_damping import damping
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected
 from mechsim.simulation.findings.swing import Swing
+from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader.driven_joints import acted_on
 
@@ -49,7 +50,7 @@ def gaps_in(scene: Inspected, motion: Swing) -> dict[int, float]:
         # what the constraints must ask for so that the integrator leaves the acceleration meant
         asked = qacc + np.linalg.solve(inertia, held_back @ qacc)
         rows = data.efc_type == EQUALITY
-        slope = data.efc_J.reshape(-1, model.nv)[rows]
+        slope = dense_rows(data)[rows]
         force = loop_forces(scene, data, asked, inputs)
         for loop, by in _gaps(scene, data, force, slope @ (asked - qacc)).items():
             widest[loop] = max(by, widest.get(loop, 0.0))
@@ -92,7 +93,7 @@ def loop_forces(scene: Inspected, data: mujoco.MjData, qacc: Array, inputs: Arra
     inertia = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, inertia)
     needed = inertia @ qacc + data.qfrc_bias - data.qfrc_passive - data.qfrc_applied
-    rows, slope = data.efc_type == EQUALITY, data.efc_J.reshape(-1, model.nv)
+    rows, slope = data.efc_type == EQUALITY, dense_rows(data)
     needed -= slope.T @ _friction(data, slope, qacc)
     slope = slope[rows]
     easy = np.sqrt(data.efc_R[rows])

@@ -11,6 +11,7 @@ from mechsim.model.finding import Finding
 from mechsim.simulation.findings.inspected import EQUALITY, OFF, Inspected, Loop, rank
 from mechsim.simulation.findings.predicted_gap import HARDEST, gaps_at_rest, gaps_in, overridden
 from mechsim.simulation.findings.swing import Swing, swing
+from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader.equality_rows import TENDON
 
@@ -144,7 +145,7 @@ def _stiffest(scene: Inspected) -> tuple[_Stiff, Loop]:
     with quiet():
         mujoco.mj_forward(model, data)
     rows = data.efc_type == EQUALITY
-    slope = data.efc_J.reshape(-1, model.nv)[rows]
+    slope = dense_rows(data)[rows]
     inertia = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, inertia)
     light = slope @ np.linalg.solve(inertia, slope.T)

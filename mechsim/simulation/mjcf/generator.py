@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
+from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
 from mechsim.model.couplings import Coupling
 from mechsim.model.joints import KINDS
@@ -115,6 +116,11 @@ def counted(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tu
     """Return coordinates of a joint read off a pose, with the turns that no pose tells."""
     told = starts(mechanism)
     kind = KINDS[joint.kind]
+    if kind.floats:
+        raise InputError(
+            f"{mechanism.name}: joint {joint.name!r} floats, for which no MuJoCo model is made; leave it "
+            "out where other joints hold its links, or hold it by --hold-base"
+        )
     slides = len(kind.slides)
     return tuple(
         value + TURN * float(np.round((told[name] - value) / TURN)) if i >= slides and name in told else value

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
+from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.reduction.lean_scene import LeanScene
 from mechsim.studies.scenes.scene_run import stepped
@@ -132,7 +133,7 @@ def _rows(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     """Return the rows of the equalities, (m, nv)."""
     chosen = np.flatnonzero(np.asarray(data.efc_type) == EQUALITY)
     if not mujoco.mj_isSparse(model):
-        return data.efc_J.reshape(-1, model.nv)[chosen].copy()
+        return dense_rows(data)[chosen].copy()
     rows = np.zeros((len(chosen), model.nv))
     for row, i in zip(rows, chosen, strict=True):
         place, count = int(data.efc_J_rowadr[i]), int(data.efc_J_rownnz[i])
