@@ -27,6 +27,8 @@ By = Literal["trajectory", "torque"]
 PART = 0.9
 # least part of it that longer steps are tried with where those before did not hold
 LEAST_PART = 0.2
+# part of it that numbers fitted to motions may cost on them: over others they cost up to half as much again
+FITTED_PART = 0.5
 # part of the tolerance that is no error
 NOTHING = 1e-3
 # part of the time that must be saved where leaving out costs accuracy
@@ -268,9 +270,10 @@ class _Search:
             self.tell(f"{step * times:g} s, what acts fitted", begun)
             found = None if to_fit.run.broken else refit((bench, to_fit), seen, times, stand)
             tried = None if found is None else self.trial(found.candidate)
-            if found is None or (tried is None and times * step > longest):
+            held = found is not None and found.error <= FITTED_PART * self.tolerance
+            if found is None or not (held or times * step <= longest):
                 break
-            if tried is not None:
+            if held and tried is not None:
                 kept.append((found.candidate, *tried[1:]))
             stand = found.stand
         return kept
