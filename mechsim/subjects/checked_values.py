@@ -9,7 +9,8 @@ from typing import Any, TypeGuard
 from mechsim import units
 from mechsim.errors import InputError
 from mechsim.subjects.expressions import FUNCTIONS, Expressions
-from mechsim.subjects.key_kinds import Amount, Choice, Key, Keys, Named, Number, Several, Truth, Word
+from mechsim.subjects.key_kinds import Amount, Choice, Course, Key, Keys, Named, Number, Several, Truth, Word
+from mechsim.subjects.load_text import varies
 from mechsim.subjects.toml_source import KeyPath, TomlSource, nearest, shown
 from mechsim.units import Unit
 
@@ -42,6 +43,8 @@ class Values:
         match key:
             case Number(unit=unit):
                 return self._number(value, unit, path)
+            case Course(unit=unit):
+                return value if varies(value) else self._number(value, unit, path)
             case Amount():
                 return self._amount(value, path)
             case Truth():
@@ -185,7 +188,7 @@ def is_quantity(value: object) -> TypeGuard[str]:
 
 def _fits(key: Key, value: Any) -> bool:
     match key:
-        case Number() | Amount():
+        case Number() | Amount() | Course():
             return isinstance(value, str | int | float)
         case Word():
             return isinstance(value, str)

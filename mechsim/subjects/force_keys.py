@@ -1,6 +1,6 @@
 """The keys of `[forces]` in TOML: what acts on a mechanism."""
 
-from mechsim.subjects.key_kinds import Amount, Choice, Key, Keys, Named, Number, Word, vector
+from mechsim.subjects.key_kinds import Amount, Choice, Course, Key, Keys, Named, Number, Several, Word, vector
 
 PLACE = Choice(
     (
@@ -48,8 +48,11 @@ _JOINT_SPRING = Keys(
     ("stiffness",),
 )
 _LOAD = Keys(
-    {"at": PLACE, "force": vector("N", "in the ground's axes")}, "a force on a point", ("at", "force")
+    {"at": PLACE, "force": Several(Course("N", "a component"), "in the ground's axes", 3)},
+    "a force on a point",
+    ("at", "force"),
 )
+_COUPLE = Several(Course("N m", "a component"), "moment in the ground's axes", 3)
 MOTOR = Keys(
     {
         "kind": Word("how its torque goes with speed", ("constant", "line", "dc")),
@@ -79,8 +82,8 @@ FORCES = Keys(
         "dampers": Named(_DAMPER, "under names of your own"),
         "joint_springs": Named(_JOINT_SPRING, "by joint"),
         "loads": Named(_LOAD, "under names of your own"),
-        "couples": Named(vector("N m", "moment in the ground's axes"), "by link"),
-        "crank_torque": Number("N m", "a load on the crank, positive as its angle rises"),
+        "couples": Named(_COUPLE, "by link"),
+        "crank_torque": Course("N m", "a load on the crank, positive as its angle rises"),
         "flywheel": Number("kg m^2", "moment of inertia that turns with the crank"),
         "motor": MOTOR,
     },

@@ -30,6 +30,14 @@ class Amount:
 
 
 @dataclass(frozen=True, slots=True)
+class Course:
+    """A number as `Number`, or text that says how it goes over t or the crank's angle, or FILE.csv."""
+
+    unit: Unit
+    about: str
+
+
+@dataclass(frozen=True, slots=True)
 class Truth:
     """true or false."""
 
@@ -70,7 +78,7 @@ class Choice:
     about: str
 
 
-Key = Number | Amount | Word | Truth | Several | Named | Keys | Choice
+Key = Number | Amount | Course | Word | Truth | Several | Named | Keys | Choice
 
 
 def vector(unit: Unit, about: str) -> Several:

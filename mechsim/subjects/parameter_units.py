@@ -7,7 +7,8 @@ from typing import Any
 from mechsim.errors import InputError
 from mechsim.subjects.checked_values import is_quantity, shown
 from mechsim.subjects.expressions import parsed
-from mechsim.subjects.key_kinds import Choice, Key, Keys, Named, Number, Several
+from mechsim.subjects.key_kinds import Choice, Course, Key, Keys, Named, Number, Several
+from mechsim.subjects.load_text import varies
 from mechsim.subjects.toml_keys import ROOT
 from mechsim.subjects.toml_source import TomlSource
 from mechsim.units import Unit, of_any_kind
@@ -82,7 +83,9 @@ def require_kinds(source: TomlSource, given: Mapping[str, Any]) -> None:
 def _uses(key: Key, value: Any) -> Iterator[tuple[ast.expr, Unit]]:
     """Yield the expressions of a file, and what each measures."""
     match key:
-        case Number(unit=unit):
+        case Course() if varies(value):
+            return
+        case Number(unit=unit) | Course(unit=unit):
             tree = _tree(value)
             if tree is not None:
                 yield tree, unit if unit in _OWN else "1"

@@ -1,7 +1,7 @@
 """A driver's program as people write it: steady, an expression of t, or a table in a file."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from mechsim import files, units
@@ -93,18 +93,32 @@ def program(
 
 def _from_table(path: str, name: str) -> Program:
     """Return the program that two columns of a file say; of more the one of the driver's name."""
-    table = files.read(path)
-    time = next((one for one in ("t", "time") if one in table), None)
-    others = [one for one in table if one != time]
-    if time is None or not others or (len(others) > 1 and name not in others):
-        raise InputError(
-            f"{path} has columns {', '.join(table)}; as the program of {name} give two, t in s and its value "
-            f"in SI, or one called {name}"
-        )
-    at, value = table[time], table[others[0] if len(others) == 1 else name]
+    _, at, value = column(path, name, ("t", "time"), f"the program of {name} give two, t in s")
     state = tabled(name, at, value)
     if not at[0] <= 0.0 < at[-1]:
         raise InputError(
             f"{path} goes from {at[0]:g} to {at[-1]:g} s; give the program of {name} from 0 s, and beyond it"
         )
     return Program(path, state, float(at[-1]))
+
+
+def column(path: str, name: str, axes: Sequence[str], wanted: str) -> tuple[str, Array, Array]:
+    """Return the axis of a table in a file, its places and the values there, (n,) each.
+
+    Args:
+        path: of the file.
+        name: of the column of values where there are several.
+        axes: names of which one is the axis.
+        wanted: what the file is to be, for messages, up to its axis.
+
+    Raises:
+        InputError: for a file that is no table, has no axis or two, or no such column.
+    """
+    table = files.read(path)
+    over = [one for one in axes if one in table]
+    others = [one for one in table if one not in axes]
+    if len(over) != 1 or not others or (len(others) > 1 and name not in others):
+        raise InputError(
+            f"{path} has columns {', '.join(table)}; as {wanted} and its value in SI, or one called {name}"
+        )
+    return over[0], table[over[0]], table[others[0] if len(others) == 1 else name]

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from mechsim.subjects.key_kinds import Amount, Choice, Key, Keys, Named, Number, Several, Truth, Word
+from mechsim.subjects.key_kinds import Amount, Choice, Course, Key, Keys, Named, Number, Several, Truth, Word
 from mechsim.subjects.toml_keys import ROOT
 
 
@@ -16,6 +16,9 @@ def _of(key: Key) -> dict[str, Any]:
     match key:
         case Number(unit=unit):
             return {"description": f"{key.about} [{unit}]", "type": ["number", "string"]}
+        case Course(unit=unit):
+            about = f"{key.about} [{unit}], an expression of t or angle, or FILE.csv"
+            return {"description": about, "type": ["number", "string"]}
         case Amount():
             return {"description": key.about, "type": ["number", "string"]}
         case Truth():

@@ -1,4 +1,4 @@
-"""Expressions of t, the time in s, with units: a value in SI and its exact first and second rates."""
+"""Expressions of t, or of a crank's angle, with units: a value in SI and its exact first and second rates."""
 
 import ast
 import math
@@ -22,9 +22,23 @@ _NUMBER = r"(?<![\w.])((?>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))"
 _QUANTITY = re.compile(_NUMBER + r"\s*((?:[^\W\d_]|°)+)(?![\w(]|\s*\()")
 # how a quantity is named in the tree
 _PLACE = "quantity_{}_"
-# what a quantity of each unit measures: powers of length and of angle; time is counted in seconds
-_POWERS: dict[str, tuple[float, float]] = {"m": (1.0, 0.0), "rad": (0.0, 1.0), "s": (0.0, 0.0)}
-_KINDS = {(0.0, 0.0): "a plain number", (1.0, 0.0): "a length", (0.0, 1.0): "an angle"}
+# what a quantity of each unit measures: powers of length, angle and force; time is counted in seconds
+_POWERS: dict[str, tuple[float, float, float]] = {
+    "m": (1.0, 0.0, 0.0),
+    "rad": (0.0, 1.0, 0.0),
+    "s": (0.0, 0.0, 0.0),
+    "N": (0.0, 0.0, 1.0),
+    "N m": (1.0, 0.0, 1.0),
+}
+_KINDS = {
+    (0.0, 0.0, 0.0): "a plain number",
+    (1.0, 0.0, 0.0): "a length",
+    (0.0, 1.0, 0.0): "an angle",
+    (0.0, 0.0, 1.0): "a force",
+    (1.0, 0.0, 1.0): "a moment",
+}
+# what an expression may go over
+VARIABLES = {"t": "the time in s", "angle": "the crank's in rad"}
 
 _OF_ANGLES: dict[str, Callable[[Values], Values]] = {
     "sin": lambda x: np.sin(x),  # pyright: ignore[reportReturnType, reportCallIssue, reportArgumentType]
@@ -47,48 +61,57 @@ class Measure:
         value: a jet, or a number that does not change.
         length: power of length.
         angle: power of angle.
+        force: power of force.
         mixed: whether numbers without a unit were added to it, which are then in SI.
     """
 
     value: Values
     length: float = 0.0
     angle: float = 0.0
+    force: float = 0.0
     mixed: bool = False
+
+    @property
+    def powers(self) -> tuple[float, float, float]:
+        """Powers of length, angle and force."""
+        return self.length, self.angle, self.force
 
     @property
     def plain(self) -> bool:
         """Whether it is a number without a unit."""
-        return self.length == 0.0 and self.angle == 0.0
+        return not any(self.powers)
 
     @property
     def kind(self) -> str:
         """What it measures, in words."""
-        return _KINDS.get((self.length, self.angle), "neither a length nor an angle")
+        return _KINDS.get(self.powers, "neither a length, an angle, a force nor a moment")
 
 
 @dataclass(frozen=True, slots=True)
 class OverTime(Walker[Measure]):
-    """What evaluates expressions of t.
+    """What evaluates expressions of t, or of another variable.
 
     Attributes:
         time: t.
+        variable: its name.
         names: parameter -> number, and the quantities of the expression.
     """
 
     time: Values
+    variable: str = "t"
     names: Mapping[str, Measure] = field(default_factory=dict[str, Measure])
 
     def constant(self, value: float) -> Measure:
         return Measure(value)  # pyright: ignore[reportArgumentType]
 
     def named(self, name: str) -> Measure:
-        if name == "t":
+        if name == self.variable:
             return Measure(self.time)
         if name in self.names:
             return self.names[name]
         if name == "pi":
             return self.constant(math.pi)
-        known = ", ".join(["t", "pi", *(one for one in self.names if not _is_place(one)), "units"])
+        known = ", ".join([self.variable, "pi", *(one for one in self.names if not _is_place(one)), "units"])
         try:
             return quantity(f"1 {name}")
         except InputError:
@@ -102,10 +125,11 @@ class OverTime(Walker[Measure]):
             case ast.Mult() | ast.Div():
                 sense = 1.0 if isinstance(op, ast.Mult) else -1.0
                 made = operator.mul if sense > 0.0 else operator.truediv
-                length, angle = left.length + sense * right.length, left.angle + sense * right.angle
-                return Measure(
-                    made(left.value, right.value), length, _angle(angle), left.mixed or right.mixed
+                length, angle, force = (
+                    one + sense * other for one, other in zip(left.powers, right.powers, strict=True)
                 )
+                mixed = left.mixed or right.mixed
+                return Measure(made(left.value, right.value), length, _angle(angle), force, mixed)
             case ast.Pow():
                 return _power(left, right)
             case _:
@@ -125,7 +149,7 @@ class OverTime(Walker[Measure]):
             return _power(values[0], Measure(0.5))  # pyright: ignore[reportArgumentType]
         if name == "atan2":
             _alike(x[0], values)
-        elif any(one.length for one in values):
+        elif any(one.length or one.force for one in values):
             raise InputError(f"gives {name} {values[0].kind}; give it a plain number")
         if name in _OF_ANGLES:
             return Measure(_OF_ANGLES[name](x[0]))
@@ -135,15 +159,21 @@ class OverTime(Walker[Measure]):
 
 
 def over_time(
-    text: str, unit: str, *, bare: float = 1.0, names: Mapping[str, float] | None = None
+    text: str,
+    unit: str,
+    *,
+    bare: float = 1.0,
+    names: Mapping[str, float] | None = None,
+    variable: str = "t",
 ) -> tuple[str, State]:
     """Return the program that an expression of t says, and the same in SI without parameters.
 
     Args:
         text: the expression; t is the time in s, sines take radians, and quantities have units.
-        unit: of the coordinate, "m" or "rad".
+        unit: of what it gives, "m" or "rad" of a coordinate, "N" or "N m" of a load.
         bare: what a result without a unit is counted in, in SI.
         names: parameter -> its number.
+        variable: one of `VARIABLES`, in place of t.
 
     Raises:
         InputError: for what is no expression of t, or measures something else; its sentence has no subject.
@@ -151,8 +181,8 @@ def over_time(
     places: dict[str, Measure] = {}
 
     def placed(match: re.Match[str]) -> str:
-        if match[2] == "t":
-            raise InputError(f"holds {match[0]!r}; write {match[1]}*t")
+        if match[2] == variable:
+            raise InputError(f"holds {match[0]!r}; write {match[1]}*{variable}")
         name = _PLACE.format(len(places))
         places[name] = quantity(f"{match[1]} {match[2]}")
         return name
@@ -163,7 +193,7 @@ def over_time(
     def evaluated(time: Array) -> Measure:
         one, nought = np.ones_like(time), np.zeros_like(time)
         with np.errstate(all="ignore"):
-            return OverTime(Jet(time, one, nought), given | places).of(tree)
+            return OverTime(Jet(time, one, nought), variable, given | places).of(tree)
 
     try:
         probe = evaluated(np.ones(1))
@@ -171,10 +201,12 @@ def over_time(
         if isinstance(error, InputError):
             raise
         raise InputError("has no value that is a finite real number") from None
-    if not any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(tree)):
-        raise InputError("holds no t, the time in s")
-    wanted = (1.0, 0.0) if unit == "m" else (0.0, 1.0)
-    if not (probe.plain or (probe.length == wanted[0] and (probe.length or probe.angle == 1.0))):
+    if not any(isinstance(node, ast.Name) and node.id == variable for node in ast.walk(tree)):
+        raise InputError(f"holds no {variable}, {VARIABLES[variable]}")
+    wanted = _POWERS[unit]
+    # a length times an angle is a length
+    alike = (probe.length, probe.force) == (wanted[0], wanted[2]) and (unit != "rad" or probe.angle == 1.0)
+    if not (probe.plain or alike):
         raise InputError(f"is {probe.kind}; give {_KINDS[wanted]}")
     if probe.mixed and bare != 1.0:
         raise InputError("adds a number without a unit to a quantity; give it a unit")
@@ -202,25 +234,25 @@ def as_python(text: str) -> str:
 
 
 def quantity(text: str) -> Measure:
-    """Return a number with a unit of length, angle or time, in SI."""
+    """Return a number with a unit of length, angle, force, moment or time, in SI."""
     if text.split()[-1] == "Hz":
         return Measure(float(text.split()[0]))  # pyright: ignore[reportArgumentType]
     value, unit = units.of_any_kind(text, "the quantity")
-    length, angle = _POWERS.get(unit.removesuffix("/s"), (np.nan, np.nan))
-    if np.isnan(length):
-        raise InputError(f"holds {text!r}, which is neither a length, an angle nor a time")
-    return Measure(value, length, angle)  # pyright: ignore[reportArgumentType]
+    powers = _POWERS.get(unit.removesuffix("/s"))
+    if powers is None:
+        raise InputError(f"holds {text!r}, which is neither a length, an angle, a force nor a time")
+    return Measure(value, *powers)  # pyright: ignore[reportArgumentType]
 
 
 def _alike(value: Values, of: list[Measure]) -> Measure:
     """Return a value made of quantities of one kind; those without a unit may stand among them."""
     dimensioned = [one for one in of if not one.plain]
-    kinds = {(one.length, one.angle) for one in dimensioned}
+    kinds = {one.powers for one in dimensioned}
     if len(kinds) > 1:
         raise InputError(f"puts {dimensioned[0].kind} and {dimensioned[1].kind} together; give both one kind")
-    length, angle = kinds.pop() if kinds else (0.0, 0.0)
+    powers = kinds.pop() if kinds else (0.0, 0.0, 0.0)
     mixed = any(one.mixed for one in of) or 0 < len(dimensioned) < len(of)
-    return Measure(value, length, angle, mixed)
+    return Measure(value, *powers, mixed)
 
 
 def _power(base: Measure, exponent: Measure) -> Measure:
@@ -230,7 +262,7 @@ def _power(base: Measure, exponent: Measure) -> Measure:
         raise InputError(f"takes {base.kind} to a power that changes; give it a plain number")
     by = 0.0 if base.plain else float(exponent.value)  # pyright: ignore[reportArgumentType]
     value = jet_functions.power(base.value, exponent.value)
-    return Measure(value, base.length * by, _angle(base.angle * by), base.mixed)
+    return Measure(value, base.length * by, _angle(base.angle * by), base.force * by, base.mixed)
 
 
 def _angle(power: float) -> float:

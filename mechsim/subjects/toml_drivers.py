@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from mechsim import files
@@ -134,7 +133,7 @@ class FileProgram:
         values = self.of.values
         text = self.text
         if text.strip().lower().endswith(files.EXTENSIONS):
-            text = str(Path(values.source.path).parent / text.strip())
+            text = values.source.beside(text)
         with values.source.about(self.path):
             return program(text, name, unit, start, bare=self.of.unit_in_si(name), names=values.parameters)
 

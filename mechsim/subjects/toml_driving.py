@@ -12,6 +12,7 @@ from mechsim.model.forces import Forces, Place
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.motors import ConstantTorque, Geared, Motor, PlainMotor, TorqueSpeedLine
 from mechsim.model.programs import Programs
+from mechsim.subjects.load_text import LoadText
 from mechsim.subjects.program_text import Program
 from mechsim.subjects.toml_text import key, listed, number, quoted
 
@@ -36,16 +37,13 @@ def _programs(programs: Programs) -> Iterator[str]:
     for name, state in programs.by_name.items():
         if not isinstance(state, Program):
             raise InputError(f"the program of {name} is a function, which no text says; give it as text")
-        text = state.text
-        if text.lower().endswith(files.EXTENSIONS):
-            text = str(Path(text).resolve())
-        yield f"{key(name)} = {quoted(text)}"
+        yield f"{key(name)} = {quoted(_absolute(state.text))}"
 
 
 def _forces(forces: Forces) -> Iterator[str]:
     yield from ("", "[forces]", f"gravity = {listed(forces.gravity)}")
     if forces.crank_torque is not None:
-        yield f"crank_torque = {number(_constant(forces.crank_torque, 'the load on the crank')[0])}"
+        yield f"crank_torque = {_components(forces.crank_torque, 'the load on the crank')[0]}"
     if forces.flywheel:
         yield f"flywheel = {number(forces.flywheel)}"
     if forces.motor is not None:
@@ -61,11 +59,11 @@ def _forces(forces: Forces) -> Iterator[str]:
         numbers = {part: number(getattr(spring, part)) for part in ("stiffness", "rest")}
         yield f"joint_springs.{key(spring.joint)} = {_table(numbers)}"
     for i, load in enumerate(forces.loads, 1):
-        force = listed(_constant(load.force, f"the load on {load.place}"))
-        yield f"loads.load{i} = {_table({'at': _place(load.place), 'force': force})}"
+        force = ", ".join(_components(load.force, f"the load on {load.place}"))
+        yield f"loads.load{i} = {_table({'at': _place(load.place), 'force': f'[{force}]'})}"
     for couple in forces.couples:
-        moment = _constant(couple.moment, f"the couple on {couple.link}")
-        yield f"couples.{key(couple.link)} = {listed(moment)}"
+        moment = ", ".join(_components(couple.moment, f"the couple on {couple.link}"))
+        yield f"couples.{key(couple.link)} = [{moment}]"
 
 
 def _motor(motor: Motor) -> dict[str, str]:
@@ -83,10 +81,19 @@ def _plain_motor(motor: PlainMotor) -> dict[str, str]:
     return {"kind": quoted("dc"), **parts}
 
 
-def _constant(profile: LoadProfile, what: str) -> list[float]:
+def _components(profile: LoadProfile, what: str) -> list[str]:
+    """Return what a load is along each axis."""
+    if isinstance(profile.value, LoadText):
+        texts = [part.text for part in profile.value.parts]
+        return [quoted(_absolute(one)) if isinstance(one, str) else number(one) for one in texts]
     if profile.over is not None:
-        raise InputError(f"{what} goes over {profile.over}, which a TOML file does not say; leave it out")
-    return profile.at(np.zeros(1)).ravel().tolist()
+        raise InputError(f"{what} is a function of {profile.over}, which no text says; give it as text")
+    return [number(one) for one in profile.at(np.zeros(1)).ravel()]
+
+
+def _absolute(text: str) -> str:
+    """Return the text of a program or a load, by which it is found from anywhere if it is a file."""
+    return str(Path(text).resolve()) if text.lower().endswith(files.EXTENSIONS) else text
 
 
 def _place(place: Place) -> str:

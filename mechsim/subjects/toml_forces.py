@@ -5,12 +5,13 @@ from typing import Any
 
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Place, Spring, located
 from mechsim.model.joints import KINDS, KindName
-from mechsim.model.load_profile import constant
+from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import ORIGIN, Mechanism
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor, TorqueSpeedLine
 from mechsim.subjects.checked_values import Values
 from mechsim.subjects.force_keys import MOTORS
 from mechsim.subjects.key_kinds import Number
+from mechsim.subjects.toml_loads import course_of
 from mechsim.subjects.toml_source import nearest
 from mechsim.units import Unit
 
@@ -34,9 +35,10 @@ def forces_of(values: Values, mechanism: Mechanism, read: Mapping[str, Any]) -> 
             joint_springs=tuple(_joint_springs(values, mechanism, given)),
             loads=tuple(_loads(values, mechanism, given)),
             couples=tuple(
-                Couple(link, constant(moment)) for link, moment in given.get("couples", {}).items()
+                Couple(link, course_of(values, mechanism, moment, "N m", ("forces", "couples", link)))
+                for link, moment in given.get("couples", {}).items()
             ),
-            crank_torque=constant(given["crank_torque"]) if "crank_torque" in given else None,
+            crank_torque=_crank_torque(values, mechanism, given),
             flywheel=given.get("flywheel", 0.0),
             motor=_motor(values, given["motor"]) if "motor" in given else None,
         )
@@ -62,7 +64,14 @@ def _frictions(values: Values, mechanism: Mechanism, given: Mapping[str, Any]) -
 def _loads(values: Values, mechanism: Mechanism, given: Mapping[str, Any]) -> Iterator[Load]:
     for name, one in given.get("loads", {}).items():
         with values.source.about(("forces", "loads", name)):
-            yield Load(_place(mechanism, one["at"]), constant(one["force"]))
+            path = ("forces", "loads", name, "force")
+            yield Load(_place(mechanism, one["at"]), course_of(values, mechanism, one["force"], "N", path))
+
+
+def _crank_torque(values: Values, mechanism: Mechanism, given: Mapping[str, Any]) -> LoadProfile | None:
+    if "crank_torque" not in given:
+        return None
+    return course_of(values, mechanism, (given["crank_torque"],), "N m", ("forces", "crank_torque"))
 
 
 def _springs(values: Values, mechanism: Mechanism, given: Mapping[str, Any]) -> Iterator[Spring]:

@@ -51,6 +51,10 @@ class TomlSource:
             names = names[:-1]
         return self.lines.get(names, 1)
 
+    def beside(self, name: str) -> str:
+        """Return the path of a file that is named in this one and looked for beside it."""
+        return str(Path(self.path).parent / name.strip())
+
     def refusal(self, key: KeyPath, why: str) -> InputError:
         """Return the error about a key: file, line, key, and why."""
         return PlacedError(f"{self.path}, line {self.line(key)}: {dotted(key)} {why}")

@@ -53,7 +53,7 @@ class Machine:
     def with_forces(self, forces: Forces) -> "Machine":
         """Return the same mechanism under other forces."""
         forces.check(self.mechanism)
-        _check_flywheel(self.mechanism, forces, getattr(self.drive, "programs", None))
+        _check_crank(self.mechanism, forces, getattr(self.drive, "programs", None))
         return replace(self, forces=forces)
 
 
@@ -89,11 +89,16 @@ def machine(
     described = with_inertia(bare, density, diameter)
     acting = forces or Forces()
     acting.check(described)
-    _check_flywheel(described, acting, getattr(drive, "programs", None))
+    _check_crank(described, acting, getattr(drive, "programs", None))
     return Machine(described, acting, drive)
 
 
-def _check_flywheel(mechanism: Mechanism, forces: Forces, programs: Programs | None) -> None:
+def _check_crank(mechanism: Mechanism, forces: Forces, programs: Programs | None) -> None:
+    if programs is not None and any(course.over == "angle" for course in forces.courses):
+        raise InputError(
+            f"{mechanism.name}: a load goes over the crank's angle, but programs drive it; "
+            "give it over time, or drive the crank by its speed"
+        )
     if not (forces.flywheel or forces.crank_torque or forces.motor):
         return
     if programs is not None:

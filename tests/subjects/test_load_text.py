@@ -1,0 +1,153 @@
+"""Loads of a TOML file that vary: right on both roads, written back, or refused."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim import dynamics, files
+from mechsim.errors import InputError
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.studies.dynamics_check import crosscheck_driven
+from mechsim.subjects.schema import schema
+from mechsim.subjects.subject import load
+from mechsim.subjects.toml_writer import toml_of
+
+SLIDER = """
+name = "slider"
+units = { length = "mm", angle = "deg" }
+[parameters]
+crank = 30
+rod = 95
+swell = 2
+[joints.crank]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "wheel" }
+[joints.A]
+kind = "revolute"
+a = { link = "wheel", at = ["crank", 0, 0] }
+b = { link = "rod" }
+[joints.B]
+kind = "revolute"
+a = { link = "rod", at = ["rod", 0, 0] }
+b = { link = "slider" }
+[joints.slide]
+kind = "prismatic"
+a = { link = "ground", at = [0, 10, 0], axis = [1, 0, 0] }
+b = { link = "slider", axis = [1, 0, 0] }
+[points]
+B = { link = "slider" }
+[guess]
+rod = { at = ["crank", 0, 0], turn = { axis = [0, 0, 1], angle = 6 } }
+slider = { at = ["crank + rod", 10, 0] }
+"""
+VARYING = """
+[forces]
+loads.push = { at = "B", force = ["5 N*sin(2*pi*t + 30deg)*swell", 1, 0] }
+loads.table = { at = "B", force = ["press.csv", "press.csv", "0.5 N"] }
+couples.rod = [0, 0, "3 N*mm*t + 0.01"]
+crank_torque = "0.02*cos(3*angle) + 20 N*5mm*sin(angle)"
+"""
+
+
+@pytest.fixture
+def made(tmp_path):
+    """Return what makes the slider of a text with forces, beside a table over the angle."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 91)
+    files.write_table(
+        tmp_path / "press.csv", {"angle": angle, "x": 7.0 * np.sin(angle) ** 2, "y": np.cos(angle)}
+    )
+
+    def of(forces):
+        path = tmp_path / "slider.toml"
+        path.write_text(SLIDER + forces)
+        return load(str(path))
+
+    return of
+
+
+def test_varying_loads_are_in_si_at_their_places(made):
+    forces = made(VARYING).forces
+    at = np.array([0.0, 0.3, 2.0])
+    push, table, couple, torque = (one.at(at, at) for one in forces.courses)
+    np.testing.assert_allclose(push[:, 0], 10.0 * np.sin(2 * np.pi * at + np.pi / 6), rtol=1e-14)
+    assert (push[:, 1:] == [1.0, 0.0]).all()
+    # straight lines over 4 degrees miss a square of sines by 7 h^2/4 at most
+    np.testing.assert_allclose(table[:, 0], 7.0 * np.sin(at) ** 2, atol=7.0 * np.deg2rad(4.0) ** 2 / 4.0)
+    np.testing.assert_allclose(couple[:, 2], 0.003 * at + 0.01, rtol=1e-14)
+    np.testing.assert_allclose(torque, 0.02 * np.cos(3 * at) + 0.1 * np.sin(at), rtol=1e-13)
+    assert [one.over for one in forces.courses] == ["time", "angle", "time", "angle"]
+
+
+@pytest.mark.parametrize("method", ["pose", "step"])
+def test_both_roads_agree_under_varying_loads_and_a_wrong_one_is_condemned(made, method):
+    form = made(VARYING)
+    machine = dynamics.machine(form, form.forces)
+    run = driven(machine.mechanism, machine.forces, speed=20.0, turns=2.0, method=method, samples=36)
+    assert crosscheck_driven(run, machine).passed
+    # a thousandth of a turn late, by time and by angle
+    for right, wrong in (("30deg", "29.64deg"), ("cos(3*angle)", "cos(3*angle - 0.36deg)")):
+        other = made(VARYING.replace(right, wrong)).forces
+        assert not crosscheck_driven(run, machine.with_forces(other)).passed
+
+
+def test_varying_loads_are_written_as_they_are_read(made, tmp_path):
+    form = made(VARYING)
+    path = tmp_path / "deeper"
+    path.mkdir()
+    path = path / "again.toml"
+    path.write_text(toml_of(form))
+    again = load(str(path))
+    at = np.linspace(0.0, 2.0, 11)
+    for found, wanted in zip(again.forces.courses, form.forces.courses, strict=True):
+        # lengths and angles were in other units, and are reckoned again
+        np.testing.assert_allclose(found.at(at, at), wanted.at(at, at), rtol=1e-14)
+    assert toml_of(again) == toml_of(form)
+    push = replace(form.forces.loads[0], force=replace(form.forces.loads[0].force, value=np.sin))
+    with pytest.raises(InputError, match="load on B is a function of time, which no text says"):
+        toml_of(replace(form, forces=replace(form.forces, loads=(push,))))
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ('crank_torque = "5 N*sin(t)"', "is '5 N*sin(t)', which is a force; give a moment"),
+        ('couples.rod = [0, 0, "5mm*t"]', "forces.couples.rod[2] is '5mm*t', which is a length"),
+        ('crank_torque = "sin(t)*angle"', "names both angle and t"),
+        ('crank_torque = "sin(t"', "is no expression"),
+        ('crank_torque = "2*t + lift"', "names 'lift', which is nothing here; known are t, pi, crank, rod"),
+        ('crank_torque = "(-8)**0.5*t"', "no value that is a finite real number"),
+        ('couples.rod = ["t", "angle", 0]', "forces.couples.rod goes over t in one component and over angle"),
+        ('couples.rod = ["press.csv", 0, "press.csv"]', "as a load give two, t in s or angle in rad"),
+        ('crank_torque = "none.csv"', "forces.crank_torque is 'none.csv': there is no file"),
+    ],
+)  # fmt: skip
+def test_what_is_no_load_is_refused_with_line_and_key(made, line, words):
+    with pytest.raises(InputError, match=re.escape(words)) as error:
+        made(f"[forces]\n{line}\n")
+    assert "slider.toml, line 30: " in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_load_over_the_angle_wants_a_crank_that_nothing_else_moves(made, tmp_path):
+    late = SLIDER.replace("swell", "angle") + '[forces]\ncrank_torque = "angle"\n'
+    path = tmp_path / "late.toml"
+    path.write_text(late)
+    with pytest.raises(InputError, match="'angle', here a parameter, too; give the parameter another name"):
+        load(str(path))
+    turned = '[forces]\ncouples.rod = [0, 0, "angle"]\n'
+    path.write_text(SLIDER.replace("[parameters]", 'drivers = ["slide"]\n[parameters]') + turned)
+    with pytest.raises(InputError, match="no crank has an angle where slide drive; give it over t"):
+        load(str(path))
+    made(turned)
+    form = load(str(tmp_path / "slider.toml"), drive={"crank": "30deg*sin(t)"})
+    with pytest.raises(InputError, match="over the crank's angle, but programs drive it"):
+        dynamics.machine(form, form.forces)
+
+
+def test_the_schema_says_what_a_load_may_be():
+    torque = schema()["properties"]["forces"]["properties"]["crank_torque"]
+    assert torque["type"] == ["number", "string"]
+    assert "expression of t or angle, or FILE.csv" in torque["description"]
