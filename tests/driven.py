@@ -102,6 +102,26 @@ def rack_and_cam() -> Mechanism:
     )
 
 
+def bending_rack() -> Mechanism:
+    """A pinion to be programmed: its rack goes in a straight line with it, a follower bends with the rack."""
+    whole = rack_and_cam()
+    bent = Coupling("cam", "cam", "rack", (0.0, 0.3, -8.0, 40.0), zeros=(0.003, 0.01))
+    return replace(whole, driver=("crank",), holds={}, couplings=(whole.couplings[0], bent))
+
+
+def five_bar_with_cam() -> Mechanism:
+    """A slide on a link of a five-bar that bends with a joint that nothing drives."""
+    whole = five_bar()
+    cam = Joint("cam", "prismatic", End("b", axis=ALONG_X), End("d2", axis=ALONG_X))
+    return replace(
+        whole,
+        links=(*whole.links, replace(whole.links[0], name="d2", outline=((0.01, 0.0, 0.0),))),
+        joints=(*whole.joints, cam),
+        couplings=(Coupling("cam", "cam", "A", (0.0, 0.01, 0.004)),),
+        points={"Q": ("d2", (0.0, 0.0, 0.0))},
+    )
+
+
 def press() -> Mechanism:
     """A screw whose nut a guide keeps from turning."""
     return Mechanism(

@@ -138,6 +138,11 @@ class ModelLoops:
         """The couplings of coordinates that follow from those driven, but not in a straight line."""
         return [one for one in self._chain if one.bends]
 
+    @property
+    def driven_dofs(self) -> NDArray[np.int64]:
+        """The crank or all drivers."""
+        return np.array(self._driven, dtype=np.int64)
+
     @cached_property
     def moved_dofs(self) -> NDArray[np.int64]:
         """The freedoms that forces move in steps: the crank or all drivers, then what bends with them."""

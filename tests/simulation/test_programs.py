@@ -4,13 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from driven import boom, five_bar, platform, press, rack_and_cam, table, waving, where_circles_meet
+from driven import (
+    boom,
+    five_bar,
+    five_bar_with_cam,
+    platform,
+    press,
+    rack_and_cam,
+    table,
+    waving,
+    where_circles_meet,
+)
 
 from mechsim import crosscheck, simulate
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError, MobilityError
-from mechsim.model.couplings import Coupling
-from mechsim.model.mechanism import GROUND, End, Joint
+from mechsim.model.mechanism import GROUND, End
 from mechsim.model.programs import programs, steady
 from mechsim.simulation.settings import Settings
 
@@ -199,17 +208,7 @@ def test_a_wrong_mechanism_is_condemned():
 
 
 def test_a_coupling_that_bends_with_a_passive_joint_is_stepped_by_its_constraint():
-    mechanism = five_bar()
-    cam = Joint("cam", "prismatic", End("b", axis=(1.0, 0.0, 0.0)), End("d2", axis=(1.0, 0.0, 0.0)))
-    links = (*mechanism.links, replace(mechanism.links[0], name="d2", outline=((0.01, 0.0, 0.0),)))
-    bent = Coupling("cam", "cam", "A", (0.0, 0.01, 0.004))
-    mechanism = replace(
-        mechanism,
-        links=links,
-        joints=(*mechanism.joints, cam),
-        couplings=(bent,),
-        points={"Q": ("d2", (0.0, 0.0, 0.0))},
-    )
+    mechanism = five_bar_with_cam()
     moves = programs(mechanism, ARMS, 1.0)
     run = simulate(mechanism, programs=moves, settings=Settings(steps_per_turn=4000))
     assert run.outcome == "met"

@@ -338,10 +338,11 @@ def efforts_of(
     model.body_invweight0[:] *= soften
     model.dof_invweight0[:] *= soften
     model.opt.iterations = ITERATIONS
-    moved = loaded.loops.moved_dofs
+    moved = loaded.loops.driven_dofs
     if force is not None:
-        force = force.reshape(len(force), -1)
+        force = force.reshape(len(force), -1)[:, : len(moved)]
         set_armature(model, moved, LIGHTER * model.dof_armature[moved])
+    _couple(loaded, model, hardness * soften)
     parts = []
     for first in range(0, len(states.time), CHUNK):
         part = states.at(first)
@@ -349,10 +350,41 @@ def efforts_of(
         acting = replace(at.outer, generalised=at.outer.generalised.copy())
         if force is not None:
             acting.generalised[:, moved] += LIGHTER * force[first : first + CHUNK]
-        fields = loaded.look(model, part, acting)
+        bent = _bent(loaded, at)
+        acting.generalised[:] -= (at.plain["inertia"] @ bent[..., None])[..., 0]
+        fields = dict(loaded.look(model, part, acting))
+        fields["qacc"] = fields["qacc"] + bent
         multipliers, torque = constrained(loaded, at, fields)
         parts.append(efforts(loaded, at, fields["qacc"], multipliers, torque))
     return join(parts)
+
+
+def _couple(loaded: LoadedModel, model: mujoco.MjModel, hardness: float) -> None:
+    """Let constraints hold all that couplings bend, also what was stepped as the crank is.
+
+    They ask for no acceleration by how far they stand open: with the bend added (`_bent`), none is lacking.
+    """
+    loops = loaded.loops
+    dofs = loops.moved_dofs[len(loops.driven_dofs) :]
+    set_armature(model, dofs, loops.model.dof_armature[dofs])
+    model.dof_invweight0[dofs] = hardness * loops.model.dof_invweight0[dofs]
+    model.eq_active0[[one.number for one in loops.followers]] = 1
+    model.eq_solref[[one.number for one in loops.couplings if one.bends]] = 0.0
+
+
+def _bent(loaded: LoadedModel, at: Situation) -> Array:
+    """Return accelerations, (n, nv), by which couplings bend: p'' times the square of the right side's rate.
+
+    All else stays closed, crank and drivers at rest. MuJoCo's rows (1, -p') leave them out: what is left
+    of q'' beside them obeys its rows, under the force that these take.
+    """
+    couplings, rows = loaded.loops.couplings, loaded.loops.coupled_rows
+    if not any(one.bends for one in couplings):
+        return np.zeros_like(at.states.qvel)
+    held = _held(loaded, at.jacobian)
+    right = np.zeros(held.shape[:2])
+    right[:, rows] = np.stack([one.bend(at.states.qpos, at.states.qvel) for one in couplings], 1)
+    return _least(held, row_scale(loaded, held.shape[1]), at.plain["inertia"], right)[0]
 
 
 def stiffen_friction(model: mujoco.MjModel, timestep: float) -> None:
