@@ -45,11 +45,15 @@ class LoadProfile:
         places = np.atleast_1d(np.asarray(time if self.over == "time" else angle, dtype=np.float64))
         values = np.asarray(self.value(places), dtype=np.float64)
         shape = (len(places),) if self.width == 1 else (len(places), self.width)
-        if values.shape != shape or not np.isfinite(values).all():
+        if values.shape != shape:
             raise InputError(
-                f"a load over {self.over} gives values of shape {values.shape} at {len(places)} places, or "
-                f"numbers that are not finite; give finite ones of shape {shape}"
+                f"a load over {self.over} gives values of shape {values.shape} at {len(places)} places; "
+                f"give them in shape {shape}"
             )
+        finite = np.isfinite(values).reshape(len(places), -1).all(1)
+        if not finite.all():
+            where = f"{places[~finite][0]:.6g} {'s' if self.over == 'time' else 'rad'}"
+            raise InputError(f"a load over {self.over} is no finite number at {where}; give one that is")
         return values
 
 
