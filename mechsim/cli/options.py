@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from mechsim import files, units
+from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.cli import completion
@@ -196,7 +197,8 @@ def _told(form: Form) -> Form:
 
 def moving(form: Form) -> Form:
     """Return what moves; refuse several drivers of which nothing says how they go."""
-    if form.programs is None and not form.mechanism.has_crank:
+    # what has a closed form has a crank, and its mechanism may be one that cannot be put together
+    if form.programs is None and not isinstance(form, ClosedForm) and not form.mechanism.has_crank:
         drivers = form.mechanism.drivers
         far = "10mm" if form.mechanism.unit(drivers[0]) == "m" else "30deg"
         raise InputError(

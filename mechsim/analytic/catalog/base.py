@@ -20,7 +20,6 @@ from mechsim.analytic.vector_method.vectors import Sign
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose
 from mechsim.model.motion import JointMotion, Motion, Through, join
 
@@ -326,22 +325,19 @@ class ClosedForm(ABC):
         return replace(motion, links=moved, joints=joints, spinning=self.spinning)
 
     def _joints(self, angle: Jet, frames: Mapping[str, LinkFrame], n: int) -> dict[str, JointMotion]:
-        """Return the motion of the joints with one coordinate; geared ones count the turns of the crank."""
+        """Return the motion of the coordinates of joints; geared ones count the turns of the crank."""
         whole = self._described
         at = {**frames, GROUND: GROUND_FRAME}
         geared = {gear.driven: gear.ratio * angle + gear.phase for gear in whole.gears}
         counted = {whole.crank.name: angle, **geared}
-        return {
-            joint.name: link_frames.joint_motion(
-                joint,
-                counted[joint.name]
-                if joint.name in counted
-                else link_frames.joint_coordinate(joint, at[joint.a.link], at[joint.b.link]),
-                n,
-            )
-            for joint in whole.joints
-            if KINDS[joint.kind].single
-        }
+        motions: dict[str, JointMotion] = {}
+        for joint in whole.joints:
+            if joint.name in counted:
+                coordinates = [counted[joint.name]]
+            else:
+                coordinates = link_frames.joint_coordinates(joint, at[joint.a.link], at[joint.b.link])
+            motions |= link_frames.joint_motions(joint, coordinates, n)
+        return motions
 
     def _require_closed(self, angles: Array, places: Mapping[str, Array]) -> None:
         """Raise AssemblyError where a closed form gave no place."""

@@ -196,14 +196,14 @@ def solved(
         found: dict[str, JointMotion] = {}
         for joint in described.joints if joints else ():
             if KINDS[joint.kind].single:
-                coordinate = (
-                    at
+                coordinates = (
+                    [at]
                     if joint.name == described.driver
-                    else link_frames.joint_coordinate(
+                    else link_frames.joint_coordinates(
                         joint, frames[joint.a.link], frames[joint.b.link], wide.side_a(joint)
                     )
                 )
-                found[joint.name] = link_frames.joint_motion(joint, coordinate, len(crank))
+                found |= link_frames.joint_motions(joint, coordinates, len(crank))
     return Motion("closed form", crank, pace, still, points, joints=found)
 
 

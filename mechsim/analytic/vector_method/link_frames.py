@@ -13,7 +13,7 @@ import numpy as np
 from mechsim.analytic.vector_method.jets import Jet, Values, values
 from mechsim.analytic.vector_method.vectors import column, cross, dot
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS
+from mechsim.model.joints import COLUMN, KINDS
 from mechsim.model.mechanism import EX, EY, EZ, Joint, Vector
 from mechsim.model.motion import JointMotion, LinkMotion, PointMotion
 
@@ -119,23 +119,35 @@ def link_motion(frame: LinkFrame, n: int) -> LinkMotion:
     )
 
 
-def joint_coordinate(joint: Joint, a: LinkFrame, b: LinkFrame, side_a: Array | None = None) -> Any:
-    """Return the coordinate of a joint that has one between two frames, (n,) in [m] or in (-pi, pi] rad.
+def joint_coordinates(joint: Joint, a: LinkFrame, b: LinkFrame, side_a: Array | None = None) -> list[Values]:
+    """Return the coordinates of a joint between two frames, (n,) each in [m] or in (-pi, pi] rad.
 
     The frame of its side a is (3, 3), as the joint has it, or (3, 3, n) of many designs.
     """
-    frame = joint.a.frame if side_a is None else side_a
+    kind, frame = KINDS[joint.kind], joint.a.frame if side_a is None else side_a
     mark, side, axis = (vector(frame[:, i]) if frame.ndim == 2 else frame[:, i] for i in range(3))
-    if KINDS[joint.kind].slides:
-        return dot(b.point(joint.b.point) - a.point(joint.a.point), a.direction(axis))
-    seen = b.direction(vector(joint.b.frame[:, 0]))
-    return np.arctan2(dot(a.direction(side), seen), dot(a.direction(mark), seen))
+    found: list[Values] = []
+    if kind.slides:
+        gap = b.point(joint.b.point) - a.point(joint.a.point)
+        columns = [(mark, side, axis)[COLUMN[along]] for along in kind.slides]
+        found += [dot(gap, a.direction(column)) for column in columns]
+    if kind.ball or not kind.turns:
+        return found
+    mark_b, side_b, axis_b = (vector(joint.b.frame[:, i]) for i in range(3))
+    # seen from a, b's axis where axes cross, else its mark
+    seen = b.direction(axis_b if kind.crossed else mark_b)
+    found.append(np.arctan2(dot(a.direction(side), seen), dot(a.direction(mark), seen)))
+    if kind.crossed:
+        back = a.direction(axis)
+        found.append(np.arctan2(-dot(b.direction(side_b), back), dot(b.direction(mark_b), back)))
+    return found
 
 
-def joint_motion(joint: Joint, coordinate: Values, n: int) -> JointMotion:
-    """Return the motion of a joint from its coordinate."""
-    unit = "m" if KINDS[joint.kind].slides else "rad"
-    if not isinstance(coordinate, Jet):
-        coordinate = Jet(coordinate, np.zeros(1), np.zeros(1))
-    value, rate, second = coordinate.value, coordinate.rate, coordinate.second
-    return JointMotion(np.broadcast_to(value, n), np.broadcast_to(rate, n), np.broadcast_to(second, n), unit)
+def joint_motions(joint: Joint, coordinates: Sequence[Values], n: int) -> dict[str, JointMotion]:
+    """Return the motion of each coordinate of a joint, by its name."""
+    kind, motions = KINDS[joint.kind], {}
+    for i, (name, unit, found) in enumerate(zip(joint.coordinates, kind.units, coordinates, strict=True)):
+        jet = found if isinstance(found, Jet) else Jet(found, np.zeros(1), np.zeros(1))
+        fields = (np.broadcast_to(field, n) for field in (jet.value, jet.rate, jet.second))
+        motions[name] = JointMotion(*fields, unit, None if kind.single else i)
+    return motions
