@@ -47,3 +47,14 @@ def scene(folder, *, ctrl=None, drive=None, text=FINGER, duration=0.5):
     programs = {} if form.programs is None else form.programs.by_name
     fed = actuator_programs(ctrl or {})
     return scene_of(form.source, form.mechanism, drive=programs, ctrl=fed, duration=duration)
+
+
+# the finger on a base that floats
+FLOATING = FINGER.replace(
+    "<worldbody>",
+    '<worldbody><body name="hull" pos="0 0 1"><freejoint name="float"/><inertial mass="1" pos="0 0 0" '
+    'diaginertia="1e-3 1e-3 1e-3"/>',
+).replace(
+    "</worldbody>",
+    '</body></worldbody><keyframe><key name="home" qpos="0 .2 1.5 1 0 0 0 0 0 0 0" ctrl="0.1"/></keyframe>',
+)

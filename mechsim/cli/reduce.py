@@ -8,12 +8,12 @@ import typer
 
 from mechsim import files, units
 from mechsim.cli.declared_options import spread
-from mechsim.cli.options import File, Json, writable
+from mechsim.cli.options import File, HoldOptions, Json, writable
 from mechsim.cli.output import Tick, print_json, print_table, progress
 from mechsim.cli.scene_options import SceneOptions, user_scene
 from mechsim.errors import InputError
-from mechsim.simulation.mjcf_reader.parsed_file import parsed
 from mechsim.studies.reduction import By, LeanErrors, LeftOut, Reduction, reduced, with_comment
+from mechsim.studies.scenes import spec_of
 
 UNITS: dict[By, units.Unit] = {"trajectory": "m", "torque": "N m"}
 
@@ -30,6 +30,7 @@ def reduce(
         str, typer.Option(metavar="trajectory|torque", help="What counts: tracked points, or efforts.")
     ] = "trajectory",
     asked: SceneOptions,
+    held: HoldOptions,
     output: File,
     as_json: Json = False,
 ) -> None:
@@ -42,10 +43,10 @@ def reduce(
     if not 0.0 < bound < float("inf"):
         raise InputError(f"the tolerance is {tolerance}; give one above 0, as in 10um")
     asked = replace(asked, track=tuple(one for text in asked.track for one in _points(text)))
-    scene = user_scene(model, asked)
+    scene = user_scene(model, asked, held)
     keep = {part for text in asked.track for part in text.partition("@")[0].split(",")} | set(scene.places)
     with progress("reduce", 100) as tick:
-        found = reduced(scene, parsed(model)[0], bound, keep=keep, by=by, tell=_Told(tick))
+        found = reduced(scene, spec_of(scene), bound, keep=keep, by=by, tell=_Told(tick))
     with files.written_beside(place) as path:
         path.write_text(with_comment(found, Path(model).name, bound, unit))
     if as_json:

@@ -2,7 +2,7 @@
 
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.cli.scene_options import SceneOptions, user_scene
-from mechsim.simulation.mjcf_reader.parsed_file import parsed
+from mechsim.studies.scenes import spec_of
 from mechsim.studies.tradeoff.scene_costs import SceneCost, scene_costs
 
 
@@ -10,7 +10,7 @@ def print_costs(model: str, asked: SceneOptions, *, as_json: bool) -> None:
     """Measure and print what each thing in a scene costs."""
     scene = user_scene(model, asked)
     with progress("costs", None) as tick:
-        found = scene_costs(scene, parsed(model)[0], tell=lambda part: tick("timing", part))
+        found = scene_costs(scene, spec_of(scene), tell=lambda part: tick("timing", part))
     if as_json:
         print_json({"scene": model, "timestep": float(scene.model.opt.timestep), "costs": _rows(found)})
         return

@@ -104,9 +104,10 @@ class Kind:
         return slides + turns
 
     @property
-    def units(self) -> tuple[str, ...]:
+    def units(self) -> tuple[Literal["m", "rad"], ...]:
         """Units of its coordinates: displacements, then angles; the turning of a ball has none."""
-        return ("m",) * len(self.slides) + ("rad",) * (0 if self.ball else len(self.turns))
+        turns = () if self.ball else self.turns
+        return (*("m" for _ in self.slides), *("rad" for _ in turns))
 
 
 KINDS: dict[KindName, Kind] = {

@@ -1,7 +1,8 @@
 import json
 
+import mujoco
 import pytest
-from scene_texts import FINGER
+from scene_texts import FINGER, FLOATING
 from studies.test_reduction import few_trials
 
 from mechsim.errors import InputError
@@ -40,6 +41,22 @@ def test_two_points_may_be_named_at_once(mechsim, finger, monkeypatch):
     words = ("--track", "pad,lever", "--track", "P,pad@0.1,0,0")
     assert mechsim("reduce", finger, "--tolerance", "7um", *words, "-o", "out.xml").code == 2
     assert asked == ["pad", "lever", "P"]
+
+
+def test_what_is_held_stands_still_in_what_is_left(mechsim, tmp_path, monkeypatch):
+    few_trials(monkeypatch)
+    (tmp_path / "floating.xml").write_text(FLOATING)
+    held = ("--hold-base", "--hold", "swing=0.2", "--key", "home", "--ctrl", "servo=0.1")
+    words = ("--duration", "0.1s", "--tolerance", "7um", "--track", "pad", "-o", "out.xml", "--json")
+    answer = mechsim("reduce", "floating.xml", *held, *words)
+    assert answer.code == 0, answer.err
+    assert json.loads(answer.out)["error"] <= 7e-6
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
+    assert not (model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any()
+    pad = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, pad, 0)
+    mujoco.mj_forward(model, pad)
+    assert pad.body("pad").xpos[2] > 1.0  # where the base is held, not in the reference configuration
 
 
 @pytest.mark.parametrize(

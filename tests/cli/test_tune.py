@@ -8,7 +8,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from scene_texts import FINGER, scene
+from scene_texts import FINGER, FLOATING, scene
 
 from mechsim import files
 from mechsim.studies.scenes import stepped
@@ -74,16 +74,6 @@ def test_what_tune_writes_keeps_the_tolerance_when_stepped_as_its_comment_says(m
     judge = scene(folder, drive={"knuckle": "0.5*sin(2*pi*t)"})
     places = replace(stepped(judge, records=2), qpos=states).points
     assert judge.closure.errors(states, places).max() == pytest.approx(told["tuned"]["error"], rel=1e-3)
-
-
-FLOATING = FINGER.replace(
-    "<worldbody>",
-    '<worldbody><body name="hull" pos="0 0 1"><freejoint name="float"/><inertial mass="1" pos="0 0 0" '
-    'diaginertia="1e-3 1e-3 1e-3"/>',
-).replace(
-    "</worldbody>",
-    '</body></worldbody><keyframe><key name="home" qpos="0 .2 1.5 1 0 0 0 0 0 0 0" ctrl="0.1"/></keyframe>',
-)
 
 
 def test_what_is_held_stands_still_in_what_is_written(mechsim, tmp_path):

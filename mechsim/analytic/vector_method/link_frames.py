@@ -148,6 +148,6 @@ def joint_motions(joint: Joint, coordinates: Sequence[Values], n: int) -> dict[s
     kind, motions = KINDS[joint.kind], {}
     for i, (name, unit, found) in enumerate(zip(joint.coordinates, kind.units, coordinates, strict=True)):
         jet = found if isinstance(found, Jet) else Jet(found, np.zeros(1), np.zeros(1))
-        fields = (np.broadcast_to(field, n) for field in (jet.value, jet.rate, jet.second))
-        motions[name] = JointMotion(*fields, unit, None if kind.single else i)
+        value, rate, second = (np.broadcast_to(field, n) for field in (jet.value, jet.rate, jet.second))
+        motions[name] = JointMotion(value, rate, second, unit, None if kind.single else i)
     return motions

@@ -6,7 +6,7 @@ from mechsim.studies.scenes.scene_errors import MEASURES, By, SceneErrors, error
 from mechsim.studies.scenes.scene_limit import SceneLimit, limit_of
 from mechsim.studies.scenes.scene_run import SceneRun, stepped
 from mechsim.studies.scenes.step_time import step_times
-from mechsim.studies.scenes.user_scene import UserScene, scene_of
+from mechsim.studies.scenes.user_scene import UserScene, scene_of, spec_of
 
 __all__ = [
     "MEASURES",
@@ -20,6 +20,7 @@ __all__ = [
     "errors_of",
     "limit_of",
     "scene_of",
+    "spec_of",
     "start_error",
     "step_times",
     "stepped",

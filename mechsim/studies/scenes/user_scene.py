@@ -189,10 +189,8 @@ def scene_of(
     if not 0.0 < duration < np.inf:
         raise InputError(f"the duration is {duration} s; give a finite time above 0")
     spec = parsed(read.path)[0] if spec is None else spec.copy()
-    plain, base = spec.compile(), None
-    if base_held:
-        base = hold_scene_base(spec, plain, key)
-        plain = spec.compile()
+    base = hold_scene_base(spec, spec.compile(), key) if base_held else None
+    plain = spec.compile()
     _require_actuators(plain, ctrl)
     named = read.spec.copy().compile()
     bodies = {link_name(named, b): b for b in range(1, named.nbody) if named.body_jntnum[b]} | {GROUND: 0}
@@ -223,6 +221,14 @@ def scene_of(
         lighter,
         base,
     )
+
+
+def spec_of(scene: UserScene) -> mujoco.MjSpec:
+    """Return the specification of a scene's file, without the free joints of what is held."""
+    spec = parsed(scene.path)[0]
+    if scene.base is not None:
+        hold_scene_base(spec, spec.compile(), scene.key)
+    return spec
 
 
 def _every_point(mechanism: Mechanism, model: mujoco.MjModel) -> dict[str, tuple[str, Vector]]:
