@@ -52,7 +52,7 @@ def row(name: str, settings: str, engine: str, run: Engine) -> dict[str, Any]:
     model.opt.timestep, model.opt.integrator = TURN / STEPS, integrator
     model.opt.iterations = ITERATIONS
     try:
-        states, seconds = run(model, qpos[0], qvel[0], STEPS)
+        states, seconds = run(model, qpos[0], qvel[0], STEPS, np.zeros(model.nu))
     except (ValueError, NotImplementedError, RuntimeError) as error:
         said = {"place": np.nan, "crank [rad]": np.nan, "ms a turn": " ".join(str(error).split())[:60]}
         return {"mechanism": name, "settings": settings, "engine": engine} | said

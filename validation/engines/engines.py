@@ -13,27 +13,28 @@ import numpy as np
 from mujoco import batch
 
 Array = np.ndarray
-# model, qpos (nq,), qvel (nv,), steps -> qpos after each step (steps, nq), seconds
-Engine = Callable[[mujoco.MjModel, Array, Array, int], tuple[Array, float]]
+# model, qpos (nq,), qvel (nv,), steps, ctrl (nu,) that is held -> qpos after each step (steps, nq), seconds
+Engine = Callable[[mujoco.MjModel, Array, Array, int, Array], tuple[Array, float]]
 
 
-def by_c(model: mujoco.MjModel, qpos: Array, qvel: Array, steps: int) -> tuple[Array, float]:
+def by_c(model: mujoco.MjModel, qpos: Array, qvel: Array, steps: int, ctrl: Array) -> tuple[Array, float]:
     """MuJoCo itself, float64."""
     sims = batch.Batch(model, 1, 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = qpos, qvel
+    sims.bind("ctrl")[:] = ctrl
     begun = time.process_time()
     out = sims.rollout(steps, record=("qpos",))
     return out["qpos"][0], time.process_time() - begun
 
 
-def by_warp(model: mujoco.MjModel, qpos: Array, qvel: Array, steps: int) -> tuple[Array, float]:
+def by_warp(model: mujoco.MjModel, qpos: Array, qvel: Array, steps: int, ctrl: Array) -> tuple[Array, float]:
     """MJWarp, float32, on the device that Warp takes first: a GPU, else the CPU."""
     import mujoco_warp as mjw
     import warp as wp
 
     wp.config.quiet = True
     data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:] = qpos, qvel
+    data.qpos[:], data.qvel[:], data.ctrl[:] = qpos, qvel, ctrl
     mujoco.mj_forward(model, data)
     there = mjw.put_model(model)
     mjw.step(there, mjw.put_data(model, data))
