@@ -39,6 +39,7 @@ LOOPS = [
     "simulation/test_model_loops.py",
     "simulation/test_recorded_motion.py",
     "simulation/test_programs.py",
+    "simulation/test_many_designs.py",
 ]
 # file of mechsim/ -> tests that are there to kill its mutants, quickest first
 KILLERS: dict[str, list[str]] = {
@@ -58,7 +59,7 @@ KILLERS: dict[str, list[str]] = {
         "analytic/test_followed_path.py",
     ],
     "analytic/closure/followed_path.py": ["analytic/test_followed_path.py"],
-    "simulation/model_loops.py": LOOPS,
+    "simulation/model_loops.py": [*LOOPS, "studies/test_driven_efforts.py"],
     "simulation/loop_constraints.py": [
         "simulation/test_loop_constraints.py",
         "simulation/test_recorded_motion.py",

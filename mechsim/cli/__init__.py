@@ -3,6 +3,7 @@
 A file is loaded when its command is typed: `mechsim --help` must be quick.
 """
 
+import os
 import sys
 from collections.abc import Callable
 from importlib import import_module
@@ -153,4 +154,6 @@ def _top(
 
 def main() -> None:
     """Run the command line; see `endings.ended` for its exit codes."""
+    # all matrices are small: threads of the linear algebra only stand in the way of mechsim's own
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     sys.exit(ended(lambda: app(standalone_mode=False)))
