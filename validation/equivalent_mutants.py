@@ -4,6 +4,7 @@ SHAPE = "any negative number stands for the length left over"
 SPEED = "changes what a run costs, not what it gives"
 ANY_TINY = "any tiny number will do where nothing has a length"
 LOOPS = "simulation/model_loops.py"
+POSED = "simulation/posed_bodies.py"
 MOTION = "analytic/closure/motion.py"
 PATH = "analytic/closure/followed_path.py"
 SOLVER = "analytic/closure/loop_solver.py"
@@ -19,11 +20,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "...",
     ): ANY_TINY,
     (
-        LOOPS,
+        POSED,
         "return (data.xpos[None], data.xmat.reshape(1, -1, 3, 3), slope)",
         "return (data.xpos[None], data.xmat.reshape(1, -2, 3, 3), slope)",
     ): SHAPE,
-    (LOOPS, "if len(self._batches) > 8:", "..."): SPEED,
+    (POSED, "if len(self._batches) > 8:", "..."): SPEED,
     (
         LOOPS,
         "self._level = float(size[0]) if np.isfinite(size[0]) else 0.0",
@@ -57,8 +58,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         ): "a Newton step more or fewer once rounding is reached"
         for bound in ("1e-10", "1e-12", "1.0000000000000001e-11", "9.999999999999999e-11")
     },
-    (LOOPS, "threads = 1 if n <= ONE_THREAD else 0", "..."): SPEED,
-    (LOOPS, "ONE_THREAD = 4096", "..."): SPEED,
+    (POSED, "threads = 1 if n <= ONE_THREAD else 0", "..."): SPEED,
+    (POSED, "ONE_THREAD = 4096", "..."): SPEED,
     (
         MOTION,
         "twist = least_norm(mechanism, rows.jacobian, asked).reshape(n, -1, 6)",

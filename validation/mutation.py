@@ -60,6 +60,7 @@ KILLERS: dict[str, list[str]] = {
     ],
     "analytic/closure/followed_path.py": ["analytic/test_followed_path.py"],
     "simulation/model_loops.py": [*LOOPS, "studies/test_driven_efforts.py"],
+    "simulation/posed_bodies.py": LOOPS,
     "simulation/loop_constraints.py": [
         "simulation/test_loop_constraints.py",
         "simulation/test_recorded_motion.py",

@@ -8,11 +8,9 @@ import copy
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import mujoco
 import numpy as np
-from mujoco import batch
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
@@ -21,9 +19,7 @@ from mechsim.model.motion import Through
 from mechsim.simulation import followers
 from mechsim.simulation.drive import CLOCK, Drive, Law
 from mechsim.simulation.loop_constraints import Coupled, constraints
-
-# body and points of it, (n, 3) -> the Jacobians of the points and of the body's turning, (n, 3, nv) each
-Slope = Callable[[int, Array], tuple[Array, Array]]
+from mechsim.simulation.posed_bodies import PosedBodies, carried
 
 FREE, BALL, SLIDE, HINGE = (
     int(kind)
@@ -39,8 +35,6 @@ FREE, BALL, SLIDE, HINGE = (
 CLOSED = 1e-14
 # singular values below this part of the largest count as zero
 RANK_TOLERANCE = 1e-9
-# states up to which one thread is as fast as two: below a few milliseconds of work
-ONE_THREAD = 4096
 
 
 class ModelLoops:
@@ -57,17 +51,16 @@ class ModelLoops:
         free: indices of all other degrees of freedom than the crank.
         passive: indices of those that are neither crank nor driver.
         passing: how a path of poses goes on where two assemblies meet.
-        size: yardstick of lengths in the model, in [m]; (n,) where states have `fields` of their own.
+        sizes: yardsticks of lengths in the model, in [m], (n,); of one where states share its fields.
         hinges: for each number of qpos whether it is the angle of a hinge.
         quaternions: where quaternions begin in qpos.
         turning: for each number of qpos whether it is one of a quaternion's.
-        looking: a copy of the model as it was given, reduced to its kinematics; not to be changed.
-        fields: of the model, which each state has of its own, as those of designs: name -> (n, ...).
+        posed: where the model's bodies stand, and which fields of it each state has of its own.
     """
 
     def __init__(self, model: mujoco.MjModel, crank: str = "crank", drive: Drive | None = None):
         self.model = model
-        self.fields: Mapping[str, Array] = {}
+        self.posed = PosedBodies(model)
         crank = crank if drive is None else CLOCK
         joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, crank)
         if joint < 0 or model.jnt_type[joint] != HINGE:
@@ -89,7 +82,7 @@ class ModelLoops:
         self._angular = self._angles[self.free]
         reach = [np.linalg.norm(local) for pair in self.pairs for local in pair.local]
         steps = np.linalg.norm(model.body_pos[1:], axis=1)
-        self.size: Any = float(max([*reach, *steps], default=0.0)) or _spread_of(model)
+        self.sizes = np.array([max([*reach, *steps], default=0.0) or _spread_of(model)])
         self.scale = self._scale()
         self.quaternions = [
             int(place) + (3 if kind == FREE else 0)
@@ -101,20 +94,23 @@ class ModelLoops:
             self.turning[place : place + 4] = True
         self.hinges = np.zeros(model.nq, dtype=np.bool_)
         self.hinges[model.jnt_qposadr[model.jnt_type == HINGE]] = True
-        self.looking = _only_kinematics(model)
-        self._data = mujoco.MjData(self.looking)
-        self._batches: dict[int, batch.Batch] = {}
         self._basis: tuple[Array, Array, Array] | None = None
         self._level: float | None = None
 
     def _scale(self) -> Array:
-        """Return the factors that make residuals free of units, (m,); (n, m) where states have `fields`."""
-        if self.fields:
-            return np.repeat(1.0 / self.size[:, None], 3 * len(self.pairs), 1)
+        """Return the factors that make residuals free of units, (m,); (n, m) where states have fields."""
+        if self.posed.fields:
+            return np.repeat(1.0 / self.sizes[:, None], 3 * len(self.pairs), 1)
         coupled = [1.0 if self._angles[one.left.dofs].all() else 1.0 / self.size for one in self.couplings]
         driven = [] if self.drive is None else np.where(self.drive.slides, 1.0 / self.size, 1.0)
         lengths = np.full(3 * len(self.pairs), 1.0 / self.size)
         return np.concatenate([lengths, np.ones(3 * len(self.frames)), coupled, driven])
+
+    @property
+    def size(self) -> float:
+        """Yardstick of lengths in the model, in [m], where all states share its fields."""
+        (size,) = self.sizes.tolist()
+        return size
 
     @property
     def turned_rows(self) -> slice:
@@ -192,23 +188,15 @@ class ModelLoops:
         say something is that of the model itself.
         """
         other = copy.copy(self)
-        other.fields = fields
-        other._batches, other._level = {}, None
+        other.posed, other._level = PosedBodies(self.model, fields), None
         sites = fields["site_pos"]
         closing = zip(self.pairs, self.model.eq_obj1id, self.model.eq_obj2id, strict=True)
         other.pairs = [replace(pair, local=(sites[:, a], sites[:, b])) for pair, a, b in closing]
         reach = [np.linalg.norm(local, axis=1) for pair in other.pairs for local in pair.local]
         steps = np.linalg.norm(fields["body_pos"][:, 1:], axis=2).T
-        other.size = np.max([*reach, *steps], axis=0)
+        other.sizes = np.max([*reach, *steps], axis=0)
         other.scale = other._scale()
         return other
-
-    def simulations(self, model: mujoco.MjModel, n: int, threads: int) -> batch.Batch:
-        """Return n simulations of a model of these loops, each with its own `fields`."""
-        sims = batch.Batch(model, n, threads)
-        for name, values in self.fields.items():
-            sims.expand(name)[:] = values
-        return sims
 
     def over_copy(self) -> "ModelLoops":
         """Return the same loops over a copy of the model that may be set up for stepping."""
@@ -227,11 +215,10 @@ class ModelLoops:
 
     def _look(self, qpos: Array) -> tuple[Array, Callable[[], Array]]:
         """Return the residuals, and what computes their Jacobian as long as nothing else is looked at."""
-        alone = len(qpos) == 1 and not self.fields
-        position, rotation, slope = self._one(qpos) if alone else self._many(qpos)
+        position, rotation, slope = self.posed.at(qpos)
         n, nv = len(qpos), self.model.nv
         ends = [
-            [(body, position[:, body] + turned_by(rotation[:, body], local)) for body, local in pair.ends]
+            [(body, position[:, body] + carried(rotation[:, body], local)) for body, local in pair.ends]
             for pair in self.pairs
         ]
         turned = [pair.apart(*(rotation[:, body] for body in pair.bodies)) for pair in self.frames]
@@ -260,56 +247,25 @@ class ModelLoops:
 
         return np.concatenate(parts, 1), jacobian
 
-    def _one(self, qpos: Array) -> tuple[Array, Array, Slope]:
-        """Return places and rotations of all bodies at one state; a batch of one costs three times this."""
-        model, data = self.looking, self._data
-        data.qpos[:] = qpos[0]
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-
-        def slope(body: int, point: Array) -> tuple[Array, Array]:
-            linear, angular = np.empty((2, 3, model.nv))
-            mujoco.mj_jac(model, data, linear, angular, point[0], body)
-            return linear[None], angular[None]
-
-        return data.xpos[None], data.xmat.reshape(1, -1, 3, 3), slope
-
-    def _many(self, qpos: Array) -> tuple[Array, Array, Slope]:
-        """Return places and rotations of all bodies at n states."""
-        sims = self._batch(len(qpos))
-        position, matrix = sims.bind("xpos"), sims.bind("xmat")
-        sims.bind("qpos")[:] = qpos
-        sims.forward(stage=int(mujoco.mjtStage.mjSTAGE_POS))
-        return position, matrix.reshape(*matrix.shape[:2], 3, 3), sims.jac
-
-    def _batch(self, n: int) -> batch.Batch:
-        """Return a batch of n simulations of the model, made once for each n."""
-        if n not in self._batches:
-            if len(self._batches) > 8:
-                self._batches.clear()
-            threads = 1 if n <= ONE_THREAD else 0
-            self._batches[n] = self.simulations(self.looking, n, threads)
-        return self._batches[n]
-
     def bodies(self, qpos: Array) -> tuple[Array, Array]:
         """Return the places and rotations of all bodies at n states, (n, nbody, 3) and (n, nbody, 3, 3)."""
-        position, rotation, _ = self._many(qpos)
+        position, rotation, _ = self.posed.many(qpos)
         return position.copy(), rotation.copy()
 
     def sites(self, qpos: Array) -> Array:
         """Return the places of all sites at n states, (n, nsite, 3) in [m]."""
-        position, rotation, _ = self._many(qpos)
-        bodies, local = self.model.site_bodyid, self.fields.get("site_pos", self.model.site_pos)
+        position, rotation, _ = self.posed.many(qpos)
+        bodies, local = self.model.site_bodyid, self.posed.fields.get("site_pos", self.model.site_pos)
         return position[:, bodies] + (rotation[:, bodies] @ local[..., None])[..., 0]
 
     def centres(self, qpos: Array) -> Array:
         """Return the centres of mass of all bodies at n states, (n, nbody, 3) in [m]."""
-        position, rotation, _ = self._many(qpos)
+        position, rotation, _ = self.posed.many(qpos)
         return position + (rotation @ self.model.body_ipos[..., None])[..., 0]
 
     def places(self, qpos: Array) -> Array:
         """Return the places of all sites and of all points that close loops at n states, (n, k, 3) in [m]."""
-        position, rotation, _ = self._many(qpos)
+        position, rotation, _ = self.posed.many(qpos)
         ends = [end for pair in self.pairs for end in pair.ends]
         points = [position[:, body] + rotation[:, body] @ local for body, local in ends]
         return np.concatenate([np.stack(points, 1) if points else position[:, :0], self.sites(qpos)], 1)
@@ -397,7 +353,7 @@ class ModelLoops:
         rows that repeat others and freedoms that nothing holds, do not count.
         """
         rows = jacobian.shape[1] - (0 if self.drive is None else len(self.drive.dofs))
-        lengths = np.reshape(self.size, (-1, 1, 1))
+        lengths = self.sizes[:, None, None]
         held = jacobian[:, :rows, self.passive] * np.where(self._angles[self.passive], 1.0, lengths)
         held *= self.scale[..., :rows, None]
         values = np.linalg.svd(held, compute_uv=False).astype(np.float64, copy=False)
@@ -488,11 +444,6 @@ class ModelLoops:
         return out
 
 
-def turned_by(rotation: Array, local: Array) -> Array:
-    """Return vectors turned by rotations (n, 3, 3): one of all, (3,), or one of each, (n, 3)."""
-    return rotation @ local if local.ndim == 1 else (rotation @ local[..., None])[..., 0]
-
-
 def _spread_of(model: mujoco.MjModel) -> float:
     """Return how far sites, joints and centres of mass lie from their bodies' origins; 1 m if nowhere."""
     places = np.concatenate([model.site_pos, model.jnt_pos, model.body_ipos])
@@ -516,14 +467,6 @@ def _quaternion_turned(quaternion: Array, vector: Array) -> Array:
         1,
     )
     return turned / np.sqrt((turned * turned).sum(1))[:, None]
-
-
-def _only_kinematics(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a copy of a model that computes places and no more than it must beside them."""
-    looking = copy.copy(model)
-    off = mujoco.mjtDisableBit
-    looking.opt.disableflags |= int(off.mjDSBL_CONSTRAINT | off.mjDSBL_CONTACT | off.mjDSBL_SENSOR)
-    return looking
 
 
 def _is_angle(model: mujoco.MjModel) -> NDArray[np.bool_]:

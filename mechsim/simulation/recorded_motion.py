@@ -11,7 +11,8 @@ from mujoco import batch
 from mechsim.maths.arrays import Array
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join
 from mechsim.simulation.drive import CLOCK
-from mechsim.simulation.model_loops import HINGE, ONE_THREAD, SLIDE, ModelLoops, turned_by
+from mechsim.simulation.model_loops import HINGE, SLIDE, ModelLoops
+from mechsim.simulation.posed_bodies import ONE_THREAD, carried
 
 # states evaluated in one go, so that a long run needs little memory
 CHUNK = 2048
@@ -141,7 +142,7 @@ def _evaluated(
     # where the loops settle the accelerations, MuJoCo's soft constraints need not be solved first
     model = _with_sensors(loops.model, constrained=crank_acceleration is None)
     n = len(states.time)
-    sims = loops.simulations(model, n, 1 if n <= ONE_THREAD else 0)
+    sims = loops.posed.simulations(model, n, 1 if n <= ONE_THREAD else 0)
     sims.bind("qpos")[:] = states.qpos
     sims.bind("qvel")[:] = states.qvel
     if force is not None:
@@ -260,7 +261,7 @@ def opening(loops: ModelLoops, states: States, qacc: Array, links: Mapping[str, 
                 ends.append(np.zeros((len(qacc), 3)))
                 continue
             link = links[model.body(body).name]
-            arm = turned_by(link.rotation, local)
+            arm = carried(link.rotation, local)
             spin = link.angular_velocity
             swing = np.cross(link.angular_acceleration, arm) + np.cross(spin, np.cross(spin, arm))
             ends.append(link.acceleration + swing)

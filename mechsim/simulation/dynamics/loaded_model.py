@@ -23,7 +23,7 @@ from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.friction import DryJoint, dry_frictions
 from mechsim.simulation.mjcf.force_elements import Actuators, actuators, motor_control
-from mechsim.simulation.model_loops import ONE_THREAD
+from mechsim.simulation.posed_bodies import ONE_THREAD
 from mechsim.simulation.recorded_motion import States
 
 FIELDS = (

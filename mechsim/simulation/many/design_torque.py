@@ -67,7 +67,7 @@ def _looked(
     loops: ModelLoops = stepped.loops.with_fields(wide)
     at = np.ix_(rows, records)
     n = len(rows) * len(records)
-    sims = loops.simulations(model, n, 1)
+    sims = loops.posed.simulations(model, n, 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = (
         stepped.qpos[at].reshape(n, -1),
         stepped.qvel[at].reshape(n, -1),

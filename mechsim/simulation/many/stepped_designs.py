@@ -87,7 +87,7 @@ def stepped_designs(
     loosened(loops.model, fields)
     own = loops.with_fields(fields)
     rates = own.tangent(own.linearise(models.qpos)[1]) * speed
-    sims = own.simulations(loops.model, len(rates), 1)
+    sims = own.posed.simulations(loops.model, len(rates), 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = models.qpos, rates
     parts = [(np.zeros((len(rates), 1, 1)), models.qpos[:, None], rates[:, None])]
     for first in range(0, total, stride * max(1, BLOCK // stride)):
@@ -112,7 +112,7 @@ def _hardened(models: DesignModels, loops: ModelLoops, settings: Settings) -> Fi
         fields[name] = fields.get(name, np.repeat(getattr(model, name)[None], count, 0)).copy()
     fields["body_invweight0"] *= settings.hardness
     fields["dof_invweight0"] *= settings.hardness
-    size = models.like.closed.loops.with_fields(fields).size
+    size = models.like.closed.loops.with_fields(fields).sizes
     heavy = settings.flywheel or flywheel(fields["body_mass"], fields["body_inertia"], size)
     fields["dof_M0"][:, crank] += heavy - fields["dof_armature"][:, crank]
     fields["dof_armature"][:, crank] = heavy
@@ -159,7 +159,7 @@ def judged(stepped: SteppedDesigns) -> JudgedDesigns:
     sure = ((left <= SECOND * gap) | (left <= 100.0 * CLOSED)).reshape(d, k).all(1)
     kept = sure & (side == side[:, :1]).all(1) & (side[:, 0] != 0.0) & np.isfinite(distance).all(1)
     spans = np.ptp(solved.reshape(d, k, len(sites), 3), axis=1)
-    tolerance = np.maximum(PLACE * 0.5 * spans.max((1, 2)), CLOSED * loops.size.reshape(d, k)[:, 0])
+    tolerance = np.maximum(PLACE * 0.5 * spans.max((1, 2)), CLOSED * loops.sizes.reshape(d, k)[:, 0])
     return JudgedDesigns(distance.max(1), tolerance, kept)
 
 

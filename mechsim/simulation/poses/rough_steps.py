@@ -70,7 +70,7 @@ _runners: WeakKeyDictionary[ModelLoops, batch.Batch] = WeakKeyDictionary()
 def _runner(loops: ModelLoops) -> batch.Batch:
     """Return a simulation of the model with hard loops and a flywheel."""
     hard = copy.copy(loops)
-    hard.model = copy.copy(loops.looking)
+    hard.model = copy.copy(loops.posed.looking)
     hard.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     Settings(steps_per_turn=STEPS).apply(hard, CLOCK)
     return batch.Batch(hard.model, 1, 1)

@@ -1,0 +1,93 @@
+"""Where the bodies of a compiled model stand, for many states at once, and how their points move with it."""
+
+import copy
+from collections.abc import Callable, Mapping
+
+import mujoco
+import numpy as np
+from mujoco import batch
+
+from mechsim.maths.arrays import Array
+
+# body and points of it, (n, 3) -> the Jacobians of the points and of the body's turning, (n, 3, nv) each
+Slope = Callable[[int, Array], tuple[Array, Array]]
+
+# states up to which one thread is as fast as two: below a few milliseconds of work
+ONE_THREAD = 4096
+
+
+class PosedBodies:
+    """MuJoCo's kinematics of a model, and nothing else of it.
+
+    Attributes:
+        looking: a copy of the model as it was given, reduced to its kinematics; not to be changed.
+        fields: of the model, which each state has of its own, as those of designs: name -> (n, ...).
+    """
+
+    def __init__(self, model: mujoco.MjModel, fields: Mapping[str, Array] | None = None):
+        self.looking = _only_kinematics(model)
+        self.fields: Mapping[str, Array] = fields or {}
+        self._data = mujoco.MjData(self.looking)
+        self._batches: dict[int, batch.Batch] = {}
+
+    def at(self, qpos: Array) -> tuple[Array, Array, Slope]:
+        """Return what `many` does, of one state sooner: a batch of one costs three times this."""
+        return self._one(qpos) if len(qpos) == 1 and not self.fields else self.many(qpos)
+
+    def many(self, qpos: Array) -> tuple[Array, Array, Slope]:
+        """Return places and rotations of all bodies at n states, and the Jacobians of points fixed in them.
+
+        Args:
+            qpos: states, (n, nq).
+
+        Returns:
+            Places of the bodies' origins, (n, nbody, 3) in [m], their rotations, (n, nbody, 3, 3), and what
+            gives Jacobians; all hold until the next states are looked at.
+        """
+        sims = self._batch(len(qpos))
+        position, matrix = sims.bind("xpos"), sims.bind("xmat")
+        sims.bind("qpos")[:] = qpos
+        sims.forward(stage=int(mujoco.mjtStage.mjSTAGE_POS))
+        return position, matrix.reshape(*matrix.shape[:2], 3, 3), sims.jac
+
+    def simulations(self, model: mujoco.MjModel, n: int, threads: int) -> batch.Batch:
+        """Return n simulations of a model like this, each with its own `fields`."""
+        sims = batch.Batch(model, n, threads)
+        for name, values in self.fields.items():
+            sims.expand(name)[:] = values
+        return sims
+
+    def _one(self, qpos: Array) -> tuple[Array, Array, Slope]:
+        model, data = self.looking, self._data
+        data.qpos[:] = qpos[0]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+
+        def slope(body: int, point: Array) -> tuple[Array, Array]:
+            linear, angular = np.empty((2, 3, model.nv))
+            mujoco.mj_jac(model, data, linear, angular, point[0], body)
+            return linear[None], angular[None]
+
+        return data.xpos[None], data.xmat.reshape(1, -1, 3, 3), slope
+
+    def _batch(self, n: int) -> batch.Batch:
+        """Return a batch of n simulations of the model, made once for each n."""
+        if n not in self._batches:
+            if len(self._batches) > 8:
+                self._batches.clear()
+            threads = 1 if n <= ONE_THREAD else 0
+            self._batches[n] = self.simulations(self.looking, n, threads)
+        return self._batches[n]
+
+
+def carried(rotation: Array, local: Array) -> Array:
+    """Return vectors fixed in bodies of rotations (n, 3, 3), seen from without: one, (3,), or (n, 3)."""
+    return rotation @ local if local.ndim == 1 else (rotation @ local[..., None])[..., 0]
+
+
+def _only_kinematics(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Return a copy of a model that computes places and no more than it must beside them."""
+    looking = copy.copy(model)
+    off = mujoco.mjtDisableBit
+    looking.opt.disableflags |= int(off.mjDSBL_CONSTRAINT | off.mjDSBL_CONTACT | off.mjDSBL_SENSOR)
+    return looking
