@@ -46,9 +46,6 @@ Sets = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 SPEED = "600rpm"
-SpeedIfAny = Annotated[
-    str | None, typer.Option("--speed", help=f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
-]
 Speed = Annotated[str, typer.Option(help="Crank speed; a bare number is rad/s.")]
 WHERE = typer.Option(
     "-o", "--output", metavar="FILE", help="Where to write.", autocompletion=completion.files

@@ -37,10 +37,6 @@ class Tolerance:
     why: str
     power: int = 0
 
-    def allows(self, worst: float) -> bool:
-        """Return whether a worst value is within the bound; NaN is not."""
-        return worst <= self.bound
-
     def widened(self, conditioning: Array | None, count: int) -> Array:
         """Return the bound at each of so many instants of known conditioning, (n,)."""
         if conditioning is None or not self.power:

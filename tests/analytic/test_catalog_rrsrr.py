@@ -6,11 +6,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mpmath import mp
 from strategies import CLOSED, angles_of, longest, rrsrrs
+from torus_sphere import sphere, start_points, torus, trace_path
 
 from mechsim import catalog, closure
 from mechsim.analytic.catalog.rrsrr import Rrsrr
 from mechsim.errors import AssemblyError, InputError
-from mechsim.theory.continuation.torus_sphere import sphere, start_points, torus, trace_path
 
 SWINGING = Rrsrr(pivot=(-0.024, -0.008, 0.040))
 

@@ -6,7 +6,8 @@ import pytest
 from mechsim.analytic import catalog, dynamics
 from mechsim.analytic.derivatives import changes
 from mechsim.analytic.derivatives.catalog_family import catalog_family
-from mechsim.analytic.derivatives.dynamics import effort_derivatives, machine_numbers
+from mechsim.analytic.derivatives.dynamics import efforts_along, machine_numbers
+from mechsim.analytic.derivatives.motion import followed_motion
 from mechsim.model.forces import Forces, Friction, JointSpring, Spring
 from mechsim.model.rod_inertia import with_inertia
 
@@ -19,6 +20,11 @@ LOADED = Forces(
     joint_springs=(JointSpring("crank", 0.01, 0.2),),
     springs=(Spring("C", PLACE, 50.0, 0.01, 0.2),),
 )
+
+
+def effort_derivatives(machine, change, speed=1.0, acceleration=0.0):
+    followed = followed_motion(machine.drive, machine.mechanism, ANGLES, 1.0, 0.0)
+    return efforts_along(machine, followed, change, speed, acceleration)
 
 
 @pytest.mark.parametrize(
@@ -41,7 +47,7 @@ def test_derivatives_of_efforts_are_those_of_the_machines_beside(name, forces, d
     def numbers(values):
         return machine_numbers(with_inertia(family.describe(values), diameter=0.004), forces)
 
-    found = effort_derivatives(machine({}), changes(family, [dimension], numbers), ANGLES, 30.0, 50.0)
+    found = effort_derivatives(machine({}), changes(family, [dimension], numbers), 30.0, 50.0)
     value = family.dimensions[dimension].value
     step = 1e-5 * max(abs(value), 0.01)
     near = [
@@ -69,7 +75,7 @@ def test_a_springs_place_and_stiffness_have_derivatives_too():
         return machine_numbers(with_inertia(family.describe({}), diameter=0.004), forces(values))
 
     machine = dynamics.machine(family.make({}), forces({}), diameter=0.004)
-    found = effort_derivatives(machine, changes(family, ["crank"], numbers), ANGLES)
+    found = effort_derivatives(machine, changes(family, ["crank"], numbers))
     near = [
         dynamics.prescribed(machine.with_forces(forces({"crank": 0.032 + step})), ANGLES, 1.0).efforts.torque
         for step in (-1e-6, 1e-6)

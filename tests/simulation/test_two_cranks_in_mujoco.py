@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from two_cranks import one_crank_stopped
 
 from mechsim import catalog
 from mechsim.simulation import simulate
-from mechsim.theory.two_cranks import one_crank_stopped
 from mechsim.theory.velocity_plan import velocity_plan
 
 SPEED = 62.0

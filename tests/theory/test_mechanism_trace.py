@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from torus_sphere import torus_sphere
 
 from mechsim import catalog, closure
 from mechsim.analytic.catalog.four_bar import FourBar
@@ -14,7 +15,6 @@ from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.maths.roots import root
 from mechsim.model.mechanism import End, Gear, Joint, Link, Mechanism
 from mechsim.theory.continuation import cells, crank_way, curve_search, even_motion, trace
-from mechsim.theory.continuation.torus_sphere import torus_sphere
 
 TURN = 2.0 * np.pi
 FORMS = {name: catalog.make(name) for name in catalog.DRIVES}

@@ -2,10 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from two_cranks import velocities
 
 from mechsim.analytic.catalog.warp_knitter import WarpKnitter
 from mechsim.errors import AssemblyError
-from mechsim.theory.two_cranks import velocities
 from mechsim.theory.velocity_plan import velocity_plan
 
 TURN = 2 * np.pi

@@ -1,7 +1,10 @@
 """The validation case of the published unit vector: it must go on showing what is wrong with it."""
 
+import mpmath
 import numpy as np
 import published_form as case
+from hypothesis import assume, given
+from strategies import EPS, lengths, turns
 
 
 def test_published_form_loses_two_digits_for_each_digit_of_nearness_and_the_sound_form_none():
@@ -29,3 +32,24 @@ def test_forms_agree_where_the_published_one_is_well_conditioned():
     v1, axis, angle = case.question(case.LOOPER, angles)
     sound = case.unit_at_angles(v1, axis, angle, np.pi / 2, 1)
     assert np.abs(case.unit_at_angles_published(v1, axis, angle, np.pi / 2, 1) - sound).max() <= 2e-15
+
+
+@given(lengths, lengths, turns)
+def test_triangle_angle_agrees_with_fifty_digits_also_for_needles(l1, l2, angle):
+    l3 = abs(l1 - l2 * np.exp(1j * angle))
+    assume(l3 > 1e-6)
+    with mpmath.workdps(50):
+        a, b, c = mpmath.mpf(l1), mpmath.mpf(l2), mpmath.mpf(float(l3))
+        cosine = (a * a + b * b - c * c) / (2 * a * b)
+        assume(abs(cosine) < 1)
+        expected = float(mpmath.acos(cosine))
+    measured = float(case.triangle_angle(l1, l2, l3))
+    # Kahan's bound holds where the lengths themselves determine the angle: not for a flat triangle
+    conditioned = min(expected, np.pi - expected) > 1e-6
+    assert abs(measured - expected) <= (8 * EPS if conditioned else 1e-9) * np.pi
+
+
+def test_three_lengths_that_make_no_triangle_have_no_angle():
+    assert np.isnan(case.triangle_angle([1.0, 1.0, 5.0], [1.0, 5.0, 1.0], [3.0, 1.0, 1.0])).all()
+    assert case.triangle_angle(1.0, 2.0, 3.0) == np.pi
+    assert case.triangle_angle(3.0, 2.0, 1.0) == 0.0

@@ -30,13 +30,6 @@ ONES = np.ones(N)
 # tolerances
 
 
-def test_a_tolerance_allows_its_bound_and_nothing_above():
-    tolerance = Tolerance(2.0, "m", "")
-    assert tolerance.allows(2.0)
-    assert not tolerance.allows(2.0000001)
-    assert not tolerance.allows(np.nan)
-
-
 def test_nothing_is_asked_unless_it_is():
     assert (Asked().tolerance, Asked().of, Asked().turns) == (0.0, 1.0, 0.0)
     plain = Bound("why", 1e-3)

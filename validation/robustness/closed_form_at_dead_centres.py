@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.catalog import FourBar, Rrsrr, Rssr, SliderCrank
 from mechsim.analytic.catalog.base import TwoBranchForm
-from mechsim.analytic.vector_method.vectors import column, norm, triangle_cosine
+from mechsim.analytic.vector_method.vectors import column, norm
 
 sys.path.append(str(Path(__file__).parents[1] / "papers"))
 
@@ -156,7 +156,8 @@ def published(drive: Rssr, angles: Array) -> Array:
         p2 = drive.crank * np.array([[0.0], [np.cos(f)], [np.sin(f)]])
         to_crank, axis = p2 - column(drive.pivot), column(drive.rocker_frame[:, 2])
         with np.errstate(all="ignore"):
-            angle = np.arccos(triangle_cosine(drive.rocker, norm(to_crank), drive.coupler))
+            l1, l2, l3 = drive.rocker, norm(to_crank), drive.coupler
+            angle = np.arccos((l1 * l1 + (l2 - l3) * (l2 + l3)) / (2.0 * l1 * l2))
             both = [unit_at_angles_published(to_crank, axis, angle, np.pi / 2, sign) for sign in (1, -1)]
         point, _ = exact(drive, float(f))
         gaps = [_gap(np.asarray(drive.pivot) + drive.rocker * p[:, 0], point) for p in both]

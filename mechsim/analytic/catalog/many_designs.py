@@ -1,7 +1,7 @@
 """Many designs of one closed form solved together: the formulas of the catalogue on arrays of parameters."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -205,26 +205,6 @@ def solved(
                 )
                 found |= link_frames.joint_motions(joint, coordinates, len(crank))
     return Motion("closed form", crank, pace, still, points, joints=found)
-
-
-def one_of(form: ClosedForm, varied: Mapping[str, Array], index: int) -> ClosedForm:
-    """Return one design, checked.
-
-    Raises:
-        InputError: for parameters that it cannot have.
-    """
-    changed: dict[str, object] = {}
-    for name, row in varied.items():
-        parameter, dot, axis = name.partition(".")
-        value = float(row[index])
-        if dot:
-            place = list(changed.get(parameter, getattr(form, parameter)))  # pyright: ignore[reportArgumentType]
-            place[AXES.index(axis)] = value
-            changed[parameter] = tuple(place)
-        else:
-            given = getattr(form, parameter)
-            changed[parameter] = type(given)(value) if isinstance(given, int) else value
-    return replace(form, **changed)
 
 
 def started(form: ClosedForm, varied: Mapping[str, Array]) -> StartedDesigns:

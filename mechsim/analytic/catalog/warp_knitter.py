@@ -138,11 +138,6 @@ class WarpKnitter(ClosedForm):
         )
 
     @property
-    def two_degrees_of_freedom(self) -> Mechanism:
-        """The mechanism without its gears: both cranks are free, W = 2."""
-        return replace(self.mechanism, gears=())
-
-    @property
     def sides(self) -> tuple[float, float, float]:
         """Lengths of the three legs of the triad: rod 3, rod 5, rocker, in [m]."""
         return self.rod3, self.rod5, self.rocker

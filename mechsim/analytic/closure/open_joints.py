@@ -33,7 +33,7 @@ def require_determined(loops: TreeLoops, start: Coordinates) -> None:
         listed = " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
         base = ", hold the base (--hold-base)" if floating & {*names} else ""
         raise MobilityError(
-            f"{loops.tree.mechanism.name}: undetermined: with what is driven held {listed} "
+            f"{loops.tree.mechanism.name}: undetermined: with what is driven held, {listed} "
             f"{'are' if len(names) > 1 else 'is'} left open; drive, hold or couple "
             f"{'them' if len(names) > 1 else 'it'}{base}, or run it with --method step",
             "undetermined",

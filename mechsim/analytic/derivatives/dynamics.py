@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.derivatives.force_numbers import force_numbers, with_force_numbers
-from mechsim.analytic.derivatives.motion import Followed, followed_motion
+from mechsim.analytic.derivatives.motion import Followed
 from mechsim.analytic.derivatives.numbers import numbers_of
 from mechsim.analytic.dynamics.friction import STILL
 from mechsim.analytic.dynamics.machines import Machine
@@ -35,20 +35,20 @@ class EffortDerivatives:
     open: frozenset[str]
 
 
-def effort_derivatives(
+def efforts_along(
     machine: Machine,
+    followed: Followed,
     change: Mapping[str, Array | None],
-    angles: ArrayLike,
     speed: ArrayLike = 1.0,
     acceleration: ArrayLike = 0.0,
 ) -> EffortDerivatives:
-    """Return what drives and joints carry, and its exact derivatives by dimensions.
+    """Return what drives and joints carry along a motion, and its exact derivatives by dimensions.
 
     Args:
         machine: mechanism with masses, and what acts on it.
+        followed: the motion, at unit speed of the crank or of the clock of programs.
         change: dimension -> derivatives of `machine_numbers`, as `changes` gives them; None for that by the
             drivers themselves, where no load follows a course over their angle.
-        angles: of the crank, or of the clock of programs, (n,) in [rad].
         speed: of it, scalar or (n,) in [rad/s].
         acceleration: of it, scalar or (n,) in [rad/s2].
 
@@ -57,18 +57,6 @@ def effort_derivatives(
 
     Accuracy: about 1e-15 times the condition of the loops, as efforts have it.
     """
-    followed = followed_motion(machine.drive, machine.mechanism, angles, 1.0, 0.0)
-    return efforts_along(machine, followed, change, speed, acceleration)
-
-
-def efforts_along(
-    machine: Machine,
-    followed: Followed,
-    change: Mapping[str, Array | None],
-    speed: ArrayLike = 1.0,
-    acceleration: ArrayLike = 0.0,
-) -> EffortDerivatives:
-    """Return efforts along a motion that was followed already at unit speed; as `effort_derivatives`."""
     followed = replace(followed, mechanism=machine.mechanism)
     study = moved_efforts(machine, followed.motion(), speed, acceleration)
     by: dict[str, dict[str, Array]] = {}

@@ -100,32 +100,6 @@ def turn(vector: Array, about: Array, angle: ArrayLike, length: ArrayLike | None
     return turned * (np.asarray(length) / norm(vector))
 
 
-def triangle_cosine(l1: ArrayLike, l2: ArrayLike, l3: ArrayLike) -> Array:
-    """Return the cosine of the angle between sides `l1` and `l2` of a triangle whose third side is `l3`."""
-    l1, l2, l3 = np.asarray(l1), np.asarray(l2), np.asarray(l3)
-    return (l1 * l1 + (l2 - l3) * (l2 + l3)) / (2.0 * l1 * l2)
-
-
-def triangle_angle(l1: ArrayLike, l2: ArrayLike, l3: ArrayLike) -> Array:
-    """Return the angle between sides `l1` and `l2` of a triangle whose third side is `l3`, in [rad].
-
-    NaN where the three lengths make no triangle.
-
-    Accuracy: Kahan's form, relative error of a few ulp even for needle-like triangles, where the
-    arc cosine of the published form loses half the digits.
-
-    Source: paper 000, eq. (23) (Tcos).
-    """
-    l1, l2, l3 = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in (l1, l2, l3)))
-    a, b = np.maximum(l1, l2), np.minimum(l1, l2)
-    mu = np.where(b >= l3, l3 - (a - b), b - (a - l3))
-    product = ((a - b) + l3) * mu
-    whole = (a + (b + l3)) * ((a - l3) + b)
-    possible = (product >= 0.0) & (whole >= 0.0)
-    ratio = np.where(possible, product, 0.0), np.where(possible, whole, 1.0)
-    return np.where(possible, 2.0 * np.arctan2(np.sqrt(ratio[0]), np.sqrt(ratio[1])), np.nan)
-
-
 def unit_at_angles(v1: Values, v2: Values, angle1: ArrayLike, angle2: ArrayLike, sign: Sign) -> Any:
     """Return the unit vector at `angle1` to `v1` and `angle2` to `v2`.
 

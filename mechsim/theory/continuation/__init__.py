@@ -2,26 +2,20 @@
 
 Dragilev's method, as paper 002 uses it: the unit tangent is the null direction of the Jacobian,
 length along the curve is the independent variable, and so nothing happens where any one coordinate
-turns back. `trace` does so for all assemblies of a mechanism, `trace_curve` for any system of equations.
+turns back. `trace` does so for all assemblies of a mechanism.
 """
 
-from mechsim.theory.continuation.arc_length import Curve
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve, CurvePoses, TurningPoint
-from mechsim.theory.continuation.equations import System, trace_curve, turning_points
 from mechsim.theory.continuation.filming import crank_way, even_motion
 from mechsim.theory.continuation.mechanism_trace import AssemblyTrace, CurveMeeting, trace
 
 __all__ = [
     "AssemblyCurve",
     "AssemblyTrace",
-    "Curve",
     "CurveMeeting",
     "CurvePoses",
-    "System",
     "TurningPoint",
     "crank_way",
     "even_motion",
     "trace",
-    "trace_curve",
-    "turning_points",
 ]

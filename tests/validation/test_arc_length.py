@@ -2,17 +2,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from curve_equations import System, trace_curve, turning_points
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import ellipe
+from torus_sphere import sphere, torus, torus_sphere, trace_path
 
 from mechsim.analytic.catalog.four_bar import FourBar
 from mechsim.analytic.catalog.rrsrr import Rrsrr
 from mechsim.analytic.catalog.rssr import Rssr
 from mechsim.analytic.catalog.slider_crank import SliderCrank
 from mechsim.errors import AssemblyError, InputError
-from mechsim.theory.continuation import System, trace_curve, turning_points
-from mechsim.theory.continuation.torus_sphere import sphere, torus, torus_sphere, trace_path
 
 TURN = 2.0 * np.pi
 FOUR_BAR = FourBar(crank=0.09)

@@ -4,11 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from arc_length import SINGULAR, Curve, Frame, turns, walk
 from numpy.typing import ArrayLike
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
-from mechsim.theory.continuation.arc_length import SINGULAR, Curve, Frame, turns, walk
 
 EPS = float(np.finfo(np.float64).eps)
 

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+from arc_length import Curve
+from curve_equations import System, trace_curve
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.rrsrr import Rrsrr
@@ -11,8 +13,6 @@ from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
-from mechsim.theory.continuation.arc_length import Curve
-from mechsim.theory.continuation.equations import System, trace_curve
 
 # the frame of the torus: its x, y, z are Y, Z, X of the mechanism (T1 of the paper)
 CRANK_FRAME = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
