@@ -19,8 +19,8 @@ from mechsim.simulation.poses.strides import SHORTEST, walk
 # is to be left by turning the crank; how far from where it is foretold that may be found, as a part of its
 # distance; and how often the stretch is halved for that
 APART, BENT, BESIDE, HALVINGS = 1e-4, 1e-6, 0.3, 6
-# to this a meeting is known, in [rad]: rates there are those beyond it
-JOINT = 1e-11
+# to this a meeting is known, in [rad], measured 1.5e-11: rates there are those beyond it
+JOINT = 1e-10
 
 
 @dataclass(frozen=True)
