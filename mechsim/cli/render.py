@@ -26,7 +26,7 @@ from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
 from mechsim.model.motion import Motion
 from mechsim.pictures.render import Look, write_picture, write_video
-from mechsim.pictures.render.file_bodies import bodies_of
+from mechsim.pictures.render.file_bodies import drawn_as
 from mechsim.studies.motion_source import MOST_SAMPLES, joint_loads, motion_of, profile_of
 from mechsim.units import option, parse_angle
 
@@ -94,7 +94,7 @@ def render(
     at = None if film.angle is None else parse_angle(film.angle, "the crank angle")
     asked_angle("--angle", film.angle or "")
     drive = moving(form_of(model, sets, driven))
-    look = replace(look, bodies=bodies_of(drive))
+    look = replace(look, **drawn_as(drive))
     if film.trace:
         _round(place, drive, film, look, picture)
         return

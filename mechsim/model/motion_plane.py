@@ -1,5 +1,7 @@
 """Whether a mechanism is planar: the direction across which each link moves, from the description alone."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mechsim.maths.arrays import Array
@@ -23,15 +25,29 @@ def plane_normals(mechanism: Mechanism) -> dict[str, Array] | None:
         Link, "ground" included -> unit vector, (3,): along the crank's axis, and as the joints from there
         carry it on.
     """
-    crank = mechanism.driven_joints[0].a
-    normals = {crank.link: np.asarray(crank.axis)}
+    return _normals(mechanism.driven_joints[0].a, mechanism, mechanism.joints)
+
+
+def hinged_normals(mechanism: Mechanism) -> dict[str, Array] | None:
+    """Return normals as `plane_normals` does, also where slides drive, or balls close loops.
+
+    Balls and crosses cannot take out of the plane what hinges and slides hold there.
+    """
+    aligned = [joint for joint in mechanism.joints if KINDS[joint.kind].aligned]
+    hinges = [joint.a for joint in (*mechanism.driven_joints, *aligned) if KINDS[joint.kind].hinge]
+    normals = (_normals(hinges[0], mechanism, aligned) if hinges else None) or {}
+    return normals if all(link.name in normals for link in mechanism.links) else None
+
+
+def _normals(hinge: End, mechanism: Mechanism, joints: Sequence[Joint]) -> dict[str, Array] | None:
+    normals = {hinge.link: np.asarray(hinge.axis)}
     for _ in mechanism.links:
-        for joint in mechanism.joints:
+        for joint in joints:
             for here, there in ((joint.a, joint.b), (joint.b, joint.a)):
                 if here.link in normals and there.link not in normals:
                     # where a joint turns about the normal only, both joint frames see the normal alike
                     normals[there.link] = there.frame @ here.frame.T @ normals[here.link]
-    for joint in mechanism.joints:
+    for joint in joints:
         for end in (joint.a, joint.b):
             if end.link not in normals or not _stays_in_plane(joint, end, normals[end.link]):
                 return None

@@ -81,14 +81,12 @@ def _stems(found: Agreement) -> list[str]:
 
 def _still(folder: Path, found: Agreement, notes: list[str]) -> bytes | None:
     from mechsim.pictures.render import write_picture
-    from mechsim.pictures.render.file_bodies import bodies_of
+    from mechsim.pictures.render.file_bodies import drawn_as
 
     picture, motion = folder / "model.png", found.comparand.motion
     start = float(found.comparand.angle[0])
     try:
-        write_picture(
-            picture, found.form.mechanism, motion, size=SIZE, angle=start, bodies=bodies_of(found.form)
-        )
+        write_picture(picture, found.form.mechanism, motion, size=SIZE, angle=start, **drawn_as(found.form))
         return picture.read_bytes()
     except (MissingToolError, OutputError) as error:
         notes.append(str(error))

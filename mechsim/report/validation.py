@@ -85,10 +85,10 @@ def _drawn(folder: Path, name: str, case: Case, notes: list[str]) -> tuple[bytes
     What cannot be drawn is None, and the notes say why; the page does without it.
     """
     from mechsim.pictures.render import Look, turn_angles, write_picture, write_video
-    from mechsim.pictures.render.file_bodies import bodies_of
+    from mechsim.pictures.render.file_bodies import drawn_as
 
     mechanism, motion = case.drive.mechanism, case.run.motion
-    look = Look(size=SIZE, bodies=bodies_of(case.drive))
+    look = Look(size=SIZE, **drawn_as(case.drive))
     picture, video = folder / f"{_stem(name)}.png", folder / f"{_stem(name)}.mp4"
     still: bytes | None = None
     try:

@@ -10,13 +10,17 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import Mechanism
-from mechsim.shapes.planar import planar_normals
+from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.motion_plane import hinged_normals
 
 PRESETS = ("iso", "shaft", "top", "side")
+# the coordinate that stands upright: in our own mechanisms, and in scenes of MuJoCo
+Y, Z = 1, 2
 
 # share of the picture kept free on each side for labels, scale bar and read-out
 MARGIN = 0.09
+# a shaft whose direction has this part along an axis stands along it
+PARALLEL = 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,12 +56,19 @@ class Camera:
         return np.stack([x, y], -1)
 
 
-def directions(
-    mechanism: Mechanism, preset: str, upwards: tuple[float, float, float] = (0.0, 1.0, 0.0)
-) -> tuple[Array, Array]:
+def upright(mechanism: Mechanism, usual: int = Y) -> int:
+    """Return the coordinate that stands upright: the usual one, or the other where the shaft stands so.
+
+    A shaft upright in a scene of MuJoCo's leaves the scene standing, unless all moves in one plane.
+    """
+    standing = abs(_shaft(mechanism)[usual]) > PARALLEL
+    return Y + Z - usual if standing and (usual == Y or hinged_normals(mechanism)) else usual
+
+
+def directions(mechanism: Mechanism, preset: str, usual: int = Y) -> tuple[Array, Array]:
     """Return (back, up) of a preset: unit vectors from scene to camera and to the top of the picture.
 
-    `upwards` is what stands upright where the shaft does not: Y, in most scenes of MuJoCo's Z.
+    `usual` is what stands upright where nothing speaks against it, see `upright`.
 
     "shaft" looks along the crank shaft, the crank turning anticlockwise at positive speed; "top"
     and "side" look across it; "iso" looks from a corner, or, for a planar mechanism, straight on
@@ -65,15 +76,18 @@ def directions(
     """
     if preset not in PRESETS:
         raise InputError(f"there is no camera {preset!r}; known are {', '.join(PRESETS)}")
-    shaft = np.asarray(mechanism.driven_joints[0].a.axis)
-    up = np.array(upwards)
-    if abs(float(shaft @ up)) > 0.9:
-        up = np.array([0.0, upwards[2], upwards[1]])
-    up = up - shaft * (shaft @ up)
+    shaft = _shaft(mechanism)
+    up = np.eye(3)[upright(mechanism, usual)]
+    if abs(float(shaft @ up)) > PARALLEL:
+        if preset == "shaft":
+            up = np.eye(3)[Y]
+        else:
+            shaft = np.eye(3)[0]
+    up: Array = up - shaft * float(shaft @ up)
     up /= np.linalg.norm(up)
-    flat = planar_normals(mechanism) is not None
+    flat = hinged_normals(mechanism) is not None
     side = np.cross(up, shaft) if flat else np.cross(shaft, up)
-    back = {
+    back: Array = {
         "shaft": shaft,
         "top": up,
         "side": side,
@@ -85,6 +99,12 @@ def directions(
     right /= np.linalg.norm(right)
     back = back / np.linalg.norm(back)
     return back, np.cross(back, right)
+
+
+def _shaft(mechanism: Mechanism) -> Array:
+    """Return the normal of the plane that all moves in, else the axis of the first driver."""
+    normals = hinged_normals(mechanism)
+    return normals[GROUND] if normals else np.asarray(mechanism.driven_joints[0].a.axis)
 
 
 def framed(

@@ -1,8 +1,9 @@
 """Planar mechanisms as they are drawn: flat links in layers, so that they pass one another."""
 
 from mechsim.maths.arrays import Array
+from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_plane import plane_normals
+from mechsim.model.motion_plane import hinged_normals
 from mechsim.shapes.body import span
 
 
@@ -11,7 +12,9 @@ def planar_normals(mechanism: Mechanism) -> dict[str, Array] | None:
 
     Besides moving in planes, as `model.motion_plane` says it, a flat link has all its joints in one plane.
     """
-    normals = plane_normals(mechanism)
+    if not all(KINDS[joint.kind].aligned for joint in mechanism.joints):
+        return None
+    normals = hinged_normals(mechanism)
     for link, normal in (normals or {}).items():
         heights = [float(normal @ end.point) for end in mechanism.ends(link)]
         if heights and max(heights) - min(heights) > 1e-9 * span(mechanism):

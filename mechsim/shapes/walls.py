@@ -7,9 +7,9 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.motion_plane import hinged_normals
 from mechsim.shapes.camera import Camera
-from mechsim.shapes.planar import planar_normals
-from mechsim.shapes.shape import HOUSING, Shape
+from mechsim.shapes.shape import HOUSING, Shape, vector
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,17 +34,20 @@ class Wall:
         return np.column_stack([self.across, np.cross(self.normal, self.across), self.normal])
 
 
-def backdrop(mechanism: Mechanism, camera: Camera, low: Array, high: Array, cell: float) -> Wall:
+def backdrop(
+    mechanism: Mechanism, camera: Camera, upright: int, low: Array, high: Array, cell: float
+) -> Wall:
     """Return the plane behind a mechanism, as large as the picture needs.
 
     Args:
         mechanism: what stands before it.
         camera: that looks at it.
+        upright: the coordinate across which a floor lies.
         low: least coordinates of what must lie in front, (3,) in [m].
         high: greatest coordinates, (3,) in [m].
         cell: edge of a grid cell in [m]; the grid passes through the origin, so that it can be read.
     """
-    normal, centre, back = _backdrop_axis(mechanism, camera.back), camera.position, camera.back
+    normal, centre, back = _backdrop_axis(mechanism, camera.back, upright), camera.position, camera.back
     facing = float(normal @ back)
     lowest = np.where(normal < 0.0, high, low) @ np.abs(normal) * np.sign(normal.sum())
     point = centre - back * ((centre @ normal - lowest) / facing)
@@ -67,26 +70,26 @@ def corner(camera: Camera, low: Array, high: Array) -> list[Wall]:
     return walls
 
 
-def stands(shapes: Iterable[Shape], floor: float, radius: float) -> list[Shape]:
-    """Return a post with a foot for every bearing, down to a floor at a height `floor` along Y."""
+def stands(shapes: Iterable[Shape], upright: int, floor: float, radius: float) -> list[Shape]:
+    """Return a post with a foot for every bearing, down to a floor at a height along what stands upright."""
     posts: list[Shape] = []
     for shape in shapes:
         if shape.role == "bearing":
-            x, y, z = shape.centre.tolist()
-            foot = (x, floor + 0.8 * radius, z)
-            posts.append(Shape("cylinder", (x, y, z), foot, (1.3 * radius,), HOUSING))
-            posts.append(Shape("cylinder", foot, (x, floor, z), (3.2 * radius,), HOUSING))
+            foot, floored = shape.centre.copy(), shape.centre.copy()
+            foot[upright], floored[upright] = floor + 0.8 * radius, floor
+            posts.append(Shape("cylinder", vector(shape.centre), vector(foot), (1.3 * radius,), HOUSING))
+            posts.append(Shape("cylinder", vector(foot), vector(floored), (3.2 * radius,), HOUSING))
     return posts
 
 
-def _backdrop_axis(mechanism: Mechanism, back: Array) -> Array:
+def _backdrop_axis(mechanism: Mechanism, back: Array, upright: int) -> Array:
     """Return the direction off the plane that stands behind the mechanism: a floor, or a wall."""
-    normals = planar_normals(mechanism)
+    normals = hinged_normals(mechanism)
     if normals and abs(float(normals[GROUND] @ back)) > 0.5:
         return normals[GROUND] * np.sign(normals[GROUND] @ back)
     axes = np.eye(3)
     along = axes @ back
-    if abs(along[1]) > 0.3:
-        return axes[1] * np.sign(along[1])
+    if abs(along[upright]) > 0.3:
+        return axes[upright] * np.sign(along[upright])
     nearest = int(np.argmax(np.abs(along)))
     return axes[nearest] * np.sign(along[nearest])

@@ -1,10 +1,16 @@
 """Bodies of a user's file are drawn as the file has them: places, colours, few enough triangles."""
 
+from dataclasses import replace
+
+import mujoco
 import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.pictures.render.file_bodies import file_bodies
+from mechsim.pictures.render.drawing import Source, named
+from mechsim.pictures.render.file_bodies import drawn_as, file_bodies
+from mechsim.pictures.render.look import Look
+from mechsim.pictures.render.shadow import Shadow
 from mechsim.pictures.view import page
 from mechsim.report.views import mechanism_view
 from mechsim.shapes import Facets
@@ -54,9 +60,27 @@ def test_geoms_are_where_the_file_has_them_in_its_colours(form):
     np.testing.assert_allclose((high - low) / 2, [0.03, 0.02, 0.01], rtol=0.02)
 
 
-def test_the_page_holds_them(form):
-    from dataclasses import replace
+def test_a_scene_stands_on_its_z_and_its_meshes_throw_shadows(form):
+    drawn = Source(form.mechanism, form.solve([0.0, 1.0])).drawn(Look(**drawn_as(form)))
+    assert drawn.camera.up @ [0.0, 0.0, 1.0] == pytest.approx(1.0)
+    scene = mujoco.MjvScene(drawn.model, maxgeom=200)
+    Shadow(drawn).put(scene)
+    meshes = {geom.dataid for geom in scene.geoms[: scene.ngeom] if geom.type == mujoco.mjtGeom.mjGEOM_MESH}
+    assert len(meshes) == drawn.model.nmesh == 2
 
+
+def test_a_pivot_at_which_a_point_stays_goes_by_the_point_s_name():
+    drive = ms.catalog.make("four_bar")
+    mechanism = drive.mechanism
+    both = {**mechanism.points, "motor": ("crank", (0.0, 0.0, 0.0))}
+    for points, told in ((mechanism.points, {"crank", "rocker"}), (both, {"motor", "rocker"})):
+        with_points = replace(mechanism, points=points)
+        motion = ms.closure.solve(with_points, [0.0, 1.0])
+        names = set(named(Source(with_points, motion).drawn(Look()), 0))
+        assert names == told | {"A", "B", "C"}
+
+
+def test_the_page_holds_them(form):
     view = mechanism_view(form, 6.0, form.source.limits)
     assert page(view).count('"kind":"facets"') == 2
     assert '"kind":"facets"' not in page(replace(view, bodies=None))

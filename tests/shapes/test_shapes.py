@@ -6,7 +6,18 @@ import pytest
 from mechsim import catalog
 from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, joint_coordinate
 from mechsim.model.mechanism import IDENTITY as STANDING
-from mechsim.shapes import PALETTE, Shape, free_sides, link_colours, link_shapes, planar_normals, rod_radius
+from mechsim.model.motion_plane import hinged_normals
+from mechsim.shapes import (
+    PALETTE,
+    Shape,
+    camera,
+    free_sides,
+    link_colours,
+    link_shapes,
+    planar_normals,
+    rod_radius,
+    walls,
+)
 
 NAMES = list(catalog.DRIVES)
 TURN = np.linspace(0.0, 2.0 * np.pi, 73)
@@ -168,3 +179,44 @@ def test_sliding_way_of_the_guess_is_that_of_the_joint():
     guess = {GROUND: STANDING, **mechanism.guess}
     way = joint_coordinate(joint, guess[joint.a.link], guess[joint.b.link])
     assert float(way[0]) == pytest.approx(float(mechanism.guess["slider"].position[0]))
+
+
+@pytest.mark.parametrize(("axis", "usual", "stands"), [("x", 1, 1), ("y", 1, 2), ("x", 2, 2), ("z", 2, 2)])
+def test_floor_posts_and_camera_agree_on_what_stands_upright(axis, usual, stands):
+    # a crank with a ball at its tip, which leaves the plane
+    shaft = tuple(np.eye(3)["xyz".index(axis)])
+    end = End("crank", axis=shaft)
+    mechanism = Mechanism(
+        "spatial",
+        (Link("crank"), Link("rod", outline=((0.0, 0.0, 0.02),))),
+        (
+            Joint("crank", "revolute", End(GROUND, axis=shaft), end),
+            Joint("ball", "spherical", End("crank", (0.01, 0.03, 0.02)), End("rod")),
+        ),
+        driver="crank",
+        points={},
+    )
+    assert camera.upright(mechanism, usual) == stands
+    back, up = camera.directions(mechanism, "iso", usual)
+    assert up[stands] > 0.5
+    low, high = np.full(3, -0.05), np.full(3, 0.05)
+    view = camera.framed(back, up, np.array([low, high]), np.zeros(2), (320, 240))
+    floor = walls.backdrop(mechanism, view, stands, low, high, 0.01)
+    np.testing.assert_allclose(floor.normal, np.eye(3)[stands])
+    assert floor.point[stands] == pytest.approx(-0.05)
+    bearings = [shape for shape in link_shapes(mechanism)[GROUND] if shape.role == "bearing"]
+    post, foot = walls.stands(bearings, stands, -0.07, rod_radius(mechanism))
+    assert foot.to[stands] == pytest.approx(-0.07)
+    across = [i for i in range(3) if i != stands]
+    np.testing.assert_allclose(np.take(post.frm, across), np.take(foot.to, across))
+
+
+def test_what_balls_close_or_slides_drive_in_a_plane_is_looked_at_straight_on():
+    flat = mechanism_of("slider_crank")
+    ball = tuple(replace(joint, kind="spherical") if joint.name == "A" else joint for joint in flat.joints)
+    for mechanism in (replace(flat, joints=ball), replace(flat, driver="slide", start=0.2)):
+        back, up = camera.directions(mechanism, "iso")
+        np.testing.assert_allclose((back, up), ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)), atol=1e-12)
+    assert planar_normals(replace(flat, joints=ball)) is None
+    # a ball that holds a link alone lets it leave the plane
+    assert all(hinged_normals(mechanism_of(name)) is None for name in ("rssr", "rrsrr", "looper", "bennett"))

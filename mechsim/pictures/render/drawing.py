@@ -137,21 +137,27 @@ def draw(drawn: DrawnModel, backend: backends.Backend) -> Generator[Picture]:
             drawing.update_scene(drawn.data, CAMERA)
             trace.put(drawing.scene, frame)
             picture = drawing.render()
-            labels = _named(drawn, frame) if look.labels else {}
+            labels = named(drawn, frame) if look.labels else {}
             instant = drawn.frames.instant(frame) if look.overlay == 1 else ""
             yield (
                 written(picture, drawn.camera, labels, clear, notes, instant) if labels or notes else picture
             )
 
 
-def _named(drawn: DrawnModel, frame: int) -> dict[str, Array]:
-    """What carries a name: tracked points, and fixed pivots unless the bodies are a user's own."""
-    named = {name: path[frame] for name, path in drawn.frames.points.items()}
+def named(drawn: DrawnModel, frame: int) -> dict[str, Array]:
+    """Return what carries a name, and where: tracked points, fixed pivots unless the bodies are a user's own.
+
+    A pivot at which a tracked point always stands goes by the point's name.
+    """
+    points = drawn.frames.points
+    places = {name: path[frame] for name, path in points.items()}
     for joint in drawn.mechanism.joints if not drawn.look.bodies else ():
         for end in (joint.a, joint.b):
-            if end.link == GROUND and KINDS[joint.kind].hinge:
-                named.setdefault(joint.name, np.array(end.point))
-    return named
+            at = np.array(end.point)
+            told = any(np.abs(path - at).max() < 0.1 * drawn.radius for path in points.values())
+            if end.link == GROUND and KINDS[joint.kind].hinge and not told:
+                places.setdefault(joint.name, at)
+    return places
 
 
 def _legend(drawn: DrawnModel) -> tuple[tuple[str, Ink], ...]:

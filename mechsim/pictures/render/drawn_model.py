@@ -11,12 +11,13 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.motion_plane import hinged_normals
 from mechsim.pictures.render import scenery
 from mechsim.pictures.render.arrows import Arrows, arrows
 from mechsim.pictures.render.frame_poses import FramePoses
 from mechsim.pictures.render.ghost import Ghost
 from mechsim.pictures.render.look import Look
-from mechsim.shapes import Rgba, Shape, free_sides, link_shapes, planar_normals, rod_radius
+from mechsim.shapes import Rgba, Shape, free_sides, link_shapes, rod_radius
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.extent import extent, travels
 from mechsim.shapes.walls import Wall, backdrop, corner, stands
@@ -38,6 +39,8 @@ class DrawnModel:
         cell: edge of a grid cell in [m].
         walls: planes with a grid.
         forward: whether the crank turns in the positive direction.
+        upright: the coordinate that stands upright.
+        normals: of links that all move in one plane; None where they do not.
         arrows: arrows of each kind asked for.
     """
 
@@ -48,13 +51,15 @@ class DrawnModel:
         self.shapes = self._shapes()
         balls, radii = self._extent()
         self.low, self.high = (balls - radii[:, None]).min(0), (balls + radii[:, None]).max(0)
-        if not (planar_normals(mechanism) or look.bodies):
+        self.upright = cameras.upright(mechanism, look.upright)
+        self.normals = hinged_normals(mechanism)
+        if not (self.normals or look.bodies):
             balls, radii = self._add_stands(balls, radii)
         self.arrows = self._arrows()
         for one in self.arrows:
             tips = one.tips(frames.starts)
             balls, radii = np.vstack([balls, tips]), np.append(radii, np.zeros(len(tips)))
-        back, up = cameras.directions(mechanism, look.camera)
+        back, up = cameras.directions(mechanism, look.camera, look.upright)
         self._clear_walls()
         if look.projections:
             corners = np.array(np.meshgrid(*zip(self.low, self.high, strict=True))).reshape(3, -1).T
@@ -142,8 +147,8 @@ class DrawnModel:
 
     def _add_stands(self, balls: Array, radii: Array) -> tuple[Array, Array]:
         """Carry every bearing by a post on the floor; return the balls with those of the posts."""
-        self.low[1] -= 2.0 * self.radius
-        posts = stands(self.shapes[GROUND], float(self.low[1]), self.radius)
+        self.low[self.upright] -= 2.0 * self.radius
+        posts = stands(self.shapes[GROUND], self.upright, float(self.low[self.upright]), self.radius)
         self.shapes[GROUND].extend(posts)
         feet, widths = extent([(self.frames.poses[GROUND], posts)])
         return np.vstack([balls, feet]), np.append(radii, widths)
@@ -154,17 +159,16 @@ class DrawnModel:
         keep = self.low.copy()
         self.low = self.low - clear
         self.high = self.high + clear
-        normals = planar_normals(self.mechanism)
-        if normals:
-            across = np.abs(normals[GROUND]) > 0.9
+        if self.normals:
+            across = np.abs(self.normals[GROUND]) > 0.9
             self.low[across] = keep[across]
         else:
-            self.low[1] = keep[1]
+            self.low[self.upright] = keep[self.upright]
 
     def _walls(self) -> list[Wall]:
         if self.look.projections:
             return corner(self.camera, self.low, self.high)
-        return [backdrop(self.mechanism, self.camera, self.low, self.high, self.cell)]
+        return [backdrop(self.mechanism, self.camera, self.upright, self.low, self.high, self.cell)]
 
     def _spec(self) -> mujoco.MjSpec:
         spec, look, middle = mujoco.MjSpec(), self.look, (self.low + self.high) / 2.0
@@ -197,11 +201,10 @@ class DrawnModel:
     @property
     def stands_on_wall(self) -> bool:
         """Whether the backdrop carries the mechanism; on a wall far behind it a shadow only confuses."""
-        normals = planar_normals(self.mechanism)
         if self.look.projections or self.look.overlay > 1:
             return False
-        if normals:
-            return abs(float(normals[GROUND] @ self.walls[0].normal)) > 0.9
+        if self.normals:
+            return abs(float(self.normals[GROUND] @ self.walls[0].normal)) > 0.9
         return self.look.camera == "iso"
 
 

@@ -4,10 +4,11 @@ import mujoco
 import numpy as np
 
 from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.motion_plane import hinged_normals
 from mechsim.model.scene import Scene
 from mechsim.pictures.render import scenery
 from mechsim.shapes import camera as cameras
-from mechsim.shapes import free_sides, link_shapes, planar_normals, rod_radius
+from mechsim.shapes import free_sides, link_shapes, rod_radius
 from mechsim.shapes.extent import extent, travels
 from mechsim.shapes.walls import backdrop, stands
 from mechsim.simulation.closed_model import assembled
@@ -45,15 +46,16 @@ def add_picture(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
     shapes = link_shapes(mechanism, travels(mechanism, poses), free_sides(mechanism, poses))
     balls, radii = extent((poses[link], shapes[link]) for link in shapes)
     low, high = (balls - radii[:, None]).min(0), (balls + radii[:, None]).max(0)
-    if not planar_normals(mechanism):
-        low[1] -= 2.0 * radius
-        posts = stands(shapes[GROUND], float(low[1]), radius)
+    axis = cameras.upright(mechanism)
+    if not hinged_normals(mechanism):
+        low[axis] -= 2.0 * radius
+        posts = stands(shapes[GROUND], axis, float(low[axis]), radius)
         shapes[GROUND].extend(posts)
         feet, widths = extent([(poses[GROUND], posts)])
         balls, radii = np.vstack([balls, feet]), np.append(radii, widths)
     camera = cameras.framed(*cameras.directions(mechanism, "iso"), balls, radii, SIZE)
     cell, middle = cameras.nice(camera.height / 9.0), (low + high) / 2.0
-    wall = backdrop(mechanism, camera, low, high, cell)
+    wall = backdrop(mechanism, camera, axis, low, high, cell)
     scenery.prepare(spec, camera, middle)
     scenery.add_light(spec, camera, middle, wall.normal, shadow=True)
     scenery.add_grid(spec, "grid", wall, cell, emission=0.25 * (1.0 - float(wall.normal @ camera.back)))

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TypedDict
 
 import mujoco
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Pose
 from mechsim.shapes import Facets, Kind, Rgba, Shape
+from mechsim.shapes.camera import Y, Z
 from mechsim.shapes.shape import vector
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
@@ -31,10 +33,19 @@ MOST, CELL = 60_000, 1.0 / 400.0
 ELLIPSOID = (24, 12)
 
 
-def bodies_of(form: object) -> dict[str, list[Shape]] | None:
-    """Return the bodies of what was read from an MJCF file, as the file draws them; None of all else."""
+class Drawn(TypedDict):
+    """Fields of a look or a view that a user's MJCF file decides."""
+
+    bodies: dict[str, list[Shape]] | None
+    upright: int
+
+
+def drawn_as(form: object) -> Drawn:
+    """Return how what was read from an MJCF file is drawn: as the file does, Z upright; all else as usual."""
     read = getattr(form, "source", None)
-    return file_bodies(read) if isinstance(read, MjcfModel) else None
+    if isinstance(read, MjcfModel):
+        return {"bodies": file_bodies(read), "upright": Z}
+    return {"bodies": None, "upright": Y}
 
 
 @quiet()

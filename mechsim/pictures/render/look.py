@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.shapes import Shape
-from mechsim.shapes.camera import PRESETS
+from mechsim.shapes.camera import PRESETS, Y
 from mechsim.units import option, parse_names
 
 Paths = Literal["grow", "tail", "whole"]
@@ -47,6 +47,7 @@ class Look:
             power of ten that makes it plain to see.
         caption: a line to write at the foot of the picture.
         bodies: link -> its body, as a user's file has it; None draws bodies from the joints.
+        upright: the coordinate that stands upright where the shaft does not, `camera.Y` or `camera.Z`.
     """
 
     size: tuple[int, int] = option((640, 480), "Pixels, width x height.", read=parse_pixels, text="960x720")
@@ -70,6 +71,7 @@ class Look:
     magnify: float | None = option(None, "Factor on the error with --from both; a power of ten if left out.")
     caption: str = ""
     bodies: Mapping[str, Sequence[Shape]] | None = None
+    upright: int = Y
 
     def __post_init__(self) -> None:
         if self.camera not in PRESETS:

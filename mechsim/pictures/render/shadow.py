@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mechsim.pictures.render.drawn_model import DrawnModel
 
 PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
+MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 DECOR = int(mujoco.mjtCatBit.mjCAT_DECOR)
 
 LAYERS = 3
@@ -41,6 +42,8 @@ class Shadow:
         solid = (model.geom_type != PLANE) & (model.geom_rgba[:, 3] == 1.0)
         self.geoms = np.flatnonzero(solid)
         self.types = [int(kind) for kind in model.geom_type[self.geoms]]
+        # the scene counts each mesh twice, for its hull
+        self.meshes = [2 * int(mesh) for mesh in model.geom_dataid[self.geoms]]
         self.sizes: Array = model.geom_size[self.geoms].copy()
         light = scenery.light_direction(drawn.camera, wall.normal)
         along = np.outer(light, wall.normal) / float(light @ wall.normal)
@@ -63,11 +66,14 @@ class Shadow:
             wider = SPREAD * (1.0 - 2.0 * layer / (LAYERS - 1))
             places = flat + (layer + 1) * step * self.normal
             sizes = np.maximum(self.sizes + wider * above, 0.1 * self.sizes)
-            for kind, size, place, matrix in zip(self.types, sizes, places, matrices, strict=True):
+            solids = zip(self.types, self.meshes, sizes, places, matrices, strict=True)
+            for kind, mesh, size, place, matrix in solids:
                 if ngeom >= scene.maxgeom:
                     break
                 geom = geoms[ngeom]
                 mujoco.mjv_initGeom(geom, kind, size, place, matrix, self.colours[layer])
                 geom.specular, geom.emission, geom.category = 0.0, GLOW, DECOR
+                if kind == MESH:
+                    geom.dataid = mesh
                 ngeom += 1
         scene.ngeom = ngeom

@@ -14,11 +14,12 @@ from mechsim._version import __version__
 from mechsim.errors import MissingToolError, needs
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, Mechanism, Pose, Vector
+from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.motion_plane import hinged_normals
 from mechsim.pictures.number_text import prefixed
 from mechsim.pictures.view.interpolation import quaternions
 from mechsim.pictures.view.records import GhostTrack, PoseGrid, Slider, View
-from mechsim.shapes import Shape, free_sides, link_shapes, planar_normals, point_colours, rod_radius
+from mechsim.shapes import Shape, free_sides, link_shapes, point_colours, rod_radius
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.extent import extent, travels
 from mechsim.shapes.walls import stands
@@ -27,8 +28,6 @@ TEMPLATES = Path(__file__).parent / "templates"
 LIBRARY, BUILD = "jupyter_threejs_sage", "static/r130/three.min.js"
 # poses that the room a mechanism takes is measured over
 SOME = 360
-# what stands upright: in our own mechanisms, and in scenes of MuJoCo
-Y, Z = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 def page(view: View, library: str = "") -> str:
@@ -83,9 +82,10 @@ def _data(view: View) -> dict[str, Any]:
         shapes = link_shapes(mechanism, travels(mechanism, poses), free_sides(mechanism, poses))
     radius = rod_radius(mechanism)
     balls, radii = extent((poses[link], shapes[link]) for link in shapes)
-    if not (planar_normals(mechanism) or view.bodies):
-        floor = float((balls[:, 1] - radii).min()) - 2.0 * radius
-        posts = stands(shapes[GROUND], floor, radius)
+    if not (hinged_normals(mechanism) or view.bodies):
+        axis = cameras.upright(mechanism, view.upright)
+        floor = float((balls[:, axis] - radii).min()) - 2.0 * radius
+        posts = stands(shapes[GROUND], axis, floor, radius)
         shapes[GROUND].extend(posts)
         feet, widths = extent([(poses[GROUND], posts)])
         balls, radii = np.vstack([balls, feet]), np.append(radii, widths)
@@ -96,7 +96,7 @@ def _data(view: View) -> dict[str, Any]:
         "joints": _joints(mechanism),
         "points": _points(mechanism),
         "hold": {link.name: mechanism.ends(link.name)[0].point for link in mechanism.links},
-        "cameras": _cameras(mechanism, balls, radii, Z if view.bodies else Y),
+        "cameras": _cameras(mechanism, balls, radii, view.upright),
         "bodied": bool(view.bodies),
         "grids": [_grid(grid) for grid in view.grids],
     }
@@ -168,15 +168,15 @@ def _points(mechanism: Mechanism) -> list[dict[str, Any]]:
     ]
 
 
-def _cameras(mechanism: Mechanism, balls: Array, radii: Array, upwards: Vector) -> list[dict[str, Any]]:
+def _cameras(mechanism: Mechanism, balls: Array, radii: Array, upright: int) -> list[dict[str, Any]]:
     """Return the directions to look from; the first is the usual one."""
     found: list[dict[str, Any]] = []
-    flat = planar_normals(mechanism) is not None
+    flat = hinged_normals(mechanism) is not None
     usual = {"iso": "straight on" if flat else "corner", "top": "top", "side": "side"}
     if not flat:
         usual["shaft"] = "along shaft"
     for preset, name in usual.items():
-        back, up = cameras.directions(mechanism, preset, upwards)
+        back, up = cameras.directions(mechanism, preset, upright)
         framed = cameras.framed(back, up, balls, radii, (1, 1), margin=0.0)
         right = np.cross(up, back)
         across = float((balls @ right + radii).max() - (balls @ right - radii).min())

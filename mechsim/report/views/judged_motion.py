@@ -9,7 +9,7 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.errors import MechsimError
 from mechsim.maths.arrays import Array
 from mechsim.model.motion import taken
-from mechsim.pictures.render.file_bodies import bodies_of
+from mechsim.pictures.render.file_bodies import drawn_as
 from mechsim.pictures.view import PoseGrid, View, between, ghost_of, motion_grid
 from mechsim.report.views.crank_grids import lapped, marks_of
 from mechsim.studies.validate import Case
@@ -30,7 +30,7 @@ def case_view(case: Case) -> View | None:
     with suppress(MechsimError):
         grid = replace(_with_ghost(case, grid), error=_error(case, grid, shown.angle))
     fact = f"The motion that was judged: {motion.source}, {len(shown)} poses, verdict {case.verdict.outcome}."
-    return View(drive.mechanism, [grid], drive.name.replace("_", "-"), [fact], bodies=bodies_of(drive))
+    return View(drive.mechanism, [grid], drive.name.replace("_", "-"), [fact], **drawn_as(drive))
 
 
 def _with_ghost(case: Case, grid: PoseGrid) -> PoseGrid:

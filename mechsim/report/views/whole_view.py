@@ -7,7 +7,7 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.closure.start_values import start_poses
 from mechsim.analytic.forms import Form
 from mechsim.maths.angles import TURN
-from mechsim.pictures.render.file_bodies import bodies_of
+from mechsim.pictures.render.file_bodies import drawn_as
 from mechsim.pictures.view import PoseGrid, View
 from mechsim.report.views.crank_grids import crank_grids
 from mechsim.report.views.curve_grids import curve_grids
@@ -44,4 +44,4 @@ def mechanism_view(form: Form, speed: float, limits: Mapping[str, tuple[float, f
 
 def _view(form: Form, grids: list[PoseGrid], facts: list[str]) -> View:
     said = [line for line in facts if line]
-    return View(form.mechanism, grids, form.name.replace("_", "-"), said, bodies=bodies_of(form))
+    return View(form.mechanism, grids, form.name.replace("_", "-"), said, **drawn_as(form))
