@@ -92,7 +92,7 @@ def _drawn(folder: Path, name: str, case: Case, notes: list[str]) -> tuple[bytes
     picture, video = folder / f"{_stem(name)}.png", folder / f"{_stem(name)}.mp4"
     still: bytes | None = None
     try:
-        write_picture(picture, mechanism, motion, look, angle=float(motion.angle[0]))
+        write_picture(picture, mechanism, motion, look, angle=float(motion.angle[0]), paths="whole")
         still = picture.read_bytes()
         if case.quick:
             return still, None

@@ -6,9 +6,9 @@ import numpy as np
 
 from mechsim.model.mechanism import GROUND, Mechanism
 from mechsim.model.mechanism import IDENTITY as GROUND_POSE
-from mechsim.shapes import gears
 from mechsim.shapes.body import edges, stations
 from mechsim.shapes.canvas import Canvas
+from mechsim.shapes.gears import draw_gears
 from mechsim.shapes.joints import DRAW
 from mechsim.shapes.shape import Shape, vector
 from mechsim.shapes.sides import free_sides
@@ -35,8 +35,7 @@ def link_shapes(
         _body(canvas, link.name)
     for joint in mechanism.joints:
         DRAW[joint.kind](canvas, joint)
-    for gear in mechanism.gears:
-        gears.gear_pair(canvas, gear)
+    draw_gears(canvas)
     return canvas.out
 
 

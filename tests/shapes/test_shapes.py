@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mechsim import catalog
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, joint_coordinate
+from mechsim import catalog, closure, load
+from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose, joint_coordinate
 from mechsim.model.mechanism import IDENTITY as STANDING
 from mechsim.model.motion_plane import hinged_normals
 from mechsim.shapes import (
@@ -127,30 +127,62 @@ def test_a_rail_is_as_long_as_a_known_motion_needs():
     assert sorted((rail.frm[0], rail.to[0])) == pytest.approx([0.1 - margin, 0.3 + margin])
 
 
+def teeth_of(mechanism, link, centre, axis):
+    """Angles of the radial boxes that reach farthest, or of a ring those that begin nearest, from x."""
+    boxes = [s for s in link_shapes(mechanism)[link] if s.kind == "box" and s.thickness == axis]
+    spokes = [np.array([s.frm, s.to])[:, :2] - centre for s in boxes]
+    spokes = [s for s in spokes if abs(np.linalg.det(s)) < 1e-9 * np.linalg.norm(s) ** 2]
+    sizes = [(np.linalg.norm(s, axis=1) * 1e6).round(2).tolist() for s in spokes]
+    most = max(sizes, key=sizes.count)
+    return np.array([np.arctan2(*s[1][::-1]) for s, size in zip(spokes, sizes, strict=True) if size == most])
+
+
+def assert_mesh(motion, mechanism, wheels, inside):
+    """A tooth of one wheel stands where the other has a gap: half a pitch apart, whatever the angle."""
+    links = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()} | {
+        GROUND: STANDING
+    }
+    centres = [np.atleast_2d(links[joint.b.link].point(joint.b.point)) for joint, _ in wheels]
+    line = (centres[1] - centres[0])[:, :2]
+    phases = []
+    for (joint, link), sign in zip(wheels, (1.0, 1.0 if inside else -1.0), strict=True):
+        end = joint.a if joint.a.link == link else joint.b
+        teeth = teeth_of(mechanism, link, end.point[:2], (0.0, 0.0, 1.0))
+        turned = np.atleast_3d(links[link].rotation).reshape(-1, 3, 3)
+        angle = np.arctan2(turned[:, 1, 0], turned[:, 0, 0]) + teeth[0]
+        phases.append((np.arctan2(*(sign * line).T[::-1]) - angle) * len(teeth) / (2.0 * np.pi))
+    off = (phases[0] + (-1.0 if inside else 1.0) * phases[1]) % 1.0
+    np.testing.assert_allclose(off, 0.5, atol=1e-6)
+
+
 def test_gears_touch_and_mesh_at_every_crank_angle():
-    if "warp_knitter" not in NAMES:
-        pytest.skip("the catalogue has no geared mechanism yet")
     drive = catalog.make("warp_knitter")
     mechanism = drive.mechanism
-    gear = mechanism.gears[0]
-    shapes, motion = link_shapes(mechanism), drive.solve(TURN)
-    first, second = mechanism.joint(gear.driver), mechanism.joint(gear.driven)
-    line = np.subtract(second.a.point, first.a.point)
-    phases = []
-    for joint, sign in ((first, 1.0), (second, -1.0)):
-        teeth = [s for s in shapes[joint.b.link] if s.kind == "box" and s.thickness == (0.0, 0.0, 1.0)]
-        reach = max(float(np.linalg.norm(np.subtract(s.to, joint.b.point)[:2])) for s in teeth)
-        teeth = [s for s in teeth if np.linalg.norm(np.subtract(s.to, joint.b.point)[:2]) > 0.999 * reach]
-        out = np.subtract(teeth[0].to, joint.b.point)
-        moved = motion.links[joint.b.link].rotation @ out
-        towards = np.arctan2(*(sign * line[:2])[::-1])
-        angle = np.arctan2(moved[:, 1], moved[:, 0]) - towards
-        phases.append((sign * angle * len(teeth) / (2.0 * np.pi), len(teeth)))
-    (a, n1), (b, n2) = phases
-    assert n1 / n2 == pytest.approx(abs(gear.ratio))
-    # a tooth of one stands where the other has a gap: half a pitch apart, whatever the angle
-    off = (a - b + 0.5) % 1.0
-    np.testing.assert_allclose(np.minimum(off, 1.0 - off), 0.0, atol=1e-6)
+    first, second = (mechanism.joint(name) for name in ("crank", "crank2"))
+    assert_mesh(drive.solve(TURN), mechanism, ((first, "crank1"), (second, "crank2")), inside=False)
+
+
+@pytest.mark.parametrize(("ring", "sun"), [(60, 24), (66, 18), (67, 19)])
+def test_a_planet_meshes_with_its_sun_and_its_ring(ring, sun):
+    planet = (ring - sun) / 2
+    form = load("planetary_gear", set={"teeth_sun": str(sun), "teeth_planet": str(planet)})
+    gears = tuple(
+        replace(gear, phase=phase) for gear, phase in zip(form.mechanism.gears, (0.2, -0.5), strict=True)
+    )
+    mechanism = replace(form.mechanism, gears=gears)
+    motion = closure.solve(mechanism, TURN)
+    carrier, planet, sun = (mechanism.joint(name) for name in ("carrier", "planet", "sun"))
+    assert_mesh(motion, mechanism, ((planet, "planet"), (sun, "sun")), inside=False)
+    assert_mesh(motion, mechanism, ((carrier, GROUND), (planet, "planet")), inside=True)
+
+
+def test_a_planet_runs_round_a_wheel_that_stands():
+    mechanism = load("planetary_gear").mechanism
+    first, second = mechanism.gears
+    gears = replace(first, ratio=1.5, phase=0.2), replace(second, ratio=-1.0 / 1.5, phase=0.1)
+    mechanism = replace(mechanism, gears=gears)
+    wheels = (mechanism.joint("carrier"), GROUND), (mechanism.joint("planet"), "planet")
+    assert_mesh(closure.solve(mechanism, TURN), mechanism, wheels, inside=False)
 
 
 def test_shafts_lead_to_the_side_that_the_links_keep_free():
