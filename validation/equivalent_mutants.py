@@ -2,7 +2,6 @@
 
 SHAPE = "any negative number stands for the length left over"
 SPEED = "changes what a run costs, not what it gives"
-ANY_TINY = "any tiny number will do where nothing has a length"
 LOOPS = "simulation/model_loops.py"
 POSED = "simulation/posed_bodies.py"
 MOTION = "analytic/closure/motion.py"
@@ -14,11 +13,6 @@ JUDGE = "verdict/judge.py"
 
 EQUIVALENT: dict[tuple[str, str, str], str] = {
     ("simulation/recorded_motion.py", "CHUNK = 2048", "..."): SPEED,
-    (
-        LOOPS,
-        "self.size = float(max([*reach, *steps, 1e-300]))",
-        "...",
-    ): ANY_TINY,
     (
         POSED,
         "return (data.xpos[None], data.xmat.reshape(1, -1, 3, 3), slope)",
@@ -75,16 +69,23 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "MOST_STEPS, ROUNDING = (8, 1e-13)",
         "...",
     ): "a Newton step more or less from where it has converged",
-    (PATH, "NODES, FIRST, LONGEST = (9, 0.1, 1.2)", "NODES, FIRST, LONGEST = (9, 0.1, 0.12)"): SPEED,
-    (PATH, "NODES, FIRST, LONGEST = (9, 0.1, 1.2)", "NODES, FIRST, LONGEST = (9, 0.01, 1.2)"): SPEED,
-    (PATH, "NODES, FIRST, LONGEST = (9, 0.1, 1.2)", "NODES, FIRST, LONGEST = (9, 1.0, 1.2)"): SPEED,
+    (PATH, "TINY = 1e-300", "..."): "any tiny number will do where nothing is rough or has moved",
+    (
+        PATH,
+        "step = left if left <= length else min(length, 0.6 * left)",
+        "step = left if left <= length else min(length, 6.0 * left)",
+    ): SPEED,
     (PATH, "AFTER = 0.3", "AFTER = 3.0"): SPEED,
     (PATH, "BEYOND = 0.2137", "BEYOND = 2.137"): SPEED,
-    (PATH, "TELLING = 0.5", "TELLING = 5.0"): "the rows that tell most are then always taken",
+    (
+        SOLVER,
+        "HALF, TELLING = (0.4, 0.5)",
+        "HALF, TELLING = (0.4, 5.0)",
+    ): "the rows that tell most are then always taken",
     (SOLVER, "FAR = 0.3", "FAR = 0.03"): "a path is followed in shorter steps",
     (
         SOLVER,
-        "if worst == 0.0 or (worst < ROUNDING and worst > 0.1 * before):",
+        "if worst <= enough or (worst < ROUNDING and worst > 0.1 * before):",
         "...",
     ): "a Newton step more or fewer once rounding is reached",
     (
@@ -97,7 +98,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "before, worst = (worst, float(np.abs(found.right).max(initial=0.0)))",
         "before, worst = (worst, float(np.abs(found.right).max(initial=1.0)))",
     ): SPEED,
-    (SOLVER, "return True", "return False"): "what is asked then answers the same",
     (
         CHECKS,
         "part = np.divide(error, bound, out=np.where(error > 0.0, np.inf, error), where=bound > 0.0)",

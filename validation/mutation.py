@@ -58,7 +58,7 @@ KILLERS: dict[str, list[str]] = {
         "analytic/test_rates_are_derivatives.py",
         "analytic/test_followed_path.py",
     ],
-    "analytic/closure/followed_path.py": ["analytic/test_followed_path.py"],
+    "analytic/closure/followed_path.py": ["analytic/test_followed_path.py", "analytic/test_change_points.py"],
     "simulation/model_loops.py": [*LOOPS, "studies/test_driven_efforts.py"],
     "simulation/posed_bodies.py": LOOPS,
     "simulation/loop_constraints.py": [

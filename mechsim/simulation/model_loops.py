@@ -75,7 +75,7 @@ class ModelLoops:
         self.passing: Through = "smooth"
         found = constraints(model)
         self.pairs, self.frames, self.couplings = found.pairs, found.frames, found.couplings
-        self.name = model.names.split(b"\0", 1)[0].decode() or "model"
+        self.name = model.names.partition(b"\0")[0].decode() or "model"
         self.free = np.array([i for i in range(model.nv) if i != self.crank], dtype=np.int64)
         self.passive = np.array([i for i in self.free if i not in self._driven], dtype=np.int64)
         self._angles = _is_angle(model)

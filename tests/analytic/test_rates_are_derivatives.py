@@ -115,10 +115,42 @@ def racks() -> Mechanism:
     )
 
 
-MOVED_ON = [rocking_slide(), bevel_wheels(), racks()]
-KINDS = [*mechanisms.everything(), *MOVED_ON]
-EVERY = [*KINDS, *(mechanisms.swapped(one) for one in KINDS[:-2])]
-NAMES = [one.name for one in KINDS] + [f"{one.name}, sides swapped" for one in KINDS[:-2]]
+def plate() -> Mechanism:
+    """A plate that slides and turns on a wheel that turns on an arm, each of its coordinates by another."""
+    names, axis, normal = ("arm", "wheel", "plate"), (0.3, 1.0, 0.5), (1.0, -0.4, 0.2)
+    return mechanisms._placed(
+        Mechanism(
+            "plate",
+            tuple(Link(name) for name in names),
+            (
+                Joint("shaft", "revolute", at(GROUND, (0.01, 0.0, 0.02)), at("arm")),
+                Joint("wheel", "revolute", at("arm", (0.05, 0.01, 0.0), axis), at("wheel", axis=axis)),
+                Joint(
+                    "table",
+                    "planar",
+                    at("wheel", (0.0, 0.02, 0.01), normal),
+                    at("plate", (0.01, 0.0, 0.0), normal),
+                ),
+            ),
+            "shaft",
+            {"P": ("plate", (0.01, 0.02, 0.005))},
+            couplings=(
+                Coupling("wheel", "wheel", "shaft", (0.1, -0.6, 0.4)),
+                Coupling("across", "table.x", "wheel", (0.01, 0.02, -0.03)),
+                Coupling("along", "table.y", "table.x", (0.02, -0.7, 6.0)),
+                Coupling("turn", "table.turn", {"table.y": 9.0, "wheel": 0.5}, (0.2, 0.8, -0.5)),
+            ),
+            start=mechanisms.START,
+        ),
+        dict.fromkeys(names, ((0.01, 0.0, 0.02), (0.0, 0.0, 0.3))),
+    )
+
+
+WHOLE = [*mechanisms.everything(), rocking_slide()]
+# what is coupled would turn or slide the other way, were its sides swapped
+KINDS = [*WHOLE, bevel_wheels(), racks(), plate()]
+EVERY = [*KINDS, *(mechanisms.swapped(one) for one in WHOLE)]
+NAMES = [one.name for one in KINDS] + [f"{one.name}, sides swapped" for one in WHOLE]
 cases = pytest.mark.parametrize("mechanism", EVERY, ids=NAMES)
 
 
