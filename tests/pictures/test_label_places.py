@@ -13,7 +13,7 @@ def overlaps(spots):
 def test_crowded_labels_stand_apart_and_inside():
     points = [np.array(at) for at in RANDOM.uniform([150.0, 100.0], [250.0, 170.0], (9, 2))]
     note = Rectangle(0.0, 270.0, 160.0, 300.0)
-    spots = placed(points, [45.0] * 9, 14.0, 8.0, SIZE, [note])
+    spots = [spot for spot, _ in placed(points, [45.0] * 9, 14.0, 8.0, SIZE, [note])]
     assert overlaps([*spots, note]) == 0
     assert all(spot.inside(SIZE) for spot in spots)
     naive = [Rectangle(x + 8.0, y - 22.0, x + 53.0, y - 8.0) for x, y in points]
@@ -21,10 +21,23 @@ def test_crowded_labels_stand_apart_and_inside():
 
 
 def test_a_label_at_the_edge_goes_inwards():
-    (spot,) = placed([np.array([395.0, 5.0])], [60.0], 14.0, 6.0, SIZE)
+    ((spot, _),) = placed([np.array([395.0, 5.0])], [60.0], 14.0, 6.0, SIZE)
     assert spot.inside(SIZE)
 
 
 def test_points_that_coincide_share_one_label():
     named = shared({"A": np.array([10.0, 10.0]), "B": np.array([50.0, 50.0]), "crank": np.array([10.4, 9.8])})
     assert [name for name, _ in named] == ["A, crank", "B"]
+
+
+def test_a_label_stays_on_its_side_while_points_pass_and_leaves_it_for_labels():
+    def pivot(point, before, taken=()):
+        points = [np.array([200.0, 150.0]), np.array(point)]
+        return placed(points, [40.0, 10.0], 14.0, 8.0, SIZE, taken, [before, None])[0]
+
+    far = [300.0, 250.0]
+    spot, usual = pivot(far, None)
+    passing = np.array([200.0, 150.0]) + 20.0 * np.array(usual[0])
+    assert pivot(passing, None)[1] != usual
+    assert pivot(passing, usual)[1] == usual
+    assert pivot(far, usual, [spot])[1] != usual

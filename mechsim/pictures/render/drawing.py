@@ -17,6 +17,7 @@ from mechsim.pictures.render import gl_backend as backends
 from mechsim.pictures.render.drawn_model import CAMERA, DrawnModel
 from mechsim.pictures.render.frame_poses import FramePoses, frame_poses, mixed, places
 from mechsim.pictures.render.ghost import Ghost, errors, factor, magnified
+from mechsim.pictures.render.label_places import Place
 from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, written
 from mechsim.pictures.render.look import Look, changed
 from mechsim.pictures.render.overlays import Trace
@@ -130,7 +131,7 @@ def draw(drawn: DrawnModel, backend: backends.Backend) -> Generator[Picture]:
     count = 1 if look.overlay > 1 else len(drawn.frames)
     trace = Trace(drawn)
     notes = Notes(drawn.mechanism.name, _legend(drawn)) if look.notes else None
-    clear = 2.2 * drawn.radius
+    clear, stood = 2.2 * drawn.radius, dict[str, Place]()
     with backends.renderer(drawn.model, look.size, backend) as drawing:
         for frame in range(count):
             drawn.place(frame)
@@ -140,7 +141,9 @@ def draw(drawn: DrawnModel, backend: backends.Backend) -> Generator[Picture]:
             labels = named(drawn, frame) if look.labels else {}
             instant = drawn.frames.instant(frame) if look.overlay == 1 else ""
             yield (
-                written(picture, drawn.camera, labels, clear, notes, instant) if labels or notes else picture
+                written(picture, drawn.camera, labels, clear, notes, instant, stood)
+                if labels or notes
+                else picture
             )
 
 

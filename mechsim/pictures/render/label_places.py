@@ -12,8 +12,9 @@ TOGETHER, APART = 3.0, 2.0
 # sides on which a label may stand, and how many times as far off as usual it may go
 SIDES = ((1, -1), (-1, -1), (1, 1), (-1, 1), (1, 0), (-1, 0), (0, -1), (0, 1))
 FARTHER = (1.0, 1.8, 2.8)
-# what a place costs: over another label, over a point, out of the picture
-LABEL, POINT, OUT = 10.0, 1.0, 100.0
+# what a place costs: over another label, over a point, out of the picture, elsewhere than in the frame before
+LABEL, POINT, OUT, MOVED = 10.0, 1.0, 100.0, 2.5
+Place = tuple[tuple[int, int], float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,8 @@ def placed(
     off: float,
     size: tuple[int, int],
     taken: Sequence[Rectangle] = (),
-) -> list[Rectangle]:
+    before: Sequence[Place | None] = (),
+) -> list[tuple[Rectangle, Place]]:
     """Return where labels stand, each off the middle of all points where nothing else is in its place.
 
     Args:
@@ -70,18 +72,28 @@ def placed(
         off: how far a label keeps off its point, in pixels.
         size: of the picture.
         taken: what is written there already.
+        before: side and distance where each stood in the frame before, which it leaves only where another
+            label or the edge is in its way.
+
+    Returns:
+        Where each stands, and on which side how far off.
     """
     middle = np.mean(np.array(points), axis=0) if len(points) else np.zeros(2)
     dots = [Rectangle(x - 2.0, y - 2.0, x + 2.0, y + 2.0) for x, y in points]
-    busy, found = list(taken), list[Rectangle]()
+    busy, found = list(taken), list[tuple[Rectangle, Place]]()
     for i, (at, width) in enumerate(zip(points, widths, strict=True)):
         leftwards = len(points) > 1 and at[0] < middle[0]
         sides = sorted(SIDES, key=lambda side: side[0] != (-1 if leftwards else 1))
-        spots = [_spot(at, width, height, off * far, side) for far in FARTHER for side in sides]
-        costs = [_cost(spot, size, busy, [dot for k, dot in enumerate(dots) if k != i]) for spot in spots]
-        best = spots[int(np.argmin(costs))]
-        busy.append(best)
-        found.append(best)
+        places = [(side, far) for far in FARTHER for side in sides]
+        spots = [_spot(at, width, height, off * far, side) for side, far in places]
+        others, last = [dot for k, dot in enumerate(dots) if k != i], before[i] if before else None
+        costs = [
+            _cost(spot, size, busy, others) + (MOVED if last not in (None, place) else 0.0)
+            for spot, place in zip(spots, places, strict=True)
+        ]
+        best = int(np.argmin(costs))
+        busy.append(spots[best])
+        found.append((spots[best], places[best]))
     return found
 
 

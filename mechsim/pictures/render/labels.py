@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mechsim.errors import needs
 from mechsim.maths.arrays import Array
 from mechsim.pictures.number_text import prefixed
-from mechsim.pictures.render.label_places import Rectangle, placed, shared
+from mechsim.pictures.render.label_places import Place, Rectangle, placed, shared
 from mechsim.shapes.camera import Camera, nice
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ def written(
     clear: float,
     notes: Notes | None,
     instant: str,
+    stood: dict[str, Place],
 ) -> Picture:
     """Return a picture with labels at points and, if there are notes, name, scale bar and crank angle.
 
@@ -57,13 +58,14 @@ def written(
         clear: how far labels keep off their points, in [m].
         notes: what stands at the edges; None for nothing.
         instant: that it shows, in words; empty where it shows many.
+        stood: label -> where it stood beside its point in the frame before; changed to where it now does.
     """
     with needs("pictures"):
         from PIL import Image
     image = Image.fromarray(picture)
     edge = max(10, round(camera.size[1] / 34))
     taken = _notes(image, camera, notes, instant, edge) if notes else []
-    _labels(image, camera, labels, 0.7 * clear * camera.scale + 0.3 * edge, edge, taken)
+    _labels(image, camera, labels, 0.7 * clear * camera.scale + 0.3 * edge, edge, taken, stood)
     return np.asarray(image)
 
 
@@ -74,12 +76,15 @@ def _labels(
     off: float,
     edge: int,
     taken: Sequence[Rectangle],
+    stood: dict[str, Place],
 ) -> None:
     """Write names beside their points where there is room; points that coincide share one."""
     named = shared({name: camera.pixel(place) for name, place in labels.items()})
     widths = [_font(edge).getlength(name) for name, _ in named]
-    spots = placed([at for _, at in named], widths, 1.1 * edge, off, camera.size, taken)
-    for (name, _), spot in zip(named, spots, strict=True):
+    before = [stood.get(name) for name, _ in named]
+    spots = placed([at for _, at in named], widths, 1.1 * edge, off, camera.size, taken, before)
+    for (name, _), (spot, place) in zip(named, spots, strict=True):
+        stood[name] = place
         _text(image, (spot.left, spot.bottom - 0.2 * edge), name, edge, "ls")
 
 
