@@ -29,6 +29,8 @@ DEBUG = "MECHSIM_DEBUG"
 UNWRITABLE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF}
 # when the command was typed, by `time.perf_counter`, as far as a program can know
 typed_at = time.perf_counter()
+# what there is to say beside a result; a refusal says all by itself
+notes: list[str] = []
 SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
@@ -44,9 +46,12 @@ def ended(command: Callable[[], Any]) -> int:
     """
     global typed_at
     typed_at = time.perf_counter()
+    notes.clear()
     opened_streams()
     with _listening() as came:
         code = _outcome(command, came)
+    for note in notes if code in (0, 1) else ():
+        tell(note)
     return _flushed(code)
 
 

@@ -13,7 +13,7 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.cli import completion
-from mechsim.cli.endings import tell
+from mechsim.cli.endings import notes
 from mechsim.cli.slips import asked_parameters
 from mechsim.errors import InputError, OutputError, require_extra
 from mechsim.model.forces import Forces
@@ -188,7 +188,7 @@ def once(what: str, pairs: Sequence[tuple[str, str | None]]) -> None:
 def _told(form: Form) -> Form:
     """Say on stderr what was left out or changed of an MJCF file."""
     for fact in form.facts if isinstance(form, MjcfForm) else ():
-        tell(f"{form.name}: {fact}")
+        notes.append(f"{form.name}: {fact}")
     return form
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim import files
-from mechsim.cli.endings import tell
+from mechsim.cli.endings import notes
 from mechsim.cli.options import HoldOptions, driving, once, pairs
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Vector
@@ -74,7 +74,7 @@ def user_scene(path: str, asked: SceneOptions, held: HoldOptions = NOTHING_HELD)
     assert isinstance(form, MjcfForm)
     assert form.source is not None
     for fact in form.facts:
-        tell(f"{form.name}: {fact}")
+        notes.append(f"{form.name}: {fact}")
     drive = {} if form.programs is None else dict(form.programs.by_name)
     drive |= {name: steady(value, 0.0) for name, value in form.mechanism.holds.items()}
     ctrl = actuator_programs(dict(asked.ctrl))

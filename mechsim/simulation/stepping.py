@@ -106,10 +106,10 @@ def step(
     while done < total and not diverged:
         count = min(BLOCK, total - done)
         control = _fed(loops, slice(done, done + count), controls, torque)
-        begin, busy = clock.perf_counter(), clock.process_time()
+        begin, busy = clock.perf_counter(), clock.thread_time()
         out = sims.rollout(count, control=control, control_spec=CONTROL, record=("qpos", "qvel", TIME))
         spent += clock.perf_counter() - begin
-        processor += clock.process_time() - busy
+        processor += clock.thread_time() - busy
         number = np.arange(done + 1, done + count + 1)
         kept = np.flatnonzero((number % stride == 0) | (number == total))
         number, (qpos, qvel, time) = number[kept], (values[0, kept] for values in out.values())

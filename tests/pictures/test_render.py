@@ -45,6 +45,16 @@ def motion(drive):
     return drive.solve(TURN, 60.0)
 
 
+def test_what_is_higher_than_the_compiler_lets_a_camera_be_is_framed_like_anything_else():
+    """MuJoCo takes a parallel camera's height for an angle, and refuses 180 and more."""
+    drive = catalog.make("four_bar", ground=1000.0, crank=320.0, coupler=910.0, rocker=740.0)
+    drawn = DrawnModel(
+        drive.mechanism, frame_poses(drive.mechanism, drive.solve(TURN, 60.0)), Look(size=SIZE)
+    )
+    assert drawn.model.cam_fovy == pytest.approx([drawn.camera.height])
+    assert drawn.camera.height > 180.0
+
+
 def bare(mechanism, motion, **options):
     """Frames without anything but the mechanism and the ground it stands on."""
     plain = {"size": SIZE, "paths": False, "labels": False, "notes": False}

@@ -238,6 +238,14 @@ BAD = {
         LOOPS.replace("EQUALITY", "").replace("0 0.4 0", "0 nan 0"),
         r"line 8: body 'c' .*not finite",
     ),
+    "beyond sense": (
+        LOOPS.replace("EQUALITY", "").replace("0 0.4 0", "0 1e80 0"),
+        r"line 8: body 'c' holds 1e\+80; give 1e\+12 in SI at most; mend the file",
+    ),
+    "too much of it": (
+        LOOPS.replace("EQUALITY", "").replace("<mujoco>", '<mujoco><option gravity="0 0 -1e200"/>'),
+        r"gravity is \[0.0, 0.0, -1e\+200\]; give 1e\+30",
+    ),
     "no turn": (
         LOOPS.replace("EQUALITY", "").replace(
             "<worldbody>", '<worldbody><body name="far" quat="1 0 1e300 0"/>'

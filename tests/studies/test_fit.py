@@ -153,6 +153,8 @@ def test_a_zero_is_refused_where_there_is_none():
     [
         ({"angle": None}, ["coupler"], "has no column angle"),
         ({"C.x": np.full(13, np.nan)}, ["coupler"], r"column C\.x is no finite number in row 1"),
+        ({"C.x": np.full(13, 1e300)}, ["coupler"], r"column C\.x is 1e\+300 in row 1; take the row out"),
+        ({"angle": 1e9 * ANGLES}, ["coupler"], r"column angle goes over .* turns; give 1000 at most"),
         ({"D.x": ANGLES}, ["coupler"], r"has no quantity 'D\.x'"),
         ({}, ["couplr"], "did you mean 'coupler'"),
         ({"C.x±": np.zeros(13)}, ["coupler"], r"column C\.x± is 0 in row 1; give it above 0"),

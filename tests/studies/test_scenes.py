@@ -136,6 +136,20 @@ def test_a_finer_step_costs_more_a_simulated_second(fed):
     assert 0.0 < coarse < dear  # eighty times as many evaluations
 
 
+def test_the_shortest_motion_has_a_time_under_a_limit_of_processor_time_too(fed):
+    """Such a limit lets the clock of a process tell milliseconds only."""
+    resource = pytest.importorskip("resource")
+    hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
+    spent = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
+    before = resource.getrlimit(resource.RLIMIT_CPU)
+    resource.setrlimit(resource.RLIMIT_CPU, (int(spent) + 1000, hard))
+    try:
+        seconds = [stepped(fed, records=2, duration=float(fed.model.opt.timestep)).seconds for _ in range(20)]
+    finally:
+        resource.setrlimit(resource.RLIMIT_CPU, before)
+    assert min(seconds) > 0.0
+
+
 def test_cubics_meet_between_known_instants():
     known = np.linspace(0.0, 1.0, 21)
     values = np.stack([known**3, 1.0 - known**2], 1)

@@ -214,6 +214,16 @@ def test_commands_say_beside_their_output_what_was_changed(file, monkeypatch, ca
     assert said.err.startswith("welded: the loops stand open by")
 
 
+def test_a_refusal_says_all_there_is_to_say(file, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["mechsim", "solve", file(five_bar())])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert len(said.splitlines()) == 1
+    assert "no program says how left, right move" in said
+
+
 def test_a_wheel_about_the_origin_has_an_extent(file):
     body = '<body><joint name="crank"/><geom size="0.1" pos="0.2 0 0"/></body>'
     text = f"<mujoco><worldbody>{body}</worldbody></mujoco>"

@@ -25,6 +25,16 @@ def test_no_linkage_is_wrong_without_a_word(study, road, near):
     assert (found.right, found.refused, found.wrong) == (6, 0, 0)
 
 
+def test_loop_equations_keep_their_assembly_round_the_sharpest_bends(study):
+    # nearer to a change point than these the digits of the lengths do not tell
+    sharpest = [
+        (0.038107835611592526, 0.0851754843762121, 0.14693424644299166, 0.19400189520751593),
+        (0.037658439604518194, 0.06527316173992515, 0.07922779501300287, 0.10684251714834374),
+    ]
+    found = study.tallied("loop equations", sharpest)
+    assert (found.right, found.refused, found.wrong) == (2, 0, 0)
+
+
 def test_a_road_that_folds_is_found_out(study, monkeypatch):
     monkeypatch.setitem(
         study.ROADS, "folding", lambda drive: drive.positions(study.ANGLES, through="fold")["B"]

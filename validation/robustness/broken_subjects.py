@@ -117,7 +117,8 @@ def lines(model: str) -> Iterator[str]:
         yield f"sweep {model} --vary {dimension}={values}:4 --measure stroke:{point} -o out.csv --samples 12"
         yield f"sweep {model} --vary {dimension}={values} --sample sobol:4 --measure max:{point}.x -o out.nc"
         yield f"sensitivity {model} --of {point} --to {dimension} -o out.csv"
-        yield f"sensitivity {model} --of {point}.v --tolerances {dimension}=1um --samples 100 --json"
+        little = "0.01deg" if values.endswith("deg") else "1um"
+        yield f"sensitivity {model} --of {point}.v --tolerances {dimension}={little} --samples 100 --json"
         yield f"fit {model} --to measured.csv --vary {dimension} -o out.json --json"
         yield f"trace {model} -o out.csv --starts 9"
         yield f"validate {model} --against measured.csv --json"
@@ -316,6 +317,9 @@ def main() -> int:
     parser.add_argument("--sound", type=float, default=0.3, help="part of them that is sound")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="cases of a class, or with a word in them")
+    parser.add_argument(
+        "--part", type=int, nargs=2, metavar=("K", "N"), default=(0, 1), help="each Nth from K on"
+    )
     parser.add_argument("--case", type=int, help="one of them, told what it said")
     asked = parser.parse_args()
     # a page that is made to be opened is not
@@ -329,6 +333,8 @@ def main() -> int:
         typed = " ".join(one.case.words)
         if asked.case not in (None, number) or (asked.only not in one.kind and asked.only not in typed):
             continue
+        if number % asked.part[1] != asked.part[0]:
+            continue
         if sys.stderr.isatty() or number % 50 == 0:
             print(f"{number} of {len(cases)}, {sum(taken):.0f} s", file=sys.stderr, flush=True)
         code, said, faults, spent = run(one)
@@ -336,6 +342,8 @@ def main() -> int:
         ended[one.kind][str(code)] += 1
         ended[one.kind]["faults"] += bool(faults)
         faulty += bool(faults)
+        if code == 1 and not faults:
+            print(f"missed {number} ({one.kind}): {said[:200]}  <-  {typed[:200]}", flush=True)
         for fault in faults:
             print(f"FAULT {number} ({one.kind}): {fault}  <-  {typed[:200]}", flush=True)
         if asked.case is not None:

@@ -331,7 +331,8 @@ def untidy(place: Path, case: Case, code: int | None) -> Iterator[str]:
         # the parts of a sweep that was stopped are there to go on with
         if path.name in case.files or any(part.endswith(".parts") for part in path.parts):
             continue
-        if not any(path.name in word for word in case.words):
+        # a report is a folder of files
+        if not any(part in word for part in path.relative_to(place).parts for word in case.words):
             yield f"left {path.name}"
         elif code == 2:
             yield f"refused, but wrote {path.name}"

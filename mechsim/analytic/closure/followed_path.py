@@ -38,10 +38,14 @@ AIM, AIMED = 1e-5, 5e-3
 BLIND, CLEAR = 0.05, 1e-5
 # a path that ends so near to its start may end because that is singular
 AT_START = 1e-3
+# so near to a singular pose what closed poses still stand open by would be taken for the path's bend
+BARELY = 1e-4
 # what is taken for this where it is less
 TINY = 1e-300
 # two parameters nearer than this are one
 NEAR = 1e-9
+# a cell so short is foretold along the tangent: a polynomial through what rounding leaves of one tells less
+STRAIGHT = 1e-5
 # part of that cell's length beyond it for which it foretells the next: its many nodes foretell no farther
 AFTER = 0.3
 # to this a change point is known: rates where a path folds are those beyond it
@@ -155,6 +159,8 @@ class FollowedPath(PathRows):
         found = self.closed(solver, nodes, self._foretold(here, sense, solver, nodes), CLOSED)
         if found is None:
             return None, 0.5 * step
+        if (np.abs(found[1].side()) < BARELY).any():
+            found = self.closed(solver, nodes, found[0]) or found
         states, loops, moved = found
         cell = Cell(nodes, states, weights, solver)
         rough = _roughness(states)
@@ -281,14 +287,16 @@ class FollowedPath(PathRows):
 
     def _foretold(self, here: float, sense: int, solver: LoopSolver, s: Array) -> Array:
         """Return the states foretold at parameters, by the cell before or along the tangent."""
-        if self.cells[sense]:
-            return self.cells[sense][-1].at(s)
-        if self.cells[-sense]:
+        done = self.cells[sense]
+        if done and abs(float(s[-1]) - here) > STRAIGHT:
+            return done[-1].at(s)
+        if not done and self.cells[-sense]:
             return self.cells[-sense][0].at(s)
         driven = list(self.loops.driven)
         ahead = np.zeros((self.loops.tree.count, len(s)))
         ahead[driven] = (self.drive(s) - self.drive(np.array([here]))) / self.loops.units[driven, None]
-        start = Coordinates(np.repeat(self.start.values, len(s), 1), np.repeat(self.start.turns, len(s), -1))
+        last = self.unflat(done[-1].states[[-1]], np.array([here])) if done else self.start
+        start = Coordinates(np.repeat(last.values, len(s), 1), np.repeat(last.turns, len(s), -1))
         found = solver.linearise(start)
         opened = np.zeros_like(found.right)
         opened[:, : len(solver.rows)] = np.einsum("rkn,kn->nr", found.slope[solver.rows], ahead)

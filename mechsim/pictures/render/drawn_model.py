@@ -68,6 +68,7 @@ class DrawnModel:
         self.cell = cameras.nice(self.camera.height / 9.0)
         self.walls = self._walls()
         self.model = self._spec().compile()
+        scenery.set_height(self.model, CAMERA, self.camera)
         self.data = mujoco.MjData(self.model)
         self._slots = {
             (link.name, copy): self._slot(_body(link.name, copy))

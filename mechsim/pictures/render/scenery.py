@@ -20,6 +20,8 @@ GRID_LINE = (0.76, 0.79, 0.83)
 MATTE = "matte"
 # parts of white light: from everywhere, from the camera, from the lamp over its shoulder
 AMBIENT, HEADLIGHT, LAMP = 0.42, 0.28, 0.30
+# in [m], that the compiler lets a camera with parallel projection show: it takes it for an angle
+HIGHEST = 179.0
 
 
 def add_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape) -> None:
@@ -86,11 +88,16 @@ def add_sheet(spec: mujoco.MjSpec, camera: Camera, depth: float) -> None:
 
 
 def add_camera(spec: mujoco.MjSpec, name: str, camera: Camera) -> None:
-    """Add a camera with parallel projection."""
+    """Add a camera with parallel projection; `set_height` gives one above `HIGHEST` its height."""
     view = spec.worldbody.add_camera(name=name, pos=camera.position)
     view.quat = quaternion(np.column_stack([camera.right, camera.up, camera.back]))
     view.proj = mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC
-    view.fovy = camera.height
+    view.fovy = min(camera.height, HIGHEST)
+
+
+def set_height(model: mujoco.MjModel, name: str, camera: Camera) -> None:
+    """Give a compiled model's camera its height in [m], however high."""
+    model.cam_fovy[model.camera(name).id] = camera.height
 
 
 def light_direction(camera: Camera, normal: Array) -> Array:

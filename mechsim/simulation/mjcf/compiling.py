@@ -1,5 +1,7 @@
 """Specification to model, without the one shortcut of MuJoCo's compiler that depends on absolute lengths."""
 
+import warnings
+
 import mujoco
 import numpy as np
 
@@ -20,13 +22,15 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
     The compiler takes a site or geom less than a micrometre from its body's origin, and a centre of mass
     as near, for being there: in a linkage of 5 um a joint is then off by a fifth of a link, without a
-    word (docs/extremes.md). Where the two are not the same to the last bit, they are kept apart.
+    word (docs/extremes.md). Where the two are not the same to the last bit, they are kept apart. What the
+    compiler warns of, a run will meet and report.
 
     Raises:
         InputError: for a model that MuJoCo refuses, such as one with a massless body.
     """
     try:
-        model = spec.compile()
+        with warnings.catch_warnings(action="ignore"):
+            model = spec.compile()
     except ValueError as error:
         raise InputError(f"MuJoCo refuses the model: {' '.join(str(error).split())}") from error
     for kind in ("site", "geom"):

@@ -53,8 +53,7 @@ def compiled_whole(path: str, spec: mujoco.MjSpec) -> tuple[mujoco.MjModel, list
     left_out: list[str] = []
     while True:
         try:
-            with warnings.catch_warnings(action="ignore"):
-                return compiled(spec), left_out
+            return compiled(spec), left_out
         except InputError as error:
             said = without_missing(spec, str(error)) or with_possible_inertias(spec, str(error))
             if not said:

@@ -19,6 +19,7 @@ from mechsim.simulation.mjcf_reader.held_base import free_bodies, hold_base
 from mechsim.simulation.mjcf_reader.joint_chains import chains, poses
 from mechsim.simulation.mjcf_reader.kinds import SLIDE
 from mechsim.simulation.mjcf_reader.named_parts import name_parts
+from mechsim.simulation.mjcf_reader.number_bounds import require_numbers
 from mechsim.simulation.mjcf_reader.parsed_file import compiled_whole, parsed
 from mechsim.simulation.mjcf_reader.tracked_points import Place, tracked
 from mechsim.simulation.mjcf_reader.weights import acting, weighed
@@ -93,7 +94,7 @@ def read_model(
         start = hold_base(spec, model, start)
         model, _ = compiled_whole(path, spec)
         remarks.append(f"held where the model starts, without a free joint: {listed(free)}")
-    _require_finite(path, spec, model, start)
+    require_numbers(path, spec, model, start)
     chained = chains(model)
     carried = chained.carriers
     said = equalities(model, carried)
@@ -150,26 +151,6 @@ def _held(model: mujoco.MjModel, holds: Mapping[str, Held], values: Mapping[str,
         if not np.isfinite(found[name]):
             raise InputError(f"--hold {name} is at {value}; give a finite number in SI")
     return found
-
-
-def _require_finite(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start: Array) -> None:
-    """Refuse a model with NaN, or with quaternions that overflow: MuJoCo's compiler lets them pass."""
-    for what, parts, arrays in (
-        ("body", spec.bodies, (model.body_pos, model.body_quat)),
-        ("joint", spec.joints, (model.jnt_pos, model.jnt_axis, model.jnt_range)),
-        ("site", spec.sites, (model.site_pos, model.site_quat)),
-        ("equality", spec.equalities, (model.eq_data,)),
-    ):
-        for part in parts:
-            values = np.concatenate([array[part.id].ravel() for array in arrays])
-            no_turn = what in ("body", "site") and not np.linalg.norm(values[3:]) > 0.0
-            if no_turn or not np.isfinite(values).all():
-                where = ", ".join([path, *filter(None, [part.info])])
-                called = f" {part.name!r}" if part.name else ""
-                why = "a quat that is no turn" if no_turn else "numbers that are not finite"
-                raise InputError(f"{where}: {what}{called} holds {why}; mend the file")
-    if not np.isfinite(start).all():
-        raise InputError(f"{path}: where it starts is not finite; mend ref or the keyframe")
 
 
 def _add_sites(spec: mujoco.MjSpec, points: Mapping[str, Place]) -> None:

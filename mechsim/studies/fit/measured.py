@@ -8,10 +8,13 @@ import numpy as np
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
+from mechsim.maths.given import HUGE
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 
 # what marks the column that says how well another is known, before or after its name
 MARKS = ("±", "+-")
+# how far crank angles may lie apart, in [rad]: the path is followed from one to the other
+FAR = 2e3 * np.pi
 
 
 @dataclass(frozen=True)
@@ -49,9 +52,11 @@ def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table"
         raise InputError(f"{where} has no column {over} ({unit}); it has {', '.join(table) or 'none'}")
     columns = {name: np.asarray(values, dtype=np.float64) for name, values in table.items()}
     for name, column in columns.items():
-        if not np.isfinite(column).all():
-            row = int(np.argmin(np.isfinite(column))) + 1
-            raise InputError(f"{where}: column {name} is no finite number in row {row}; take the row out")
+        sound = np.abs(column) <= HUGE
+        if not sound.all():
+            row = int(np.argmin(sound)) + 1
+            why = "no finite number" if not np.isfinite(column[row - 1]) else f"{column[row - 1]:g}"
+            raise InputError(f"{where}: column {name} is {why} in row {row}; take the row out")
     deviations: dict[str, Array] = {}
     values: dict[str, Array] = {}
     for name, column in columns.items():
@@ -73,7 +78,13 @@ def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table"
         values.pop(name, None)
     if not values:
         raise InputError(f"{where} holds no measured quantity; add columns as P3.x or rocker.q")
-    return MeasuredMotion(at, at if programs is None else programs.pace * at, values, deviations)
+    angles = at if programs is None else programs.pace * at
+    if len(angles) and float(np.ptp(angles)) > FAR:
+        turns = float(np.ptp(angles)) / (2.0 * np.pi)
+        raise InputError(
+            f"{where}: column {over} goes over {turns:.4g} turns; give {FAR / (2.0 * np.pi):g} at most"
+        )
+    return MeasuredMotion(at, angles, values, deviations)
 
 
 def single(asked: Mapping[str, Array], moved: MovedFamily) -> dict[str, str]:

@@ -30,7 +30,8 @@ class SceneRun:
         time: of the records in [s], (n,); time zero is the first.
         qpos: (n, nq).
         qvel: (n, nv).
-        seconds: processor time of the steps.
+        seconds: processor time of the steps, of this thread: that of a process under a limit tells
+            milliseconds only.
         steps: taken.
         broken: why the run is none, in words; empty where it is one.
     """
@@ -129,9 +130,9 @@ def stepped(
     while done < total and not broken:
         count = min(BLOCK, total - done)
         control = scene.controls(model, done, count, held)[None]
-        begin = clock.process_time()
+        begin = clock.thread_time()
         out = sims.rollout(count, control=control, control_spec=CONTROL, record=("qpos", "qvel", TIME))
-        spent += clock.process_time() - begin
+        spent += clock.thread_time() - begin
         number = np.arange(done + 1, done + count + 1)
         rows = np.flatnonzero((number % stride == 0) | (number == total))
         number, (qpos, qvel, time) = number[rows], (values[0, rows] for values in out.values())

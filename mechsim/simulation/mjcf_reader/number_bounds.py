@@ -1,0 +1,68 @@
+"""What numbers a model may hold: MuJoCo's compiler lets NaN pass, and what overflows in the next square."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
+from mechsim.maths.given import HUGE
+
+# no mechanism is farther across, in [m], and no joint's coordinate means anything beyond it, in [m] or [rad]
+FAR = 1e12
+
+
+def require_numbers(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start: Array) -> None:
+    """Refuse a model with NaN, with numbers beyond sense, or with quaternions that are no turn.
+
+    Args:
+        path: of the file.
+        spec: what it says.
+        model: what that compiles to.
+        start: coordinates, (nq,).
+
+    Raises:
+        InputError: names file, line, the part and what it holds.
+    """
+    for what, part, values, most in _held(spec, model):
+        turning = what in ("body", "site") and most == HUGE
+        wrong = values[~(np.abs(values) <= most)]
+        if turning and not np.linalg.norm(values[:4]) > 0.0:
+            why = "a quat that is no turn"
+        elif len(wrong) and not np.isfinite(wrong).all():
+            why = "numbers that are not finite"
+        elif len(wrong):
+            why = f"{wrong[0]:g}; give {most:g} in SI at most"
+        else:
+            continue
+        where = ", ".join([path, *filter(None, [part.info])])
+        called = f" {part.name!r}" if part.name else ""
+        raise InputError(f"{where}: {what}{called} holds {why}; mend the file")
+    if not np.isfinite(start).all():
+        raise InputError(f"{path}: where it starts is not finite; mend ref or the keyframe")
+    if not np.abs(model.opt.gravity).max() <= HUGE:
+        raise InputError(f"{path}: gravity is {model.opt.gravity.tolist()}; give {HUGE:g} m/s^2 at most")
+
+
+def _held(spec: mujoco.MjSpec, model: mujoco.MjModel) -> Iterator[tuple[str, Any, Array, float]]:
+    """Yield what holds numbers: its kind, the part, the numbers and how large they may be."""
+    coordinates = np.append(model.jnt_qposadr, model.nq)
+    for body in spec.bodies:
+        i = body.id
+        yield "body", body, np.concatenate([model.body_pos[i], model.body_ipos[i]]), FAR
+        yield "body", body, np.array([*model.body_quat[i], model.body_mass[i], *model.body_inertia[i]]), HUGE
+    for joint in spec.joints:
+        i, dofs = joint.id, model.dof_jntid == joint.id
+        own = slice(coordinates[i], coordinates[i + 1])
+        places = [model.jnt_pos[i], model.qpos0[own], model.qpos_spring[own]]
+        yield "joint", joint, np.concatenate(places), FAR
+        rates = [model.dof_damping[dofs], model.dof_armature[dofs], model.dof_frictionloss[dofs]]
+        single = [model.jnt_axis[i], model.jnt_range[i], model.jnt_stiffness[[i]].ravel()]
+        yield "joint", joint, np.concatenate([one.ravel() for one in (*single, *rates)]), HUGE
+    for site in spec.sites:
+        yield "site", site, model.site_pos[site.id], FAR
+        yield "site", site, model.site_quat[site.id], HUGE
+    for equality in spec.equalities:
+        yield "equality", equality, model.eq_data[equality.id], HUGE
