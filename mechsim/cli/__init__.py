@@ -16,87 +16,31 @@ from typer.main import get_command
 from mechsim._version import __version__
 from mechsim.cli.endings import ended, tell
 
-# command -> its file and function, and what it does
+# command -> its file and function, and what it does in a line of a list
 COMMANDS = {
-    "list": ("catalog.list_mechanisms", "List the mechanisms of the catalogue and of the gallery."),
-    "show": (
-        "show.show",
-        "Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups.",
-    ),
-    "solve": ("solve.solve", "Solve a mechanism in closed form; write .csv or .npz, or print a table."),
-    "export": ("export.export", "Write the MuJoCo model of a mechanism, or the mechanism as TOML."),
-    "schema": (
-        "schema.schema",
-        "Print the JSON Schema of mechanisms in TOML, or of what a command prints with --json.",
-    ),
-    "simulate": (
-        "simulate.simulate",
-        "Run a mechanism in MuJoCo under a driven crank, or under programs of its drivers.",
-    ),
-    "validate": (
-        "validate.validate",
-        "Check closed form, loop equations, formulas and MuJoCo against each other; the main job.",
-    ),
-    "tradeoff": (
-        "tradeoff.tradeoff",
-        "Measure how fast and how accurate MuJoCo's settings are on one mechanism; recommend some.",
-    ),
-    "reduce": (
-        "reduce.reduce",
-        "Leave out of a scene what is not needed for what is tracked; write what is left.",
-    ),
-    "tune": (
-        "tune.tune",
-        "Find the cheapest settings with which plain MuJoCo keeps a tolerance on your own scene and motion.",
-    ),
-    "dynamics": (
-        "dynamics.dynamics",
-        "What drives and joints carry as prescribed, and the energies; free running under a motor.",
-    ),
-    "render": (
-        "render.render",
-        "Draw a mechanism without a screen: .png, .mp4, .webm, .gif, or a new folder of .png files.",
-    ),
-    "view": (
-        "view.view",
-        "Make a page to turn a mechanism by hand, offline; without -o the browser opens it.",
-    ),
-    "plot": (
-        "plot.plot",
-        "Plot motions, curves, transmission, errors, velocity plans, dynamics or studies: "
-        ".svg, .pdf or .png.",
-    ),
-    "fit": (
-        "fit.fit",
-        "Find dimensions from measured motion, with their uncertainty; say which cannot be told apart.",
-    ),
-    "sensitivity": (
-        "sensitivity.sensitivity",
-        "Derive quantities by dimensions, exactly; say what tolerances make of them, and who is to blame.",
-    ),
-    "trace": (
-        "trace.trace",
-        "Trace all assemblies of a mechanism with one freedom as closed curves, past every dead centre.",
-    ),
-    "sweep": (
-        "sweep.sweep",
-        "Measure many designs of a mechanism; write .nc, .zarr, .parquet or .csv, part by part.",
-    ),
-    "synthesize": (
-        "synthesize.synthesize",
-        "Find frame, frame angle and rocker so that the coupler point, in the plane, follows a line.",
-    ),
-    "doctor": (
-        "doctor.doctor",
-        "Say what this machine has: OpenGL back ends, ffmpeg, versions, and what mends what is missing.",
-    ),
-    "extremes": (
-        "extremes.extremes",
-        "Push steps, speed, size, masses, poses, turns and gears until something breaks; say where it does.",
-    ),
+    "list": ("catalog.list_mechanisms", "List the mechanisms of catalogue and gallery."),
+    "show": ("show.show", "Show joints, mobility, range, dead centres, assemblies."),
+    "solve": ("solve.solve", "Solve a mechanism: closed form or loop equations."),
+    "simulate": ("simulate.simulate", "Run a mechanism in MuJoCo."),
+    "validate": ("validate.validate", "Check formulas, loop equations and MuJoCo: the main job."),
+    "export": ("export.export", "Write a mechanism as a MuJoCo model or as TOML."),
+    "schema": ("schema.schema", "Print JSON Schemas of TOML files and --json outputs."),
+    "dynamics": ("dynamics.dynamics", "Tell drive torques, joint reactions, energies."),
+    "trace": ("trace.trace", "Trace all assemblies as closed curves."),
+    "synthesize": ("synthesize.synthesize", "Find a looper whose coupler point follows a line."),
+    "sweep": ("sweep.sweep", "Measure many designs of a mechanism."),
+    "sensitivity": ("sensitivity.sensitivity", "Derive quantities by dimensions; spread tolerances."),
+    "fit": ("fit.fit", "Find dimensions from measured motion."),
+    "tradeoff": ("tradeoff.tradeoff", "Measure speed and accuracy of MuJoCo's settings."),
+    "tune": ("tune.tune", "Find the cheapest settings that keep a tolerance."),
+    "reduce": ("reduce.reduce", "Leave out of a scene what is not needed."),
+    "extremes": ("extremes.extremes", "Push a mechanism until something breaks; say where."),
+    "plot": ("plot.plot", "Plot motions, curves, errors, dynamics, studies."),
+    "render": ("render.render", "Draw a mechanism, or film it, without a screen."),
+    "view": ("view.view", "Make a page to turn a mechanism by hand."),
+    "doctor": ("doctor.doctor", "Say what this machine has and lacks."),
 }
 PLAIN: dict[str, Any] = {
-    "add_completion": False,
     "rich_markup_mode": None,
     "pretty_exceptions_enable": False,
     "context_settings": {"help_option_names": ["-h", "--help"]},
@@ -116,7 +60,7 @@ def loaded(name: str) -> Any:
     """Return a command, its file loaded."""
     file, _, function = COMMANDS[name][0].partition(".")
     command = getattr(import_module(f"mechsim.cli.{file}"), function)
-    alone = typer.Typer(**PLAIN)
+    alone = typer.Typer(add_completion=False, **PLAIN)
     alone.command(name)(_without_mujocos_log(command) if "mujoco" in sys.modules else command)
     return get_command(alone)
 
@@ -134,7 +78,7 @@ def _without_mujocos_log(command: Callable[..., None]) -> Callable[..., None]:
 app = typer.Typer(
     cls=LoadedWhenTyped,
     help="Check an analytic model of a linkage against a multibody simulator.",
-    **PLAIN | {"add_completion": True},
+    **PLAIN,
 )
 for known, (_, about) in COMMANDS.items():
     app.command(known, help=about)(lambda: None)

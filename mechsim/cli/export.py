@@ -37,7 +37,9 @@ from mechsim.subjects.toml_writer import toml_of
 def export(
     model: Annotated[
         str | None,
-        typer.Argument(metavar="[MODEL]", help="A catalogue name, FILE.toml or FILE.py:OBJECT."),
+        typer.Argument(
+            metavar="[MODEL]", help="A name that `mechsim list` gives, FILE.toml, FILE.xml or FILE.py:OBJECT."
+        ),
     ] = None,
     *,
     every: Annotated[

@@ -17,7 +17,8 @@ from mechsim.studies.extremes.stability_map import axes_of, study
 
 def extremes(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME]...", help="Mechanisms; none means all.")
+        list[str] | None,
+        typer.Argument(metavar="[NAME]...", help="Mechanisms of the catalogue; none means all."),
     ] = None,
     report: Annotated[
         str | None, typer.Option(metavar="DIR", help="Write the map and all numbers here.")

@@ -31,7 +31,9 @@ def plot(
     model: Model,
     output: File,
     asked: PlotOptions,
-    kind: Annotated[str, typer.Option(help=f"One of {', '.join(PLOTS)}.")] = "motion",
+    kind: Annotated[
+        str, typer.Option(help=f"One of {', '.join(PLOTS)}; of a sweep map, parallel or pareto.")
+    ] = "motion",
     speed: Speed = "600rpm",
     *,
     driven: DriveOptions,

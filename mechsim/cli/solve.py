@@ -75,7 +75,7 @@ def solve(
     output: Output = None,
     as_json: Json = False,
 ) -> None:
-    """Solve a mechanism in closed form; write .csv or .npz, or print a table."""
+    """Solve a mechanism by its closed form, else by loop equations; write .csv or .npz, or print a table."""
     place = None if output is None else writable(output, ".csv", ".npz")
     drive = passed(form_of(model, sets, driven), through)
     asked.check(drive)

@@ -22,7 +22,7 @@ def synthesize(
     sets: Sets = None,
     as_json: Json = False,
 ) -> None:
-    """Find frame, frame angle and rocker so that the coupler point, in the plane, follows a line.
+    """Find frame, frame angle and rocker of a looper so that its coupler point, in the plane, follows a line.
 
     Two answers: the linkage whose rocker's end keeps its circle best, which is the paper's criterion, and
     the straightest, whose coupler point leaves the line least. The deviation of either is the farthest

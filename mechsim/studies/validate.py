@@ -67,7 +67,7 @@ class Case:
         return self.verdict.as_dict() | cost | ({} if self.formula is None else self.formula.explained)
 
 
-def validate(model: Form | DesignFamily, *, speed: float = 20.0 * np.pi, quick: bool = False) -> Case:
+def case_of(model: Form | DesignFamily, *, speed: float = 20.0 * np.pi, quick: bool = False) -> Case:
     """Validate one mechanism: closed form against loop equations, solved poses and a stepped run.
 
     One without a closed form: loop equations against MuJoCo's, and the formula that its file names, which is
@@ -173,13 +173,13 @@ def validate_all(
     """Validate several mechanisms.
 
     Args:
-        models: name -> mechanism, as in `validate`.
-        speed: as in `validate`.
+        models: name -> mechanism, as in `case_of`.
+        speed: as in `case_of`.
         quick: names of those whose runs are not stepped.
         done: called with each name.
     """
     cases: dict[str, Case] = {}
     for name, model in models.items():
-        cases[name] = validate(model, speed=speed, quick=name in quick)
+        cases[name] = case_of(model, speed=speed, quick=name in quick)
         done(name)
     return cases

@@ -12,7 +12,7 @@ from mechsim.analytic.catalog.bennett import Bennett
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.mechanism import Pose
 from mechsim.simulation import simulate
-from mechsim.studies.validate import validate
+from mechsim.studies.validate import case_of
 from mechsim.theory import structure
 
 ANGLES = (np.arange(24) + 0.37) * 4.0 * np.pi / 24 - 5.0
@@ -109,7 +109,7 @@ def test_a_link_a_thousandth_too_long_closes_nowhere():
 
 
 def test_it_goes_through_validation_by_every_road():
-    assert validate(Bennett()).verdict.outcome == "met"
+    assert case_of(Bennett()).verdict.outcome == "met"
 
 
 @pytest.mark.parametrize("cut", ["A", "B", "rocker"])

@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import re
 import subprocess
 import sys
 import time
@@ -310,9 +311,13 @@ def test_doctor_names_versions_back_ends_and_ffmpeg(mechsim: Call) -> None:
 
 
 @pytest.mark.parametrize("name", cli.COMMANDS)
-def test_every_command_says_in_the_list_what_it_says_of_itself(name: str) -> None:
+def test_every_command_says_what_it_does_in_one_sentence_and_is_listed_with_one_that_is_not_cut(
+    name: str, mechsim: Call
+) -> None:
     said = inspect.getdoc(cli.loaded(name).callback) or ""
-    assert " ".join(said.split("\n\n")[0].split()) == cli.COMMANDS[name][1]
+    assert re.fullmatch(r"[A-Z].*\.", said.split("\n\n")[0], re.DOTALL)
+    line = next(line for line in mechsim("--help").out.splitlines() if line.split()[:1] == [name])
+    assert line.split(maxsplit=1)[1] == cli.COMMANDS[name][1]
 
 
 def test_the_package_runs_as_a_program() -> None:

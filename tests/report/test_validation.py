@@ -86,14 +86,14 @@ def test_a_report_folder_that_cannot_be_made_is_refused_before_any_work(monkeypa
 
 def test_a_case_without_steps_is_told_by_a_still_its_paths_and_what_its_formula_misses(tmp_path):
     from mechsim.report.validation import write_validation_report
-    from mechsim.studies.validate import validate
+    from mechsim.studies.validate import case_of
     from mechsim.subjects.subject import load
 
     law = "def law(angle, of):\n    x = 1.001e-3 * of['crank'] * np.cos(angle)\n"
     (tmp_path / "own.py").write_text(
         f"import numpy as np\n{law}    return {{'yoke': np.column_stack([x, 0 * x, 0 * x])}}\n"
     )
-    case = validate(replace(load("scotch_yoke"), formula=f"{tmp_path}/own.py:law"), quick=True)
+    case = case_of(replace(load("scotch_yoke"), formula=f"{tmp_path}/own.py:law"), quick=True)
     # of a mechanism called by the path of its file
     results = {"passed": False, "mechanisms": {"a/yoke": case.as_dict()}}
     (tmp_path / "out").mkdir()
@@ -114,10 +114,10 @@ def test_a_case_without_steps_is_told_by_a_still_its_paths_and_what_its_formula_
 
 def test_the_page_tells_of_several_drivers(tmp_path):
     from mechsim.report.validation import write_validation_report
-    from mechsim.studies.validate import validate
+    from mechsim.studies.validate import case_of
     from mechsim.subjects.subject import load
 
-    case = validate(load("five_bar"))
+    case = case_of(load("five_bar"))
     results = {"passed": True, "mechanisms": {"five_bar": case.as_dict()}}
     write_validation_report(tmp_path, {"five_bar": case}, results)
     page = (tmp_path / "index.html").read_text()

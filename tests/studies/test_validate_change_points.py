@@ -5,7 +5,7 @@ import pytest
 
 from mechsim import catalog
 from mechsim.simulation import simulate
-from mechsim.studies.validate import validate
+from mechsim.studies.validate import case_of
 from mechsim.verdict.judge import crosscheck
 
 FLAT = {
@@ -19,7 +19,7 @@ FLAT = {
 def test_a_mechanism_with_change_points_meets_every_bound(which):
     name, lengths = FLAT[which]
     drive = catalog.make(name, **lengths)
-    case = validate(drive)
+    case = case_of(drive)
     assert case.verdict.outcome == "met", case.verdict.reason
     assert np.ptp(case.exact.angle) == pytest.approx(drive.period)
     # dynamics do not decide at a change point: the stepped run swings between them
@@ -39,6 +39,6 @@ def test_another_assembly_of_a_flat_linkage_is_not_met():
 def test_what_folds_meets_every_bound_too():
     name, lengths = FLAT["one flat pose"]
     fold = catalog.make(name, **lengths, through="fold")
-    case = validate(fold)
+    case = case_of(fold)
     assert case.verdict.outcome == "met", case.verdict.reason
     assert crosscheck(case.poses, catalog.make(name, **lengths)).outcome == "changed assembly"

@@ -3,14 +3,14 @@
 import numpy as np
 
 from mechsim.studies.agreement.comparand import asked_of, comparand_of
-from mechsim.studies.validate import validate
+from mechsim.studies.validate import case_of
 from mechsim.subjects.subject import load
 
 FIVE_BAR = load("five_bar")
 
 
 def test_drivers_have_lines_of_their_own_on_both_roads():
-    case = validate(FIVE_BAR)
+    case = case_of(FIVE_BAR)
     assert case.passed, case.verdict.reason
     told = {check.quantity for check in case.verdict.checks if "drive" in check.quantity}
     assert told == {f"{road}: drive: {name}" for road in ("pose", "step") for name in ("left", "right")}

@@ -8,7 +8,7 @@ from mechsim.studies.agreement.claim import claimed
 from mechsim.studies.agreement.comparand import comparand_of
 from mechsim.studies.agreement.comparison import check, scales_of
 from mechsim.studies.agreement.named_quantities import names_of
-from mechsim.studies.validate import validate
+from mechsim.studies.validate import case_of
 from mechsim.subjects import gallery
 from mechsim.subjects.python_object import object_of
 from mechsim.subjects.subject import load
@@ -40,7 +40,7 @@ def test_a_file_of_the_gallery_bears_its_mechanism_s_name_and_says_where_it_is_f
 
 
 def test_a_mechanism_of_the_gallery_meets_every_bound_and_its_law_to_rounding(shown):
-    case = validate(shown, quick=True)
+    case = case_of(shown, quick=True)
     assert case.passed, case.verdict.reason
     told = [check for check in case.verdict.checks if check.road == "formula"]
     assert told
@@ -50,7 +50,7 @@ def test_a_mechanism_of_the_gallery_meets_every_bound_and_its_law_to_rounding(sh
 
 @pytest.mark.slow
 def test_a_mechanism_of_the_gallery_meets_every_bound_in_steps(shown):
-    case = validate(shown)
+    case = case_of(shown)
     assert case.passed, case.verdict.reason
 
 
@@ -65,7 +65,7 @@ def test_the_law_condemns_a_dimension_a_thousandth_off(shown):
 
 def test_a_law_follows_the_parameters_that_are_changed():
     wide = load("scotch_yoke", {"crank": "4 cm"})
-    assert validate(wide, quick=True).passed
+    assert case_of(wide, quick=True).passed
 
 
 def test_the_quick_return_s_strokes_take_the_time_that_the_law_says():

@@ -8,7 +8,7 @@ import pytest
 from mechsim import catalog, closure
 from mechsim.model.crank_profile import swing
 from mechsim.simulation import Settings, simulate
-from mechsim.studies.validate import validate
+from mechsim.studies.validate import case_of
 from mechsim.verdict.checks import check_of
 from mechsim.verdict.judge import crosscheck
 from mechsim.verdict.tolerances import SOUND, Tolerance
@@ -32,7 +32,7 @@ def near_a_dead_centre(name, part):
 
 
 def test_a_sound_mechanism_of_small_transmission_angle_is_met():
-    case = validate(catalog.make("rrsrr", **FIVE_LINK))
+    case = case_of(catalog.make("rrsrr", **FIVE_LINK))
     assert case.passed, case.verdict.reason
     assert any("where the loops' conditioning is" in check.why for check in case.verdict.checks)
 

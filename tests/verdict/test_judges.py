@@ -9,7 +9,7 @@ from mechsim import catalog
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.model.mechanism import EX, EY, EZ, Mechanism
 from mechsim.simulation import simulate
-from mechsim.studies.validate import validate
+from mechsim.studies.validate import case_of
 from mechsim.verdict.judge import crosscheck
 
 SPEED = 20.0 * np.pi
@@ -102,11 +102,11 @@ def test_cranks_that_only_swing_are_validated_inside_their_range(name):
     arcs = swinging.crank_range()
     assert not arcs.full
     assert arcs.arcs
-    case = validate(swinging)
+    case = case_of(swinging)
     assert case.passed, case.verdict.reason
 
 
 def test_variants_of_a_mechanism_are_validated_with_it():
-    case = validate(catalog.make("rssr"))
+    case = case_of(catalog.make("rssr"))
     assert any(check.quantity == "guided, step: orientation of coupler" for check in case.verdict.checks)
     assert case.passed

@@ -27,7 +27,7 @@ from mechsim.simulation import Settings, simulate
 from mechsim.simulation.dynamics.free_running import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
-from mechsim.studies.validate import validate
+from mechsim.studies.validate import case_of
 from mechsim.verdict.checks import Check, Verdict
 from mechsim.verdict.judge import crosscheck
 
@@ -70,7 +70,7 @@ def parts(count: int, seed: int = 1) -> Parts:
 
 
 def _validated(drive: ClosedForm) -> list[Check]:
-    return list(validate(drive).verdict.checks)
+    return list(case_of(drive).verdict.checks)
 
 
 def _by_own_error(drive: ClosedForm) -> list[Check]:

@@ -21,7 +21,7 @@ from mechsim.errors import AssemblyError, MechsimError
 from mechsim.model.crank_profile import CrankProfile, within_range
 from mechsim.model.outcome import PLACE
 from mechsim.simulation import Settings, simulate
-from mechsim.studies.validate import validate
+from mechsim.studies.validate import case_of
 from mechsim.verdict.judge import crosscheck
 from mechsim.verdict.quantities import stroke_of
 
@@ -71,7 +71,7 @@ def study(count: int, seed: int = 1) -> Found:
 def _validated(drive: ClosedForm, found: Found) -> None:
     found.tried["validated"] += 1
     try:
-        case = validate(drive)
+        case = case_of(drive)
     except MechsimError as error:
         found.fault("validated", f"refused: {error}; {drive}")
         return

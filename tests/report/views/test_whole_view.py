@@ -8,7 +8,7 @@ from mechsim.analytic.closure.start_values import start_poses
 from mechsim.pictures.view import interpolated, quaternions
 from mechsim.report.views import case_view, mechanism_view
 from mechsim.report.views.driver_grids import box_of, hand_grids, program_grid
-from mechsim.studies.validate import validate
+from mechsim.studies.validate import case_of
 
 SPEED = ms.units.rpm(600)
 
@@ -87,7 +87,7 @@ def test_more_than_three_drivers_are_moved_one_at_a_time(monkeypatch):
 
 
 def test_a_validation_is_shown_by_the_motion_it_judged():
-    case = validate(ms.catalog.make("four_bar", crank=0.09))
+    case = case_of(ms.catalog.make("four_bar", crank=0.09))
     (grid,) = case_view(case).grids
     (slider,) = grid.sliders
     assert (np.diff(slider.nodes) > 0.0).all()  # of a swing to and fro one way
