@@ -185,6 +185,46 @@ def test_driven_slides_stand_open_in_units_of_the_models_size() -> None:
     assert loops.size == pytest.approx(0.3)
 
 
+@pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
+def test_the_loosest_direction_opens_the_loops_least_of_all_with_the_crank_held(mechanism: Mechanism) -> None:
+    loops = loops_of(mechanism)
+    jacobian = loops.linearise(loops.model.qpos0[None])[1]
+    if not loops.side(jacobian)[0]:
+        pytest.skip("which rows of it count changes from pose to pose")
+    found = loops.loosest(jacobian)
+    others = np.random.default_rng(4).normal(size=(500, loops.model.nv))
+    others[:, loops.crank] = 0.0
+    # but for what no row holds, as the spin of a rod between balls
+    held = np.where(np.arange(loops.model.nv) == loops.crank, 0.0, jacobian[0])
+    others = others @ np.linalg.pinv(held, rcond=1e-9) @ held
+    others /= np.linalg.norm(others, axis=1)[:, None]
+    assert found[loops.crank] == 0.0
+    assert np.linalg.norm(found) == pytest.approx(1.0)
+    assert np.linalg.norm(jacobian[0] @ found) < np.linalg.norm(others @ jacobian[0].T, axis=1).min()
+
+
+@pytest.mark.parametrize(("kind", "size"), [("hinge", 1.0), ("slide", 0.3)])
+def test_how_far_from_singular_loops_are_is_their_least_singular_value_in_units_of_the_size(
+    kind, size
+) -> None:
+    first = '<joint joint1="j" joint2="crank" polycoef=".1 .2 0 0 0"/>'
+    second = '<joint joint1="k" joint2="j" polycoef="0 .15 .1 0 0"/>'
+
+    def model(equality: str, crank: str) -> mujoco.MjModel:
+        text = USER.format(equality=equality, crank=crank)
+        return mujoco.MjModel.from_xml_string(text.replace('"k"', f'"k" type="{kind}"', 1))
+
+    loops = ModelLoops(model(first + second, "crank"))
+    states = np.array([[0.3, 0.2, 0.0], [0.1, -0.9, 0.0]])
+    slope = (0.15 + 0.2 * states[:, 1]) / size
+    wanted = [np.linalg.svd([[1.0, 0.0], [-one, 1.0]])[1][-1] for one in slope]
+    assert loops.conditioning(loops.linearise(states)[1]) == pytest.approx(wanted)
+    # what programs drive is no unknown, and its rows hold nothing
+    programmed = model(second, CLOCK)
+    driven = ModelLoops(programmed, drive=drive_of(programmed, ("j",)))
+    assert driven.conditioning(driven.linearise(states)[1]) == pytest.approx(1.0)
+
+
 def test_what_no_loop_holds_changes_no_determinant_and_has_no_part_in_it(monkeypatch) -> None:
     drive = catalog.make("four_bar")
     plain, spec = loops_of(drive.mechanism), assembled(drive.mechanism, Scene())

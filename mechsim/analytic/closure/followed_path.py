@@ -117,19 +117,21 @@ class FollowedPath(PathRows):
             AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
         """
         done, self._side, self._ahead = self.cells[sense], 0.0, None
-        here = float(done[-1].nodes[-1]) if done else self.begin
-        length = AFTER * abs(float(done[-1].nodes[-1] - done[-1].nodes[0])) if done else FIRST
+        length = AFTER * done[-1].length if done else FIRST
         if not done and self.cells[-sense]:
             length *= GROWTH  # no tangent foretells it
-        while sense * (to - here) > 0.0:
-            left = sense * (to - here)
+        while (left := sense * (to - self._end(sense))) > 0.0:
+            here = self._end(sense)
             step = left if left <= length else min(length, 0.6 * left)
             cell, length = self._next(here, sense, step)
             if cell is not None:
                 done.append(cell)
             elif length < SHORTEST:
                 raise AssemblyError(self._stuck(here))
-            here = float(done[-1].nodes[-1]) if done else self.begin
+
+    def _end(self, sense: int) -> float:
+        """Return the parameter as far as which the path is followed in one sense."""
+        return float(self.cells[sense][-1].nodes[-1]) if self.cells[sense] else self.begin
 
     def _stuck(self, here: float) -> str:
         """Return in one sentence why the path ends."""
@@ -173,7 +175,7 @@ class FollowedPath(PathRows):
         middle, done = float(np.sign(side[NODES // 2])), self.cells[sense]
         if self._side * middle < 0.0 and cell.solver is done[-1].solver:
             # the change point lies where the last cell ends
-            length = abs(float(done[-1].nodes[-1] - done[-1].nodes[0]))
+            length = done[-1].length
             return None, 0.6 * length if self._back(sense) else 0.5 * step
         self._side = middle
         return cell, min(LONGEST, step * self._growth(step, sense, rough, moved))
@@ -184,7 +186,7 @@ class FollowedPath(PathRows):
         if not self.cells[sense]:
             return growth  # a tangent foretold it
         # a polynomial errs by the product of the distances to its nodes
-        before = abs(float(np.ptp(self.cells[sense][-1].nodes)))
+        before = self.cells[sense][-1].length
         return min(growth, (1.0 + 0.5 * before / step) * (AIMED / max(moved, TINY)) ** (1.0 / NODES) - 0.5)
 
     def _told(self, cell: Cell, closed: Linearised) -> tuple[Cell, Array]:
@@ -225,8 +227,7 @@ class FollowedPath(PathRows):
         if meeting is None or self._ahead is None:
             return False
         first = float(self._ahead[0].nodes[0])
-        done = self.cells[sense]
-        while done and sense * (first - float(done[-1].nodes[-1])) < -NEAR and self._back(sense):
+        while sense * (first - self._end(sense)) < -NEAR and self._back(sense):
             pass
         return True
 

@@ -43,6 +43,11 @@ class Cell:
         """Its lowest parameter."""
         return float(min(self.nodes[0], self.nodes[-1]))
 
+    @property
+    def length(self) -> float:
+        """How much of the path's parameter it spans."""
+        return float(np.ptp(self.nodes))
+
     def at(self, s: Array) -> Array:
         """Return the polynomial at parameters (n,), (n, w)."""
         gap = s[:, None] - self.nodes
