@@ -145,10 +145,13 @@ def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool) -> bool:
     if as_json:
         told: dict[str, Any] = {"mechanism": machine.mechanism.name, **study_facts(study)}
         told |= {"fluctuation": turn_facts(turn), "with_flywheel": turn_facts(even), "promise": promise}
+        told["note"] = "" if found is None else found.note
         print_json(told | verdict_facts(verdict, asked.road))
     else:
         print_study(machine.mechanism.name, study, turn, even)
         print_judged(verdict)
+        if found is not None and found.note:
+            typer.echo(found.note)
         print_promise(promise)
     return (verdict is None or verdict.passed) and (promise is None or promise["met"])
 

@@ -111,6 +111,14 @@ def print_judged(verdict: Verdict | None) -> None:
         print_verdict("against MuJoCo", verdict, reasons=False)
 
 
+def _left_open(reaction: dict[str, Any]) -> str:
+    """Say which components of a reaction rigid links leave open, and of which they tell a part."""
+    partly = reaction["partly_determined"]
+    wholly = [name for name in reaction["not_determined"] if name not in partly]
+    notes = [f"not determined: {', '.join(wholly)}"] if wholly else []
+    return "; ".join(notes + ([f"a part of {', '.join(partly)} is"] if partly else []))
+
+
 def _driving(facts: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield what the crank's drive, or each driver's, comes to."""
     if not facts["drives"]:
@@ -131,8 +139,7 @@ def _rows(study: InverseDynamics, turn: Fluctuation | None, even: Fluctuation | 
         for what, one in _driving(facts)
     ]
     for name, one in facts["reactions"].items():
-        left = ", ".join(one["not_determined"])
-        note = f"not determined: {left}" if left else ""
+        note = _left_open(one)
         rows.append(row(f"force in {name} on {one['on']}", one["force"], "N", note))
         rows.append(row(f"moment in {name} on {one['on']}", one["moment"], "N m"))
     rows.append(row("shaking force on the frame", facts["shaking_force"], "N"))

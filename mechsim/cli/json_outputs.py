@@ -145,12 +145,17 @@ OUTPUTS: dict[str, Schema] = {
             "torque": EFFORT,
             "drives": named(EFFORT),
             "routes": NUMBER,
-            "reactions": named(record(on=TEXT, by=TEXT, force=PEAK, moment=PEAK, not_determined=TEXTS)),
+            "reactions": named(
+                record(
+                    on=TEXT, by=TEXT, force=PEAK, moment=PEAK, not_determined=TEXTS, partly_determined=TEXTS
+                )
+            ),
             "indeterminacy": WHOLE,
             "shaking_force": PEAK,
             "shaking_moment": PEAK,
             "inertia": record(least=NUMBER, largest=NUMBER),
             "power_balance": NUMBER,
+            "note": TEXT,
             "fluctuation": maybe(TURN),
             "with_flywheel": maybe(TURN),
             "free": record(

@@ -11,6 +11,8 @@ from mechsim.model.display import short_repr
 from mechsim.model.outcome import Outcome
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+# of a component that is determined only together with others
+PARTLY = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +31,9 @@ class Reaction:
         determined: of fx, fy, fz, mx, my, mz, whether Newton's and Euler's laws of rigid links say
             what it is, (6,); of those they do not, the smallest that fit are given. None where the
             road does not tell.
+        sure: what projects force and moment, each for itself, on what those laws determine of them at
+            each instant, (n, 2, 3, 3): of two that are not, a part in between may well be. None where
+            all is, or the road does not tell.
     """
 
     link: str
@@ -37,6 +42,7 @@ class Reaction:
     moment: Array
     point: Array
     determined: NDArray[np.bool_] | None = None
+    sure: Array | None = None
 
     __repr__ = short_repr
 
@@ -44,6 +50,22 @@ class Reaction:
     def known(self) -> NDArray[np.bool_]:
         """Whether each component is determined, (6,); a road that does not tell takes all for so."""
         return np.ones(len(COMPONENTS), dtype=np.bool_) if self.determined is None else self.determined
+
+    def settled(self, force: Array, moment: Array) -> tuple[Array, Array]:
+        """Return what is determined of forces and moments in this joint, (n, 3) each."""
+        if self.sure is None:
+            return np.where(self.known[:3], force, 0.0), np.where(self.known[3:], moment, 0.0)
+        sure = self.sure
+        return (sure[:, 0] @ force[..., None])[..., 0], (sure[:, 1] @ moment[..., None])[..., 0]
+
+    @property
+    def partly(self) -> tuple[str, ...]:
+        """Names of the components that are not determined, but for a part across or along others."""
+        if self.sure is None:
+            return ()
+        rows = np.abs(self.sure).max((0, 3)).reshape(len(COMPONENTS))
+        open_ = zip(COMPONENTS, self.known, rows > PARTLY, strict=True)
+        return tuple(name for name, known, part in open_ if part and not known)
 
     @property
     def open(self) -> tuple[str, ...]:
@@ -80,6 +102,8 @@ class Efforts:
             Of formulas: of any link's balance; of MuJoCo: of the accelerations it gets from them.
         sliding: direction in which each joint with dry friction goes, (n, k) of -1, 0, 1; 0 where it
             turns round or the crank stands.
+        meeting: where assemblies meet, so that forces between links grow beyond all bounds and have no
+            limit, (n,); None for nowhere. Torque, energies and powers have one.
     """
 
     size: float
@@ -100,6 +124,7 @@ class Efforts:
     drives: Mapping[str, Array] = field(default_factory=dict[str, Array])
     drive_accelerations: Mapping[str, Array] = field(default_factory=dict[str, Array])
     straight: frozenset[str] = frozenset()
+    meeting: NDArray[np.bool_] | None = None
 
     __repr__ = short_repr
 
@@ -110,6 +135,11 @@ class Efforts:
     def reversing(self) -> NDArray[np.bool_]:
         """Where a dry friction has no direction, so that reactions jump from one value to another, (n,)."""
         return (self.sliding == 0.0).any(1)
+
+    @property
+    def unbounded(self) -> NDArray[np.bool_]:
+        """Where assemblies meet, so that forces between links have no limit, (n,)."""
+        return np.zeros(len(self), dtype=np.bool_) if self.meeting is None else self.meeting
 
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield time, angle, rates, torque or drives, energies and reactions as columns of a table in SI."""

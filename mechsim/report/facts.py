@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
@@ -14,7 +13,7 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import MechsimError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
-from mechsim.model.efforts import Fluctuation, FreeRun
+from mechsim.model.efforts import Fluctuation, FreeRun, Reaction
 
 # what there is to say of a mechanism that is not of the catalogue
 OWN = "a mechanism of one's own, by its loop equations"
@@ -181,7 +180,12 @@ def study_facts(study: InverseDynamics) -> dict[str, Any]:
     def peak(values: Array) -> dict[str, float]:
         return _peak(values, angle, timed)
 
-    size = float(np.abs(found.torque).max()) or 1.0
+    size, free = float(np.abs(found.torque).max()) or 1.0, found.unbounded
+
+    def carried(one: Reaction) -> dict[str, Any]:
+        force, moment = (np.where(free, 0.0, _norm(part)) for part in one.settled(one.force, one.moment))
+        return {"force": peak(force), "moment": peak(moment)}
+
     sides = found.power_in + found.power_loads - found.power_lost - study.power_stored
     return {
         "torque": peak(found.torque)
@@ -195,14 +199,14 @@ def study_facts(study: InverseDynamics) -> dict[str, Any]:
             }
             for name, effort in found.drives.items()
         },
-        "routes": float(np.abs(study.second_torque - found.torque).max()) / size,
+        "routes": float(np.abs(np.where(free, 0.0, study.second_torque - found.torque)).max()) / size,
         "reactions": {
             name: {
                 "on": one.link,
                 "by": one.by,
-                "force": peak(_norm(one.force, one.known[:3])),
-                "moment": peak(_norm(one.moment, one.known[3:])),
+                **carried(one),
                 "not_determined": list(one.open),
+                "partly_determined": list(one.partly),
             }
             for name, one in found.reactions.items()
         },
@@ -217,9 +221,8 @@ def study_facts(study: InverseDynamics) -> dict[str, Any]:
     }
 
 
-def _norm(vector: Array, known: NDArray[np.bool_] | None = None) -> Array:
-    kept = vector if known is None else np.where(known, vector, 0.0)
-    return np.sqrt((kept**2).sum(1))
+def _norm(vector: Array) -> Array:
+    return np.sqrt((vector**2).sum(1))
 
 
 def _mean(values: Array, angle: Array) -> float:

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.maths.convergence import half_extent
 from mechsim.maths.memory import require_room
@@ -17,6 +16,7 @@ from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.divergence_cause import STIFF, met_last, near_singular
 from mechsim.simulation.model_loops import CLOSED, ModelLoops
 from mechsim.simulation.open_freedoms import require_within_limits
+from mechsim.simulation.passed_meetings import passed, undecided, where
 from mechsim.simulation.pose_errors import in_another_assembly, pose_errors
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.meeting_motion import held_off, mended
@@ -120,39 +120,17 @@ class DrivenRun:
 
     def _meetings(self) -> str:
         """Return where two assemblies meet on the motion, in one sentence; nothing where none do."""
-        passed = self._passed()
-        if not passed:
-            return ""
-        return (
-            f"at {self._where(passed)} two assemblies meet, and dynamics alone cannot decide which one "
-            "goes on: hold it by a second parallel crank or a flywheel, take more steps, or run it by pose"
-        )
+        return undecided(self.closed.loops, passed(self.closed, self.profile))
 
     def require_smooth(self) -> None:
         """Raise InputError where it is to fold: no dynamics do, for links would have to jump in speed."""
-        passed = self._passed() if self.closed.loops.passing == "fold" else []
-        if passed:
+        loops = self.closed.loops
+        met = passed(self.closed, self.profile) if loops.passing == "fold" else []
+        if met:
             raise InputError(
-                f"{self.closed.loops.name} is to fold at {self._where(passed)}, where its links would jump "
+                f"{loops.name} is to fold at {where(loops, met)}, where its links would jump "
                 "in speed, which no stepped motion does; run it by pose, or let it go on smoothly"
             )
-
-    def _where(self, passed: list[float]) -> str:
-        loops = self.closed.loops
-        if loops.drive is not None:
-            return ", ".join(loops.said(at) for at in passed[:3])
-        return f"crank angle {', '.join(f'{at:.4g}' for at in passed[:3])} rad"
-
-    def _passed(self) -> list[float]:
-        """Return at which angles of the crank, or of the clock, the motion meets other assemblies."""
-        closed = self.closed
-        angle = self.profile.state(np.linspace(0.0, self.profile.duration, PROBES))[0]
-        _, path = follow.followed(closed.loops, closed.closed, angle)
-        low, high = float(angle.min()), float(angle.max())
-        laps = (0.0,) if path.gain is None else (-TURN, 0.0, TURN)
-        first = float(path.laps(angle[:1])[0]) * TURN
-        met = [m.angle + first + lap for m in path.meetings for lap in laps]
-        return sorted(at for at in met if low <= at <= high)
 
     def _stepped(self, settings: Settings) -> tuple[Steps, Motion]:
         loops = self.closed.loops.over_copy()

@@ -78,6 +78,7 @@ class Driven:
         settings: how it was stepped; None for method "pose".
         timestep: in [s]; None for method "pose".
         promise: what was asked of it and how it came out; None where no tolerance was.
+        note: what is to be said of it, in one sentence; empty where there is nothing.
     """
 
     motion: Motion
@@ -89,6 +90,7 @@ class Driven:
     settings: Settings | None = None
     timestep: float | None = None
     promise: Promise | None = None
+    note: str = ""
 
     __repr__ = short_repr
 

@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterable
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.maths.arrays import Array
-from mechsim.model.efforts import Efforts
+from mechsim.model.efforts import COMPONENTS, Efforts
 from mechsim.model.motion import Motion
 
 Error = Callable[[Any, Any, str], Array | None]
@@ -116,16 +117,16 @@ def torque(found: Efforts, exact: Efforts, _: str) -> Array:
 
 
 def of_reactions(kind: Literal["force", "moment"]) -> Error:
-    """Return the error of forces or moments in the components that rigid links determine."""
-    part = slice(0, 3) if kind == "force" else slice(3, 6)
+    """Return the error of forces or moments in what rigid links determine of them."""
+    names = COMPONENTS[:3] if kind == "force" else COMPONENTS[3:]
 
     def error(found: Efforts, exact: Efforts, name: str) -> Array | None:
-        one = exact.reactions[name]
-        known = one.known[part]
-        if not known.any():
+        one, other = exact.reactions[name], found.reactions[name]
+        if {*names} <= {*one.open} - {*one.partly}:
             return None
-        gap = (getattr(found.reactions[name], kind) - getattr(one, kind))[:, known]
-        return np.where(exact.reversing, 0.0, lengths(gap))
+        gaps = one.settled(other.force - one.force, other.moment - one.moment)
+        gap = gaps[0] if kind == "force" else gaps[1]
+        return np.where(_untold(found, exact), 0.0, lengths(gap))
 
     return error
 
@@ -137,14 +138,19 @@ def drives(found: Efforts, exact: Efforts) -> Iterable[str]:
 
 def drive_effort(found: Efforts, exact: Efforts, name: str) -> Array:
     """Return the error of the torque of one drive, of a force times the size."""
-    return _along(found.drives[name], exact.drives[name], exact, name)
+    return _along(found.drives[name], exact.drives[name], found, exact, name)
 
 
 def gear_torque(found: Efforts, exact: Efforts, name: str) -> Array:
     """Return the error of the torque between two gears, of a force between racks times the size."""
-    return _along(found.gears[name], exact.gears[name], exact, name)
+    return _along(found.gears[name], exact.gears[name], found, exact, name)
 
 
-def _along(found: Array, true: Array, exact: Efforts, name: str) -> Array:
-    error = np.where(exact.reversing, 0.0, np.abs(found - true))
+def _along(found: Array, true: Array, record: Efforts, exact: Efforts, name: str) -> Array:
+    error = np.where(_untold(record, exact), 0.0, np.abs(found - true))
     return error * exact.size if name in exact.straight else error
+
+
+def _untold(found: Efforts, exact: Efforts) -> NDArray[np.bool_]:
+    """Return where forces between links jump, or grow beyond all bounds, (n,)."""
+    return exact.reversing | exact.unbounded | found.unbounded

@@ -3,7 +3,7 @@
 import mpmath
 import numpy as np
 import pytest
-from flat_linkages import flat_linkages, named, smooth_b, worst
+from flat_linkages import flat_linkages, named, smooth_b, three_cranks, worst
 
 from mechsim import catalog
 from mechsim.analytic import closure
@@ -199,3 +199,18 @@ def test_change_points_of_an_overconstrained_linkage_are_told_whichever_rows_are
     height = closure.solve(mechanism, angles).points["P"].position[:, 2]
     np.testing.assert_allclose(height, 0.1 * np.sin(angles), atol=1e-12)
     assert LoopForm(mechanism).change_points() == pytest.approx((-np.pi / 2, np.pi / 2), abs=1e-9)
+
+
+@pytest.mark.parametrize("aside", [0.013, 0.06, -0.0002])
+def test_a_third_parallel_crank_beside_the_line_of_pivots_leaves_no_change_point(aside):
+    mechanism = three_cranks((0.047, aside))
+    angles = np.concatenate([[np.pi, 2.0 * np.pi], np.linspace(-4.0, 7.0, 50)])
+    motion = closure.solve(mechanism, angles)
+    np.testing.assert_allclose(motion.links["coupler"].angular_velocity, 0.0, atol=1e-9)
+    np.testing.assert_allclose(motion.links["third"].angular_velocity[:, 2], 1.0, atol=1e-9)
+    assert LoopForm(mechanism).change_points() == ()
+
+
+def test_a_third_parallel_crank_on_the_line_of_pivots_leaves_both():
+    found = np.sort(np.abs(LoopForm(three_cranks((0.047, 0.0))).change_points()))
+    assert found == pytest.approx([0.0, np.pi], abs=1e-9)

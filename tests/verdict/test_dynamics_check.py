@@ -4,10 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from flat_linkages import three_cranks
+from mechanisms import rscr
 
 from mechsim import catalog, course, dynamics, motors
+from mechsim.errors import AssemblyError
+from mechsim.model.crank_profile import constant
 from mechsim.model.forces import Forces, Friction, Load
 from mechsim.model.inertia import Inertia
+from mechsim.model.mechanism import End, Joint, Link
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.simulation.dynamics.free_running import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -119,3 +124,87 @@ def test_a_free_run_is_met_and_one_with_another_motor_missed():
         crosscheck_free(replace(found, free=replace(found.free, outcome="diverged")), machine).outcome
         == "diverged"
     )
+
+
+def three_armed(place):
+    """A parallelogram with a third crank under weight, its unit motion by loop equations."""
+    return dynamics.machine(three_cranks(place), Forces(gravity=(0.4, -9.81, 0.0)))
+
+
+def test_of_a_redundant_crank_the_force_across_it_is_known_and_judged():
+    machine = three_armed((0.047, 0.02))
+    # where all cranks lie along x the third takes no part in the self-stress
+    angle = 0.2 + np.linspace(0.0, 2.0 * np.pi, 25)
+    study = dynamics.prescribed(machine, angle, 50.0)
+    pin = study.efforts.reactions["third pin"]
+    force, _ = pin.settled(pin.force, pin.moment)
+    across, along = (
+        np.stack([part(angle), other(angle), 0.0 * angle], 1)
+        for part, other in ((lambda x: -np.sin(x), np.cos), (np.cos, np.sin))
+    )
+    arm = next(link.inertia for link in machine.mechanism.links if link.name == "third")
+    # the arm turns evenly: about its pivot the pin holds up its weight
+    weight = arm.mass * (across @ [0.4, -9.81, 0.0]) * arm.centre[0] / 0.03
+    np.testing.assert_allclose((force * across).sum(1), weight, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose((force * along).sum(1), 0.0, atol=1e-12)
+    assert pin.partly == ("fx", "fy")
+    run = driven(machine.mechanism, machine.forces, speed=50.0, method="step", samples=24)
+    verdict = crosscheck_driven(run, machine)
+    assert verdict.passed, verdict
+    links = tuple(
+        replace(link, inertia=heavier(link.inertia)) if link.name == "third" else link
+        for link in machine.mechanism.links
+    )
+    wrong = dynamics.machine(machine.drive, machine.forces, mechanism=replace(machine.mechanism, links=links))
+    missed = {(one.kind, one.subject) for one in crosscheck_driven(run, wrong).checks if not one.passed}
+    assert {("force", "third"), ("force", "third pin")} <= missed
+
+
+def test_forces_beside_a_change_point_are_what_they_are_without_it():
+    flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
+    machine = dynamics.machine(flat, Forces(gravity=(0.4, -9.81, 0.0)))
+    angle = np.array([0.0, 0.7, 2.0, np.pi, 4.0])
+    whole, part = (dynamics.prescribed(machine, at, 50.0).efforts for at in (angle, angle[[1, 2, 4]]))
+    assert whole.unbounded.tolist() == [True, False, False, True, False]
+    for name, one in part.reactions.items():
+        assert one.open == whole.reactions[name].open
+        np.testing.assert_allclose(whole.reactions[name].force[[1, 2, 4]], one.force, rtol=1e-9, atol=1e-9)
+
+
+def test_no_step_is_taken_from_where_assemblies_meet():
+    flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
+    with pytest.raises(AssemblyError, match=r"starts at crank angle 0 rad, where two assemblies meet"):
+        driven(flat.mechanism, profile=constant(50.0, 1.0, 0.0), method="step", samples=24)
+
+
+def glued():
+    """The R-S-C-R whose lever is of two pieces that a fixed joint joins."""
+    whole = rscr()
+    glue = Joint("glue", "fixed", End("half", (0.03, 0.01, 0.0)), End("lever", (0.03, 0.01, 0.0)))
+    joints = [
+        replace(joint, b=replace(joint.b, link="half")) if joint.name == "pivot" else joint
+        for joint in whole.joints
+    ]
+    guess = {**whole.guess, "half": whole.guess["lever"]}
+    return replace(whole, links=(*whole.links, Link("half")), joints=(*joints, glue), guess=guess)
+
+
+@pytest.mark.parametrize(("mechanism", "cut"), [(rscr(), "sleeve"), (glued(), "glue")])
+@pytest.mark.parametrize("method", ["pose", "step"])
+def test_a_loop_closed_by_a_sleeve_or_a_fixed_joint_carries_what_the_laws_say(mechanism, cut, method):
+    acting = Forces(
+        gravity=(0.3, -9.81, 2.1),
+        friction=(Friction("sleeve", 0.02, 0.01, viscous_turn=1e-5, coulomb_turn=1e-4),),
+    )
+    machine = dynamics.machine(mechanism, acting)
+    run = driven(machine.mechanism, acting, speed=30.0, turns=0.2, method=method, samples=8, cut=(cut,))
+    verdict = crosscheck_driven(run, machine)
+    assert verdict.passed, verdict
+    sound = next(check for check in verdict.checks if check.subject == cut and check.kind == "moment")
+    assert sound.worst >= 0.0
+    half = tuple(
+        replace(link, inertia=heavier(link.inertia)) if link.name == "rod" else link
+        for link in machine.mechanism.links
+    )
+    wrong = dynamics.machine(machine.drive, acting, mechanism=replace(machine.mechanism, links=half))
+    assert not crosscheck_driven(run, wrong).passed

@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.closure.loop_solver import TELLING, Linearised, LoopSolver, loop_solver
+from mechsim.analytic.closure.loop_solver import FEW, TELLING, Linearised, LoopSolver, loop_solver
 from mechsim.analytic.closure.meeting_cells import folded, meeting_between, through
 from mechsim.analytic.closure.path_cells import CLOSED, Cell, Drive, PathRows, nodes_between
 from mechsim.analytic.closure.tree_loops import TreeLoops
@@ -168,7 +168,10 @@ class FollowedPath(PathRows):
         rough = _roughness(states)
         if rough > ROUGH:
             return None, 0.5 * step
-        cell, side = self._told(cell, loops)
+        cell, loops = self._told(cell, loops)
+        side, share = loops.side(), cell.solver.share(loops)
+        if share.min() < FEW * share.max():
+            return None, 0.5 * step
         flips = np.flatnonzero(np.sign(side[1:]) != np.sign(side[:-1]))
         if len(flips):
             return None, step if self._met(cell, int(flips[0]), sense) else 0.5 * step
@@ -189,8 +192,8 @@ class FollowedPath(PathRows):
         before = self.cells[sense][-1].length
         return min(growth, (1.0 + 0.5 * before / step) * (AIMED / max(moved, TINY)) ** (1.0 / NODES) - 0.5)
 
-    def _told(self, cell: Cell, closed: Linearised) -> tuple[Cell, Array]:
-        """Return a cell solved by rows that tell enough where it is near a singular pose, and its sides.
+    def _told(self, cell: Cell, closed: Linearised) -> tuple[Cell, Linearised]:
+        """Return a cell solved by rows that tell enough where it is near a singular pose, and its loops.
 
         Rows that repeat others elsewhere may be the ones that count there.
         """
@@ -200,20 +203,20 @@ class FollowedPath(PathRows):
         # the nearest node may be the singular pose itself
         beside = np.argsort(np.abs(side))[1:2]
         if whole[beside[0]]:
-            return cell, side
+            return cell, closed
         nearest = self.unflat(cell.states[beside], cell.nodes[beside])
         solver = loop_solver(self.loops, nearest, old.gauge, closed.slope[..., beside])
         if np.array_equal(solver.rows, old.rows):
-            return cell, side
+            return cell, closed
         own = abs(np.linalg.det(closed.matrix[beside[0]]))
         best = abs(np.linalg.det(solver.linearise(nearest).matrix[0]))
         if solver.open != old.open or own > TELLING * best:
-            return cell, side
+            return cell, closed
         found = self.closed(solver, cell.nodes, cell.states)
         if found is None:
-            return cell, side
+            return cell, closed
         told = replace(cell, states=found[0], solver=solver, serves=solver.telling(found[1])[0])
-        return told, found[1].side()
+        return told, found[1]
 
     def _met(self, cell: Cell, flip: int, sense: int) -> bool:
         """Say whether a change point lies behind a node of a cell; the path then stops where its cell begins.

@@ -15,8 +15,9 @@ from mechsim.maths.arrays import Array
 MOST_STEPS, ROUNDING = 8, 1e-13
 # steps, in radians or units of the size, that are too long for the linear model
 FAR = 0.3
-# part of the best that rows and gauge may tell before others are picked, by singular value and determinant
-HALF, TELLING = 0.4, 0.5
+# part of the best that rows and gauge may tell before others are picked, by singular value and determinant;
+# and part of what they told elsewhere below which they are singular themselves, not the pose
+HALF, TELLING, FEW = 0.4, 0.5, 0.2
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,15 @@ class LoopSolver:
         every = np.linalg.svd(slope, compute_uv=False)[:, : len(self.rows)]
         least = found.values[:, -1] > HALF * every[:, -1]
         return least, found.values.prod(1) > TELLING * every.prod(1)
+
+    def share(self, found: Linearised) -> Array:
+        """Return how much of what all rows tell it does where held least, (n,); 1 where none tell."""
+        if self.whole or not len(self.rows):
+            return np.ones(len(found.matrix))
+        slope = found.slope[:, self.loops.unknown].transpose(2, 0, 1)
+        every = np.linalg.svd(slope, compute_uv=False)[:, len(self.rows) - 1]
+        known = every > RANK_TOLERANCE * every.max()
+        return np.where(known, found.values[:, -1] / np.where(known, every, 1.0), 1.0)
 
     def linearise(self, at: Coordinates) -> Linearised:
         """Return the loops about n sets of coordinates."""

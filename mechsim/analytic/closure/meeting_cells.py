@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mechsim.analytic.closure.loop_solver import FEW, Linearised
 from mechsim.analytic.closure.path_cells import Cell, PathRows, nodes_between
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.maths.arrays import Array
@@ -24,15 +25,23 @@ APART, BENT, BESIDE, HALVINGS = 1e-4, 1e-6, 0.3, 6
 
 
 def meeting_between(path: PathRows, cell: Cell, a: float, b: float) -> float | None:
-    """Return where two assemblies meet between two nodes; None where they only come near each other."""
+    """Return where two assemblies meet between two nodes; None where they only come near each other.
+
+    Or where no more than the rows that are solved repeat each other.
+    """
+
+    def looked(s: Array) -> Linearised | None:
+        found = path.closed(cell.solver, s, cell.at(s))
+        return None if found is None else found[1]
 
     def sides(s: Array) -> Array | None:
-        found = path.closed(cell.solver, s, cell.at(s))
-        return None if found is None else found[1].side()
+        found = looked(s)
+        return None if found is None else found.side()
 
-    ends = sides(np.array([a, b])) if abs(b - a) > NEAR else None
-    if ends is None:
+    beside = looked(np.array([a, b])) if abs(b - a) > NEAR else None
+    if beside is None:
         return None
+    ends = beside.side()
     at, rate = a - ends[0] * (b - a) / (ends[1] - ends[0]), 0.0
     for apart in (min(0.1 * abs(b - a), FAR), 0.03 * FAR):
         # a parabola through three points on either side of where the root is thought to be
@@ -48,11 +57,11 @@ def meeting_between(path: PathRows, cell: Cell, a: float, b: float) -> float | N
         rate = float(parabola.deriv()(0.0)) / apart
         at += apart * float(real[np.argmin(np.abs(real))])
     near = at + NEAR * np.array([-2.0, -1.0, 1.0, 2.0])
-    found = sides(near)
-    if found is None:
+    there = looked(near)
+    if there is None or cell.solver.share(there).min() < FEW * cell.solver.share(beside).max():
         return None
     meant = rate * (near - at)
-    return at if np.abs(found - meant).max() < 0.2 * abs(rate) * NEAR else None
+    return at if np.abs(there.side() - meant).max() < 0.2 * abs(rate) * NEAR else None
 
 
 def through(path: PathRows, cell: Cell, meeting: float, sense: int) -> tuple[Cell, float] | None:

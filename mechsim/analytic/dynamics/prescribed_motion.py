@@ -24,7 +24,7 @@ from mechsim.model.motion import Motion, join, taken
 # instants solved in one go, and bytes held at each of them by each element of the matrix that balances links
 PART, HELD = 4096, 80.0
 # numbers kept of an instant, and of a joint in it; each is held twice while parts are put together
-KEPT, JOINT, TWICE = 40.0, 9.0, 16.0
+KEPT, JOINT, TWICE = 40.0, 27.0, 16.0
 FEWER = "take {most} instants at the most"
 
 
@@ -200,6 +200,7 @@ def moved_as(
         drive_accelerations=_drive_accelerations(unit, w),
         drives={**held.drives, **held.holds} if unit.drivers else {},
         straight=unit.mechanism.straight,
+        meeting=held.meeting,
     )
     return InverseDynamics(
         machine=machine,
@@ -246,8 +247,10 @@ def _joined(parts: Sequence[InverseDynamics]) -> InverseDynamics:
     """Return parts put end to end; what is not determined in one of them is not determined."""
 
     def bare(one: Reaction) -> Reaction:
-        return replace(one, determined=None)
+        sure = np.broadcast_to(np.eye(3), (len(one.force), 2, 3, 3)) if one.sure is None else one.sure
+        return replace(one, determined=None, sure=sure if indeterminacy else None)
 
+    indeterminacy = max(part.indeterminacy for part in parts)
     whole = join(
         [
             replace(part.efforts, reactions={name: bare(one) for name, one in part.efforts.reactions.items()})
@@ -264,7 +267,7 @@ def _joined(parts: Sequence[InverseDynamics]) -> InverseDynamics:
         load=np.concatenate([part.load for part in parts]),
         reduced=join([part.reduced for part in parts]),
         second_torque=np.concatenate([part.second_torque for part in parts]),
-        indeterminacy=max(part.indeterminacy for part in parts),
+        indeterminacy=indeterminacy,
         shaking_force=np.concatenate([part.shaking_force for part in parts]),
         shaking_moment=np.concatenate([part.shaking_moment for part in parts]),
     )

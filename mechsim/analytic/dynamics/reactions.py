@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.analytic.closure import RANK_TOLERANCE
 from mechsim.analytic.closure.loop_equations import row_units
@@ -15,6 +16,9 @@ from mechsim.maths.complex_step import least_norm, null_space
 from mechsim.model.efforts import Reaction
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import Joint, Mechanism
+
+# part of a self-stress below which a joint takes no part in it
+SETTLED = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +35,7 @@ class Balance:
         residual: largest imbalance left of any link, relative to the largest wrench, (n,).
         indeterminacy: number of independent self-stresses: forces the joints can hold against each
             other without any load.
+        meeting: where there are more of them than elsewhere, (n,).
     """
 
     drives: Mapping[str, Array]
@@ -39,13 +44,16 @@ class Balance:
     gears: Mapping[str, Array]
     residual: Array
     indeterminacy: int
+    meeting: NDArray[np.bool_]
 
 
 def balance(unit: UnitMotion, needed: Array) -> Balance:
     """Return the drive torque and all joint reactions that give the links the wrenches they need.
 
     Solves J' lambda = needed for the multipliers of the loop equations, J being their Jacobian; where
-    rows are redundant, by least norm with lengths in units of the mechanism's size.
+    rows are redundant, by least norm with lengths in units of the mechanism's size. At a pose where more
+    rows repeat each other than elsewhere, as where two assemblies meet, forces have no limit; there the
+    least are given that leave the smallest imbalance.
 
     Args:
         unit: the motion per radian.
@@ -55,7 +63,7 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
     columns, rows = _scales(mechanism, jacobian.shape[1])
     scaled = np.swapaxes(jacobian * columns, 1, 2) * rows  # (n, 6 L, m)
     right = needed.reshape(len(unit), -1) * columns
-    solution, slack = _least_norm(scaled, right)
+    solution, slack, sound = _least_norm(scaled, right)
     multipliers = solution * rows
     left = np.abs((scaled @ solution[..., None])[..., 0] - right).max(1)
     size = np.maximum(np.abs(right).max(1), np.finfo(np.float64).tiny)
@@ -64,24 +72,32 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
         {name: told[name] for name in mechanism.drivers},
         {name: told[name] for name in mechanism.holds},
         {
-            joint.name: _reaction(unit, joint, span, multipliers, slack * rows[:, None])
+            joint.name: _reaction(unit, joint, span, multipliers, slack * rows[:, None], sound)
             for joint, span in zip(mechanism.joints, _spans(mechanism), strict=True)
         },
         {law.label: told[law.label] for law in mechanism.laws},
         left / size,
         slack.shape[-1],
+        ~sound,
     )
 
 
-def _least_norm(matrix: Array, right: Array) -> tuple[Array, Array]:
-    """Return least-norm solutions, (n, m), and what the matrix takes to nought, (n, m, s)."""
+def _least_norm(matrix: Array, right: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return least-norm solutions, (n, m), what the matrix takes to nought everywhere, (n, m, s), and where.
+
+    At the other instants, (n,) False, it takes more to nought.
+    """
     u, values, vt = np.linalg.svd(np.real(matrix), full_matrices=True)
-    rank = int((values > RANK_TOLERANCE * values[:, :1]).sum(1).min())
+    held = values > RANK_TOLERANCE * values[:, :1]
+    rank = int(held.sum(1).max())
+    sound = held.sum(1) == rank
     if np.iscomplexobj(matrix):
         slack = null_space(matrix, matrix.shape[2] - rank, RANK_TOLERANCE)
-        return least_norm(matrix, right, RANK_TOLERANCE), slack
-    part = (np.swapaxes(u[:, :, :rank], 1, 2) @ right[..., None]) / values[:, :rank, None]
-    return (np.swapaxes(vt[:, :rank], 1, 2) @ part)[..., 0], np.swapaxes(vt[:, rank:], 1, 2)
+        return least_norm(matrix, right, RANK_TOLERANCE), slack, sound
+    kept = held[:, :rank, None]
+    part = np.where(kept, np.swapaxes(u[:, :, :rank], 1, 2) @ right[..., None], 0.0)
+    part = part / np.where(kept, values[:, :rank, None], 1.0)
+    return (np.swapaxes(vt[:, :rank], 1, 2) @ part)[..., 0], np.swapaxes(vt[:, rank:], 1, 2), sound
 
 
 def _scales(mechanism: Mechanism, count: int) -> tuple[Array, Array]:
@@ -95,19 +111,35 @@ def _spans(mechanism: Mechanism) -> list[slice]:
     return [slice(first, last) for first, last in pairwise(ends)]
 
 
-def _reaction(unit: UnitMotion, joint: Joint, span: slice, multipliers: Array, slack: Array) -> Reaction:
+def _reaction(
+    unit: UnitMotion,
+    joint: Joint,
+    span: slice,
+    multipliers: Array,
+    slack: Array,
+    sound: NDArray[np.bool_],
+) -> Reaction:
     wrench, point = _wrench(unit, joint, span, multipliers[..., None])
     alone, _ = _wrench(unit, joint, span, slack)
     scale = np.array([unit.mechanism.size] * 3 + [1.0] * 3)
-    undone = np.abs(alone * scale[:, None]).max((0, 2), initial=0.0)
+    alone = np.real(alone) * scale[:, None]
+    undone = np.abs(alone[sound]).max((0, 2), initial=0.0)
     return Reaction(
         link=joint.b.link,
         by=joint.a.link,
         force=wrench[:, :3, 0],
         moment=wrench[:, 3:, 0],
         point=point,
-        determined=undone <= 1e-9,
+        determined=undone <= SETTLED,
+        sure=_sure(alone) if slack.shape[-1] else None,
     )
+
+
+def _sure(alone: Array) -> Array:
+    """Return projections of force and moment on what self-stresses (n, 6, s) leave alone, (n, 2, 3, 3)."""
+    left, values, _ = np.linalg.svd(alone.reshape(len(alone), 2, 3, -1), full_matrices=False)
+    loose = left * (values > SETTLED)[..., None, :]
+    return np.eye(3) - loose @ np.swapaxes(loose, -1, -2)
 
 
 def _wrench(unit: UnitMotion, joint: Joint, span: slice, multipliers: Array) -> tuple[Array, Array]:

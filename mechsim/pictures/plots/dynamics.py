@@ -55,7 +55,7 @@ def torque_plot(study: Prescribed, simulated: tuple[Array, Array] | None = None)
 def reaction_plot(study: Prescribed) -> "Figure":
     """Draw the force in each joint as a vector over the turn: its path in x-y and, in space, in x-z."""
     reactions = study.efforts.reactions
-    forces = {name: np.where(one.known[:3], one.force, 0.0) for name, one in reactions.items()}
+    forces = _settled(study)
     flat = all(np.ptp(force[:, 2]) <= 1e-9 * np.abs(force).max(initial=1e-300) for force in forces.values())
     planes = [(0, 1)] if flat else [(0, 1), (0, 2)]
     figure, axes = blank(len(planes), len(forces), (2.5 * len(forces) + 0.4, 2.6 * len(planes)))
@@ -165,13 +165,22 @@ def _drives(ax: "Axes", found: Efforts, simulated: Efforts | None) -> None:
     ax.legend(**BESIDE)
 
 
+def _settled(study: Prescribed) -> dict[str, Array]:
+    """Return what is determined of each joint's force, (n, 3), gaps where it has no limit."""
+    gaps = study.efforts.unbounded[:, None]
+    return {
+        name: np.where(gaps, np.nan, one.settled(one.force, one.moment)[0])
+        for name, one in study.efforts.reactions.items()
+    }
+
+
 def _unit(found: Efforts, name: str) -> str:
     return "N" if name in found.straight else "N m"
 
 
 def _polar(ax: "Axes", study: Prescribed) -> None:
     """All forces in the x-y plane, as vectors from one origin."""
-    forces = {name: np.where(one.known[:3], one.force, 0.0) for name, one in study.efforts.reactions.items()}
+    forces = _settled(study)
     factor, unit = readable(np.concatenate(list(forces.values())), "N")
     for i, (name, force) in enumerate(forces.items()):
         ax.plot(*(force[:, :2] / factor).T, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], label=name)

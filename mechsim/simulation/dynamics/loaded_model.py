@@ -23,6 +23,7 @@ from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.friction import DryJoint, dry_frictions
 from mechsim.simulation.mjcf.force_elements import Actuators, actuators, motor_control
+from mechsim.simulation.mjcf.split_joints import stand_in
 from mechsim.simulation.posed_bodies import ONE_THREAD
 from mechsim.simulation.recorded_motion import States
 
@@ -133,6 +134,19 @@ class LoadedModel(ClosedModel):
         """Return the numbers of the pairs of points that close a loop at a joint; none in the tree."""
         names = [self.model.equality(i).name for i in range(self.model.neq)]
         return [i for i, name in enumerate(names) if name in (joint.name, f"{joint.name}+")]
+
+    def welded(self, joint: Joint) -> int | None:
+        """Return the number of the pair of frames that closes a loop at a joint; None where none does."""
+        welds = np.flatnonzero(self.model.eq_type == int(mujoco.mjtEq.mjEQ_WELD))
+        names = [self.model.equality(int(i)).name for i in welds]
+        return names.index(joint.name) if joint.name in names else None
+
+    def ends(self, joint: Joint) -> tuple[str, str]:
+        """Return the links that a joint of the model joins: of a split one, what stands for a link of its."""
+        stands = stand_in(joint)
+        if stands not in self.track.links:
+            return joint.a.link, joint.b.link
+        return (stands, GROUND) if joint.b.link == GROUND else (joint.a.link, stands)
 
     def looking(self, *, constrained: bool = False, native: bool = True) -> mujoco.MjModel:
         """Return a model to look at.

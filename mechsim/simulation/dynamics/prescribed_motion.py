@@ -15,7 +15,7 @@ from mechsim.simulation.dynamics.efforts import efforts_of, required, started, s
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, within
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.poses import follow
+from mechsim.simulation.passed_meetings import passed, require_told, undecided
 from mechsim.simulation.poses.meeting_motion import mended
 from mechsim.simulation.recorded_motion import evaluate
 from mechsim.simulation.refine import Promise
@@ -25,8 +25,6 @@ from mechsim.simulation.stepping import Watch, step, unwatched
 
 # instants recorded a turn where nothing else is asked
 SAMPLES = 72
-# crank angles at which a profile is probed beforehand
-PROBES = 64
 
 
 @quiet()
@@ -89,9 +87,8 @@ def driven(
         profile = constant(speed, turns, mechanism.start)
     if method == "pose" or (method is None and tolerance is None):
         return _kept(_solved(loaded, profile, samples, watch), tolerance)
-    angle = profile.state(np.linspace(0.0, profile.duration, PROBES))[0]
     # all of it, so that a crank that cannot go there is refused before anything is stepped
-    follow.follow(loaded.loops, loaded.closed, angle)
+    require_told(loaded.loops, passed(loaded, profile), float(profile.state(np.zeros(1))[0][0]))
     settings = settings or Settings()
     if tolerance is None:
         return _stepped(loaded, profile, settings, *_paced(profile, settings, samples), watch)
@@ -187,4 +184,5 @@ def _stepped(
         seconds=steps.seconds,
         settings=settings,
         timestep=steps.timestep,
+        note=undecided(loops, passed(loaded, profile)),
     )

@@ -23,7 +23,8 @@ def transmitted(
         multipliers: of the loop constraints, (n, m); each acts on a pair's first point, which is on link a.
     """
     axes = fields["xmat"].reshape(len(multipliers), -1, 3, 3)
-    first, second = loaded.body(joint.a.link), loaded.body(joint.b.link)
+    near, far = loaded.ends(joint)
+    first, second = loaded.body(near), loaded.body(far)
     point = fields["xpos"][:, second] + axes[:, second] @ np.asarray(joint.b.point)
     numbers = loaded.cut_pairs(joint)
     if numbers:
@@ -33,8 +34,9 @@ def transmitted(
             body, local = loaded.loops.pairs[number].ends[1]
             force += on_second
             moment += np.cross(fields["xpos"][:, body] + axes[:, body] @ local - point, on_second)
+        moment += _welding(loaded, joint, axes, multipliers)
     else:
-        below = loaded.parent(joint.b.link) == joint.a.link
+        below = loaded.parent(far) == near
         body, sign = (second, 1.0) if below else (first, -1.0)
         wrench = sign * fields["cfrc_int"][:, body]  # on the child by its parent: moment, force
         root = fields["subtree_com"][:, loaded.model.body_rootid[body]]
@@ -42,6 +44,16 @@ def transmitted(
         moment = wrench[:, :3] + np.cross(root - point, force)
     force, moment = _constraint_part(joint, axes[:, first], axes[:, second], force, moment)
     return Reaction(link=joint.b.link, by=joint.a.link, force=force, moment=moment, point=point)
+
+
+def _welding(loaded: LoadedModel, joint: Joint, axes: Array, multipliers: Array) -> Array:
+    """Return the moment on link b with which frames are held parallel at a cut joint, (n, 3)."""
+    number = loaded.welded(joint)
+    if number is None:
+        return np.zeros((len(axes), 3))
+    pair, first = loaded.loops.frames[number], loaded.loops.turned_rows.start + 3 * number
+    rate = pair.apart(*(axes[:, body] for body in pair.bodies))[1]
+    return -(np.swapaxes(rate, 1, 2) @ multipliers[:, first : first + 3, None])[..., 0]
 
 
 def _constraint_part(

@@ -55,7 +55,7 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
     dry = frozenset(friction.joint for friction in acting.friction if friction.dry) if acting else ()
     if acting is not None:
         mechanism = with_inertia(mechanism)
-    tree = cut_loops(mechanism, scene.cut, keep=dry, splits=scene.level != "dynamics")
+    tree = cut_loops(mechanism, scene.cut, keep=dry, splits=True)
     mechanism = tree.mechanism
     poses = _with_stand_ins(tree, poses or {})
     spec = mujoco.MjSpec()

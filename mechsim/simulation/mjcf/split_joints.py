@@ -1,9 +1,11 @@
 """Joints that no constraint closes: one side gets a link of its own there, and between the two it is cut."""
 
+from collections import Counter
 from collections.abc import Collection
 from dataclasses import replace
 
-from mechsim.model.mechanism import End, Joint, Link, Mechanism
+from mechsim.model.inertia import Inertia
+from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
 from mechsim.simulation.mjcf.joints import FIXED
 
 # between the names of a joint and of the link that its stand-in stands for
@@ -11,22 +13,42 @@ STANDS = "@"
 
 
 def stand_in(joint: Joint) -> str:
-    """Return the name of the link that stands where side b of a split joint does."""
-    return f"{joint.name}{STANDS}{joint.b.link}"
+    """Return the name of the link that stands where one side of a split joint does."""
+    return f"{joint.name}{STANDS}{_stood_for(joint).link}"
 
 
 def split(mechanism: Mechanism, names: Collection[str]) -> Mechanism:
     """Return a mechanism in which some joints lead to links of their own, fixed to those they led to.
 
-    The new link's frame is that of the one it is fixed to. The fixed joint, called as it, can be cut.
+    The new link's frame is that of the one it is fixed to, and it takes its share of that one's inertia. The
+    fixed joint, called as it, can be cut.
     """
-    links, joints = list(mechanism.links), list[Joint]()
+    shares = Counter(_stood_for(joint).link for joint in mechanism.joints if joint.name in names)
+    links = [
+        replace(link, inertia=_shared(link.inertia, 1 + shares[link.name])) if link.inertia else link
+        for link in mechanism.links
+    ]
+    inertias, joints = {link.name: link.inertia for link in links}, list[Joint]()
     for joint in mechanism.joints:
         if joint.name not in names:
             joints.append(joint)
             continue
-        name = stand_in(joint)
-        links.append(Link(name))
-        own: End = replace(joint.b, link=name)
-        joints += [replace(joint, b=own), Joint(name, FIXED, own, joint.b)]
+        name, end = stand_in(joint), _stood_for(joint)
+        links.append(Link(name, inertia=inertias[end.link]))
+        own: End = replace(end, link=name)
+        led = replace(joint, a=own) if end is joint.a else replace(joint, b=own)
+        joints += [led, Joint(name, FIXED, own, end)]
     return replace(mechanism, links=tuple(links), joints=tuple(joints))
+
+
+def _stood_for(joint: Joint) -> End:
+    """Return the end of a joint on whose link another stands: side b, but never the frame."""
+    return joint.a if joint.b.link == GROUND else joint.b
+
+
+def _shared(inertia: Inertia, parts: int) -> Inertia:
+    """Return one of so many equal parts of a body that are rigidly joined."""
+    if parts == 1:
+        return inertia
+    x, y, z = ((a / parts, b / parts, c / parts) for a, b, c in inertia.moments)
+    return Inertia(inertia.mass / parts, inertia.centre, (x, y, z))

@@ -1,0 +1,64 @@
+"""Which meetings of two assemblies a stepped motion passes, and what is to be said of them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mechsim.errors import AssemblyError
+from mechsim.maths.angles import TURN
+from mechsim.model.crank_profile import CrankProfile
+from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.poses import follow
+
+# crank angles at which a profile is probed
+PROBES = 64
+# a meeting nearer to the start than this, in [rad], is at it: rounding of poses there is as large
+AT_START = 1e-6
+
+
+def passed(closed: ClosedModel, profile: CrankProfile) -> list[float]:
+    """Return at which angles of the crank, or of the clock, a motion meets other assemblies, in [rad].
+
+    Raises:
+        AssemblyError: where the loops do not close on it.
+    """
+    angle = profile.state(np.linspace(0.0, profile.duration, PROBES))[0]
+    _, path = follow.followed(closed.loops, closed.closed, angle)
+    low, high = float(angle.min()), float(angle.max())
+    laps = (0.0,) if path.gain is None else (-TURN, 0.0, TURN)
+    first = float(path.laps(angle[:1])[0]) * TURN
+    met = [m.angle + first + lap for m in path.meetings for lap in laps]
+    return sorted(at for at in met if low - AT_START <= at <= high + AT_START)
+
+
+def where(loops: ModelLoops, met: Sequence[float]) -> str:
+    """Return where assemblies meet, in words."""
+    if loops.drive is not None:
+        return ", ".join(loops.said(at) for at in met[:3])
+    return f"crank angle {', '.join(f'{at:.4g}' for at in met[:3])} rad"
+
+
+def undecided(loops: ModelLoops, met: Sequence[float]) -> str:
+    """Return in one sentence that dynamics do not decide there; nothing where no assemblies meet."""
+    if not met:
+        return ""
+    return (
+        f"at {where(loops, met)} two assemblies meet, and dynamics alone cannot decide which one "
+        "goes on: hold it by a second parallel crank or a flywheel, take more steps, or run it by pose"
+    )
+
+
+def require_told(loops: ModelLoops, met: Sequence[float], start: float) -> None:
+    """Refuse to step from where two assemblies meet.
+
+    Raises:
+        AssemblyError: with the place.
+    """
+    if any(abs(at - start) <= AT_START for at in met):
+        raise AssemblyError(
+            f"{loops.name}: it starts at {loops.said(start)}, where two assemblies meet and none can be told "
+            "from the other; give a start at "
+            f"{'another crank angle' if loops.drive is None else 'other values of the drivers'}, "
+            "or run it by pose"
+        )
