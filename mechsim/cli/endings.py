@@ -27,6 +27,8 @@ INTERNAL = 70
 DEBUG = "MECHSIM_DEBUG"
 # what a stream says that cannot take what is printed
 UNWRITABLE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF}
+# after so many seconds a signal comes again that was swallowed where no exception can leave
+AGAIN = 0.05
 # when the command was typed, by `time.perf_counter`, as far as a program can know
 typed_at = time.perf_counter()
 # what there is to say beside a result; a refusal says all by itself
@@ -133,7 +135,7 @@ def _flushed(code: int) -> int:
 
 @contextmanager
 def _listening() -> Generator[list[int]]:
-    """Give a list of the signals that came; one lost in a destructor prints nothing."""
+    """Give a list of the signals that came; one that a destructor swallowed comes again."""
     came: list[int] = []
 
     def interrupt(number: int, _: object) -> None:
@@ -145,6 +147,10 @@ def _listening() -> Generator[list[int]]:
     def lost(what: "sys.UnraisableHookArgs") -> None:
         if not isinstance(what.exc_value, KeyboardInterrupt | EndedError):
             sys.__unraisablehook__(what)
+        elif came:
+            again = threading.Timer(AGAIN, os.kill, (os.getpid(), came[-1]))
+            again.daemon = True
+            again.start()
 
     # a signal that is ignored, as under nohup, stays so
     heard = [one for one in SIGNALS if signal.getsignal(one) not in (signal.SIG_IGN, None)]

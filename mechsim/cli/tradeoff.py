@@ -96,8 +96,8 @@ def tradeoff(
                 typer.echo(f"wrote {what} to {path}")
     if clock.spent > (1.0 + BEYOND) * clock.seconds:
         endings.tell(
-            f"mechsim: took {clock.spent:.2g} s, more than the budget of {clock.seconds:g} s: two short "
-            "trials, with what must be loaded and built for them, take that long here"
+            f"mechsim: took {clock.spent:.2g} s, more than the budget of {clock.seconds:g} s: a short "
+            "trial, with what must be loaded and built for it, takes that long here"
         )
 
 
@@ -112,7 +112,7 @@ def _clock(budget: str, *, drawn: bool) -> Budget:
 def _subject(model: str, sets: list[str] | None, speed: float, clock: Budget) -> Subject:
     path = Path(model)
     if path.suffix.lower() != ".xml":
-        return subject_of(form_of(model, sets), speed)
+        return subject_of(form_of(model, sets), speed, clock)
     if sets:
         raise InputError(f"--set changes a mechanism of the catalogue; {model!r} is an MJCF file")
     return subject_of_model(path, path.stem, speed, clock)

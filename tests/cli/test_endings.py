@@ -74,7 +74,7 @@ def test_a_signal_that_ends_a_command_leaves_nothing_behind(
     process = begun(words, tmp_path)
     number = getattr(signal, name)
     process.send_signal(number)
-    said = process.communicate(timeout=60)[1]
+    said = process.communicate(timeout=600)[1]
     assert process.returncode == 128 + number
     assert said.splitlines()[-1] == "mechsim: stopped"
     assert list(tmp_path.iterdir()) == []
@@ -87,12 +87,34 @@ def test_an_interrupt_from_the_keyboard_that_ends_the_encoder_too_is_no_fault_of
     tmp_path: Path,
 ) -> None:
     process = begun(RENDER, tmp_path)
-    time.sleep(0.5)
+    # what has frames in it, the encoder writes
+    while process.poll() is None and not any(path.stat().st_size for path in tmp_path.iterdir()):
+        time.sleep(0.005)
     os.killpg(process.pid, signal.SIGINT)
-    said = process.communicate(timeout=60)[1]
+    said = process.communicate(timeout=600)[1]
     assert process.returncode == 2
     assert said.splitlines()[-1] == "mechsim: stopped"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_signal_that_a_destructor_swallows_ends_the_command_all_the_same() -> None:
+    code = (
+        "import os, signal, time\n"
+        "from mechsim.cli import endings\n"
+        "class Held:\n"
+        "    def __del__(self):\n"
+        "        os.kill(os.getpid(), signal.SIGTERM)\n"
+        "        time.sleep(0)\n"
+        "def command():\n"
+        "    Held()\n"
+        "    time.sleep(60)\n"
+        "raise SystemExit(endings.ended(command))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=ENVIRONMENT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 128 + signal.SIGTERM
+    assert done.stderr == "mechsim: stopped\n"
 
 
 def test_a_signal_that_is_ignored_stays_ignored(tmp_path: Path) -> None:

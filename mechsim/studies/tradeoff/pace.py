@@ -3,6 +3,9 @@
 from dataclasses import dataclass, field
 from time import perf_counter, process_time
 
+import numpy as np
+
+from mechsim.errors import InputError
 from mechsim.simulation import Settings
 from mechsim.studies.tradeoff.model_builds import Build
 
@@ -42,6 +45,18 @@ class Budget:
     def part(self) -> float:
         """The part of it that is gone, 0 to 1."""
         return min(1.0, self.spent / self.seconds)
+
+    def require(self, name: str) -> None:
+        """Refuse to go on with something loaded and built for which there is no time left.
+
+        Raises:
+            InputError: says what it took, and a budget that would do: trying it takes as long again.
+        """
+        if self.left < 0.0:
+            raise InputError(
+                f"{name} took {self.spent:.2g} s to load and build, but the budget is {self.seconds:g} s; "
+                f"give --budget {np.ceil(self.kept + 4.0 * self.spent):g}s or more"
+            )
 
 
 class Pace:

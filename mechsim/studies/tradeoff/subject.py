@@ -98,8 +98,12 @@ def differences(motion: Motion, exact: Motion, stroke: float, speed: float) -> d
     return {name: QUANTITIES[name].largest(motion, exact, scales) for name in COMPARED[:-1]}
 
 
-def subject_of(drive: Form, speed: float) -> Subject:
-    """Return a mechanism as a subject: its reference is the closed form, or else the loop equations."""
+def subject_of(drive: Form, speed: float, budget: Budget | None = None) -> Subject:
+    """Return a mechanism as a subject: its reference is the closed form, or else the loop equations.
+
+    Raises:
+        InputError: where the budget is spent before anything is tried.
+    """
     profile = within_range(drive.mechanism, drive.crank_range(), speed)
     angles = profile.state(np.linspace(0.0, profile.duration, 361))[0]
     stroke = half_extent(drive.positions(angles).values())
@@ -109,6 +113,8 @@ def subject_of(drive: Form, speed: float) -> Subject:
         lambda motion: drive.solve(motion.angle, motion.speed, motion.acceleration),
     )
     built = build_model(mechanism, profile, speed)
+    if budget is not None:
+        budget.require(drive.name)
     return Subject(drive.name, mechanism, built, reference, stroke, abs(speed), _variants(drive, angles))
 
 
@@ -165,12 +171,7 @@ def subject_of_model(source: Model, name: str, speed: float, budget: Budget | No
 
 def _affordable(built: BuiltModel, name: str, budget: Budget) -> tuple[int, ...]:
     """Return the steps a turn of the finest reference runs that a part of the budget has time for."""
-    if budget.left < 0.0:
-        # trying it takes as long again
-        raise InputError(
-            f"{name} took {budget.spent:.2g} s to load and build, but the budget is {budget.seconds:g} s; "
-            f"give --budget {np.ceil(budget.kept + 4.0 * budget.spent):g}s or more"
-        )
+    budget.require(name)
     pace, coarse = Pace(), Settings(steps_per_turn=min(FINE) // max(COARSER))
     for _ in range(2):  # the first run of all pays for what is loaded then
         begun = process_time()

@@ -40,7 +40,7 @@ def measure(
     Args:
         subject: what to measure on.
         budget: in [s] on the clock, from now on or from when it began; trials that would not end in time
-            are left out and told, but for the shortest of the hard loop and of MuJoCo's defaults.
+            are left out and told, but for the shortest of the hard loop.
         seed: of the order of trials and of timing rounds.
         steps: numbers of steps a turn.
         tell: called after each piece of work with the part of the budget spent, and what was done.
@@ -53,7 +53,8 @@ def measure(
     # the shortest of the dearest integrator says what others may take
     sure = [ladder.index((family, min(steps))) for name in (HARD, DEFAULTS) for family in work.named(name)]
     for i in sure:
-        work.trial(i)
+        if not work.points or work.has_time(i):
+            work.trial(i)
     for i in order:
         if i not in sure and work.has_time(i, work.rounds()):
             work.trial(i)
