@@ -135,7 +135,7 @@ def _velocity_plan(source: PlotSource) -> "Figure":
     if asked.stopped not in plans:
         raise InputError(f"there is no crank {asked.stopped!r} to stop; known are crank1, crank2")
     plan = plans[asked.stopped]
-    at = f"crank angle {math.degrees(asked.angle):g} deg"
+    at = f"crank angle {math.degrees(asked.angle):g}°"
     return plots.velocity_plan_plot(plan, f"{asked.stopped} stopped, {at}, {plan.scale:.4g} m/s per unit")
 
 

@@ -26,20 +26,23 @@ OTHERS = [
 FLAT = [*(catalog.make("four_bar", **named(one)) for one in flat_linkages(9)), *OTHERS]
 
 
+def assert_alike(motion, exact, size, bounds):
+    """Points are within bounds: places of the size, velocities and accelerations of their largest."""
+    for name, point in exact.points.items():
+        found = motion.points[name]
+        scales = size, np.abs(point.velocity).max(), np.abs(point.acceleration).max()
+        for part, scale, bound in zip(("position", "velocity", "acceleration"), scales, bounds, strict=True):
+            assert np.abs(getattr(found, part) - getattr(point, part)).max() <= bound * scale, (name, part)
+
+
 @pytest.mark.parametrize("drive", FLAT, ids=lambda one: f"{one.name} {one.change_points()[0]:.2f}")
 def test_a_run_by_poses_stays_one_linkage_for_two_turns(drive):
     run = simulate(drive, speed=20.0, turns=2.0, method="pose", samples=144)
     assert run.outcome == "met"
     motion = run.motion
     exact = drive.solve(motion.angle, motion.speed, motion.acceleration)
-    for name, point in exact.points.items():
-        found = motion.points[name]
-        # measured 2e-11, 3e-10 and 3e-9 where frame and crank are nearly alike, else 1e-13, 5e-12 and 1e-10
-        assert np.abs(found.position - point.position).max() <= 1e-10 * drive.mechanism.size
-        assert np.abs(found.velocity - point.velocity).max() <= 1e-9 * np.abs(point.velocity).max()
-        assert (
-            np.abs(found.acceleration - point.acceleration).max() <= 1e-8 * np.abs(point.acceleration).max()
-        )
+    # measured 2e-11, 3e-10 and 3e-9 where frame and crank are nearly alike, else 1e-13, 5e-12 and 1e-10
+    assert_alike(motion, exact, drive.mechanism.size, (1e-10, 1e-9, 1e-8))
     for name in exact.joints.keys() & motion.joints.keys():
         joint = exact.joints[name]
         assert np.abs(np.exp(1j * motion.joints[name].value) - np.exp(1j * joint.value)).max() <= 1e-9
@@ -54,14 +57,8 @@ def test_a_run_by_poses_folds_as_the_closed_form_does(drive, turns):
     assert run.outcome == "met"
     motion = run.motion
     exact = drive.solve(motion.angle, motion.speed)
-    for name, point in exact.points.items():
-        found = motion.points[name]
-        # measured 2e-14 of the size, 6e-12 and 4e-8 of the largest
-        assert np.abs(found.position - point.position).max() <= 1e-12 * drive.mechanism.size
-        assert np.abs(found.velocity - point.velocity).max() <= 1e-10 * np.abs(point.velocity).max()
-        assert (
-            np.abs(found.acceleration - point.acceleration).max() <= 1e-6 * np.abs(point.acceleration).max()
-        )
+    # measured 2e-14 of the size, 6e-12 and 4e-8 of the largest
+    assert_alike(motion, exact, drive.mechanism.size, (1e-12, 1e-10, 1e-6))
 
 
 @pytest.mark.parametrize("drive", OTHERS[:3], ids=lambda one: f"{one.name} {one.change_points()[0]:.2f}")

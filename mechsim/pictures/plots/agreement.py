@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.pictures.number_text import prefixed, readable
-from mechsim.pictures.plots.figure import COLOURS, angle_axis, blank, styled
+from mechsim.pictures.plots.figure import COLOURS, along_axis, blank, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,10 +58,7 @@ def agreement_plot(told: TwoCurves) -> "Figure":
     figure.legend(handles=lines, ncols=len(lines), fontsize=7, loc="outside upper right", handlelength=1.6)
     _difference(axes[1, 0], x, told)
     for ax in axes[:2, 0]:
-        if told.timed:
-            ax.set_xlabel("time [s]")
-        else:
-            angle_axis(ax)
+        along_axis(ax, told.timed)
     if told.shares:
         _shares(axes[2, 0], told)
     return figure

@@ -10,7 +10,7 @@ from mechsim.errors import InputError, needs
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.pictures.number_text import readable
-from mechsim.pictures.plots.figure import COLOURS, STYLES, blank, locator, styled
+from mechsim.pictures.plots.figure import BESIDE, COLOURS, STYLES, blank, locator, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,8 +19,6 @@ INK = "#222831"
 # a gap in the angles of all curves wider than this, in [rad], is a place to cut the turn
 GAP = 0.2
 ROUNDING = 1e-9
-# beside the axes
-BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
 
 
 @dataclass(frozen=True, slots=True)

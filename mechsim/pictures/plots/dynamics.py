@@ -8,15 +8,13 @@ import numpy as np
 from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Efforts, Fluctuation, FreeRun
 from mechsim.pictures.number_text import readable
-from mechsim.pictures.plots.figure import COLOURS, STYLES, angle_axis, blank, styled
+from mechsim.pictures.plots.figure import BESIDE, COLOURS, STYLES, along_axis, angle_axis, blank, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 RINGS = "#222831"
-# curves may fill the axes
-BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
 
 
 class Prescribed(Protocol):
@@ -205,10 +203,7 @@ def _powers(ax: "Axes", study: Prescribed) -> None:
         ax.plot(along, values / factor, color=COLOURS[i], ls=STYLES[i % 3], label=name)
     ax.plot(along, sum(powers.values()) / factor, color=RINGS, lw=1.0, label="sum")
     ax.set_ylabel(f"power into the machine [{unit}]")
-    if found.drives:
-        ax.set_xlabel("time [s]")
-    else:
-        angle_axis(ax)
+    along_axis(ax, bool(found.drives))
     ax.legend(**BESIDE)
 
 

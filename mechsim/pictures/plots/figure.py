@@ -25,6 +25,8 @@ Format = Literal["svg", "png", "pdf"]
 FORMATS: tuple[Format, ...] = ("svg", "png", "pdf")
 COLOURS = [colour[:3] for colour in PALETTE[:6]]
 STYLES = ("-", "--", ":")
+# a legend beside axes that curves may fill
+BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
 
 LOOK: dict[str, Any] = {
     "font.size": 9.0,
@@ -139,9 +141,9 @@ def abscissa(motion: Motion) -> Array:
     return motion.time if motion.drivers and motion.time is not None else np.rad2deg(motion.angle)
 
 
-def motion_axis(ax: "Axes", motion: Motion) -> None:
-    """Make the horizontal axis one of crank angles, under programs of time."""
-    if motion.drivers:
+def along_axis(ax: "Axes", timed: bool) -> None:
+    """Make the horizontal axis one of times in seconds, or of crank angles in degrees."""
+    if timed:
         ax.set_xlabel("time [s]")
     else:
         angle_axis(ax)

@@ -9,14 +9,15 @@ from numpy.typing import ArrayLike
 from mechsim.model.motion import Motion
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import (
+    BESIDE,
     COLOURS,
     STYLES,
     abscissa,
+    along_axis,
     angle_axis,
     blank,
     chosen,
     decades,
-    motion_axis,
     styled,
 )
 
@@ -48,7 +49,7 @@ def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> "Figure"
             # one line for all labels of a column; finding the line costs a third of the plot
             ax.yaxis.set_label_coords(-0.19, 0.5)
         axes[0, column].set_title(name)
-        motion_axis(axes[2, column], motion)
+        along_axis(axes[2, column], bool(motion.drivers))
     lines = axes[0, 0].get_lines()
     figure.legend(handles=lines, ncols=3, loc="outside upper right", handlelength=1.6)
     return figure
@@ -106,11 +107,8 @@ def error_plot(
     ax.set_ylim(bottom=max(FLOOR, 1e-4 * min(peaks)) if peaks else None)
     ax.set_ylabel(f"error [{unit}]")
     ax.set_title(title)
-    if timed:
-        ax.set_xlabel("time [s]")
-    else:
-        angle_axis(ax)
-    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    along_axis(ax, timed)
+    ax.legend(**BESIDE)
     return figure
 
 

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.path import tangents
-from mechsim.pictures.plots.figure import COLOURS, STYLES, angle_axis, blank, styled
+from mechsim.pictures.plots.figure import BESIDE, COLOURS, STYLES, along_axis, blank, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +22,6 @@ WIDE = 0.06
 INK = "#222831"
 # units as they are drawn: how many of them one in SI is, and their names
 SHOWN: dict[str, tuple[float, str]] = {"m": (1e3, "mm"), "rad": (180.0 / np.pi, "°")}
-BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "fontsize": 8.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,8 +117,8 @@ def sensitivity_plot(
         left = f", {len(order) - LINES} smaller left out" if len(order) > LINES else ""
         ax.set_title(f"derivatives of {quantity} [{unit} per {' or '.join(per) or '1'}]{left}")
         if order:
-            ax.legend(**BESIDE)
-    _across(axes[-1, 0], over)
+            ax.legend(**BESIDE, fontsize=8.0)
+    along_axis(axes[-1, 0], over != "angle")
     return figure
 
 
@@ -147,7 +146,7 @@ def tolerance_plot(sheet: ToleranceSheet) -> "Figure":
     for row, (quantity, band) in zip(axes[len(sheet.paths) :], bands.items(), strict=True):
         _draw_band(row[0], sheet, quantity, band)
         _draw_shares(row[1], band)
-        _across(row[0], sheet.over)
+        along_axis(row[0], sheet.over != "angle")
     for ax in axes[len(sheet.paths) : -1, 0]:
         ax.set_xlabel("")
     return figure
@@ -214,13 +213,6 @@ def _draw_shares(ax: "Axes", band: Band) -> None:
 
 def _axis(over: str, at: Array) -> Array:
     return np.rad2deg(at) if over == "angle" else at
-
-
-def _across(ax: "Axes", over: str) -> None:
-    if over == "angle":
-        angle_axis(ax)
-    else:
-        ax.set_xlabel("time [s]")
 
 
 def _round_number(value: float) -> float:

@@ -43,7 +43,7 @@ class SweepTable:
         assert values is not None
         unit = self.units.get(name, "1")
         if unit == "rad":
-            return np.rad2deg(values), f"{name} [deg]"
+            return np.rad2deg(values), f"{name} [°]"
         if unit in ("1", ""):
             return values, name
         finite = values[np.isfinite(values)]
