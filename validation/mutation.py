@@ -52,6 +52,7 @@ KILLERS: dict[str, list[str]] = {
     "analytic/closure/joint_rows.py": CLOSURE,
     "analytic/closure/motion.py": CLOSURE,
     "analytic/closure/cut_rows.py": TREE,
+    "analytic/closure/tree_layout.py": TREE,
     "analytic/closure/tree_motion.py": TREE,
     "analytic/closure/loop_solver.py": [
         "analytic/test_loop_solver.py",

@@ -8,6 +8,7 @@ from mechanisms import at
 
 from mechsim.analytic.closure.cut_rows import cuts_of
 from mechsim.analytic.closure.spanning_tree import spanning_tree
+from mechsim.analytic.closure.tree_layout import MOST
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, drifts, placed, twists
 from mechsim.model.mechanism import GROUND, Joint, Link, Mechanism
@@ -22,7 +23,7 @@ def joint(name, kind, a, b):
     return Joint(name, kind, a, b, CROSS) if kind == "universal" else Joint(name, kind, a, b)
 
 
-def branched(swap):
+def branched(swap, names=("shaft", *"abcdefghi")):
     """Chains with three balls and every other kind of joint, each named from either side."""
     chain = [
         ("universal", GROUND, "a"),
@@ -44,7 +45,7 @@ def branched(swap):
         ]
         joints.append(joint(f"j{i}", kind, *(ends[::-1] if (i + swap) % 2 else ends)))
     shaft = Joint("shaft", "revolute", at(GROUND), at("shaft"))
-    links = tuple(Link(name) for name in ("shaft", *"abcdefghi"))
+    links = tuple(Link(name) for name in names)
     return Mechanism("branched", links, (shaft, *joints), "shaft", {})
 
 
@@ -94,6 +95,38 @@ def test_twists_and_drifts_are_the_rates_of_places_and_of_twists(swap):
         near(twist[MIDDLE, 3:], spin[[2, 0, 1], [1, 2, 0]])
         near(twist[MIDDLE, :3] + np.cross(twist[MIDDLE, 3:], place[MIDDLE]), FIRST @ place)
         near(moving.drift[link, :, MIDDLE], FIRST @ twist)
+
+
+@pytest.mark.parametrize("swap", [0, 1])
+def test_links_are_where_they_are_in_whatever_order_they_are_listed(swap):
+    names = ("h", "c", "shaft", "i", "a", "f", "b", "e", "d", "g")
+    one, other = Moving(swap, None), spanning_tree(branched(swap, names))
+    there = placed(other, one.at)
+    for i, name in enumerate(names):
+        k = one.tree.links[name]
+        near(there.position[i], one.here.position[k], 1e-15)
+        near(there.rotation[i], one.here.rotation[k], 1e-15)
+    near(there.screws, one.here.screws, 1e-15)
+
+
+def test_a_link_on_which_many_hang_puts_each_where_a_chain_of_its_own_would():
+    random, count = np.random.default_rng(4), 2 * MOST
+    names = [f"l{i}" for i in range(count)]
+    ends = [
+        (at("hub", (0.1 * i, 0.2, -0.3 * i)), at(name, (0.4, 0.0, 0.1 * i))) for i, name in enumerate(names)
+    ]
+    shaft = Joint("shaft", "revolute", at(GROUND), at("hub", (0.1, 0.2, 0.3)))
+    joints = tuple(Joint(name, "revolute", *pair) for name, pair in zip(names, ends, strict=True))
+    values = random.uniform(-3.0, 3.0, (count + 1, 4))
+
+    def places(some):
+        links = tuple(Link(name) for name in ("hub", *(names[i] for i in some)))
+        star = Mechanism("star", links, (shaft, *(joints[i] for i in some)), "shaft", {})
+        rows = values[[0, *(i + 1 for i in some)]]
+        return placed(spanning_tree(star), Coordinates(rows, np.empty((0, 3, 3, 4)))).position[1:]
+
+    alone = np.concatenate([places([i]) for i in range(count)])
+    near(places(range(count)), alone, 1e-15)
 
 
 @pytest.mark.parametrize("swap", [0, 1])

@@ -52,5 +52,5 @@ def coupled_rows(tree: SpanningTree) -> tuple[CoupledRow, ...]:
     for law in tree.mechanism.laws:
         left, right = (tree.coupled(terms, law.name) for terms in (law.left_terms, law.right_terms))
         slides = bool(np.any(tree.slides & (left != 0.0)))
-        rows.append(CoupledRow(law, left, right, tree.mechanism.size if slides else 1.0))
+        rows.append(CoupledRow(law, left, right, tree.size if slides else 1.0))
     return tuple(rows)

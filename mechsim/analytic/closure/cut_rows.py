@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.closure.spanning_tree import SpanningTree
+from mechsim.analytic.closure.tree_layout import Some, in_a_row
 from mechsim.analytic.closure.tree_motion import Placed, carried_frame, carried_point, cross, on_ground
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import COLUMN, KINDS
@@ -36,10 +37,20 @@ class Cut:
     size: float
 
     @cached_property
+    def span(self) -> Some:
+        """The columns, as a slice where they lie in a row."""
+        return in_a_row(self.columns)
+
+    @cached_property
     def lengths(self) -> list[int]:
         """Columns of side a's frame along which the points must lie on each other."""
         free = {COLUMN[axis] for axis in KINDS[self.joint.kind].slides}
         return [i for i in range(3) if i not in free]
+
+    @cached_property
+    def along(self) -> Some:
+        """The same columns, for indexing."""
+        return in_a_row(np.array(self.lengths, dtype=np.intp))
 
     @cached_property
     def directions(self) -> list[tuple[int, int, float]]:
@@ -52,10 +63,10 @@ class Cut:
         return [(0, 2, 0.0), (1, 2, 0.0), *([] if kind.turns else [(0, 1, 0.0)])]
 
     @cached_property
-    def pairs(self) -> tuple[list[int], list[int], Array]:
-        """The same as columns i, columns j and scalar products, (d, 1)."""
-        i, j, cosine = (list(part) for part in zip(*self.directions, strict=True))
-        return i, j, np.array(cosine)[:, None]
+    def pairs(self) -> tuple[Some, Some, Array]:
+        """The same as columns i, columns j, one where all are the same, and scalar products, (d, 1)."""
+        i, j, cosine = (np.array(part) for part in zip(*self.directions, strict=True))
+        return in_a_row(i), in_a_row(j[:1] if (j == j[0]).all() else j), cosine[:, None]
 
     @cached_property
     def rows(self) -> int:
@@ -82,13 +93,13 @@ class Cut:
     def residual_and_slope(self, here: Placed) -> tuple[Array, Array]:
         """Return residuals (m, n), lengths in units of the size, and slopes (m, columns, n)."""
         point_a, frame_a, point_b, frame_b = self.frames(here)
-        screws = (here.screws[self.columns] * self.sense[:, None, None]).transpose(1, 0, 2)
+        screws = (here.screws[self.span] * self.sense[:, None, None]).transpose(1, 0, 2)
         n, k, number = screws.shape[2], len(self.lengths), screws.dtype
         residual = np.empty((self.rows, n), number)
         slope = np.empty((self.rows, len(self.columns), n), number)
         gap, spin = (point_b - point_a) / self.size, screws[3:]
         speed = (screws[:3] + cross(spin, point_b[:, None])) / self.size
-        along = frame_a[:, self.lengths]
+        along = frame_a[:, self.along]
         np.einsum("irn,in->rn", along, gap, out=residual[:k])
         np.einsum("irn,icn->rcn", along, speed, out=slope[:k])
         if self.directions:
@@ -133,5 +144,5 @@ def cuts_of(tree: SpanningTree) -> tuple[Cut, ...]:
         feels = [nothing if i < 0 else tree.carried[i] for i in sides]
         sense = feels[1] - feels[0]
         columns = np.flatnonzero(sense)
-        found.append(Cut(joint, (sides[0], sides[1]), columns, sense[columns], tree.mechanism.size))
+        found.append(Cut(joint, (sides[0], sides[1]), columns, sense[columns], tree.size))
     return tuple(found)

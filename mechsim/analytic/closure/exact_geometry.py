@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.analytic.closure.generic_pose import generic_poses, idle_and_free, settled
-from mechsim.analytic.closure.spanning_tree import TreeJoint
+from mechsim.analytic.closure.tree_joints import TreeJoint
 from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops, tree_loops
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.analytic.vector_method.rotations import turned_by

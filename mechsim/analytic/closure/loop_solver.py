@@ -66,6 +66,11 @@ class LoopSolver:
     gauge: Array
     pinned: Coordinates
 
+    @cached_property
+    def picked(self) -> tuple[NDArray[np.intp], ...]:
+        """Of all slopes, those of the rows that are solved by the unknowns."""
+        return np.ix_(self.rows, self.loops.unknown)
+
     @property
     def open(self) -> int:
         """Freedoms that neither drivers nor loops determine."""
@@ -103,7 +108,7 @@ class LoopSolver:
         residual, slope, here = self.loops.linearise(at)
         n, u, r = len(at), len(self.loops.unknown), len(self.rows)
         matrix, right = np.empty((n, u, u), slope.dtype), np.empty((n, u), slope.dtype)
-        matrix[:, :r] = slope[self.rows][:, self.loops.unknown].transpose(2, 0, 1)
+        matrix[:, :r] = slope[self.picked].transpose(2, 0, 1)
         right[:, :r] = residual[self.rows].T
         if self.open:
             self._pin(at, matrix[:, r:], right[:, r:])

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.closure.cut_rows import Cut
-from mechsim.analytic.closure.spanning_tree import Fixed
+from mechsim.analytic.closure.tree_joints import Fixed
 from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, placed
 from mechsim.maths.angles import TURN

@@ -7,88 +7,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.analytic.closure.tree_joints import Fixed, TreeJoint
+from mechsim.analytic.closure.tree_layout import Layout, layout
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import COLUMN, KINDS, Axis, Kind, crossed_at_zero
+from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Joint, Mechanism
-
-# a turn about the third axis is the sum of these times 1, the cosine and the sine of its angle
-ABOUT_Z = np.array(
-    [
-        [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
-        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]],
-        [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
-    ]
-)
-
-
-@dataclass(frozen=True)
-class TreeJoint:
-    """A joint by which a link hangs on one nearer the frame.
-
-    Attributes:
-        joint: of the mechanism.
-        forward: whether its side a is on the link nearer the frame.
-        near: index of that link; -1 is the ground.
-        far: index of the link that hangs on it.
-        first: index of its first coordinate.
-    """
-
-    joint: Joint
-    forward: bool
-    near: int
-    far: int
-    first: int
-
-    @cached_property
-    def kind(self) -> Kind:
-        """Its row in the table of kinds."""
-        return KINDS[self.joint.kind]
-
-    @cached_property
-    def turning(self) -> int:
-        """Index of its first turn: displacements come first."""
-        return self.first + len(self.kind.slides)
-
-    @cached_property
-    def sense(self) -> float:
-        """+1 where the far link moves as its coordinates count, else -1."""
-        return 1.0 if self.forward else -1.0
-
-    @cached_property
-    def angles(self) -> list[int]:
-        """Indices of its angles, from the near link to the far one; a ball has none."""
-        count = 0 if self.kind.ball else len(self.kind.turns)
-        return list(range(self.turning, self.turning + count))[:: 1 if self.forward else -1]
-
-
-@dataclass(frozen=True, slots=True)
-class Fixed:
-    """The two sides of a branch, each in its own link's frame: joint frame (3, 3) and point (3,) in [m]."""
-
-    near_frame: Array
-    near_point: Array
-    far_frame: Array
-    far_point: Array
-
-    def axis(self, branch: TreeJoint, axis: Axis) -> tuple[int, Array]:
-        """Return which link an axis of the branch's joint is fixed on, and the axis in its frame."""
-        on_far = (axis == "b") == branch.forward
-        frame, link = (self.far_frame, branch.far) if on_far else (self.near_frame, branch.near)
-        return link, frame[:, COLUMN[axis]]
-
-    def turning(self, branch: TreeJoint) -> list[Array]:
-        """Return what a branch's angles turn the far link's axes by, in the near link's, one after the other.
-
-        Each as what 1, the cosine and the sine of the angle are multiplied by, (3, 3, 3).
-        """
-        ends = [self.near_frame, self.far_frame.swapaxes(0, 1)]
-        if branch.kind.crossed:
-            middle = crossed_at_zero(branch.joint.cross_angle)
-            ends[1:1] = [middle if branch.forward else middle.T, np.eye(3)]
-        about = ABOUT_Z * np.array([1.0, 1.0, branch.sense])[:, None, None]
-        pairs = zip(ends[::2], ends[1::2], strict=True)
-        return [np.einsum("ij...,pjk,kl...->ilp...", one, about, other) for one, other in pairs]
 
 
 @dataclass(frozen=True)
@@ -123,21 +47,14 @@ class SpanningTree:
         return found
 
     @cached_property
-    def angles(self) -> NDArray[np.intp]:
-        """Indices of the angles, branch by branch, from the near link to the far one."""
-        return np.array([angle for branch in self.branches for angle in branch.angles], dtype=np.intp)
+    def layout(self) -> Layout:
+        """What its links are placed by, all poses at once."""
+        return layout(self.branches, self.constants)
 
     @cached_property
-    def turning(self) -> Array:
-        """What their turns are in terms of 1, cosine and sine, (angles, 9, 3), or (angles, 9, 3, n)."""
-        parts = [
-            part
-            for branch in self.branches
-            if branch.angles
-            for part in self.constants[branch.far].turning(branch)
-        ]
-        found = np.array(parts) if parts else np.zeros((0, 3, 3, 3))
-        return found.reshape(len(parts), 9, 3, *found.shape[4:])
+    def size(self) -> float:
+        """The mechanism's, in [m]."""
+        return self.mechanism.size
 
     @cached_property
     def count(self) -> int:

@@ -62,6 +62,8 @@ def held_values(mechanism: Mechanism) -> Array:
 
 def with_holds(driven: Array, held: Array) -> Array:
     """Return all that is prescribed, (drivers + holds, n), from the drivers (drivers, n) and (holds,)."""
+    if not len(held):
+        return driven
     return np.vstack([driven, np.broadcast_to(held[:, None], (len(held), driven.shape[1]))])
 
 

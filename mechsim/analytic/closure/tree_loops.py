@@ -48,14 +48,14 @@ class TreeLoops:
     @cached_property
     def units(self) -> Array:
         """What one unit of each coordinate is in the equations: the size for displacements, else 1 rad."""
-        return np.where(self.tree.slides, self.tree.mechanism.size, 1.0)
+        return np.where(self.tree.slides, self.tree.size, 1.0)
 
     @cached_property
     def couplings(self) -> tuple[CoupledRow, ...]:
         """The rows of the couplings."""
         return coupled_rows(self.tree)
 
-    @property
+    @cached_property
     def rows(self) -> int:
         """How many equations there are."""
         return sum(cut.rows for cut in self.cuts) + len(self.winds)
@@ -70,7 +70,7 @@ class TreeLoops:
         k = 0
         for cut in self.cuts:
             part = slice(k, k + cut.rows)
-            residual[part], slope[part, cut.columns] = cut.residual_and_slope(here)
+            residual[part], slope[part, cut.span] = cut.residual_and_slope(here)
             k += cut.rows
         for coupling, wind in zip(self.couplings, self.winds, strict=True):
             opened, slope[k], _ = coupling.look(at.values)

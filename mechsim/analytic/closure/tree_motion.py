@@ -4,11 +4,11 @@ Instants come last in every array here, so that each component is one run of mem
 """
 
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
 
-from mechsim.analytic.closure.spanning_tree import SpanningTree, TreeJoint
+from mechsim.analytic.closure.spanning_tree import SpanningTree
+from mechsim.analytic.closure.tree_joints import TreeJoint
 from mechsim.maths.arrays import Array
 
 EYE = np.eye(3)[..., None]
@@ -48,56 +48,62 @@ class Placed:
 
 def placed(tree: SpanningTree, at: Coordinates) -> Placed:
     """Return where coordinates put the links."""
-    n, links = len(at), len(tree.branches)
-    kind = at.values.dtype
+    laid, n, kind = tree.layout, len(at), at.values.dtype
     # the ground comes last, where the index -1 finds it
-    position, rotation = np.zeros((links + 1, 3, n), kind), np.empty((links + 1, 3, 3, n), kind)
+    rotation = np.empty((len(tree.branches) + 1, 3, 3, n), kind)
+    _turn(tree, at, rotation)
     rotation[-1] = EYE
-    screws, centres = np.zeros((tree.count, 6, n), kind), np.zeros((3, tree.count, n), kind)
-    turns = _turns(tree, at)
-    for branch in tree.branches:
-        fixed, near = tree.constants[branch.far], rotation[branch.near]
-        turned = turns[branch.far] if branch.near < 0 else [near, *turns[branch.far]]
-        rotation[branch.far] = reduce(product, turned)
-        point = position[branch.near] + carried_point(fixed.near_point, near)
-        there = point
-        for k, axis in enumerate(branch.kind.slides, branch.first):
-            link, along = fixed.axis(branch, axis)
-            screws[k, :3] = branch.sense * carried_point(along, rotation[link])
-            there = there + screws[k, :3] * at.values[k]
-        for k, axis in enumerate(branch.kind.turns, branch.turning):
-            link, about = fixed.axis(branch, axis)
-            screws[k, 3:] = carried_point(branch.sense * about, rotation[link])
-            # axes pass through side b's point
-            centres[:, k] = there if branch.forward else point
-        position[branch.far] = there - carried_point(fixed.far_point, rotation[branch.far])
-    screws[:, :3] += cross(centres, screws[:, 3:].transpose(1, 0, 2)).transpose(1, 0, 2)
-    return Placed(position[:-1], rotation[:-1], screws)
+    for far, near in laid.tiers:
+        rotation[far] = np.einsum("lijn,ljkn->likn", rotation[near], rotation[far])
+    carried = _carried(laid.vectors, rotation[laid.holders])
+    axes = carried[:, *laid.axes]
+    position = np.zeros((3, len(rotation), n), kind)
+    np.subtract(carried[:, *laid.near], carried[:, : len(tree.branches), 0], out=position[:, :-1])
+    along, spins = axes[:, laid.slides], axes
+    if len(laid.slides):
+        for link, way in zip(laid.slid, (along * at.values[laid.slides]).swapaxes(0, 1), strict=True):
+            position[:, link] += way
+        spins = axes.copy()
+        spins[:, laid.slides] = 0.0
+    for far, near in laid.tiers:
+        position[:, far] += position[:, near]
+    screws = np.empty((tree.count, 6, n), kind).transpose(1, 0, 2)
+    screws[3:] = spins
+    screws[:3] = cross(position[:, laid.centred] + carried[:, *laid.centres], spins)
+    if len(laid.slides):
+        screws[:3, laid.slides] = along
+    return Placed(position[:, :-1].transpose(1, 0, 2), rotation[:-1], screws.transpose(1, 0, 2))
 
 
-def _turns(tree: SpanningTree, at: Coordinates) -> dict[int, list[Array]]:
-    """Return the turns that lead from each near link's axes to the far link's, one after the other."""
-    angle = at.values[tree.angles]
+def _carried(vectors: Array, rotation: Array) -> Array:
+    """Return rows of vectors, (rows, m, 3) or (rows, m, 3, n), as their links are turned: (3, rows, m, n)."""
+    if vectors.ndim == 3:
+        return vectors @ rotation.transpose(1, 0, 2, 3)
+    return np.einsum("lmkn,likn->ilmn", vectors, rotation)
+
+
+def _turn(tree: SpanningTree, at: Coordinates, out: Array) -> None:
+    """Fill in how each link is turned in that on which it hangs, (links + 1, 3, 3, n)."""
+    laid = tree.layout
+    angle = at.values[laid.angles]
     terms = np.empty((len(angle), 3, len(at)), angle.dtype)
     terms[:, 0] = 1.0
     np.cos(angle, out=terms[:, 1])
     np.sin(angle, out=terms[:, 2])
     every = (
-        tree.turning @ terms if tree.turning.ndim == 3 else np.einsum("haen,hen->han", tree.turning, terms)
-    )
-    counted, balls = iter(every.reshape(len(angle), 3, 3, len(at))), iter(at.turns)
-    found: dict[int, list[Array]] = {}
-    for branch in tree.branches:
-        if branch.angles:
-            found[branch.far] = [next(counted) for _ in branch.angles]
-            continue
+        laid.turning @ terms if laid.turning.ndim == 3 else np.einsum("haen,hen->han", laid.turning, terms)
+    ).reshape(len(angle), 3, 3, len(at))
+    out[laid.once[0]] = every[laid.once[1]]
+    link, first, second = laid.twice
+    if len(link):
+        out[link] = np.einsum("lijn,ljkn->likn", every[first], every[second])
+    for branch, ball in laid.stiff:
         fixed = tree.constants[branch.far]
         frame, back = (_wide(one) for one in (fixed.near_frame, fixed.far_frame.swapaxes(0, 1)))
-        if branch.kind.ball:
-            turn = next(balls)
+        if ball is not None:
+            turn = at.turns[ball]
             frame = product(frame, turn if branch.forward else turn.swapaxes(0, 1))
-        found[branch.far] = [product(frame, back)]
-    return found
+        out[branch.far] = product(frame, back)
 
 
 def _wide(matrix: Array) -> Array:
@@ -179,9 +185,5 @@ def product(a: Array, b: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Return vector products, (3, n) or with more axes between."""
-    first = a[1] * b[2] - a[2] * b[1]
-    out = np.empty((3, *first.shape), first.dtype)
-    out[0] = first
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
-    return out
+    a, b = np.concatenate((a, a[:2])), np.concatenate((b, b[:2]))
+    return a[1:4] * b[2:] - a[2:] * b[1:4]
