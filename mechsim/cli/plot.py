@@ -23,7 +23,7 @@ from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
 from mechsim.studies.sweep.drawing import drawn_sweep
 
 # the kinds that show a motion over time as well
-TIMED = ("error", "poses", "motion", "curve", "space")
+TIMED = ("error", "poses", "motion", "curve", "space", "torque", "reactions", "power")
 
 
 @spread

@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mechsim.analytic import catalog, dynamics
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form, closed_form
@@ -18,7 +20,7 @@ from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, columns_asked, curve_tables, usual_columns
 from mechsim.studies.extremes import stability_map
 from mechsim.studies.extremes.plot import extremes_map
-from mechsim.studies.motion_source import WEIGHT, motion_of, profile_of, simulated_torque
+from mechsim.studies.motion_source import motion_of, profile_of, simulated_efforts, weighing
 from mechsim.studies.tradeoff import measure, subject_of
 from mechsim.studies.tradeoff.plot import work_precision
 from mechsim.theory.continuation import trace
@@ -84,9 +86,10 @@ class PlotSource:
         return self.motion(self.asked.road)
 
     def study(self) -> "InverseDynamics":
-        """Return drive torque and reactions, with links of steel that weigh as in `mechsim dynamics`."""
-        machine, closed = dynamics.machine(self.drive, WEIGHT), self.motion("closed")
-        return dynamics.prescribed(machine, closed.angle, closed.speed, closed.acceleration)
+        """Return drive torque and reactions under what acts in `mechsim dynamics` without options."""
+        profile = profile_of(self.drive, self.speed, 1.0)
+        time = np.linspace(0.0, profile.duration, SAMPLES + 1)
+        return dynamics.prescribed(weighing(self.drive), *profile.state(time), time=time)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +145,7 @@ def _velocity_plan(source: PlotSource) -> "Figure":
 def _torque(source: PlotSource) -> "Figure":
     rings = None
     if source.asked.road == "simulated":
-        rings = simulated_torque(source.drive, profile_of(source.drive, source.speed, 1.0), SAMPLES)
+        rings = simulated_efforts(source.drive, profile_of(source.drive, source.speed, 1.0), SAMPLES)
     return plots.torque_plot(source.study(), rings)
 
 

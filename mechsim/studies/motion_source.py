@@ -7,8 +7,8 @@ import numpy as np
 from mechsim.analytic import dynamics
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile, within_range
+from mechsim.model.efforts import Efforts
 from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion
 from mechsim.simulation import Run, simulate
@@ -62,21 +62,21 @@ def motion_of(drive: Form, road: str, profile: CrankProfile, samples: float) -> 
     return simulated(drive, profile, samples=count, method=method).motion
 
 
+def weighing(drive: Form) -> dynamics.Machine:
+    """Return a mechanism under what its file says acts on it; else links of steel that weigh."""
+    return dynamics.machine(drive, drive.forces or WEIGHT)
+
+
 def joint_loads(drive: Form, road: str, profile: CrankProfile, motion: Motion) -> dict[str, Any]:
     """Return forces and moments in the joints at the samples of a motion, from the same road as the motion.
 
-    They act on the link b of each joint; links are rods of steel and weigh, as `mechsim dynamics` has it.
+    They act on the link b of each joint, under what acts as `weighing` has it.
     """
-    if motion.drivers:
-        raise InputError(f"{drive.name}: arrows of joint loads are drawn for a crank without programs only")
-    machine = dynamics.machine(drive, WEIGHT)
     if road == "simulated":
-        run = driven(machine.mechanism, machine.forces, profile=profile, samples=len(motion) - 1)
-        found = run.efforts.reactions
+        found = simulated_efforts(drive, profile, len(motion) - 1).reactions
     else:
-        found = dynamics.prescribed(
-            machine, motion.angle, motion.speed, motion.acceleration
-        ).efforts.reactions
+        at = (motion.angle, motion.speed, motion.acceleration)
+        found = dynamics.prescribed(weighing(drive), *at, time=motion.time, as_run=motion).efforts.reactions
     forces = {name: one.force for name, one in found.items()}
     # a moment that the largest force makes on a billionth of the size is rounding, and no arrow
     least = 1e-9 * drive.mechanism.size * max(float(np.abs(force).max()) for force in forces.values())
@@ -84,8 +84,8 @@ def joint_loads(drive: Form, road: str, profile: CrankProfile, motion: Motion) -
     return {"forces": forces, "moments": moments}
 
 
-def simulated_torque(drive: Form, profile: CrankProfile, samples: int) -> tuple[Array, Array]:
-    """Return crank angles in [rad] and MuJoCo's drive torques in [N m], with links as in `joint_loads`."""
-    machine = dynamics.machine(drive, WEIGHT)
-    run = driven(machine.mechanism, machine.forces, profile=profile, samples=samples)
-    return run.motion.angle, run.efforts.torque
+def simulated_efforts(drive: Form, profile: CrankProfile, samples: int) -> Efforts:
+    """Return MuJoCo's efforts along a motion, under what acts as `weighing` has it."""
+    machine, programs = weighing(drive), drive.programs
+    moved: dict[str, Any] = {"profile": profile} if programs is None else {"programs": programs}
+    return driven(machine.mechanism, machine.forces, samples=samples, **moved).efforts

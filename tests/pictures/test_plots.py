@@ -2,17 +2,19 @@ import io
 import re
 import sys
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 import pytest
 
-from mechsim import catalog
+from mechsim import catalog, course
 from mechsim.errors import InputError, OutputError
+from mechsim.model.forces import Forces
 from mechsim.pictures import plots
 from mechsim.pictures.number_text import readable
-from mechsim.report.plot_table import PLOTS, PlotSource
+from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
 from mechsim.subjects.subject import load
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 37)
@@ -157,3 +159,25 @@ def test_curves_of_assemblies_are_cut_at_a_turn_unless_they_swing_over_more_than
     assert plots.assembly_plot(table, ("turn", "swing", "P.x")).axes[0].name == "3d"
     with pytest.raises(InputError, match="1 coordinates to plot over"):
         plots.assembly_plot(table, ("turn",))
+
+
+def test_efforts_of_programs_are_drawn_over_time_by_both_roads_and_balance():
+    source = PlotSource(drive=load("five_bar"), speed=1.0, asked=PlotOptions(road="simulated"))
+    (ax,) = PLOTS["torque"].draw(source).axes
+    assert ax.get_xlabel() == "time [s]"
+    told = dict(zip((line.get_label() for line in ax.get_lines()), ax.get_lines(), strict=True))
+    study = source.study()
+    for name, values in study.efforts.drives.items():
+        label = next(one for one in told if one.startswith(name))
+        drawn = told[label].get_ydata()
+        assert drawn / np.abs(drawn).max() == pytest.approx(values / np.abs(values).max())
+    assert "MuJoCo" in told
+    for kind in ("reactions", "power"):
+        assert plots.drawn(PLOTS[kind].draw(source)).startswith(b"<?xml")
+
+
+def test_what_a_file_says_acts_on_a_mechanism_is_in_its_plots():
+    drive = load("quick_return")
+    pulled = replace(drive, forces=Forces(gravity=(0.0, 0.0, 0.0), crank_torque=course.constant(-0.5)))
+    study = PlotSource(drive=pulled, speed=1e-3).study()
+    assert study.efforts.torque == pytest.approx(0.5, abs=1e-6)

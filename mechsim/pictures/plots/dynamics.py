@@ -37,15 +37,15 @@ class Prescribed(Protocol):
 
 
 @styled()
-def torque_plot(study: Prescribed, simulated: tuple[Array, Array] | None = None) -> "Figure":
-    """Draw the drive torque over the crank angle, and what it is made of.
+def torque_plot(study: Prescribed, simulated: Efforts | None = None) -> "Figure":
+    """Draw the drive torque over the crank angle and what it is made of; of drivers their efforts over time.
 
     Args:
         study: the analytic side.
-        simulated: crank angles in [rad] and torques in [N m] of the other road, drawn as rings.
+        simulated: what the other road has, drawn as rings.
     """
     figure, axes = blank(1, 1, (5.8, 3.2))
-    _torque(axes[0, 0], study, simulated)
+    _driving(axes[0, 0], study, simulated)
     return figure
 
 
@@ -114,11 +114,7 @@ def dynamics_sheet(
 ) -> "Figure":
     """Draw torque or drives, reactions, powers and speed fluctuation on one sheet."""
     figure, axes = blank(2, 2, (10.4, 6.6))
-    if study.efforts.drives:
-        _drives(axes[0, 0], study.efforts, simulated)
-    else:
-        rings = None if simulated is None else (simulated.angle, simulated.torque)
-        _torque(axes[0, 0], study, rings)
+    _driving(axes[0, 0], study, simulated)
     _polar(axes[0, 1], study)
     _powers(axes[1, 0], study)
     if turn is None:
@@ -128,7 +124,14 @@ def dynamics_sheet(
     return figure
 
 
-def _torque(ax: "Axes", study: Prescribed, simulated: tuple[Array, Array] | None) -> None:
+def _driving(ax: "Axes", study: Prescribed, simulated: Efforts | None) -> None:
+    if study.efforts.drives:
+        _drives(ax, study.efforts, simulated)
+    else:
+        _torque(ax, study, simulated)
+
+
+def _torque(ax: "Axes", study: Prescribed, simulated: Efforts | None) -> None:
     found, lines, degrees = study.efforts, study.torque_parts, np.rad2deg(study.efforts.angle)
     factor, unit = readable(found.torque, "N m")
     shown = {name: values for name, values in lines.items() if np.abs(values).max() > 1e-6 * factor}
@@ -137,8 +140,8 @@ def _torque(ax: "Axes", study: Prescribed, simulated: tuple[Array, Array] | None
             ax.plot(degrees, values / factor, color=COLOURS[i + 1], ls="--", lw=1.0, label=name)
     ax.plot(degrees, found.torque / factor, color=COLOURS[0], label="drive")
     if simulated is not None:
-        every = max(1, len(simulated[0]) // 48)
-        x, y = np.rad2deg(simulated[0][::every]), simulated[1][::every] / factor
+        every = max(1, len(simulated) // 48)
+        x, y = np.rad2deg(simulated.angle[::every]), simulated.torque[::every] / factor
         ax.plot(x, y, "o", ms=3.5, mfc="none", mew=0.7, color=RINGS, label="MuJoCo")
     ax.set_ylabel(f"torque [{unit}]")
     angle_axis(ax)
