@@ -64,6 +64,21 @@ def place_of(path: str | Path) -> Path:
     return place
 
 
+def require_place(path: str | Path) -> None:
+    """Refuse a file that cannot be made or written, before there is anything to write.
+
+    Raises:
+        OutputError: says why.
+    """
+    place = place_of(path)
+    if not place.exists():
+        try:
+            with tempfile.NamedTemporaryFile(dir=place.parent, prefix=".", suffix=place.suffix):
+                pass
+        except OSError as error:
+            raise _cannot_write(Path(path), error) from error
+
+
 @contextmanager
 def written_beside(path: str | Path) -> Generator[Path]:
     """Give a temporary path beside `path`, and put it in its place when the block ends well.

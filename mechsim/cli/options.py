@@ -235,7 +235,7 @@ def writable(path: str, *extensions: str) -> Path:
         raise OutputError(
             f"cannot write {path!r}: {str(folder)!r} is no folder that can be written; make it first"
         )
-    files.place_of(place)
+    files.require_place(place)
     return place
 
 

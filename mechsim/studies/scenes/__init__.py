@@ -1,5 +1,6 @@
 """A user's own MJCF scene in plain MuJoCo, over its own motion: runs, exact closure, limit, errors, time."""
 
+import mechsim.simulation  # loads MuJoCo without a back end that fails  # noqa: F401 # pyright: ignore[reportUnusedImport]
 from mechsim.studies.scenes.closed_start import begun_closed, start_error
 from mechsim.studies.scenes.exact_closure import ExactClosure
 from mechsim.studies.scenes.scene_errors import MEASURES, By, SceneErrors, errors_of

@@ -1,5 +1,6 @@
 """Speed against accuracy, measured: the ladder of settings, the trials, and what they recommend."""
 
+import mechsim.simulation  # loads MuJoCo without a back end that fails  # noqa: F401 # pyright: ignore[reportUnusedImport]
 from mechsim.studies.tradeoff.built_model import BuiltModel, build_model
 from mechsim.studies.tradeoff.ladder import DEFAULTS, STEPS, Family, families
 from mechsim.studies.tradeoff.model_builds import Build
