@@ -1,0 +1,122 @@
+"""Every command with sound subjects: catalogue names, files of the gallery, exported models."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from judged_endings import Case
+
+from mechsim import catalog
+
+ROOT = Path(__file__).resolve().parents[2]
+GALLERY = ROOT / "models" / "gallery"
+SWINGS = "peaucellier_lipkin.toml"
+SCENES = ("four_bar", "slider_crank", "rssr", "rrsrr", "looper", "bennett")
+# catalogue name -> a point, a dimension of its own, and what it may be
+VARIED = {
+    "four_bar": ("C", "rocker", "70mm:78mm"),
+    "slider_crank": ("B", "rod", "0.19:0.21"),
+    "rssr": ("P3", "rocker", "26mm:28mm"),
+    "rrsrr": ("C", "link", "38.5mm:39.5mm"),
+    "looper": ("E", "rocker", "31.5mm:32.5mm"),
+    "bennett": ("A", "twist0", "33deg:35deg"),
+}
+FORMULA = """import numpy as np
+
+def law(angle):
+    return {"A": np.stack([0.032 * np.cos(angle), 0.032 * np.sin(angle), 0 * angle], 1)}
+"""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A case, its class, which of its files may be broken, and whether a refusal of it is a fault."""
+
+    kind: str
+    case: Case
+    breakable: tuple[str, ...] = ()
+    sound: bool = False
+    missed_is_wrong: bool = False
+
+
+def subjects() -> Iterator[tuple[str, dict[str, bytes]]]:
+    """Yield sound subjects: what is typed, and the files it needs."""
+    for name in catalog.DRIVES:
+        yield name, {}
+    laws = {path.name: path.read_bytes() for path in GALLERY.glob("*.py")}
+    for path in sorted(GALLERY.glob("*.toml")):
+        yield path.name, {path.name: path.read_bytes(), **laws}
+    for name in SCENES:
+        yield f"{name}.xml", {f"{name}.xml": (ROOT / "models" / f"{name}.xml").read_bytes()}
+
+
+def lines(model: str) -> Iterator[str]:
+    """Yield the commands that a sound subject has to stand."""
+    # a whole turn of a crank that only swings is refused, and rightly so
+    far = " --angles -60deg:60deg:5deg" if model == SWINGS else ""
+    yield from (f"show {model} --json", f"solve {model}{far} -o out.csv", f"solve {model}{far} --json")
+    yield f"view {model} -o out.html"
+    if not far:
+        yield f"simulate {model} -o out.npz"
+    yield from (f"plot {model} -o out.svg", f"render {model} -o out.png --size 64x48")
+    if not model.endswith(".xml"):
+        yield from (f"export {model} -o out.xml", f"export {model} --format toml -o out.toml")
+        yield from (f"dynamics {model} --json", f"validate {model} --json")
+    else:
+        run = f"{model} --drive crank=600rpm --duration 0.1"
+        yield from (
+            f"simulate {run} -o out.csv",
+            f"validate {run} --json",
+            f"trace {model} --starts 9 --json",
+        )
+    if model == "four_bar.xml":
+        run = f"{model} --drive crank=600rpm --duration 0.1 --tolerance 1mm -o out.xml --json"
+        yield from (f"tune {run} --budget 1s", f"reduce {run}")
+    if model in VARIED:
+        point, dimension, values = VARIED[model]
+        yield f"sweep {model} --vary {dimension}={values}:4 --measure stroke:{point} -o out.csv --samples 12"
+        yield f"sweep {model} --vary {dimension}={values} --sample sobol:4 --measure max:{point}.x -o out.nc"
+        yield f"sensitivity {model} --of {point} --to {dimension} -o out.csv"
+        little = "0.01deg" if values.endswith("deg") else "1um"
+        yield f"sensitivity {model} --of {point}.v --tolerances {dimension}={little} --samples 100 --json"
+        yield f"fit {model} --to measured.csv --vary {dimension} -o out.json --json"
+        yield f"trace {model} -o out.csv --starts 9"
+        yield f"validate {model} --against measured.csv --json"
+        yield f"simulate {model} --profile crank.csv -o out.csv"
+        yield f"tradeoff {model} --budget 1s --json"
+    if model == "four_bar":
+        yield f"validate {model} --against law.py:law --json"
+        yield f"sweep {model} --design designs.csv --measure range:rocker -o out.csv"
+
+
+def sound_cases() -> list[Tried]:
+    """Return every command with every sound subject."""
+    rows = "".join(f"{0.01 * i},{0.03 * i}\n" for i in range(12))
+    beside = {"crank.csv": f"time,angle\n{rows}".encode(), "law.py": FORMULA.encode()}
+    beside["designs.csv"] = b"crank,rocker\n0.03,0.07\n0.032,0.075\n"
+    found: list[Tried] = []
+    for model, needed in subjects():
+        mine = dict(beside)
+        if model in VARIED:
+            mine["measured.csv"] = measured(model)
+        for line in lines(model):
+            words = tuple(line.split())
+            files = needed | {
+                name: text for name, text in mine.items() if any(name in word for word in words)
+            }
+            breakable = tuple(name for name in files if name in line)
+            judged = words[0] == "validate"
+            found.append(Tried("sound", Case(words, files), breakable, True, missed_is_wrong=judged))
+    return found
+
+
+def measured(name: str) -> bytes:
+    """Return a table of the motion of a mechanism of the catalogue."""
+    point = VARIED[name][0]
+    drive = catalog.make(name)
+    low, high = drive.crank_range().interval if not drive.crank_range().full else (0.0, 6.0)
+    angles = [low + (high - low) * (0.1 + 0.04 * i) for i in range(20)]
+    places = drive.positions(angles)[point]
+    head = f"angle,{point}.x,{point}.y,{point}.z"
+    body = [",".join(repr(float(v)) for v in (a, *place)) for a, place in zip(angles, places, strict=True)]
+    return "\n".join([head, *body]).encode()

@@ -1,0 +1,225 @@
+"""What someone may type: commands, options, values, parameters and files, a third of them strange."""
+
+from hypothesis import strategies as st
+from judged_endings import Case
+
+from mechsim import catalog
+
+# values people type: sound, strange, wrong
+numbers = st.one_of(
+    st.floats(-1e3, 1e3).map(repr),
+    st.floats(allow_nan=True, allow_infinity=True).map(repr),
+    st.sampled_from(["0", "-0", "1e-300", "1e300", "nan", "inf", "", "1e999", "0x10", "1,5", "5e-324", "٣"]),
+)
+units = st.sampled_from(
+    [
+        *("", "mm", "m", "deg", "rad", "rpm", "s", "ms", "um", " mm", "parrots", "kg", "%", "1/m"),
+        *("mm!", "mm=1", "mm#x", "m**9**9**9", "m**2", "(m)"),
+    ]
+)
+quantities = st.builds(lambda number, unit: f"{number}{unit}", numbers, units)
+lengths = st.integers(1, 400).map(lambda value: f"{0.5 * value}mm")
+texts = st.one_of(quantities, st.text(max_size=8), st.sampled_from(["on", "off", "1", "-1", "+1", "2,3,4mm"]))
+names = st.one_of(
+    st.sampled_from(list(catalog.DRIVES)),
+    st.sampled_from(["rsr", "", "four-bar", "RSSR", "--", "n" * 304, "."]),
+    st.text(max_size=6),
+)
+
+
+@st.composite
+def sets(draw: st.DrawFn, name: str) -> list[str]:
+    known = list(catalog.parameters(name)) if name in catalog.DRIVES else ["crank"]
+    words: list[str] = []
+    for _ in range(draw(st.integers(0, 3))):
+        parameter = draw(st.one_of(st.sampled_from(known), st.sampled_from(known), st.text(max_size=5)))
+        equals = draw(st.sampled_from(["=", "=", "=", "=", "", "=="]))
+        words += ["--set", f"{parameter}{equals}{draw(st.one_of(lengths, texts))}"]
+    return words
+
+
+outputs = st.sampled_from(
+    [
+        "out.csv",
+        "out.npz",
+        "out.xml",
+        "out.svg",
+        "out.png",
+        "out.pdf",
+        "out",
+        ".csv",
+        "no/out.csv",
+        ".",
+        "out.CSV",
+        "ä b.csv",
+        "n" * 300 + ".csv",
+    ]
+)
+amounts = st.sampled_from(["1", "0.1", "0", "-1", "nan", "1e300", "1e29", "1e-308", "x", ""])
+angles = st.one_of(
+    st.sampled_from(
+        ["0:360:5deg", "0:1:0.1", "30deg", "0:360:0deg", "360:0:-30deg", "a:b:c", "0:1e9:1", "::", "1:2"]
+    ),
+    st.builds(lambda a, b, c: f"{a}:{b}:{c}", quantities, quantities, quantities),
+    quantities,
+)
+speeds = st.one_of(st.sampled_from(["600rpm", "-1rpm", "1e5rpm", "0", "3mm"]), quantities)
+small = st.integers(-3, 400).map(str)
+
+# option -> values; every command takes a few of its own
+OPTIONS: dict[str, dict[str, st.SearchStrategy[str]]] = {
+    "list": {},
+    "show": {
+        "--angle": quantities,
+        "--driver": st.one_of(st.sampled_from(["crank", "rocker", "rod3"]), texts),
+    },
+    "solve": {"--angles": angles, "--speed": speeds, "-o": outputs},
+    "export": {
+        "--scene": st.sampled_from(["pose", "motion", "dynamics", "picture", "sea", ""]),
+        "--cut": st.one_of(st.sampled_from(["A", "B", "P3", "A,B", "crank", ""]), st.text(max_size=4)),
+        "-o": outputs,
+    },
+    "simulate": {
+        "--speed": speeds,
+        "--turns": st.one_of(
+            st.sampled_from(["1", "0.3", "0", "-1", "nan", "inf"]), numbers.filter(lambda n: len(n) < 4)
+        ),
+        "--tolerance": st.sampled_from(["1um", "1e-3", "0", "-1", "nan", "1deg", "1mm"]),
+        "--timestep": st.sampled_from(["1ms", "0.1ms", "0", "1s", "-1", "nan", "1mm"]),
+        "--steps-per-turn": small,
+        "--integrator": st.sampled_from(["RK4", "Euler", "implicitfast", "discrete", "verlet", ""]),
+        "--solref": st.sampled_from(["0.02,1", "-1e4,-100", "0,0", "nan,1", "1", "a,b"]),
+        "--solimp": st.sampled_from(["0.9,0.95,0.001", "0,0", "2,2", "nan,1", "0.9,0.9,0,0,0"]),
+        "--hardness": st.sampled_from(["1", "1e-8", "0", "nan", "1e300", "x"]),
+        "--method": st.sampled_from(["step", "pose", "guess"]),
+        "--profile": st.sampled_from(["crank.csv", "crank.npz", "no.csv", "."]),
+        "--every": quantities,
+        "--scene": st.sampled_from(["motion", "dynamics", "picture", "pose", "sea"]),
+        "-o": outputs,
+    },
+    "plot": {
+        "--kind": st.sampled_from(["motion", "curve", "space", "transmission", "plan", "x"]),
+        "--points": st.one_of(st.sampled_from(["A", "B", "P3", "A,B"]), st.text(max_size=4)),
+        "--angle": quantities,
+        "-o": outputs,
+    },
+    "synthesize": {
+        "--through": st.one_of(st.just("12.8751,29.9574mm"), texts),
+        "--tilt": st.one_of(st.just("1.3905deg"), quantities),
+        "--length": st.one_of(st.just("4mm"), quantities),
+    },
+    "validate": {"--speed": speeds},
+    "render": {
+        "-o": st.sampled_from(["out.bmp", "no/out.png", "no/" + "n" * 304]),
+        "--size": st.sampled_from(["big", "1x1", "²x²", "1x" + "9" * 5000, "640x480x3"]),
+    },
+    "dynamics": {
+        "--motor": st.sampled_from(
+            ["constant:1e20", "line:1e4,600rpm", "dc:12,1,0.05", "constant:0", "line:1", "dc:1,0,1", "x:1"]
+        ),
+        "--gear": amounts,
+        "--flywheel": amounts,
+        "--density": amounts,
+        "--diameter": amounts,
+        "--turns": st.sampled_from(["1", "0.01", "1e-308", "0", "nan", "9999"]),
+        "--samples": st.sampled_from(["36", "1", "0", "100000"]),
+        "--gravity": st.sampled_from(["0,-9.81,0", "1e300,0,0", "0,0", "nan,0,0"]),
+        "--friction": amounts.map("crank={}".format),
+        "--coefficient": amounts,
+        "--method": st.sampled_from(["pose", "none", "none", "x"]),
+        "--csv": outputs,
+    },
+    "tradeoff": {"--budget": st.sampled_from(["0", "-1s", "nan", "x"]), "--by": st.just("colour")},
+    "extremes": {"--report": st.sampled_from(["no/out", "n" * 304])},
+}
+FREQUENT = ["show", "solve", "solve", "export", "export", "simulate", "simulate", "simulate", "plot", "list"]
+SCARCE = ["synthesize", "validate", "render", "dynamics", "dynamics", "dynamics"]
+# which take long; only refusals of theirs are tried
+REFUSED = {"tradeoff": "--budget", "extremes": "--report", "render": "-o"}
+
+
+# values that are right by themselves; together they may still be refused
+SOUND: dict[str, list[str]] = {
+    "--angle": ["30deg", "1", "-400deg"],
+    "--angles": ["0:360:5deg", "0:1:0.1", "30deg", "-10:10:3"],
+    "--speed": ["600rpm", "-1rpm", "1e5rpm", "1e-3"],
+    "--scene": ["pose", "motion", "dynamics", "picture"],
+    "--turns": ["1", "0.3", "3"],
+    "--tolerance": ["1um", "1e-3", "1mm", "1e-9"],
+    "--timestep": ["1ms", "0.1ms"],
+    "--steps-per-turn": ["4", "17", "100", "1000"],
+    "--integrator": ["RK4", "Euler", "implicitfast", "implicit", "discrete"],
+    "--solref": ["0.02,1", "-1e4,-100"],
+    "--solimp": ["0.9,0.95,0.001", "0.5,0.6"],
+    "--hardness": ["1", "1e-8", "1e-2", "1e3"],
+    "--method": ["step", "pose"],
+    "--every": ["5deg", "0.1", "77deg"],
+    "--kind": ["motion", "curve", "space", "transmission"],
+    "--motor": ["constant:1", "line:2,600rpm", "dc:12,1,0.05"],
+    "--flywheel": ["0", "1e-3", "1e3"],
+    "--density": ["7850", "1", "1e6"],
+    "--samples": ["36", "1", "200"],
+    "--csv": ["out.csv", "out.npz"],
+}
+
+
+FILES: dict[str, list[str]] = {"render": [], "export": ["out.xml"], "plot": ["out.svg", "out.png", "out.pdf"]}
+NEEDED: dict[str, tuple[str, ...]] = {
+    "plot": ("-o", "out.svg"),
+    "synthesize": ("--through", "12.8751,29.9574mm", "--tilt", "1.3905deg", "--length", "4mm"),
+}
+WITH_JSON = ("list", "show", "solve", "simulate", "validate", "synthesize")
+
+
+@st.composite
+def cases(draw: st.DrawFn) -> Case:
+    """What someone may type: a third of it strange, the rest made of sound parts."""
+    sound = draw(st.integers(0, 2)) > 0
+    command = draw(st.sampled_from(FREQUENT * 3 + SCARCE + ["tradeoff", "extremes"]))
+    sound = sound and command not in REFUSED
+    words = [command]
+    if command != "list":
+        name = draw(st.sampled_from(list(catalog.DRIVES)) if sound else names)
+        words.append(name)
+        words += draw(stretched(name) if sound else sets(name))
+    known = OPTIONS[command]
+    for option in draw(st.lists(st.sampled_from(sorted(known)), max_size=4, unique=True)) if known else []:
+        values = FILES.get(command, ["out.csv", "out.npz"]) if option == "-o" else SOUND.get(option, [])
+        if not sound or values:
+            words += [option, draw(st.sampled_from(values) if sound else known[option])]
+    if command in REFUSED and REFUSED[command] not in words:
+        words += [REFUSED[command], draw(known[REFUSED[command]])]
+    if sound and not set(NEEDED.get(command, ())) & set(words):
+        words += NEEDED.get(command, ())
+    if (not sound or command in WITH_JSON) and draw(st.integers(0, 3)) == 0:
+        words.append("--json")
+    if not sound and draw(st.integers(0, 9)) == 0:
+        words.append(draw(st.text(max_size=6)))
+    return Case(tuple(words), draw(profiles()) if "--profile" in words else {})
+
+
+@st.composite
+def stretched(draw: st.DrawFn, name: str) -> list[str]:
+    """Some parameters of a mechanism changed by up to a half, or to far beyond sense."""
+    words: list[str] = []
+    for parameter, kind in catalog.parameters(name).items():
+        if not isinstance(kind.default, float) or draw(st.integers(0, 2)):
+            continue
+        wide = st.sampled_from([1e-9, 1e-3, 30.0, 1e6, -1.0])
+        factor = draw(st.one_of(st.floats(0.7, 1.4), st.floats(0.5, 1.5), st.floats(0.9, 1.1), wide))
+        words += ["--set", f"{parameter}={float(kind.default * factor)!r}"]
+    return words
+
+
+@st.composite
+def profiles(draw: st.DrawFn) -> dict[str, bytes]:
+    rows = draw(
+        st.lists(st.tuples(st.floats(-1, 1), st.floats(-10, 10)), max_size=12)
+        | st.integers(6, 30).map(lambda n: [(0.01 * i, 0.03 * i) for i in range(n)])
+    )
+    head = draw(st.sampled_from(["time,angle", "time, angle", "\ufefftime,angle", "angle,time", "t,a", ""]))
+    text = "\n".join([head, *(f"{t!r},{a!r}" for t, a in rows)])
+    made = draw(
+        st.sampled_from([text.encode(), text.encode()[:-3], b"\xff\xfe\x00", b"", text.encode("utf-16")])
+    )
+    return {"crank.csv": made, "crank.npz": draw(st.binary(max_size=40))}
