@@ -1,6 +1,7 @@
 """Mutants that no test can kill: (file, line before, line after) -> why; "..." stands for any line after."""
 
 SHAPE = "any negative number stands for the length left over"
+NEAR_ONE = "loops in units of their size have largest singular values near one"
 SPEED = "changes what a run costs, not what it gives"
 LOOPS = "simulation/model_loops.py"
 POSED = "simulation/posed_bodies.py"
@@ -55,6 +56,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     (POSED, "threads = 1 if n <= ONE_THREAD else 0", "..."): SPEED,
     (POSED, "ONE_THREAD = 4096", "..."): SPEED,
     (
+        LOOPS,
+        "rank = int((values > RANK_TOLERANCE * values[:, :1]).sum(1).max())",
+        "rank = int((values > RANK_TOLERANCE / values[:, :1]).sum(1).max())",
+    ): NEAR_ONE,
+    (
         MOTION,
         "twist = least_norm(mechanism, rows.jacobian, asked).reshape(n, -1, 6)",
         "twist = least_norm(mechanism, rows.jacobian, asked).reshape(n, -2, 6)",
@@ -75,6 +81,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "step = left if left <= length else min(length, 0.6 * left)",
         "step = left if left <= length else min(length, 6.0 * left)",
     ): SPEED,
+    (
+        PATH,
+        "beside = np.argsort(np.abs(side))[1:2]",
+        "beside = np.argsort(np.abs(side))[1:3]",
+    ): "only the first of them counts",
     (PATH, "AFTER = 0.3", "AFTER = 3.0"): SPEED,
     (PATH, "BEYOND = 0.2137", "BEYOND = 2.137"): SPEED,
     (
@@ -92,7 +103,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         SOLVER,
         "rank = int((values > RANK_TOLERANCE * values[0]).sum())",
         "rank = int((values > RANK_TOLERANCE / values[0]).sum())",
-    ): "loops in units of their size have largest singular values near one",
+    ): NEAR_ONE,
     (
         SOLVER,
         "before, worst = (worst, float(np.abs(found.right).max(initial=0.0)))",

@@ -122,6 +122,29 @@ def test_change_points_are_found_wherever_the_path_begins(start):
     found = np.sort(path.meetings) / np.pi
     np.testing.assert_allclose(found, np.round(found), atol=1e-12)
     assert np.unique(np.round(found)).size == found.size >= 5
+    # each lies amid the cell that leads through it
+    ends = np.sort(np.concatenate([cell.nodes[[0, -1]] for cells in path.cells.values() for cell in cells]))
+    for meeting in path.meetings:
+        after = np.searchsorted(ends, meeting)
+        assert 2.0 * meeting == pytest.approx(ends[after - 1] + ends[after], abs=1e-9)
+
+
+def test_a_change_point_that_rounding_hides_between_two_cells_is_looked_for_from_before_them():
+    path = followed(catalog.make("four_bar").mechanism)
+    told, hidden = path._told, []
+
+    def misled(cell, loops):
+        cell, side = told(cell, loops)
+        if len(path.cells[1]) == 3 and not hidden:
+            hidden.append(path.cells[1][-1])
+            side = -side
+        return cell, side
+
+    path._told = misled
+    path.reach(3.0, 1)
+    third = path.cells[1][2]
+    assert third.nodes[0] == hidden[0].nodes[0]
+    assert third.length == pytest.approx(0.6 * hidden[0].length)
 
 
 @pytest.mark.parametrize("off", [3e-3, -2e-5])

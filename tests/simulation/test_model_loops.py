@@ -54,6 +54,22 @@ def test_one_state_alone_and_among_others_is_the_same(mechanism: Mechanism) -> N
         assert np.abs(several[1] - single[0]).max() < 1e-15
 
 
+def test_designs_in_other_sizes_stand_open_in_proportion_one_alone_and_many_together() -> None:
+    loops = loops_of(catalog.make("four_bar").mechanism)
+    sizes, states = np.array([1.3, 0.7, 2.0]), near(loops, 3, 0.1)
+    plain, slope = loops.linearise(states)
+    for rows in (np.arange(3), np.array([1])):
+        fields = {
+            name: sizes[rows, None, None] * getattr(loops.model, name) for name in ("site_pos", "body_pos")
+        }
+        own = loops.with_fields(fields)
+        found, jacobian = own.linearise(states[rows])
+        assert np.abs(found - sizes[rows, None] * plain[rows]).max() < 1e-15
+        assert np.abs(jacobian - sizes[rows, None, None] * slope[rows]).max() < 1e-15
+        assert own.sizes == pytest.approx(sizes[rows] * loops.size)
+        assert own.gap(found) == pytest.approx(loops.gap(plain)[rows])
+
+
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
 def test_loops_opened_by_a_little_close_again_with_the_crank_held(mechanism: Mechanism) -> None:
     loops = loops_of(mechanism)
