@@ -16,15 +16,15 @@ from mechsim.model.mechanism import GROUND, Joint, Link, Mechanism
 STEP, MIDDLE = 2e-3, 4
 FIRST = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / STEP
 CROSS = 1.2
-KINDS = ("revolute", "prismatic", "cylindrical", "universal", "spherical")
+KINDS = ("revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "fixed")
 
 
 def joint(name, kind, a, b):
     return Joint(name, kind, a, b, CROSS) if kind == "universal" else Joint(name, kind, a, b)
 
 
-def branched(swap, names=("shaft", *"abcdefghi")):
-    """Chains with three balls and every other kind of joint, each named from either side."""
+def branched(swap, names=("shaft", *"abcdefghijkl")):
+    """Chains with balls, a link that floats and every other kind of joint, each named from either side."""
     chain = [
         ("universal", GROUND, "a"),
         ("spherical", "a", "b"),
@@ -35,6 +35,9 @@ def branched(swap, names=("shaft", *"abcdefghi")):
         ("universal", "f", "g"),
         ("cylindrical", "g", "h"),
         ("spherical", "g", "i"),
+        ("planar", "i", "j"),
+        ("floating", "j", "k"),
+        ("fixed", "k", "l"),
     ]
     random = np.random.default_rng(3)
     joints = []
@@ -59,7 +62,7 @@ class Moving:
         self.tree = replace(tree, cuts=(cut,) if cut else ())
         self.loops = TreeLoops(self.tree, cuts_of(self.tree), (), (0,))
         random = np.random.default_rng(8)
-        turns = np.linalg.qr(random.normal(size=(3, 3, 3)))[0]
+        turns = np.linalg.qr(random.normal(size=(len(tree.balls), 3, 3)))[0]
         turns *= np.sign(np.linalg.det(turns))[:, None, None]
         start = Coordinates(random.uniform(-0.7, 0.7, (tree.count, 9)), np.repeat(turns[..., None], 9, 3))
         start = Coordinates(np.repeat(start.values[:, :1], 9, 1), start.turns)
@@ -99,7 +102,7 @@ def test_twists_and_drifts_are_the_rates_of_places_and_of_twists(swap):
 
 @pytest.mark.parametrize("swap", [0, 1])
 def test_links_are_where_they_are_in_whatever_order_they_are_listed(swap):
-    names = ("h", "c", "shaft", "i", "a", "f", "b", "e", "d", "g")
+    names = ("h", "c", "k", "shaft", "i", "a", "l", "f", "b", "e", "j", "d", "g")
     one, other = Moving(swap, None), spanning_tree(branched(swap, names))
     there = placed(other, one.at)
     for i, name in enumerate(names):
@@ -158,5 +161,7 @@ def test_slopes_and_biases_of_a_closing_joint_are_derivatives_of_its_residual(ki
         "cylindrical": [xa * gap, ya * gap, *aligned],
         "universal": [xa * gap, ya * gap, za * gap, za * zb - np.cos(CROSS) / 3.0],
         "spherical": [xa * gap, ya * gap, za * gap],
+        "planar": [za * gap, *aligned],
+        "fixed": [xa * gap, ya * gap, za * gap, *aligned, xa * yb],
     }[kind]
     near(residual, np.array([row.sum(1) for row in expected]), 1e-13)
