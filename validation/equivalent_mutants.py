@@ -90,8 +90,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     (PATH, "BEYOND = 0.2137", "BEYOND = 2.137"): SPEED,
     (
         SOLVER,
-        "HALF, TELLING = (0.4, 0.5)",
-        "HALF, TELLING = (0.4, 5.0)",
+        "HALF, TELLING, FEW = (0.4, 0.5, 0.2)",
+        "HALF, TELLING, FEW = (0.4, 5.0, 0.2)",
     ): "the rows that tell most are then always taken",
     (SOLVER, "FAR = 0.3", "FAR = 0.03"): "a path is followed in shorter steps",
     (

@@ -23,7 +23,7 @@ def joint(name, kind, a, b):
     return Joint(name, kind, a, b, CROSS) if kind == "universal" else Joint(name, kind, a, b)
 
 
-def branched(swap, names=("shaft", *"abcdefghijkl")):
+def branched(swap, names=("shaft", *"abcdefghijklm")):
     """Chains with balls, a link that floats and every other kind of joint, each named from either side."""
     chain = [
         ("universal", GROUND, "a"),
@@ -38,6 +38,7 @@ def branched(swap, names=("shaft", *"abcdefghijkl")):
         ("planar", "i", "j"),
         ("floating", "j", "k"),
         ("fixed", "k", "l"),
+        ("fixed", "shaft", "m"),
     ]
     random = np.random.default_rng(3)
     joints = []
@@ -102,7 +103,7 @@ def test_twists_and_drifts_are_the_rates_of_places_and_of_twists(swap):
 
 @pytest.mark.parametrize("swap", [0, 1])
 def test_links_are_where_they_are_in_whatever_order_they_are_listed(swap):
-    names = ("h", "c", "k", "shaft", "i", "a", "l", "f", "b", "e", "j", "d", "g")
+    names = ("h", "c", "k", "shaft", "i", "a", "l", "f", "b", "e", "j", "d", "g", "m")
     one, other = Moving(swap, None), spanning_tree(branched(swap, names))
     there = placed(other, one.at)
     for i, name in enumerate(names):
