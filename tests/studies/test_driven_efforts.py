@@ -57,8 +57,6 @@ def bending_passive():
 
 BENT = {"bending rack": bending_rack, "bending passive joint": bending_passive}
 CASES = {"five-bar": five_bar, "boom": boom, "rack": held_rack} | BENT
-# where a coupling bends, places and so energies are of second order in the step
-STEPS = {"bending rack": 16000, "bending passive joint": 64000}
 
 
 def studied(machine, count=41):
@@ -110,7 +108,7 @@ def test_a_standing_boom_is_held_by_the_moments_of_its_weights():
 @pytest.mark.parametrize("case", CASES)
 def test_mujoco_agrees_and_a_heavier_link_is_refused(case, method):
     machine = CASES[case]()
-    settings = Settings(steps_per_turn=STEPS.get(case, 1000)) if method == "step" else None
+    settings = Settings(steps_per_turn=1000) if method == "step" else None
     run = driven(
         machine.mechanism,
         machine.forces,
@@ -133,18 +131,18 @@ def test_mujoco_agrees_and_a_heavier_link_is_refused(case, method):
 def test_efforts_stepped_as_if_a_coupling_were_straight_are_refused(case, monkeypatch):
     machine = BENT[case]()
 
-    def judged(steps):
-        moves, chosen = machine.drive.programs, Settings(steps_per_turn=steps)
+    def judged():
+        moves, chosen = machine.drive.programs, Settings(steps_per_turn=250)
         stepped = driven(
             machine.mechanism, machine.forces, programs=moves, method="step", settings=chosen, samples=20
         )
         checks = crosscheck_driven(stepped, machine).checks
         return {one.kind for one in checks if not one.passed}
 
-    # at 4,000 steps all forces keep their bounds, the energies do not yet
-    assert judged(4000) <= {"kinetic energy", "potential energy"}
+    # the places of what bends are off by 1e-5 at so few steps, and its efforts are not
+    assert judged() == set()
     monkeypatch.setattr(Coupled, "bend", lambda _, qpos, __: np.zeros(len(qpos)))
-    assert judged(4000) >= {"drive torque", "driver effort"}
+    assert judged() >= {"drive torque", "driver effort"}
 
 
 def test_a_flywheel_under_programs_is_refused():

@@ -316,9 +316,10 @@ def _rates(loaded: LoadedModel, qpos: Array) -> Array:
 # factor on the inverse weights below which forces are not evaluated, and Newton steps for them: between
 # an error of 1e-6 x factor and rounding over 1e4 x factor, measured 5e-10 of the drive torque
 HARDEST, ITERATIONS = 1e-5, 10
-# the same where frames are welded, whose rows MuJoCo takes for thousands of times lighter than they are:
-# an error of 0.3 x factor was measured where a sleeve is split, and no rounding down to 1e-8
-WELDED = 1e-7
+# the same where frames are welded or couplings bend, whose rows MuJoCo takes for thousands of times lighter
+# than they are: an error of 0.3 x factor was measured where a sleeve is split, 5 x factor where a plate of 8 kg
+# is coupled to the tool on it, and no rounding down to 1e-8
+HARDER = 1e-7
 # factor on the flywheel, and on what drives it, where the crank's speed changes: beside so large a torque
 # that of the machine would be lost in rounding
 LIGHTER = 1e-6
@@ -328,6 +329,8 @@ def efforts_of(
     loaded: LoadedModel, stepped: mujoco.MjModel, hardness: float, states: States, force: Array | None = None
 ) -> Efforts:
     """Return the efforts at recorded states of a stepped model, from its own constraint forces.
+
+    Where a coupling bends they are those of the states with the loops closed (`_straightened`).
 
     Args:
         loaded: the mechanism.
@@ -340,7 +343,8 @@ def efforts_of(
     model = copy.copy(stepped)
     loaded.prepare(model)
     # forces are the softness times a tiny gap: harder than this, rounding of the gap shows in them
-    soften = max(1.0, (WELDED if loaded.loops.frames else HARDEST) / hardness)
+    light = loaded.loops.frames or any(one.bends for one in loaded.loops.couplings)
+    soften = max(1.0, (HARDER if light else HARDEST) / hardness)
     model.body_invweight0[:] *= soften
     model.dof_invweight0[:] *= soften
     model.opt.iterations = ITERATIONS
@@ -351,7 +355,7 @@ def efforts_of(
     _couple(loaded, model, hardness * soften)
     parts = []
     for first in range(0, len(states.time), CHUNK):
-        part = states.at(first)
+        part = _straightened(loaded, states.at(first))
         at = situation(loaded, part)
         acting = replace(at.outer, generalised=at.outer.generalised.copy())
         if force is not None:
@@ -376,6 +380,27 @@ def _couple(loaded: LoadedModel, model: mujoco.MjModel, hardness: float) -> None
     model.dof_invweight0[dofs] = hardness * loops.model.dof_invweight0[dofs]
     model.eq_active0[[one.number for one in loops.followers]] = 1
     model.eq_solref[[one.number for one in loops.couplings if one.bends]] = 0.0
+
+
+def _straightened(loaded: LoadedModel, states: States) -> States:
+    """Return states of which those with bending couplings are closed where their drivers stand, as are rates.
+
+    What a coupling bends lags behind by the square of the step: its force is constant over each, or holds it
+    by acceleration alone.
+    """
+    loops = loaded.loops
+    if not any(one.bends for one in loops.couplings):
+        return states
+    if loops.drive is not None:
+        loops = loops.standing(states.qpos[:, loops.drive.places].T)
+    qpos = loops.close(states.qpos)
+    # the clock's share in the drivers' rates stands no more
+    rows = loops.linearise(qpos)[1][:, : loops.driven_rows.start]
+    opened = (rows @ states.qvel[..., None])[..., 0]
+    kept = np.delete(np.arange(loaded.model.nv), [loops.crank, *loops.driven_dofs])
+    qvel = states.qvel.copy()
+    qvel[:, kept] -= (np.linalg.pinv(rows[:, :, kept], rcond=RANK_TOLERANCE) @ opened[..., None])[..., 0]
+    return replace(states, qpos=qpos, qvel=qvel)
 
 
 def _bent(loaded: LoadedModel, at: Situation) -> Array:

@@ -54,8 +54,8 @@ def driven(
         programs: of the drivers, in place of speed or profile; angles are then those of their clock.
         method: "pose" solves each pose, and by inverse dynamics what it needs: no integration, to
             rounding. "step" integrates in time; every number then belongs to the recorded instant,
-            and the drive's own inertia is not in it; energies of what a coupling's polynomial bends are of
-            second order in the step. None takes "pose", with a tolerance "step".
+            and the drive's own inertia is not in it; where a coupling's polynomial bends, efforts are those
+            of the recorded states with their loops closed. None takes "pose", with a tolerance "step".
         tolerance: bound on the error of drive torque and joint reactions at every recorded instant, as
             a part of their root mean square over the run (`torque_tolerance`); the number of steps is
             then chosen by trials and the result checked by two estimates. For method "pose" the
