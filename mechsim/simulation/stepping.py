@@ -136,6 +136,25 @@ def _lead(loops: ModelLoops) -> None:
     # by these MuJoCo scales the softness of couplings: what carries a flywheel gives way to nothing
     model.dof_invweight0[moved] = 1.0 / model.dof_armature[moved]
     model.eq_active0[[one.number for one in loops.followers]] = 0
+    weigh_sums(loops, model)
+
+
+def weigh_sums(loops: ModelLoops, model: mujoco.MjModel) -> None:
+    """Weigh the sums of coordinates that are coupled by what these weigh now.
+
+    MuJoCo softens them by what they weighed when they were compiled, without flywheels: a light link on the
+    driven side made the coupling give way by a hundredth.
+    """
+    weights = model.dof_invweight0.copy()
+    driven = loops.driven_dofs
+    weights[driven] = np.minimum(weights[driven], 1.0 / model.dof_armature[driven])
+    for one in loops.couplings:
+        if model.eq_type[one.number] != int(mujoco.mjtEq.mjEQ_TENDON):
+            continue
+        ends = int(model.eq_obj1id[one.number]), int(model.eq_obj2id[one.number])
+        for tendon, side in zip(ends, (one.left, one.right), strict=True):
+            if side is not None:
+                model.tendon_invweight0[tendon] = float(side.weights**2 @ weights[side.dofs])
 
 
 def _fed(loops: ModelLoops, steps: slice, controls: Array | None, torque: Array | None) -> Array | None:

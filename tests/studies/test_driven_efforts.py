@@ -55,7 +55,18 @@ def bending_passive():
     return dynamics.machine(LoopForm(mechanism, programs=programs(mechanism, arms, 1.0)), WEIGHT)
 
 
-BENT = {"bending rack": bending_rack, "bending passive joint": bending_passive}
+def bending_table():
+    """A plate of 9 g whose ways bend with a tool of 2 mg on it, and with sums of that and each other."""
+    mechanism = machines.table(backwards=False)
+    moves = programs(mechanism, {"tool": machines.waving(0.3, 1.0, 2.0)}, 2.0)
+    return dynamics.machine(LoopForm(mechanism, programs=moves), WEIGHT)
+
+
+BENT = {
+    "bending rack": bending_rack,
+    "bending passive joint": bending_passive,
+    "bending table": bending_table,
+}
 CASES = {"five-bar": five_bar, "boom": boom, "rack": held_rack} | BENT
 
 

@@ -20,7 +20,7 @@ from mechsim.simulation.poses.meeting_motion import Near, held_off
 from mechsim.simulation.poses.meetings import Meeting, fitted
 from mechsim.simulation.recorded_motion import CHUNK, States, link_motions, opening
 from mechsim.simulation.settings import set_armature
-from mechsim.simulation.stepping import Watch, unwatched
+from mechsim.simulation.stepping import Watch, unwatched, weigh_sums
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,10 +316,9 @@ def _rates(loaded: LoadedModel, qpos: Array) -> Array:
 # factor on the inverse weights below which forces are not evaluated, and Newton steps for them: between
 # an error of 1e-6 x factor and rounding over 1e4 x factor, measured 5e-10 of the drive torque
 HARDEST, ITERATIONS = 1e-5, 10
-# the same where frames are welded or couplings bend, whose rows MuJoCo takes for thousands of times lighter
-# than they are: an error of 0.3 x factor was measured where a sleeve is split, 5 x factor where a plate of 8 kg
-# is coupled to the tool on it, and no rounding down to 1e-8
-HARDER = 1e-7
+# the same where frames are welded, whose rows MuJoCo takes for thousands of times lighter than they are:
+# an error of 0.3 x factor was measured where a sleeve is split, and no rounding down to 1e-8
+WELDED = 1e-7
 # factor on the flywheel, and on what drives it, where the crank's speed changes: beside so large a torque
 # that of the machine would be lost in rounding
 LIGHTER = 1e-6
@@ -343,8 +342,7 @@ def efforts_of(
     model = copy.copy(stepped)
     loaded.prepare(model)
     # forces are the softness times a tiny gap: harder than this, rounding of the gap shows in them
-    light = loaded.loops.frames or any(one.bends for one in loaded.loops.couplings)
-    soften = max(1.0, (HARDER if light else HARDEST) / hardness)
+    soften = max(1.0, (WELDED if loaded.loops.frames else HARDEST) / hardness)
     model.body_invweight0[:] *= soften
     model.dof_invweight0[:] *= soften
     model.opt.iterations = ITERATIONS
@@ -380,6 +378,7 @@ def _couple(loaded: LoadedModel, model: mujoco.MjModel, hardness: float) -> None
     model.dof_invweight0[dofs] = hardness * loops.model.dof_invweight0[dofs]
     model.eq_active0[[one.number for one in loops.followers]] = 1
     model.eq_solref[[one.number for one in loops.couplings if one.bends]] = 0.0
+    weigh_sums(loops, model)
 
 
 def _straightened(loaded: LoadedModel, states: States) -> States:
