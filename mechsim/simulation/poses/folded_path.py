@@ -11,7 +11,7 @@ from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.poses.meetings import BLIND, WINDOW, Meeting, determinant
+from mechsim.simulation.poses.meetings import BLIND, Meeting, determinant
 from mechsim.simulation.poses.spline_path import AssemblyPath, walked_path
 from mechsim.simulation.poses.strides import SHORTEST, walk
 
@@ -129,7 +129,7 @@ def _beside(loops: ModelLoops, meeting: Meeting, sense: float) -> Array:
     b = 0.5 * _rise(
         determinant(loops, loops.moved(here.repeat(2, 0), APART * np.array([[-1.0], [1.0]]) * free))
     )
-    away = WINDOW / 2.0 if abs(b) > BENT * abs(a) else 0.0
+    away = meeting.reach / 2.0 if abs(b) > BENT * abs(a) else 0.0
     for _ in range(HALVINGS if away else 0):
         beyond = meeting.at(at + sense * away)
         beyond[:, loops.crank_place] = at + sense * away

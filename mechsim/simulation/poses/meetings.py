@@ -37,6 +37,11 @@ class Meeting:
     nodes: Array
     states: Array
 
+    @property
+    def reach(self) -> float:
+        """How far the path is known on both sides, in [rad]."""
+        return float(np.abs(self.nodes - self.angle).max())
+
     def near(self, angles: Array) -> NDArray[np.bool_]:
         """Return which crank angles are so near that poses are read off the path, (n,)."""
         return np.abs(angles - self.angle) < BLIND
