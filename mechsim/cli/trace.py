@@ -51,8 +51,9 @@ def trace(
     """Trace all assemblies of a mechanism with one freedom as closed curves, past every dead centre.
 
     A curve holds the poses that are reached without a jump. Told are where coordinates of joints turn back,
-    the dead centres of the crank, and where curves meet. The table has the columns component, arc, angle of
-    the crank, J.q of joints and P.x, P.y, P.z of points.
+    the dead centres of the crank, and where curves meet. A curve that runs off along a slide, winds up a
+    screw or is longer than 3,000 cells is refused. The table has the columns component, arc, angle of the
+    crank, J.q of joints and P.x, P.y, P.z of points.
     """
     place = None if output is None else writable(output, ".csv", ".npz")
     picture = None if plot is None else writable(plot)
@@ -64,8 +65,8 @@ def trace(
         raise InputError(f"{samples} samples of a curve; give 1 to {MOST_SAMPLES}")
     drive = form_of(model, sets)
     over = None if of is None else columns_asked(drive.mechanism, parse_names(of))
-    with progress("trace", None, quiet=as_json):
-        found = traced(drive, starts=starts, seed=seed)
+    with progress("trace", None) as tick:
+        found = traced(drive, starts=starts, seed=seed, tick=tick)
     if place is not None or picture is not None:
         tables = curve_tables(found, samples)
         if picture is not None:

@@ -14,7 +14,15 @@ from mechsim.analytic.catalog.slider_crank import SliderCrank
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.maths.roots import root
 from mechsim.model.mechanism import End, Gear, Joint, Link, Mechanism
-from mechsim.theory.continuation import cells, crank_way, curve_search, even_motion, trace
+from mechsim.theory.continuation import (
+    cells,
+    crank_way,
+    curve_search,
+    endless,
+    even_motion,
+    starts,
+    trace,
+)
 
 TURN = 2.0 * np.pi
 FORMS = {name: catalog.make(name) for name in catalog.DRIVES}
@@ -242,8 +250,50 @@ def test_geared_cranks_come_round_after_as_many_turns_as_the_ratio_asks_for(rati
 
 def test_a_curve_that_never_comes_round_is_given_up_with_the_reason(monkeypatch):
     monkeypatch.setattr(cells, "MOST", 60)
-    with pytest.raises(AssemblyError, match=r"geared: the curve has not come back .* whole ratio"):
-        trace(geared(np.sqrt(2.0)), starts=0)
+    told = []
+    with pytest.raises(
+        AssemblyError, match=r"geared: the curve has not come back .* 60 cells, .* whole numbers"
+    ):
+        trace(geared(np.sqrt(2.0)), starts=0, tick=lambda *said: told.append(said))
+    assert told[-1] == ("component 1, cell 60 of 60 at the most", 1.0)
+
+
+def on_a_rail(kind, *, lead=0.0):
+    """A carriage on a rail, moved by hand or by a spindle's thread."""
+    rail = Joint("rail", "prismatic", End("ground", (0.06, 0.0, 0.0)), End("car", (0.06, 0.0, 0.0)))
+    points = {"P": ("car", (0.08, 0.02, 0.0))}
+    if kind == "slide":
+        return Mechanism("carriage", (Link("car"),), (rail,), "rail", points)
+    joints = (
+        Joint("crank", "revolute", End("ground"), End("spindle")),
+        Joint("thread", "screw", End("spindle", (0.0, 0.0, 0.05)), End("car"), lead=lead),
+        rail,
+    )
+    return Mechanism("press", (Link("spindle"), Link("car")), joints, "crank", points)
+
+
+def test_a_slide_that_runs_off_is_told_from_a_curve_that_closes_before_it_is_far(monkeypatch):
+    monkeypatch.setattr(endless, "MOST_SIZES", 20)
+    with pytest.raises(
+        AssemblyError, match=r"carriage: .* never closes: rail has gone 20 times .* size of 0"
+    ):
+        trace(on_a_rail("slide"), starts=0)
+
+
+def test_a_screw_that_is_wound_for_ever_is_given_up_after_as_many_turns_as_are_stated(monkeypatch):
+    monkeypatch.setattr(endless, "MOST_TURNS", 4)
+    with pytest.raises(AssemblyError, match=r"press: .* never closes: thread\.turn has turned 4 times"):
+        trace(on_a_rail("screw", lead=0.005), starts=0)
+
+
+def test_random_starts_that_are_closed_a_few_at_a_time_find_the_same_curves(monkeypatch):
+    whole, told = trace(SliderCrank(), starts=40), []
+    monkeypatch.setattr(starts, "TOGETHER", 4000.0)
+    parts = trace(SliderCrank(), starts=40, tick=lambda *said: told.append(said))
+    assert [curve.found for curve in parts.curves] == [curve.found for curve in whole.curves]
+    done = [part for said, part in told if said.endswith("of 40 random starts")]
+    assert len(done) > 2
+    assert done[-1] == 1.0
 
 
 def arms(*, joined=False):

@@ -6,6 +6,7 @@ coordinate is nothing special, and a place where assemblies meet is passed on th
 straight on; it is measured, and no node lies near it, for there the loops tell little.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,6 +18,7 @@ from mechsim.errors import AssemblyError
 from mechsim.maths import polynomials
 from mechsim.maths.arrays import Array
 from mechsim.maths.roots import root
+from mechsim.theory.continuation.endless import require_return
 from mechsim.theory.continuation.free_loops import Closed, FreeLoops
 
 # nodes of a cell; every second of them foretell the next
@@ -112,13 +114,19 @@ class Walked:
         return min(int(np.searchsorted(highs, arc)), len(highs) - 1)
 
 
-def walk_round(loops: FreeLoops, start: Coordinates, along: Array | None = None) -> Walked:
+def walk_round(
+    loops: FreeLoops,
+    start: Coordinates,
+    along: Array | None = None,
+    tick: Callable[[int, int], None] | None = None,
+) -> Walked:
     """Walk along a curve of assemblies until it has come back to its start.
 
     Args:
         loops: of the mechanism.
         start: one set of closed coordinates, away from where assemblies meet.
         along: in which of the two directions, as rates of the unknowns; None lets the driver rise.
+        tick: is told after each cell how many there are, and how many there may be.
 
     Raises:
         AssemblyError: where the curve has no smooth way on, or does not close.
@@ -144,12 +152,17 @@ def walk_round(loops: FreeLoops, start: Coordinates, along: Array | None = None)
         cells.append(cell)
         if home is not None:
             return Walked(tuple(cells), home, tuple(at for at in meetings if at < home))
+        if tick is not None:
+            tick(len(cells), MOST)
         largest = max(largest, cell.largest)
         start = loops.unflat(cell.at(cell.rows, np.array([cell.high])))
+        require_return(loops.loops, begin, start)
         solver = loops.solver(start, cell.ahead)
     raise AssemblyError(
         f"{loops.loops.tree.mechanism.name}: the curve has not come back to its start after a length of "
-        f"{cells[-1].high:.4g}; a gear or a screw without a whole ratio never comes round: change it"
+        f"{cells[-1].high:.4g}, in {MOST:,} cells, the most that are walked; gears come round after as many "
+        "turns as their ratio asks, and never where it is none of whole numbers: change it, or solve the "
+        "mechanism over the turns that are wanted"
     )
 
 

@@ -1,5 +1,7 @@
 """The search for all curves of assemblies: poses that were found, and the curves on which they lie."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,10 +22,15 @@ MOST_FAILED = 3
 
 
 class CurveSearch:
-    """Poses that were found, and the curves on which they lie."""
+    """Poses that were found, and the curves on which they lie.
 
-    def __init__(self, loops: FreeLoops):
-        self.loops = loops
+    Attributes:
+        loops: of the mechanism.
+        tick: is told what is done, and which part of it at the least.
+    """
+
+    def __init__(self, loops: FreeLoops, tick: Callable[[str, float], None]):
+        self.loops, self.tick = loops, tick
         self.curves: list[AssemblyCurve] = []
         self.at: list[Coordinates] = []
         self.of = np.empty(0, dtype=np.intp)
@@ -52,7 +59,12 @@ class CurveSearch:
 
     def walk(self, start: int) -> None:
         """Walk the curve through a pose."""
-        curve = AssemblyCurve(self.loops, walk_round(self.loops, self.at[start]))
+        which = len(self.curves) + 1
+
+        def walked(cells: int, most: int) -> None:
+            self.tick(f"component {which}, cell {cells} of {most:,} at the most", cells / most)
+
+        curve = AssemblyCurve(self.loops, walk_round(self.loops, self.at[start], tick=walked))
         self.curves.append(curve)
         self.of[start] = len(self.curves) - 1
         self._assign(len(self.curves) - 1, curve)

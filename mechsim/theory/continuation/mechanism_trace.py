@@ -1,5 +1,6 @@
 """All curves of assemblies of a mechanism with one freedom, from its own pose and from random starts."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,7 +60,17 @@ class AssemblyTrace:
     __repr__ = short_repr
 
 
-def trace(model: object, *, starts: int = STARTS, seed: int = SEED) -> AssemblyTrace:
+def _silent(done: str, part: float) -> None:
+    pass
+
+
+def trace(
+    model: object,
+    *,
+    starts: int = STARTS,
+    seed: int = SEED,
+    tick: Callable[[str, float], None] = _silent,
+) -> AssemblyTrace:
     """Trace every assembly of a mechanism with one freedom, through the turning points of all coordinates.
 
     Assemblies form closed curves: where the crank turns fully, a curve is one assembly over one turn (or
@@ -72,10 +83,12 @@ def trace(model: object, *, starts: int = STARTS, seed: int = SEED) -> AssemblyT
         model: a mechanism, or a form that has one.
         starts: how many random starts; 0 traces the mechanism's own curve and what meets it.
         seed: of the random numbers: the same seed finds the same curves.
+        tick: is told what is being done, and which part of that is done at the least.
 
     Raises:
         InputError: for starts or a seed that are no whole numbers in range.
-        AssemblyError: if the loops do not close at the guess, or its curve does not.
+        AssemblyError: if the loops do not close at the guess, or its curve does not: where it runs off by a
+            slide, winds up a screw, or is longer than 3,000 cells.
         MobilityError: unless exactly one freedom is open, beside idle ones.
 
     Source: arc-length continuation (Dragilev's method) as paper 002 uses it; here by predicted polynomials.
@@ -89,17 +102,20 @@ def trace(model: object, *, starts: int = STARTS, seed: int = SEED) -> AssemblyT
     # holds stay, drivers are let go
     loops = replace(loops, driven=loops.driven[len(mechanism.drivers) :])
     free, begin = _ready(loops, own)
-    search = CurveSearch(free)
+    search = CurveSearch(free, tick)
     search.take(begin, counted=False)
     search.walk(0)
     search.beside(0)
-    random = random_poses(loops, own, starts, seed)
-    search.take(random, counted=True)
+    closed = 0
+    for done, some in random_poses(loops, own, starts, seed):
+        search.take(some, counted=True)
+        closed += len(some)
+        tick(f"{done} of {starts} random starts", done / starts)
     search.walk_all()
     counts = search.counts()
     order = [0, *sorted(range(1, len(counts)), key=lambda i: -counts[i])]
     curves = tuple(replace(search.curves[i], found=counts[i]) for i in order)
-    return AssemblyTrace(mechanism, curves, _met(curves), starts, len(random), seed, tuple(search.left_out()))
+    return AssemblyTrace(mechanism, curves, _met(curves), starts, closed, seed, tuple(search.left_out()))
 
 
 def _ready(loops: TreeLoops, own: Coordinates) -> tuple[FreeLoops, Coordinates]:

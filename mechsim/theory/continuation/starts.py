@@ -1,5 +1,7 @@
 """Poses from random starts: closed by damped Gauss-Newton steps, all together, the crank as free as any."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,12 +20,18 @@ NOTHING = 1e-7
 MET = 1e-6
 # how far slides are thrown, in sizes to either side
 THROW = 2.0
+# bytes of slopes of random starts that are closed together
+TOGETHER = 4e6
 # how far from a meeting its branches are looked for, in radians or parts of the size, and how many ways
 NEARBY, DIRECTIONS = 0.05, 16
 
 
-def random_poses(loops: TreeLoops, own: Coordinates, count: int, seed: int) -> Coordinates:
-    """Return closed poses from random starts, without those that close not at all or with axes opposed.
+def random_poses(
+    loops: TreeLoops, own: Coordinates, count: int, seed: int
+) -> Iterator[tuple[int, Coordinates]]:
+    """Yield closed poses from random starts, without those that close not at all or with axes opposed.
+
+    So many starts at a time as fit into little memory, each time with how many were begun so far.
 
     Args:
         loops: of the mechanism.
@@ -37,7 +45,11 @@ def random_poses(loops: TreeLoops, own: Coordinates, count: int, seed: int) -> C
     values = np.where(tree.slides[:, None], thrown, angles)
     values[list(loops.driven)] = own.values[list(loops.driven)]
     quaternions = draw.normal(size=(len(tree.balls), 4, count))
-    return closed(loops, Coordinates(values, _rotations(quaternions)))
+    begun = Coordinates(values, _rotations(quaternions))
+    most = max(1, int(TOGETHER / (8 * (loops.rows + tree.count + 1) * (tree.count + 1))))
+    for first in range(0, count, most):
+        some = np.arange(first, min(first + most, count))
+        yield int(some[-1]) + 1, closed(loops, taken(begun, some))
 
 
 def poses_beside(loops: TreeLoops, at: Coordinates) -> Coordinates:
