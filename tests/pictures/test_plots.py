@@ -14,6 +14,7 @@ from mechsim.errors import InputError, OutputError
 from mechsim.model.forces import Forces
 from mechsim.pictures import plots
 from mechsim.pictures.number_text import readable
+from mechsim.pictures.plots.figure import round_numbers
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
 from mechsim.subjects.subject import load
 
@@ -181,3 +182,27 @@ def test_what_a_file_says_acts_on_a_mechanism_is_in_its_plots():
     pulled = replace(drive, forces=Forces(gravity=(0.0, 0.0, 0.0), crank_torque=course.constant(-0.5)))
     study = PlotSource(drive=pulled, speed=1e-3).study()
     assert study.efforts.torque == pytest.approx(0.5, abs=1e-6)
+
+
+@pytest.mark.parametrize("limits", [(2.1, 4.4), (6.0, 9.0), (0.3, 700.0)])
+def test_a_logarithmic_axis_has_numbers_whatever_part_of_a_decade_it_holds(limits):
+    figure, axes = plots.blank(1, 1, (4.0, 3.0))
+    ax = axes[0, 0]
+    ax.set_xscale("log")
+    ax.set_xlim(*limits)
+    round_numbers(ax.xaxis)
+    figure.canvas.draw()
+    inside = [at for at in ax.get_xticks() if limits[0] <= at <= limits[1]]
+    assert len(inside) >= 2
+    assert all(label.get_text() for label in ax.get_xticklabels())
+    assert not len(ax.xaxis.get_minorticklocs())
+
+
+def test_derivatives_of_small_torques_are_drawn_in_a_readable_unit():
+    at = np.linspace(0.0, 6.0, 5)
+    curves = {"torque": {"crank": 3e-5 * np.cos(at), "gamma": np.full(5, 1e-4)}}
+    figure = plots.sensitivity_plot("angle", at, curves, {"torque": "N m"}, {"crank": "m", "gamma": "rad"})
+    ax = figure.axes[0]
+    assert "[µN m per mm or °]" in ax.get_title(loc="left")
+    largest = max(np.abs(line.get_ydata()).max() for line in ax.get_lines())
+    assert largest == pytest.approx(100.0 * np.pi / 180.0)

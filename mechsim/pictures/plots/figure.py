@@ -165,6 +165,16 @@ def locator(step: float) -> Any:
     return MultipleLocator(step)
 
 
+def round_numbers(axis: "Axis") -> None:
+    """Write 1, 2 and 5 of every decade of a logarithmic axis as plain numbers; others where it holds none."""
+    with needs("pictures"):
+        from matplotlib.ticker import FormatStrFormatter, LogLocator, NullLocator
+
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FormatStrFormatter("%g"))
+    axis.set_minor_locator(NullLocator())
+
+
 def decades(axis: "Axis") -> None:
     """Write powers of ten as plain text: typesetting each as a formula costs more than all the rest."""
     with needs("pictures"):

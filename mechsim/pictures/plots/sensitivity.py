@@ -9,6 +9,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.path import tangents
+from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import BESIDE, COLOURS, STYLES, along_axis, blank, styled
 
 if TYPE_CHECKING:
@@ -108,6 +109,9 @@ def sensitivity_plot(
     for ax, (quantity, given) in zip(axes[:, 0], curves.items(), strict=True):
         times, unit = SHOWN.get(units[quantity], (1.0, units[quantity]))
         lines = {name: one * times / SHOWN.get(by[name], (1.0, ""))[0] for name, one in given.items()}
+        if unit == units[quantity]:
+            factor, unit = readable(np.concatenate([*lines.values()]), unit)
+            lines = {name: one / factor for name, one in lines.items()}
         per = [shown for measure, (_, shown) in SHOWN.items() if measure in {by[name] for name in lines}]
         order = [name for name in _largest_first(lines) if lines[name].any()]
         for name in order[:LINES]:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechsim.maths.convergence import Order
-from mechsim.pictures.plots.figure import COLOURS, blank, decades, styled
+from mechsim.pictures.plots.figure import COLOURS, blank, decades, round_numbers, styled
 from mechsim.studies.tradeoff import BOUNDS, DEFAULTS, Point, Tradeoff
 from mechsim.verdict.quantities import QUANTITIES
 
@@ -49,8 +49,7 @@ def work_precision(found: Tradeoff, quantity: str = "position") -> "Figure":
 
 def _dress(ax: "Axes", quantity: str) -> None:
     decades(ax.yaxis)
-    ax.minorticks_off()
-    ax.xaxis.set_major_formatter("{x:g}")
+    round_numbers(ax.xaxis)
     ax.set_yticks([bound for bound in (1.0, *BOUNDS, 1e-11, 1e-13) if _within(bound, ax.get_ylim())])
     ax.set_xlabel("processor time of one turn [ms]")
     row = QUANTITIES[quantity]
