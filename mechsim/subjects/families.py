@@ -17,7 +17,7 @@ from mechsim.subjects import gallery
 from mechsim.subjects.checked_values import is_quantity
 from mechsim.subjects.parameter_units import parameter_units, reckoned_from
 from mechsim.subjects.python_object import parameters_of
-from mechsim.subjects.subject import is_file, load
+from mechsim.subjects.subject import described, is_file, load
 from mechsim.subjects.toml_reader import values_of
 from mechsim.subjects.toml_source import read_source
 
@@ -51,19 +51,24 @@ def family(
     if not found:
         return placed_family(form)
 
+    def changed(values: Mapping[str, float]) -> dict[str, str]:
+        return given | {name: repr(float(value)) for name, value in values.items()}
+
     def make(values: Mapping[str, float]) -> Form:
-        changed = {name: repr(float(value)) for name, value in values.items()}
-        return load(model, given | changed, **asked) if values else form
+        return load(model, changed(values), **asked) if values else form
+
+    def told(values: Mapping[str, float]) -> Form:
+        return described(model, changed(values), **asked) if values else form
 
     def forces(values: Mapping[str, float]) -> Forces | None:
-        made = make(values)
+        made = told(values)
         return made.forces
 
     acted = forces if getattr(form, "forces", None) is not None else None
     read = {} if path is None else reckoned_from(read_source(path).document)
     reckoned = {name: of for name, of in read.items() if of and name not in given}
     free = tuple(name for name in found if name not in reckoned)
-    return DesignFamily(form.name, found, lambda values: make(values).mechanism, make, acted, free, reckoned)
+    return DesignFamily(form.name, found, lambda values: told(values).mechanism, make, acted, free, reckoned)
 
 
 def toml_path(model: str) -> str | None:

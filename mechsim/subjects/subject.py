@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from difflib import get_close_matches
+from typing import Any
 
 from mechsim import units
 from mechsim.analytic import catalog
@@ -56,24 +57,49 @@ def load(
     Raises:
         InputError: for what is none of these; names the file, the line, the value and the remedy.
     """
-    changed = {name: str(value) for name, value in (set or {}).items()}
-    held = hold if isinstance(hold, Mapping) else dict.fromkeys(hold)
-    asked = Prescription(
+    asked = _asked(drive, hold, hold_base, key, track, duration, still)
+    return _moving(model, set, asked, begun=True)
+
+
+def described(model: str, set: Mapping[str, str | float] | None = None, **asked: Any) -> Form:
+    """Return what `load` does, but as it is described, where nobody asks whether it can be put together.
+
+    Its guess is the file's own; finding one that is closed takes far longer than reading.
+    """
+    return _moving(model, set, _asked(**asked), begun=False)
+
+
+def _asked(
+    drive: Mapping[str, str | State] | None = None,
+    hold: Mapping[str, str | float | None] | Iterable[str] = (),
+    hold_base: bool = False,
+    key: str | None = None,
+    track: Iterable[str] = (),
+    duration: str | float | None = None,
+    still: bool = False,
+) -> Prescription:
+    return Prescription(
         drive=drive or {},
-        hold=held,
+        hold=hold if isinstance(hold, Mapping) else dict.fromkeys(hold),
         hold_base=hold_base,
         key=key,
         track=tuple(track),
         duration=units.parse_time(duration, "the duration") if isinstance(duration, str) else duration,
         still=still,
     )
+
+
+def _moving(model: str, set: Mapping[str, str | float] | None, asked: Prescription, *, begun: bool) -> Form:
+    changed = {name: str(value) for name, value in (set or {}).items()}
     read = _read(model, changed, asked)
-    if isinstance(read, TomlSubject):
-        return prescribed(_begun(read.form), asked, read.programs, read.duration)
     if isinstance(read, MjcfForm):
         # the reader has done the rest
         return prescribed(read, Prescription(drive=asked.drive, duration=asked.duration))
-    return prescribed(_begun(read) if isinstance(read, LoopForm) else read, asked)
+    form = read.form if isinstance(read, TomlSubject) else read
+    form = _begun(form) if begun and isinstance(form, LoopForm) else form
+    if isinstance(read, TomlSubject):
+        return prescribed(form, asked, read.programs, read.duration)
+    return prescribed(form, asked)
 
 
 def _begun(form: LoopForm) -> LoopForm:

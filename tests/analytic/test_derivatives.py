@@ -13,7 +13,9 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
 from mechsim.analytic.derivatives.catalog_family import catalog_family
 from mechsim.analytic.derivatives.joint_places import placed_family
+from mechsim.analytic.derivatives.numbers import numbers_of
 from mechsim.errors import AssemblyError, InputError
+from mechsim.subjects import subject
 from mechsim.subjects.families import family
 
 SPEED = 7.0
@@ -138,3 +140,16 @@ def test_numbers_of_another_mechanism_are_refused():
     other = changes(catalog_family(catalog.make("rssr")), ["crank"])
     with pytest.raises(InputError, match="has shape"):
         motion_derivatives(drive, other, ANGLES)
+
+
+def test_a_file_beside_is_described_without_being_put_together(monkeypatch):
+    of, near = family("hoeken"), {"arm": 0.176}
+    made = of.make(near).mechanism
+
+    def refused(mechanism):
+        raise AssemblyError("nothing is to be put together")
+
+    monkeypatch.setattr(subject, "with_closed_guess", refused)
+    with pytest.raises(AssemblyError):
+        of.make(near)
+    assert (numbers_of(of.describe(near)) == numbers_of(made)).all()

@@ -280,8 +280,11 @@ class MovedFamily:
         def numbers(values: Mapping[str, float]) -> Array:
             mechanism = with_inertia(family.describe(values), self.loading.density, self.loading.diameter)
             # where a file says what acts, its dimensions may change that too
-            acting = still if family.forces is None else self.loading.acting(family.make(values))
-            return machine_numbers(mechanism, acting)
+            if family.forces is None:
+                return machine_numbers(mechanism, still)
+            if self.loading.forces is None:
+                return machine_numbers(mechanism, family.forces(values) or Forces())
+            return machine_numbers(mechanism, self.loading.acting(family.make(values)))
 
         return numbers
 
