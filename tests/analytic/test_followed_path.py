@@ -10,8 +10,9 @@ from mechsim.analytic import closure
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.closure.loop_solver import Linearised
 from mechsim.analytic.closure.whole_motion import followed
-from mechsim.errors import AssemblyError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
+from mechsim.model.programs import programs, steady
 
 ANGLES = np.unique(
     np.concatenate([np.linspace(-4 * np.pi, 4 * np.pi, 49), [1e-6, -3e-5, np.pi + 1e-4, 1e-3]])
@@ -36,6 +37,16 @@ def test_a_smooth_path_takes_few_cells_and_none_that_is_tried_fails(name, most):
     # a tangent foretells the first cell, and that one a longer one the other way
     first, other = (np.ptp(path.cells[sense][0].nodes) for sense in (1, -1))
     assert 2.0 * first < other
+
+
+def test_a_way_of_too_many_cells_is_refused_before_it_is_begun_with_what_would_fit():
+    drive = catalog.make("four_bar")
+    said = r"from 0 rad to 8000000 rad takes 6,666,66[67] cells at the least.* 7 times shorter"
+    with pytest.raises(InputError, match=said):
+        closure.solve(drive.mechanism, [0.0, 8e6])
+    table = LoopForm(drive.mechanism, programs=programs(drive.mechanism, {"crank": steady(0.0, 1e6)}, 8.0))
+    with pytest.raises(InputError, match=r"the way of the drivers .* 6,666,667 cells at"):
+        table.solve([0.0, table.period])
 
 
 def test_no_cell_is_longer_than_a_fifth_of_a_turn_however_little_moves():

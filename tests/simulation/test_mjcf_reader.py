@@ -283,7 +283,12 @@ def test_a_file_that_is_none_is_refused_in_one_line(file, what, tmp_path, monkey
     ("asked", "words"),
     [
         ({"drivers": ["cranck"]}, "--drive names 'cranck'; hinges and slides of the model are first, second"),
-        ({"holds": {"socket": None}}, "--hold names 'socket'"),
+        (
+            {"holds": {"socket": None}},
+            "--hold names 'socket', a ball joint, .*leave it out of the file to hold it",
+        ),
+        ({"drivers": ["socket"]}, "--drive names 'socket', a ball joint, .*three hinges across each other"),
+        ({"holds": {"loose_joint": 0.0}}, "--hold names 'loose_joint', a free joint, .* with --hold-base"),
         ({"key": "home"}, "there is no keyframe 'home'; there are none"),
         ({"track": ["nose"]}, "--track names 'nose'; sites and bodies"),
         ({"track": ["tip,nose@0,0,0"]}, "names body 'nose'"),

@@ -19,7 +19,7 @@ from mechsim.analytic.closure.meeting_cells import folded, meeting_between, thro
 from mechsim.analytic.closure.path_cells import CLOSED, Cell, Drive, PathRows, nodes_between
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates
-from mechsim.errors import AssemblyError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.motion import Through
 
@@ -28,6 +28,8 @@ from mechsim.model.motion import Through
 NODES, FIRST, LONGEST, GROWTH = 9, 0.1, 1.2, 3.0
 # a cell shorter than this ends at a singular pose
 SHORTEST = 1e-13
+# cells that are begun at the most: about a millisecond and two kilobytes each
+MOST_CELLS = 1_000_000
 # so much of a cell that its even nodes do not tell of the odd ones is not smooth
 ROUGH = 1e-4
 # roughness, and the way from what was foretold, at which the length of the next cell aims: they grow as the
@@ -115,8 +117,10 @@ class FollowedPath(PathRows):
 
         Raises:
             AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
+            InputError: for a way that would take too many cells.
         """
         done, self._side, self._ahead = self.cells[sense], 0.0, None
+        self._require_near(self._end(sense), to)
         length = AFTER * done[-1].length if done else FIRST
         if not done and self.cells[-sense]:
             length *= GROWTH  # no tangent foretells it
@@ -132,6 +136,15 @@ class FollowedPath(PathRows):
     def _end(self, sense: int) -> float:
         """Return the parameter as far as which the path is followed in one sense."""
         return float(self.cells[sense][-1].nodes[-1]) if self.cells[sense] else self.begin
+
+    def _require_near(self, here: float, to: float) -> None:
+        least = abs(to - here) / LONGEST
+        if least > MOST_CELLS:
+            raise InputError(
+                f"{self._name}: the way of {self.words.who} from {self.words.place(here)} to "
+                f"{self.words.place(to)} takes {least:,.0f} cells at the least, and {MOST_CELLS:,} are "
+                f"followed at the most; ask for a motion {np.ceil(least / MOST_CELLS):.0f} times shorter"
+            )
 
     def _stuck(self, here: float) -> str:
         """Return in one sentence why the path ends."""

@@ -6,7 +6,7 @@ import mujoco
 
 from mechsim.errors import InputError
 from mechsim.simulation.mjcf_reader.equality_rows import tendon_joints
-from mechsim.simulation.mjcf_reader.kinds import DRIVABLE
+from mechsim.simulation.mjcf_reader.kinds import BALL, DRIVABLE, FREE
 
 ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 ON_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
@@ -31,6 +31,17 @@ def require_coordinate(model: mujoco.MjModel, name: str, what: str) -> None:
     """Refuse what is no hinge or slide of a model."""
     known = coordinates(model)
     if name not in known:
+        kinds = {model.joint(j).name: int(model.jnt_type[j]) for j in range(model.njnt)}
+        if kinds.get(name) == FREE:
+            raise InputError(
+                f"{what} names {name!r}, a free joint, which no one value places; hold it where it starts "
+                "with --hold-base, at a keyframe with --key NAME"
+            )
+        if kinds.get(name) == BALL:
+            raise InputError(
+                f"{what} names {name!r}, a ball joint, which no one value turns; write three hinges across "
+                "each other in its place and name them, or leave it out of the file to hold it as it stands"
+            )
         raise InputError(f"{what} names {name!r}; hinges and slides of the model are {listed(known)}")
 
 
