@@ -352,10 +352,9 @@ class ModelLoops:
         The smallest singular value in units of the model's size; those that are nought at every state, of
         rows that repeat others and freedoms that nothing holds, do not count.
         """
-        rows = jacobian.shape[1] - (0 if self.drive is None else len(self.drive.dofs))
         lengths = self.sizes[:, None, None]
-        held = jacobian[:, :rows, self.passive] * np.where(self._angles[self.passive], 1.0, lengths)
-        held *= self.scale[..., :rows, None]
+        held = jacobian[:, :, self.passive] * np.where(self._angles[self.passive], 1.0, lengths)
+        held *= self.scale[..., None]
         values = np.linalg.svd(held, compute_uv=False).astype(np.float64, copy=False)
         if not values.size:
             return np.ones(len(held))

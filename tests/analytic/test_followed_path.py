@@ -179,6 +179,15 @@ def test_a_path_that_begins_at_a_change_point_is_refused_with_the_angle_and_the_
         closure.follow(drive.mechanism.with_guess(guess, off), [-1.0, 1.0])
 
 
+def test_a_path_that_begins_just_before_its_dead_centre_is_told_to_stay_there():
+    drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.055)
+    ((_, high),) = drive.crank_range().arcs
+    start = high - 5e-4
+    guess = {name: Pose(one.position[0], one.rotation[0]) for name, one in drive.solve([start]).links.items()}
+    with pytest.raises(AssemblyError, match="cannot pass .*; stay on this side of the dead centre"):
+        followed(drive.mechanism.with_guess(guess, float(start))).extend(high + 0.5)
+
+
 @pytest.mark.parametrize("excess", [1e-3, 1e-6, 1e-9, 1e-12])
 def test_near_a_change_point_the_assembly_is_kept_round_the_bend_as_the_closed_form_says(excess):
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 + excess)
