@@ -91,6 +91,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "flips = np.flatnonzero(np.sign(side[1:]) != np.sign(side[:-1]))",
         "flips = np.flatnonzero(np.sign(side[1:]) != np.sign(side[:+1]))",
     ): "only the first flip counts: there the side is first another than at the first node",
+    (
+        PATH,
+        "if self._side * middle < 0.0 and cell.solver is done[-1].solver:",
+        "if self._side / middle < 0.0 and cell.solver is done[-1].solver:",
+    ): "both are signs",
     (PATH, "return (None, 0.5 * step)", "return (None, 0.05 * step)"): SPEED,
     (PATH, "AFTER = 0.3", "AFTER = 3.0"): SPEED,
     (PATH, "BEYOND = 0.2137", "BEYOND = 2.137"): SPEED,

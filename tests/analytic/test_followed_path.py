@@ -184,7 +184,7 @@ def test_a_path_that_begins_just_before_its_dead_centre_is_told_to_stay_there():
     ((_, high),) = drive.crank_range().arcs
     start = high - 5e-4
     guess = {name: Pose(one.position[0], one.rotation[0]) for name, one in drive.solve([start]).links.items()}
-    with pytest.raises(AssemblyError, match="cannot pass .*; stay on this side of the dead centre"):
+    with pytest.raises(AssemblyError, match=r"cannot pass .*; stay on this side of the dead centre"):
         followed(drive.mechanism.with_guess(guess, float(start))).extend(high + 0.5)
 
 
