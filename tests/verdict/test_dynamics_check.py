@@ -8,7 +8,7 @@ from flat_linkages import three_cranks
 from mechanisms import rscr
 
 from mechsim import catalog, course, dynamics, motors
-from mechsim.errors import AssemblyError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.model.crank_profile import constant
 from mechsim.model.forces import Forces, Friction, Load
 from mechsim.model.inertia import Inertia
@@ -208,3 +208,16 @@ def test_a_loop_closed_by_a_sleeve_or_a_fixed_joint_carries_what_the_laws_say(me
     )
     wrong = dynamics.machine(machine.drive, acting, mechanism=replace(machine.mechanism, links=half))
     assert not crosscheck_driven(run, wrong).passed
+
+
+def test_what_is_too_light_for_mujoco_is_refused_with_a_remedy_that_holds():
+    lengths = {"ground": 1e-2, "crank": 3e-3, "coupler": 9e-3, "rocker": 7e-3, "arm": 4e-3}
+    large, small = (
+        dynamics.machine(catalog.make("four_bar", **{name: k * x for name, x in lengths.items()}))
+        for k in (1.0, 1e-3)
+    )
+    with pytest.raises(InputError, match=r"link 'crank' has a moment of inertia of .* as large"):
+        driven(small.mechanism, speed=50.0)
+    angle = np.linspace(0.1, 6.0, 9)
+    torques = [dynamics.prescribed(one, angle, 50.0).efforts.torque for one in (large, small)]
+    np.testing.assert_allclose(torques[0], 1e15 * torques[1], rtol=1e-9)

@@ -14,6 +14,7 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import NDArray
 
+from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import GROUND, Joint, Mechanism
@@ -50,6 +51,8 @@ FIELDS = (
 )
 OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit
 SITE = int(mujoco.mjtTrn.mjTRN_SITE)
+# below it MuJoCo refuses masses and inertias
+LIGHTEST = float(mujoco.mjMINVAL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,8 +199,10 @@ def loaded_model(
 
     Raises:
         AssemblyError: if the loops do not close at the mechanism's start.
+        InputError: for a link that is too light for MuJoCo.
     """
     described = with_inertia(mechanism)
+    _require_heavy(described)
     spec = closed_model.assembled(described, Scene(level="dynamics", forces=forces, cut=cut))
     points = [name for name, (link, _) in mechanism.points.items() if link != GROUND]
     closed = closed_model.of_mechanism(described, spec, tuple(points), programmed=programmed)
@@ -210,3 +215,18 @@ def loaded_model(
         actuators=actuators(described, forces, closed.model.nu),
         dry=dry_frictions(closed.model, forces.friction),
     )
+
+
+def _require_heavy(mechanism: Mechanism) -> None:
+    """Refuse links whose mass or least moment of inertia MuJoCo takes for none."""
+    for link in mechanism.links:
+        assert link.inertia is not None
+        least = float(np.linalg.eigvalsh(link.inertia.matrix)[0])
+        for what, value, unit in (("mass", link.inertia.mass, "kg"), ("moment of inertia", least, "kg m2")):
+            if not value > LIGHTEST:
+                raise InputError(
+                    f"{mechanism.name}: link {link.name!r} has a {what} of {value:.3g} {unit}, and MuJoCo "
+                    f"holds none below {LIGHTEST:.3g}; take the formulas alone (--method none), or describe "
+                    "it a thousand times as large: of the same density it needs 1e15 times the torque at the "
+                    "same speed, without weight and springs"
+                )
