@@ -17,8 +17,18 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 
 Array = NDArray[np.float64]
-# (unit as written, SI unit) -> how many of the second one of the first is, as far as was asked
-_FACTORS: dict[tuple[str, str], float] = {}
+# (unit as written, SI unit) -> how many of the second one of the first is: those written most, so that pint's
+# definitions need not be read for them, and others as they are met
+_FACTORS: dict[tuple[str, str], float] = {
+    ("mm", "m"): 1e-3,
+    ("cm", "m"): 1e-2,
+    ("deg", "rad"): np.pi / 180.0,
+    ("rpm", "rad/s"): np.pi / 30.0,
+    ("deg/s", "rad/s"): np.pi / 180.0,
+    ("mm/s", "m/s"): 1e-3,
+    ("ms", "s"): 1e-3,
+    ("g", "kg"): 1e-3,
+}
 Unit = Literal[
     "m",
     "rad",

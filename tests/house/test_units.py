@@ -143,3 +143,8 @@ def test_ranges_of_angles_as_people_write_them():
 def test_a_range_that_leads_nowhere_is_refused(text):
     with pytest.raises(InputError, match=r"the angles '.*5deg|the angles .* an angle such as"):
         units.parse_angles(text)
+
+
+def test_the_units_written_most_are_what_pint_says_to_the_last_bit():
+    for (written, unit), factor in units._FACTORS.items():
+        assert factor == units._converted(written, unit, f"1 {written}", "it")
