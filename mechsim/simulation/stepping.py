@@ -146,7 +146,8 @@ def weigh_sums(loops: ModelLoops, model: mujoco.MjModel) -> None:
     driven side made the coupling give way by a hundredth.
     """
     weights = model.dof_invweight0.copy()
-    driven = loops.driven_dofs
+    # a crank that runs freely carries none
+    driven = [dof for dof in loops.driven_dofs if model.dof_armature[dof]]
     weights[driven] = np.minimum(weights[driven], 1.0 / model.dof_armature[driven])
     for one in loops.couplings:
         if model.eq_type[one.number] != int(mujoco.mjtEq.mjEQ_TENDON):
