@@ -8,6 +8,7 @@ from typing import Any, TypeGuard
 
 from mechsim import units
 from mechsim.errors import InputError
+from mechsim.maths.given import HUGE
 from mechsim.subjects.expressions import FUNCTIONS, Expressions
 from mechsim.subjects.key_kinds import Amount, Choice, Course, Key, Keys, Named, Number, Several, Truth, Word
 from mechsim.subjects.load_text import varies
@@ -75,12 +76,15 @@ class Values:
         return value
 
     def _number(self, value: Any, unit: Unit, path: KeyPath) -> float:
-        if is_quantity(value):
-            with self.source.about(path):
-                return units.parse(value, unit, ".".join(str(part) for part in path))
-        bare = self.bare(value, path)
+        bare = None if is_quantity(value) else self.bare(value, path)
         with self.source.about(path):
-            return self.in_si(bare, unit)
+            if bare is None:
+                number = units.parse(value, unit, ".".join(str(part) for part in path))
+            else:
+                number = self.in_si(bare, unit)
+        if not abs(number) <= HUGE:
+            raise self.source.refusal(path, f"is {shown(value)}; give {HUGE:g} in SI at most")
+        return number
 
     def bare(self, value: Any, path: KeyPath) -> float:
         """Return a number, or the value of an expression."""

@@ -126,6 +126,7 @@ CHANGES = {
     "a tower of powers": ('"ground + crank/2"', '"9**9**9"', ("line 8", "exponent", "64")),
     "a long expression": ('"ground + crank/2"', f'"{"1+" * 400}1"', ("line 8", "801 characters")),
     "a deep expression": ('"ground + crank/2"', f'"{"-" * 200}1"', ("line 8", "50 deep")),
+    "a guess beyond sense": ('"crank*cos(10)"', "1e300", ("1e+300", "give 1e+30 in SI at most")),
     "pi in degrees": (
         '"crank*cos(10)"',
         '"crank*cos(pi/18)"',
@@ -137,10 +138,10 @@ CHANGES = {
         ("line 7", "parameters.crank", "uses it as a length"),
     ),
     "an angle for a length": ('"30 mm"', '"30 deg"', ("line 11", "'30 deg'", "does not measure that")),
-    "a place without a square": (
+    "a place beyond sense": (
         '["ground", 0, 0] }\nb',
         '["ground", 1e200, 0] }\nb',
-        ("line 25", "1e+197", "below 1e+100"),
+        ("line 27", "1e+200", "give 1e+30 in SI at most"),
     ),
     "an empty name": ('A = { link = "crank"', '"" = { link = "crank"', ("a point called ''",)),
     "a cross angle of a hinge": (

@@ -83,7 +83,7 @@ def lines(model: str) -> Iterator[str]:
         yield f"trace {model} -o out.csv --starts 9"
         yield f"validate {model} --against measured.csv --json"
         yield f"simulate {model} --profile crank.csv -o out.csv"
-        yield f"tradeoff {model} --budget 1s --json"
+        yield f"tradeoff {model} --budget 9s --json"
     if model == "four_bar":
         yield f"validate {model} --against law.py:law --json"
         yield f"sweep {model} --design designs.csv --measure range:rocker -o out.csv"
