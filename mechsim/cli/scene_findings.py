@@ -10,7 +10,6 @@ from mechsim.cli.output import print_table
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.finding import Finding
 from mechsim.model.programs import Programs, programs
-from mechsim.simulation.findings import findings
 from mechsim.subjects.mjcf_source import MjcfForm
 
 
@@ -23,7 +22,12 @@ def found_in(form: Form, asked: Programs | None = None) -> tuple[Finding, ...] |
     """
     if not isinstance(form, MjcfForm) or form.source is None:
         return None
-    return findings(form.source, asked or form.programs)
+    # what is no scene needs no MuJoCo
+    from mechsim.simulation.findings import findings
+    from mechsim.simulation.mjcf import quiet
+
+    with quiet():
+        return findings(form.source, asked or form.programs)
 
 
 def of_crank(form: Form, motion: CrankProfile) -> Programs | None:

@@ -350,6 +350,11 @@ def test_help_loads_nothing_heavy() -> None:
     assert not loaded_by("--help") & (HEAVY | {"numpy", "mujoco"})
 
 
+def test_usual_units_load_no_unit_library_and_what_is_no_scene_no_simulator() -> None:
+    usual = loaded_by("show four_bar", "solve four_bar --set crank=41mm --speed 300rpm --angles 0:360:45deg")
+    assert not usual & {"pint", "dask", "scipy", "matplotlib", "mediapy", "mujoco"}
+
+
 def test_help_of_a_command_loads_what_declares_it_and_no_solver() -> None:
     assert not loaded_by(*(f"{name} -h" for name in cli.COMMANDS)) & HEAVY
 
