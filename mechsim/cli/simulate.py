@@ -30,6 +30,7 @@ from mechsim.cli.output import print_json, progress
 from mechsim.cli.scene_findings import found_in, in_json, of_crank, tell_findings
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.crank_profile import arc_around
+from mechsim.model.joint_motion import with_all_joints
 from mechsim.model.motion import taken
 from mechsim.model.scene import Scene
 from mechsim.simulation import CrankProfile, Run, Settings
@@ -148,7 +149,8 @@ def simulate(
         motion = _motion(moving(drive), options)
         run = _run(drive, motion, options, asked, model_of)
     if place is not None:
-        files.write(place, run.motion if motion else Poses(run.motion))
+        told = with_all_joints(drive.mechanism, run.motion)
+        files.write(place, told if motion else Poses(told))
     found = found_in(drive, None if motion is None else drive.programs or of_crank(drive, motion))
     if as_json:
         told = {"mechanism": drive.name, "output": output, "rows": len(run.motion)}

@@ -30,6 +30,8 @@ EY: Vector = (0.0, 1.0, 0.0)
 EZ: Vector = (0.0, 0.0, 1.0)
 # what is farther away has no square that is a finite number, in [m]
 FARTHEST = 1e100
+# joints of a link nearer to each other than this part of all that is known of the links lie in one place
+ONE_PLACE = 1e-9
 # lengths and cosines of unit vectors across each other are off by less
 ROUNDED = 1e-14
 
@@ -362,14 +364,14 @@ class Mechanism:
         names = [GROUND, *(link.name for link in self.links)]
         held = {name: [end.point for end in self.ends(name)] for name in names}
         joints = max(_extent(points) for points in held.values())
-        if joints > 0.0:
-            return joints
-        # all joints of each link in one place, as in a pendulum: what else is known of the links counts
         for link in self.links:
             held[link.name] += link.outline
         for link, point in self.points.values():
             held[link].append(point)
         whole = max(_extent(points) for points in held.values())
+        if joints > ONE_PLACE * whole:
+            return joints
+        # all joints of each link in one place, as in pendulums and spherical linkages: the rest counts
         if not whole > 0.0:
             raise InputError(
                 f"{self.name} has no extent: all joints, outlines and points of each link lie in one place; "

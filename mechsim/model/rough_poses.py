@@ -97,7 +97,7 @@ def _displaced(
 ) -> tuple[Array, Array]:
     """Return where the far side's joint frame stands in the near side's: (..., 3) in [m] and (..., 3, 3)."""
     values = [told.get(name, 0.0) for name in joint.coordinates]
-    if not any(np.any(value) for value in values):
+    if not (KINDS[joint.kind].crossed or any(np.any(value) for value in values)):
         return np.zeros(3), np.eye(3)
     shift, turn = displaced(KINDS[joint.kind], np.broadcast_arrays(*values), joint.cross_angle)
     if forward:

@@ -361,6 +361,12 @@ class ModelLoops:
         rank = int((values > RANK_TOLERANCE * values[:, :1]).sum(1).max())
         return values[:, rank - 1] if rank else np.ones(len(held))
 
+    def fastest(self, rates: Array) -> float:
+        """Return the largest of rates (n, nv), of angles in [rad] and of displacements in sizes."""
+        return float(
+            np.abs(rates / np.where(self._angles, 1.0, np.reshape(self.size, (-1, 1)))).max(initial=0.0)
+        )
+
     def tangent(self, jacobian: Array) -> Array:
         """Return the rates of all freedoms per radian of the crank, (n, nv), that keep the loops closed."""
         driven = -jacobian[:, :, [self.crank]]

@@ -72,7 +72,8 @@ def coordinates_of(values: Values, joints: Mapping[str, Any]) -> FileCoordinates
 
 def drivers_of(of: FileCoordinates, read: Mapping[str, Any], asked: tuple[str, ...]) -> str | tuple[str, ...]:
     """Return what is driven: what the file names, else what is asked, else the joint called crank."""
-    drivers = read.get("drivers") or asked or ((CRANK,) if CRANK in read["joints"] else ())
+    alone = "drivers" not in read and CRANK in read["joints"]
+    drivers = read.get("drivers") or asked or ((CRANK,) if alone else ())
     if not drivers:
         raise InputError('no joint is driven; add drivers = ["NAME OF A JOINT"], or --drive JOINT=PROGRAM')
     for name in drivers:

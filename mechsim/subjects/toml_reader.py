@@ -94,7 +94,10 @@ def toml_subject(
         formula=_formula(source.path, read),
         forces=forces_of(values, mechanism, read),
     )
-    return TomlSubject(form, programs_of(of, read, driver), read.get("duration"))
+    duration = read.get("duration")
+    if duration is not None and not duration > 0.0:
+        raise source.refusal(("duration",), f"is {duration:g} s; give a time above 0")
+    return TomlSubject(form, programs_of(of, read, driver), duration)
 
 
 def _formula(path: str, read: Mapping[str, Any]) -> str:

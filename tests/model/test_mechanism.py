@@ -108,6 +108,18 @@ def chain(**changes):
     return Mechanism(**{**given, **changes})
 
 
+def test_joints_that_rounding_parts_do_not_measure_a_spherical_linkage():
+    near = End("arm", (0.1, 0.2, 0.3)), End("arm", (0.1, 0.1 + 0.1, 0.3 + 1e-17), axis=EX)
+    hinges = (
+        Joint("crank", "revolute", End(GROUND), near[0]),
+        Joint("out", "revolute", End(GROUND), near[1]),
+    )
+    apart = Joint("out", "revolute", End(GROUND), End("arm", (0.1, 0.2, 0.3 + 2e-16), axis=EX))
+    points = {"P": ("arm", (0.1, 0.2, 0.7))}
+    for joints in (hinges, (hinges[0], apart)):
+        assert Mechanism("sphere", (Link("arm"),), joints, "crank", points).size == pytest.approx(0.4)
+
+
 def test_size_is_the_longest_distance_within_a_link():
     assert chain().size == pytest.approx(0.5)
     assert [end.link for end in chain().ends("arm")] == ["arm", "arm"]

@@ -162,6 +162,16 @@ def test_an_equality_within_one_link_says_nothing_and_is_told(file):
     assert "do not move against each other" in read.remarks[0]
 
 
+def test_sleep_is_switched_off_and_said_and_ipc_refused(file):
+    flags = '<option><flag sleep="enable"/></option><worldbody>'
+    asleep = TREE.replace("<worldbody>", flags, 1)
+    read = read_model(file(asleep))
+    assert any("sleep is switched off" in said for said in read.remarks)
+    assert not read.spec.compile().opt.enableflags
+    with pytest.raises(InputError, match="IPC"):
+        read_model(file(asleep.replace("sleep", "ipc")))
+
+
 def test_a_missing_mesh_is_said_and_the_rest_is_read(file):
     asset = '<asset><mesh name="m" file="gone.stl"/></asset><worldbody>'
     text = TREE.replace("<worldbody>", asset).replace(

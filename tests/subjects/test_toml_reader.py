@@ -158,6 +158,8 @@ CHANGES = {
         'b = { link = "rokker" }',
         ("line 24", "did you mean 'rokker'"),
     ),
+    "drivers that are none": ('["crank"]', "[]", ("no joint is driven", "--drive")),
+    "a duration that is none": ("start = 10", "start = 10\nduration = -1", ("line 5", "duration is -1 s")),
     "an unknown driver": ('["crank"]', '["handle"]', ("line 3", "'handle'", "known are crank")),
     "one start of two": ('["crank"]', '["crank", "rocker"]', ("line 4", "crank, rocker are driven", "table")),
     "a start of none": ("start = 10", "start = { handle = 3 }", ("line 4", "'handle'", "known are crank")),

@@ -45,7 +45,7 @@ def run(one: Tried) -> tuple[int, str, list[str], float]:
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         child = os.fork()
         if child == 0:
-            _typed(one.case.words, place, Path(folder))
+            typed(one.case.words, place, Path(folder))
         _, status = os.waitpid(child, 0)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
@@ -58,7 +58,7 @@ def run(one: Tried) -> tuple[int, str, list[str], float]:
     return code, (said.strip().splitlines() or [""])[-1], faults, spent
 
 
-def _typed(words: tuple[str, ...], place: Path, folder: Path) -> None:
+def typed(words: tuple[str, ...], place: Path, folder: Path) -> None:
     """Be the command, in this process, which ends with it."""
     resource.setrlimit(resource.RLIMIT_CPU, (PATIENCE, PATIENCE + 2))
     resource.setrlimit(resource.RLIMIT_AS, (ROOM, ROOM))

@@ -1,20 +1,25 @@
 """Assembly in coordinates of the tree: the loops closed where what is prescribed stands at the start."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from mechsim.analytic.closure.drawn_poses import drawn_towards_guess
+from mechsim.analytic.closure.random_starts import random_poses, taken
 from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops, tree_loops
 from mechsim.analytic.closure.tree_motion import Coordinates, placed
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import Mechanism
+from mechsim.model.mechanism import Mechanism, Pose
 from mechsim.model.rough_poses import rough_poses, starts
 
 # Newton steps before giving up, the longest turn of one in [rad], and a gap that is closed
 MOST_STEPS, LONGEST, CLOSED = 60, 0.5, 1e-12
 # how far a link may stray from its guess, in sizes and [rad], before another way to close the loops is tried
 NEAR = 0.5
+# random starts where a guess that leaves links out leads nowhere
+STARTS = 48
 
 
 def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
@@ -40,8 +45,34 @@ def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
             break
     if not found:
         assert refused is not None
-        raise refused
+        return _anywhere(mechanism, rough, refused)
     return min(found, key=lambda one: one[0])[1:]
+
+
+def _anywhere(
+    mechanism: Mechanism, rough: Mapping[str, Pose], refused: AssemblyError
+) -> tuple[TreeLoops, Coordinates]:
+    """Return loops closed from random starts: nearest to a guess that leaves links out, then to nought.
+
+    Raises:
+        AssemblyError: that which is given, where the guess names every link or none closes near it.
+    """
+    if len(mechanism.guess) == len(mechanism.links):
+        raise refused
+    loops, own = tree_loops(mechanism, rough, starts(mechanism))
+    batches = [many for _, many in random_poses(loops, own, STARTS, seed=1)]
+    best: tuple[float, float] = (NEAR, np.inf)
+    chosen: Coordinates | None = None
+    for at in (taken(many, np.array([i])) for many in batches for i in range(len(many))):
+        rank = (
+            _strayed(mechanism, loops, at),
+            float(np.abs(at.values / loops.units[:, None]).max(initial=0.0)),
+        )
+        if rank[0] < NEAR and rank < best:
+            best, chosen = rank, at
+    if chosen is None:
+        raise refused
+    return loops, closed(loops, chosen)
 
 
 def _strayed(mechanism: Mechanism, loops: TreeLoops, at: Coordinates) -> float:

@@ -25,6 +25,7 @@ _NOISE = re.compile(
     r"MuJoCo refuses the model: |(?:XML )?Error: |,? ?\bid -?\d+|Element name '',?"
     r"|ErrorID=\d+ \(0x[0-9a-f]+\)"
 )
+SLEEP, IPC = int(mujoco.mjtEnableBit.mjENBL_SLEEP), int(mujoco.mjtEnableBit.mjENBL_IPC)
 _ELEMENT = re.compile(r" Element (?:name )?('[^']*')")
 
 
@@ -44,7 +45,20 @@ def parsed(path: str) -> tuple[mujoco.MjSpec, mujoco.MjModel, list[str]]:
             spec = mujoco.MjSpec.from_file(path)
     except (ValueError, UnicodeError) as error:
         raise refusal(path, error) from None
-    return (spec, *compiled_whole(path, spec))
+    awake = _awake(path, spec)
+    model, left_out = compiled_whole(path, spec)
+    return spec, model, awake + left_out
+
+
+def _awake(path: str, spec: mujoco.MjSpec) -> list[str]:
+    """Switch sleep off, which no state carries, and say so; refuse contacts that no state carries."""
+    if spec.option.enableflags & IPC:
+        raise InputError(
+            f"{path} asks for IPC contacts, which poses in a row cannot carry; take the flag out"
+        )
+    asleep = bool(spec.option.enableflags & SLEEP)
+    spec.option.enableflags &= ~SLEEP
+    return ["sleep is switched off: what is at rest is computed as the rest is"] if asleep else []
 
 
 @quiet()

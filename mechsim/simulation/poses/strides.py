@@ -11,6 +11,8 @@ from mechsim.simulation.poses.meetings import WINDOW, Meeting, determinant, meet
 
 # the crank's longest stride
 STRIDE = 2.0 * np.pi / 16
+# how far a stride may lead any joint, in [rad] or sizes: a correction that is a part of more could be a leap
+LONGEST = 0.5
 # a walk that needs strides below this stands at a dead centre; what lies nearer needs no walk
 SHORTEST = 1e-14
 # opening of the loops, in units of the stride squared, from which one Newton step leaves an opening
@@ -123,7 +125,8 @@ class _Walker:
     def stride_on(self) -> None:
         """Go one stride, or make the next one shorter where it could lead into another assembly."""
         loops, sense = self.loops, self.sense
-        self.stride = min(self.stride, max(0.7 * self.ahead, SHORTEST))
+        longest = LONGEST / max(loops.fastest(self.slope), 1.0)
+        self.stride = min(self.stride, max(min(0.7 * self.ahead, longest), SHORTEST))
         # a stride a tenth longer saves a last one that would be next to nothing
         left = abs(self.end - self.angle)
         step = left if left < 1.1 * self.stride else self.stride

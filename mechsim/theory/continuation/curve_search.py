@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.analytic.closure.random_starts import poses_beside, taken
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import AssemblyError, MobilityError
 from mechsim.maths.arrays import Array
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve
 from mechsim.theory.continuation.cells import walk_round
 from mechsim.theory.continuation.free_loops import FreeLoops
-from mechsim.theory.continuation.starts import poses_beside, taken
 
 # distance of marks below which a pose lies on a curve
 ON_CURVE = 1e-7

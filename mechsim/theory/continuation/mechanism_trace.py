@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.analytic.closure.open_joints import require_determined
+from mechsim.analytic.closure.random_starts import poses_beside, random_poses, taken
 from mechsim.analytic.closure.tree_assembly import assembled
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates
@@ -16,7 +17,6 @@ from mechsim.model.mechanism import Mechanism, described
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve
 from mechsim.theory.continuation.curve_search import ON_CURVE, CurveSearch
 from mechsim.theory.continuation.free_loops import FreeLoops, free_loops
-from mechsim.theory.continuation.starts import poses_beside, random_poses, taken
 
 # how many random starts are taken, and which
 STARTS, SEED, MOST_STARTS = 300, 1, 100_000

@@ -1,0 +1,61 @@
+"""Assembly where the guess leaves links out: any pose that closes will do, but one must be found."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.closure.start_values import start_poses
+from mechsim.analytic.closure.tree_assembly import assembled
+from mechsim.errors import AssemblyError
+from mechsim.model.mechanism import End, Joint, Link, Mechanism
+from mechsim.model.rough_poses import rough_poses
+
+
+def spherical(seed: int, *, reach: float = 1.0) -> Mechanism:
+    """A spherical four-bar drawn around a pose that closes; `reach` scales the coupler's arc."""
+    rng = np.random.default_rng(seed)
+    axes = [one / np.linalg.norm(one) for one in rng.normal(size=(4, 3))]
+    frames = [np.linalg.qr(rng.normal(size=(3, 3)))[0] for _ in range(3)]
+    frames = [frame * np.linalg.det(frame) for frame in frames]
+    names = ("crank", "coupler", "rocker")
+
+    def end(link: int, axis: np.ndarray) -> End:
+        own = axis if link < 0 else frames[link].T @ axis
+        return End("ground" if link < 0 else names[link], axis=tuple(own.tolist()))
+
+    far = axes[2] if reach == 1.0 else axes[1] + reach * (axes[2] - axes[1])
+    joints = (
+        Joint("crank", "revolute", end(-1, axes[0]), end(0, axes[0])),
+        Joint("A", "revolute", end(0, axes[1]), end(1, axes[1])),
+        Joint("B", "revolute", end(1, far), end(2, axes[2])),
+        Joint("rocker", "revolute", end(-1, axes[3]), end(2, axes[3])),
+    )
+    turned = joints[0].a.frame.T @ frames[0] @ joints[0].b.frame
+    start = float(np.arctan2(turned[1, 0], turned[0, 0]))
+    links = tuple(Link(name) for name in names)
+    return Mechanism("sphere", links, joints, "crank", {"P": ("rocker", (0.0, 0.1, 0.0))}, start=start)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_spherical_four_bar_closes_without_a_guess(seed):
+    loops, at = assembled(spherical(seed))
+    assert np.abs(loops.linearise(at)[0]).max() < 1e-12
+
+
+def test_what_closes_nowhere_is_refused_as_before():
+    with pytest.raises(AssemblyError, match="the loops do not close at crank"):
+        assembled(spherical(3, reach=0.01))
+
+
+def test_a_universal_joint_begins_with_its_axes_crossed():
+    mechanism = ms.load("stewart_gough").mechanism
+    bare = replace(mechanism, guess={"plate": mechanism.guess["plate"]})
+    rough = rough_poses(bare)
+    for joint in bare.joints:
+        if joint.kind == "universal":
+            own = rough[joint.b.link].rotation @ np.asarray(joint.b.axis)
+            assert abs(own @ np.asarray(joint.a.axis)) < 1e-12
+    told, wanted = start_poses(bare)[1], start_poses(mechanism)[1]
+    assert {name: pytest.approx(value, abs=1e-9) for name, value in wanted.items()} == told

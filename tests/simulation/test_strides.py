@@ -1,0 +1,28 @@
+import numpy as np
+
+from mechsim.analytic.closure.start_values import with_closed_guess
+from mechsim.model.couplings import Gear
+from mechsim.model.mechanism import End, Joint, Link, Mechanism
+from mechsim.model.scene import Scene
+from mechsim.simulation.closed_model import guessed
+from mechsim.simulation.poses.strides import LONGEST, walk
+
+
+def test_no_stride_leads_a_joint_farther_than_a_correction_can_be_told_from_a_leap():
+    """A wheel geared up twenty times turns a four-bar: the crank's stride would be over a turn of it."""
+    ground = {name: End("ground", (x, 0.0, 0.0)) for name, x in (("p", 0.0), ("q", 0.05), ("r", 0.13))}
+    joints = (
+        Joint("crank", "revolute", ground["p"], End("crank")),
+        Joint("wheel", "revolute", ground["q"], End("wheel")),
+        Joint("pin", "revolute", End("wheel", (0.02, 0.0, 0.0)), End("rod")),
+        Joint("end", "revolute", End("rod", (0.08, 0.0, 0.0)), End("lever", (0.05, 0.0, 0.0))),
+        Joint("lever", "revolute", ground["r"], End("lever")),
+    )
+    links = tuple(Link(name) for name in ("crank", "wheel", "rod", "lever"))
+    points = {"P": ("rod", (0.04, 0.0, 0.0))}
+    gears = (Gear("crank", "wheel", 20.0),)
+    mechanism = Mechanism("geared", links, joints, "crank", points, gears, start=0.02)
+    loops, rough = guessed(with_closed_guess(mechanism), Scene(level="pose"))
+    start = loops.close(rough[None])[0]
+    states = np.array([start, *walk(loops, start, float(start[loops.crank_place]) + 0.4).states])
+    assert np.abs(np.diff(states, axis=0)).max() < 1.5 * LONGEST

@@ -1,0 +1,283 @@
+"""Mechanisms that nobody has seen, through the command line, against a closure solved apart.
+
+    python validation/robustness/unseen_mechanisms.py [--count 120] [--seed 1] [--case N] [--keep DIR]
+
+Problem: `drawn_mechanisms.py` draws each around an assembled pose, as TOML. `solve` and `simulate` by poses
+run on each, every fourth is stepped, and of every fourth `trace` goes round where there is one driver.
+Reference: `maximal_coordinates.py`, which follows the assembly from the known pose, and from the pose told
+where the file's guess does not say which is meant. Of the size, 1e-9 is the bound on places, joint
+coordinates, velocities and accelerations (rates over the largest of their kind). Stepped runs keep the bound
+they state, a ten-thousandth of the stroke. Of a trace every pose told must close, and the known pose lie on a
+curve. Every eighth mechanism is driven far, often to a singular pose: there a refusal is right.
+Uncertainty: the reference closes to 1e-12 where its equations' singular values keep 1e-4 of the largest.
+
+Prints a table, and each fault with the number to run it again by; exit code 1 if there was any.
+"""
+
+import argparse
+import os
+import resource
+import sys
+import tempfile
+from collections import Counter, defaultdict
+from pathlib import Path
+
+import numpy as np
+from broken_subjects import typed
+from drawn_mechanisms import PROBES, Drawn, drawn, null, quaternion
+from maximal_coordinates import UNITS, Program, TooNearError, followed, told
+
+from mechsim import cli
+
+BOUND, SAMPLES, DURATION = 1e-9, 13, 0.5
+OUTCOMES = ("right", "rightful refusal", "refused, guess open", "undecided", "refused", "wrong", "traceback")
+
+
+class WrongError(Exception):
+    """What was told is not so."""
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--count", type=int, default=120, help="of mechanisms")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--case", type=int, help="one of them, told in full")
+    parser.add_argument("--only", default="solve,simulate,step,trace", help="of these")
+    parser.add_argument("--keep", default="", help="folder for the files of those that fall")
+    asked = parser.parse_args()
+    for name in cli.COMMANDS:
+        cli.loaded(name)
+    table: defaultdict[str, Counter[str]] = defaultdict(Counter)
+    number, done = 1000 * asked.seed if asked.case is None else asked.case, 0
+    while done < asked.count and asked.case in (None, number):
+        made = drawn(number)
+        if made is not None and (found := judged(made, number, asked.keep, asked.only.split(","))):
+            done += 1
+            for command, outcome, why in found:
+                table[command][outcome] += 1
+                if outcome in OUTCOMES[3:] or asked.case is not None:
+                    print(
+                        f"{number} {command}: {outcome} ({made.what}, guess {made.guess}): {why}", flush=True
+                    )
+        number += 1
+        if sys.stderr.isatty() or done % 10 == 0:
+            print(f"{done} of {asked.count}", file=sys.stderr)
+    print("\n| command | " + " | ".join(OUTCOMES) + " |\n|" + "---|" * (len(OUTCOMES) + 1))
+    for command, counts in table.items():
+        print(f"| {command} | " + " | ".join(str(counts[one]) for one in OUTCOMES) + " |")
+    return 1 if any(counts[one] for counts in table.values() for one in OUTCOMES[4:]) else 0
+
+
+def judged(made: Drawn, number: int, keep: str, only: list[str]) -> list[tuple[str, str, str]]:
+    """Return command, outcome and reason, for each command on a mechanism that can be driven."""
+    far, times = number % 8 == 7, np.linspace(0.0, DURATION, SAMPLES)
+    reach, truth = (4.0 if far else 1.0), None
+    made.machine.rank = int(np.linalg.matrix_rank(made.machine.slope(made.pose, 0.0), 1e-9))
+    for _ in range(1 if far else 5):
+        texts = programmed(made, number, reach)
+        try:
+            truth = followed(made.machine, made.pose, times)
+            break
+        except TooNearError:
+            reach /= 2.5
+    if truth is None and not far:
+        return []
+    (place := Path(tempfile.mkdtemp()) / "here").mkdir()
+    text = made.text.replace("[parameters]", "[programs]\n" + "\n".join(texts) + "\n[parameters]")
+    (place / "drawn.toml").write_text(text)
+    if keep:
+        Path(keep, f"{number}.toml").write_text(text)
+    run = f"drawn.toml --duration {DURATION}s --samples {SAMPLES} -o"
+    lines = {"solve": f"solve {run} solve.csv", "simulate": f"simulate {run} simulate.csv"}
+    if number % 4 == 0 and not far:
+        lines["step"] = f"simulate {run} stepped.csv --method step"
+    if number % 4 == 2 and len(made.drivers) == 1:
+        lines["trace"] = "trace drawn.toml -o trace.csv --starts 6 --samples 60"
+    found = []
+    for words in (line.split() for name, line in lines.items() if name in only):
+        code, said, spent = ran(words, place)
+        command = words[0] + (" step" if "step" in words else "")
+        try:
+            outcome, why = ended(made, code, said, truth, words[0])
+            if outcome == "right":
+                table = np.genfromtxt(
+                    place / words[words.index("-o") + 1], delimiter=",", names=True, deletechars=""
+                )
+                why = compared(made, table, truth, times, command)
+        except WrongError as error:
+            outcome, why = "wrong", str(error)
+        except TooNearError:
+            outcome, why = "undecided", "the pose told leads near a singular one, by the reference"
+        found.append((command, outcome, f"{why} [{spent:.0f} s]"))
+    return found
+
+
+def programmed(made: Drawn, number: int, reach: float) -> list[str]:
+    """Drive a mechanism by swings or evenly, and return the programs' texts."""
+    chance, texts = np.random.default_rng(number), []
+    for i, full in zip(made.drivers, made.swings, strict=True):
+        start, unit = float(made.pose[7 * made.machine.links + i]), "m" if full != 1.0 else "rad"
+        far, w = (
+            reach * full * float(chance.uniform(0.4, 1) * chance.choice([-1, 1])),
+            float(chance.uniform(2, 6)),
+        )
+        swings = chance.random() < 0.7
+        made.machine.driven[i] = swing(start, far, w) if swings else evenly(start, far / DURATION)
+        text = f"{start!r}{unit} + {far!r}{unit}*sin({w!r}*t)" if swings else f"{far / DURATION!r}{unit}/s"
+        texts.append(f'"{made.names[i]}" = "{text}"')
+    return texts
+
+
+def swing(start: float, far: float, w: float) -> Program:
+    return lambda t: start + far * np.sin(w * t)
+
+
+def evenly(start: float, pace: float) -> Program:
+    return lambda t: start + pace * t
+
+
+def ran(words: list[str], place: Path) -> tuple[int, str, float]:
+    """Return a forked command's exit code, what it said on stderr, and its processor time."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    child = os.fork()
+    if child == 0:
+        for name in ("out", "err"):
+            (place.parent / name).unlink(missing_ok=True)
+        typed(tuple(words), place, place.parent)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return code, (place.parent / "err").read_text(errors="replace"), spent
+
+
+def ended(made: Drawn, code: int, said: str, truth: np.ndarray | None, command: str) -> tuple[str, str]:
+    """Return the outcome by the way a command ended, and what it said."""
+    lines = said.strip().splitlines()
+    if "Traceback" in said or code not in (0, 1, 2) or (code == 2 and len(lines) != 1):
+        return "traceback", f"exit {code}: {said[-600:]}"
+    why = lines[-1][:400] if lines else "nothing said"
+    if code == 0:
+        return "right", ""
+    machine = made.machine
+    points = machine.size * PROBES[None]
+    spun = [told(machine, made.pose, way, 0 * way, points)[1] for way in null(machine, made.pose)]
+    if "undetermined" in why and np.abs(spun).max(initial=0.0) > 1e-9 * machine.size:
+        return "rightful refusal", why
+    if truth is None and command != "trace":
+        return "rightful refusal", why
+    return ("refused" if made.guess == "whole" or code == 1 else "refused, guess open"), f"exit {code}: {why}"
+
+
+def compared(
+    made: Drawn, table: np.ndarray, truth: np.ndarray | None, times: np.ndarray, command: str
+) -> str:
+    """Return by how much a table of a command is off the truth, of the size.
+
+    Raises:
+        WrongError: where it is off by more than the bound.
+        TooNearError: where the reference cannot say.
+    """
+    machine = made.machine
+    if command == "trace":
+        return traced(made, table)
+    first = pose_of(made, table[0], made.pose)
+    if command == "simulate":
+        first = machine.solved(first, 0.0)
+    elif np.abs(machine.residual(first, 0.0)).max() > (1e-3 if command.endswith("step") else BOUND):
+        raise WrongError(f"the first pose stands open by {np.abs(machine.residual(first, 0.0)).max():.1e}")
+    known = truth is not None and np.abs(machine.poses(first)[0] - machine.poses(made.pose)[0]).max()
+    if truth is None or known > 1e-3 * machine.size:
+        if made.guess == "whole":
+            raise WrongError(
+                "another assembly than the guess means" if truth is not None else "passed a singular pose"
+            )
+        truth = followed(machine, first, times)
+    worst = {}
+    tracks, loose = reference(made, truth, times)
+    for (kind, order), (columns, values) in tracks.items():
+        # what stands still is judged by how fast the points go
+        of_points = machine.size if order == 0 else np.abs(tracks["point", order][1]).max()
+        scale = max(of_points / (machine.size if kind == "r" else 1.0), np.abs(values).max(initial=0.0))
+        got = np.array(
+            [
+                table[name] if name in table.dtype.names else v
+                for name, v in zip(columns, values.T, strict=True)
+            ]
+        ).T
+        if kind == "r" and order == 0:
+            got = got - 2 * np.pi * np.round((got[0] - values[0]) / (2 * np.pi))
+        off = np.where(loose[kind], 0.0, np.abs(got - values)) / (scale or 1.0)
+        worst[f"{kind} {'pva'[order]}"] = float(off.max(initial=0.0))
+    bound = {"p": BOUND, "v": BOUND, "a": BOUND}
+    if command.endswith("step"):
+        stroke = np.ptp(tracks["point", 0][1], axis=0).max(initial=0.0)
+        bound = {"p": 1e-4 * stroke / machine.size if stroke else 1.0, "v": np.inf, "a": np.inf}
+        worst = {name: off for name, off in worst.items() if name.startswith("point")}
+    over = [name for name, off in worst.items() if not off <= bound[name[-1]]]
+    text = ", ".join(f"{name} {off:.1e}" for name, off in worst.items())
+    if over:
+        raise WrongError(text)
+    return text
+
+
+def reference(made: Drawn, truth: np.ndarray, times: np.ndarray):
+    """Return (kind, order) -> columns and what they should hold, and which of each kind nothing holds."""
+    machine, n = made.machine, made.machine.links
+    points = np.broadcast_to(machine.size * PROBES, (n, 3, 3))
+    rows, free_points, free_q = [], np.zeros((n, 3, 3), bool), np.zeros(machine.count, bool)
+    for x, t in zip(truth, times, strict=True):
+        pace, bend = machine.rates(x, float(t))
+        rows.append((told(machine, x, pace, bend, points), np.array([x, pace, bend])[:, 7 * n :]))
+        for way in machine.split(x, float(t))[1]:
+            free_points |= np.abs(told(machine, x, way, 0 * way, points)[1]) > 1e-9 * machine.size
+            free_q |= np.abs(way[7 * n :]) > 1e-9
+    names = [f"{p}{k}" for k in range(1, n + 1) for p in "oxy"]
+    tracks, loose = {}, {"point": free_points.ravel()}
+    units = "".join(UNITS[one.kind] for one in machine.joints)
+    for order, ending in enumerate(("", "v", "a")):
+        columns = [f"{name}.{ending}{axis}" for name in names for axis in "xyz"]
+        tracks["point", order] = columns, np.array([row[0][order].ravel() for row in rows])
+        for unit in "mr":
+            of = [i for i, one in enumerate(units) if one == unit]
+            loose[unit] = free_q[of]
+            columns = [made.columns[i].replace("*", "qva"[order]) for i in of]
+            tracks[unit, order] = columns, np.array([row[1][order][of] for row in rows])
+    return tracks, loose
+
+
+def pose_of(made: Drawn, row: np.void, near: np.ndarray) -> np.ndarray:
+    """Return the unknowns of a pose told by points and coordinates; turns of joints as near as can be."""
+    machine, n = made.machine, made.machine.links
+    places, turns = [], []
+    for k in range(1, n + 1):
+        o, x, y = (np.array([row[f"{p}{k}.{axis}"] for axis in "xyz"]) for p in "oxy")
+        places.append(o / machine.size)
+        ex, ey = (x - o) / machine.size, (y - o) / machine.size
+        turns.append(quaternion(np.column_stack([ex, ey, np.cross(ex, ey)])))
+    told_of = row.dtype.names or ()
+    q = near[7 * n :].copy()
+    for i, name in enumerate(made.columns):
+        if (column := name.replace("*", "q")) in told_of:
+            q[i] = row[column]
+    return np.concatenate([*places, *turns, q])
+
+
+def traced(made: Drawn, table: np.ndarray) -> str:
+    """Hold every pose of a trace against the equations; the known pose must lie on a curve."""
+    machine = made.machine
+    driven, machine.driven = machine.driven, {}
+    poses = [pose_of(made, row, made.pose) for row in table]
+    gaps = [float(np.abs(machine.residual(x, 0.0)).max()) for x in poses]
+    machine.driven = driven
+    if not max(gaps) <= BOUND:
+        raise WrongError(f"a pose of row {int(np.argmax(gaps))} stands open by {max(gaps):.1e}")
+    places = np.array([machine.poses(x)[0] for x in poses]) / machine.size
+    apart = np.abs(places - machine.poses(made.pose)[0] / machine.size).max((-1, -2))
+    steps = np.abs(np.diff(places, axis=0)).max((-1, -2))[np.diff(table["component"]) == 0]
+    if apart.min() > steps.max():
+        raise WrongError(f"no curve passes the known pose: the nearest is {apart.min():.2f} of the size away")
+    return f"{max(gaps):.1e}, {len(set(table['component']))} curves"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
