@@ -256,6 +256,10 @@ BAD = {
         LOOPS.replace("EQUALITY", "").replace("<mujoco>", '<mujoco><option gravity="0 0 -1e200"/>'),
         r"gravity is \[0.0, 0.0, -1e\+200\]; give 1e\+30",
     ),
+    "too soft": (
+        LOOPS.replace("EQUALITY", '<connect site1="out" site2="in" solref="1e80"/>'),
+        r"equality .*holds 1e\+80; give 1e\+30",
+    ),
     "no turn": (
         LOOPS.replace("EQUALITY", "").replace(
             "<worldbody>", '<worldbody><body name="far" quat="1 0 1e300 0"/>'

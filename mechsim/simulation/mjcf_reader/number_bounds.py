@@ -59,10 +59,12 @@ def _held(spec: mujoco.MjSpec, model: mujoco.MjModel) -> Iterator[tuple[str, Any
         places = [model.jnt_pos[i], model.qpos0[own], model.qpos_spring[own]]
         yield "joint", joint, np.concatenate(places), FAR
         rates = [model.dof_damping[dofs], model.dof_armature[dofs], model.dof_frictionloss[dofs]]
-        single = [model.jnt_axis[i], model.jnt_range[i], model.jnt_stiffness[[i]].ravel()]
+        limit = [model.jnt_range[i], model.jnt_solref[i], model.jnt_solimp[i]]
+        single = [model.jnt_axis[i], *limit, model.jnt_stiffness[[i]].ravel()]
         yield "joint", joint, np.concatenate([one.ravel() for one in (*single, *rates)]), HUGE
     for site in spec.sites:
         yield "site", site, model.site_pos[site.id], FAR
         yield "site", site, model.site_quat[site.id], HUGE
     for equality in spec.equalities:
-        yield "equality", equality, model.eq_data[equality.id], HUGE
+        own = [model.eq_data[equality.id], model.eq_solref[equality.id], model.eq_solimp[equality.id]]
+        yield "equality", equality, np.concatenate(own), HUGE
