@@ -79,7 +79,8 @@ def _turns(
     across = np.swapaxes(axes, -1, -2)
 
     def parts(of: Array) -> Array:
-        return np.linalg.solve(across @ axes, across @ of[..., None])[..., 0]
+        found = np.linalg.solve(across @ axes, across @ of[..., None])[..., 0]
+        return found.astype(np.float64, copy=False)
 
     rates = parts(spin)
     turning = np.cross(a.angular_velocity, axis_a) * rates[:, :1]
