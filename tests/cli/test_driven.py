@@ -113,7 +113,7 @@ WRONG = {
     "no time": (["solve", "arm.toml", *DRIVE, "--duration", "0s"], ["above 0"]),
     "a keyframe": (["solve", "arm.toml", "--key", "home"], ["no keyframes"]),
     "a plot of a crank": (
-        ["plot", "arm.toml", *DRIVE, "--kind", "torque", "-o", "a.svg"],
+        ["plot", "arm.toml", *DRIVE, "--kind", "transmission", "-o", "a.svg"],
         ["under programs"],
     ),
 }

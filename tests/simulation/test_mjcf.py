@@ -142,12 +142,14 @@ def test_bennetts_linkage_keeps_the_law_of_its_angles() -> None:
 
     motion = simulate(mechanisms.bennett(), speed=1.0, method="pose", samples=36).motion
     # tan(theta/2) tan(phi/2) is constant for angles next to each other, each counted from its fold
-    theta, phi = motion.angle, motion.joints["rocker"].value
+    away = np.abs(np.sin(motion.angle)) > np.sin(np.radians(9.0))
+    theta, phi = motion.angle[away], motion.joints["rocker"].value[away]
     product = np.tan(theta / 2.0) * np.tan(phi / 2.0)
     ratio = np.tan(theta / 2.0) / np.tan(phi / 2.0)
     spread = min(np.ptp(law) / np.abs(law).mean() for law in (product, ratio))
-    # tangents of half angles up to 85 degrees lose two digits
-    assert spread < 1e-12
+    # tangents of half angles up to 85 degrees lose two digits; 0.1 degrees from the fold, four
+    assert len(theta) > 30
+    assert spread < 1e-13
 
 
 def test_a_loop_that_cannot_close_is_an_assembly_error() -> None:

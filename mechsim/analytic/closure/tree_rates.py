@@ -22,6 +22,8 @@ CHUNK = 1024
 STEPS, LONG, SHORT = 4, 1e-3, 1e-9
 # how far drivers that are not where the path has them go at once, in [rad] or parts of the size
 STRIDE = 0.02
+# coordinates err by rounding over the conditioning, and rates by that over it once more
+SINGULAR = float(np.sqrt(np.finfo(np.float64).eps))
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,9 +109,16 @@ def loop_motion(path: FollowedPath, instants: Instants) -> LoopMotion:
     """Return the motion at instants along a path.
 
     Raises:
-        AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
+        AssemblyError: at the parameter beyond which the loops cannot close in this assembly, or at one so
+            near to a singular pose that no digit of the rates is left.
     """
-    return in_order([(part.index, rated(path, part)) for part in closed_parts(path, instants)])
+    found = [(part.index, rated(path, part)) for part in closed_parts(path, instants)]
+    for index, motion in found:
+        at = instants.at[index]
+        lost = (motion.conditioning < SINGULAR) & ~path.blind(at)
+        if lost.any():
+            raise _lost(path, float(at[np.argmax(lost)]))
+    return in_order(found)
 
 
 @dataclass(frozen=True, slots=True)
