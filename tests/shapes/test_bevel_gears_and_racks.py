@@ -1,0 +1,110 @@
+"""Teeth of bevel gears and of racks stand in each other's gaps at every angle."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim import closure, load
+from mechsim.model.couplings import Coupling, Gear
+from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
+from mechsim.model.mechanism import IDENTITY as STANDING
+from mechsim.shapes import link_shapes
+
+TURN = np.linspace(0.0, 2.0 * np.pi, 25)
+AXES = np.array([[0.2, 0.1, 1.0], [1.0, 0.3, -0.4]])
+AXES /= np.linalg.norm(AXES, axis=1)[:, None]
+APEX = np.array([0.01, -0.02, 0.03])
+
+
+def shafts(heights, carried):
+    """Two shafts that meet at the apex; the second is carried by the frame or by the first."""
+    points = [tuple(APEX + height * axis) for height, axis in zip(heights, AXES, strict=True)]
+    first, second = (tuple(axis) for axis in AXES)
+    joints = (
+        Joint("one", "revolute", End(GROUND, points[0], first), End("one", points[0], first)),
+        Joint("two", "revolute", End(carried, points[1], second), End("two", points[1], second)),
+    )
+    links = Link("one"), Link("two")
+    guess = {link.name: STANDING for link in links}
+    points, gears = {"P": ("two", (0.02, 0.0, 0.0))}, (Gear("one", "two", -1.5, 0.4),)
+    return Mechanism("bevel", links, joints, "one", points, guess=guess, gears=gears)
+
+
+def heels(mechanism, link, poses):
+    """Outer ends of the teeth that point at the apex, in the world, (teeth, n, 3)."""
+    boxes = [shape for shape in link_shapes(mechanism)[link] if shape.kind == "box"]
+    local = [
+        np.array(box.to) for box in boxes if np.linalg.norm(np.cross(box.frm - APEX, box.to - APEX)) < 1e-12
+    ]
+    assert len(local) == len(boxes) > 10
+    return np.array([np.broadcast_to(poses[link].point(one), (len(TURN), 3)) for one in local])
+
+
+@pytest.mark.parametrize("heights", [(0.03, 0.05), (0.0, 0.0), (0.04, 0.0), (-0.03, 0.04)])
+@pytest.mark.parametrize("carried", [GROUND, "one"])
+def test_teeth_of_bevel_gears_mesh_at_every_angle(heights, carried):
+    mechanism = shafts(heights, carried)
+    motion = closure.solve(mechanism, TURN)
+    poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
+    poses[GROUND] = STANDING
+    arm = np.broadcast_to(np.eye(3), (len(TURN), 3, 3)) if carried == GROUND else poses["one"].rotation
+    wheels = ("one", "two") if carried == GROUND else (GROUND, "two")
+    axes = [np.broadcast_to(AXES[0], (len(TURN), 3)), arm @ AXES[1]]
+    rims = [heels(mechanism, link, poses) - APEX for link in wheels]
+    slants = [np.linalg.norm(rim, axis=2) for rim in rims]
+    assert np.ptp(np.concatenate(slants)) < 1e-12
+    cosines = [
+        float((rim[0] * axis).sum(1)[0] / slants[0][0, 0]) for rim, axis in zip(rims, axes, strict=True)
+    ]
+    # the line that has both cones' angles to the axes: the cones touch, they do not cross
+    square = np.array([[1.0, AXES[0] @ AXES[1]], [AXES[0] @ AXES[1], 1.0]])
+    parts = np.linalg.solve(square, cosines)
+    line = parts[0] * axes[0] + parts[1] * axes[1]
+    np.testing.assert_allclose(np.linalg.norm(line, axis=1), 1.0, atol=1e-9)
+    phases = []
+    for rim, axis in zip(rims, axes, strict=True):
+        tangent, out = np.cross(axis, line), line - axis * (line * axis).sum(1)[:, None]
+        tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+        out /= np.linalg.norm(out, axis=1)[:, None]
+        angle = np.arctan2((rim[0] * tangent).sum(1), (rim[0] * out).sum(1))
+        phases.append(angle * len(rim) / (2.0 * np.pi))
+    way = np.sign((np.cross(axes[0], line) * np.cross(axes[1], line)).sum(1))
+    np.testing.assert_allclose((phases[0] - way * phases[1]) % 1.0, 0.5, atol=1e-6)
+
+
+def test_shafts_that_pass_each_other_carry_no_bevel_gears():
+    mechanism = shafts((0.03, 0.05), GROUND)
+    one, two = mechanism.joints
+    aside = tuple(np.add(two.a.point, 0.01 * np.cross(*AXES)))
+    moved = replace(mechanism, joints=(one, replace(two, a=replace(two.a, point=aside))))
+    assert not [shape for shape in link_shapes(moved)["one"] if shape.kind == "box"]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_pinion_meshes_with_its_rack_all_the_way(sign):
+    form = load("rack_steering")
+    mesh = form.mechanism.couplings[0]
+    radius = 0.04
+    coupling = Coupling(mesh.name, mesh.left, mesh.right, (0.003, sign * radius), (0.001, 0.2))
+    mechanism = replace(form.mechanism, couplings=(coupling,))
+    joints = {joint.name: joint for joint in mechanism.joints}
+    shapes = link_shapes(mechanism, {"rack": (-0.05, 0.06)})
+    spokes = [s for s in shapes["pinion"] if s.kind == "box" and s.thickness == (0.0, 0.0, 1.0)]
+    spokes = [s for s in spokes if np.linalg.norm(s.to) > radius]
+    teeth = [
+        s for s in shapes["rack"] if s.kind == "box" and abs(s.frm[1] - s.to[1]) > abs(s.frm[0] - s.to[0])
+    ]
+    tooth = np.arctan2(spokes[0].to[1], spokes[0].to[0])
+    step = 2.0 * np.pi * radius / len(spokes)
+    shaft, slide = joints["pinion"].a.point, joints["rack"].a.point
+    meeting = -0.5 * np.pi * sign
+    assert {round(np.sign(s.to[1] - s.frm[1])) for s in teeth} == {-round(sign)}
+    for angle in np.linspace(-1.0, 1.0, 9):
+        way = 0.001 + 0.003 + sign * radius * (angle - 0.2)
+        beside = (teeth[0].frm[0] + slide[0] + way - shaft[0]) / step
+        turned = (tooth + angle - meeting) * len(spokes) / (2.0 * np.pi)
+        assert (beside - sign * turned) % 1.0 == pytest.approx(0.5, abs=1e-6)
+    ends = [t.frm[0] + slide[0] - shaft[0] for t in teeth]
+    assert min(ends) < -0.06 - step
+    assert max(ends) > 0.05 + step
