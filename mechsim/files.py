@@ -72,11 +72,23 @@ def require_place(path: str | Path) -> None:
     """
     place = place_of(path)
     if not place.exists():
+        beside = _beside(place, place.parent)
         try:
-            with tempfile.NamedTemporaryFile(dir=place.parent, prefix=".", suffix=place.suffix):
-                pass
+            _make(beside)
         except OSError as error:
             raise _cannot_write(Path(path), error) from error
+        finally:
+            beside.unlink(missing_ok=True)
+
+
+def _beside(place: Path, folder: Path) -> Path:
+    """Return a temporary path, named before it is made: no signal comes between that and its care."""
+    return folder / f".{place.stem[:32]}-{secrets.token_hex(4)}{place.suffix}"
+
+
+def _make(path: Path) -> None:
+    """Make an empty file that only its owner can read."""
+    os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
 
 
 @contextmanager
@@ -94,10 +106,9 @@ def written_beside(path: str | Path) -> Generator[Path]:
     there = place.exists()
     special = there and not place.is_file()
     folder = tempfile.gettempdir() if special else place.parent
-    # named before it is made, so that no signal comes between its making and the care for its end
-    beside = Path(folder) / f".{place.stem[:32]}-{secrets.token_hex(4)}{place.suffix}"
+    beside = _beside(place, Path(folder))
     try:
-        os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
+        _make(beside)
         yield beside
         if special:
             with beside.open("rb") as whole, place.open("wb") as taker:
