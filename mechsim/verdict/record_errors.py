@@ -126,7 +126,7 @@ def of_reactions(kind: Literal["force", "moment"]) -> Error:
             return None
         gaps = one.settled(other.force - one.force, other.moment - one.moment)
         gap = gaps[0] if kind == "force" else gaps[1]
-        return np.where(_untold(found, exact), 0.0, lengths(gap))
+        return np.where(_untold(exact), 0.0, lengths(gap))
 
     return error
 
@@ -138,19 +138,19 @@ def drives(found: Efforts, exact: Efforts) -> Iterable[str]:
 
 def drive_effort(found: Efforts, exact: Efforts, name: str) -> Array:
     """Return the error of the torque of one drive, of a force times the size."""
-    return _along(found.drives[name], exact.drives[name], found, exact, name)
+    return _along(found.drives[name], exact.drives[name], exact, name)
 
 
 def gear_torque(found: Efforts, exact: Efforts, name: str) -> Array:
     """Return the error of the torque between two gears, of a force between racks times the size."""
-    return _along(found.gears[name], exact.gears[name], found, exact, name)
+    return _along(found.gears[name], exact.gears[name], exact, name)
 
 
-def _along(found: Array, true: Array, record: Efforts, exact: Efforts, name: str) -> Array:
-    error = np.where(_untold(record, exact), 0.0, np.abs(found - true))
+def _along(found: Array, true: Array, exact: Efforts, name: str) -> Array:
+    error = np.where(_untold(exact), 0.0, np.abs(found - true))
     return error * exact.size if name in exact.straight else error
 
 
-def _untold(found: Efforts, exact: Efforts) -> NDArray[np.bool_]:
+def _untold(exact: Efforts) -> NDArray[np.bool_]:
     """Return where forces between links jump, or grow beyond all bounds, (n,)."""
-    return exact.reversing | exact.unbounded | found.unbounded
+    return exact.reversing | exact.unbounded
