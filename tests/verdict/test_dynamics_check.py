@@ -17,6 +17,7 @@ from mechsim.model.rod_inertia import with_inertia
 from mechsim.simulation.dynamics.free_running import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
+from mechsim.verdict.record_errors import of_reactions
 
 DRIVE = catalog.make("rrsrr")
 PUSH = course.table(
@@ -169,6 +170,17 @@ def test_forces_beside_a_change_point_are_what_they_are_without_it():
     for name, one in part.reactions.items():
         assert one.open == whole.reactions[name].open
         np.testing.assert_allclose(whole.reactions[name].force[[1, 2, 4]], one.force, rtol=1e-9, atol=1e-9)
+
+
+def test_no_record_says_itself_where_it_is_not_judged():
+    flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
+    machine = dynamics.machine(flat, Forces(gravity=(0.4, -9.81, 0.0)))
+    exact = dynamics.prescribed(machine, np.array([0.0, 0.7, 2.0, np.pi, 4.0]), 50.0).efforts
+    doubled = {name: replace(one, force=2.0 * one.force) for name, one in exact.reactions.items()}
+    wrong = replace(exact, meeting=np.ones(5, dtype=np.bool_), reactions=doubled)
+    for name in doubled:
+        error = of_reactions("force")(wrong, exact, name)
+        assert (error > 0.0).tolist() == [False, True, True, False, True]
 
 
 def test_no_step_is_taken_from_where_assemblies_meet():
