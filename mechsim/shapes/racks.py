@@ -3,6 +3,7 @@
 import numpy as np
 
 from mechsim.model.couplings import Coupling
+from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import Joint
 from mechsim.shapes.canvas import Canvas, upright_end
 from mechsim.shapes.shape import Shape, vector
@@ -24,7 +25,8 @@ def draw_racks(canvas: Canvas, teeth: int) -> None:
 
 def _meshes(coupling: Coupling, rack: Joint, pinion: Joint) -> bool:
     square = abs(float(np.dot(rack.a.axis, pinion.a.axis))) < SQUARE
-    kinds = rack.kind == "prismatic" and pinion.kind == "revolute" and rack.a.link == pinion.a.link
+    slide, hinge = KINDS[rack.kind], KINDS[pinion.kind]
+    kinds = slide.single and not slide.turns and hinge.hinge and rack.a.link == pinion.a.link
     return kinds and square and len(coupling.coefficients) == 2 and coupling.slope != 0.0
 
 
