@@ -4,7 +4,6 @@ import mpmath
 import numpy as np
 
 from mechsim import catalog
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
 
 NAMES = ("ground", "crank", "coupler", "rocker")
 
@@ -27,24 +26,6 @@ def flat_linkages(many=12, seed=5):
         if min(lengths) > 0.01 and catalog.make("four_bar", **named(lengths)).crank_range().full:
             found.append(lengths)
     return found
-
-
-def three_cranks(place, crank=0.03, ground=0.1, start=0.35):
-    """A parallelogram with a third parallel crank, pivoted at a place of frame and coupler."""
-    out, pivots = (crank, 0.0, 0.0), {"crank": (0.0, 0.0, 0.0), "rocker": (ground, 0.0, 0.0)}
-    pivots["third"] = (*place, 0.0)
-    joints = [Joint(name, "revolute", End(GROUND, at), End(name)) for name, at in pivots.items()]
-    joints += [
-        Joint(f"{name} pin", "revolute", End(name, out), End("coupler", at)) for name, at in pivots.items()
-    ]
-    turn = np.array(
-        [[np.cos(start), -np.sin(start), 0], [np.sin(start), np.cos(start), 0], [0, 0, 1]], dtype=float
-    )
-    guess = {name: Pose(np.array(at), turn) for name, at in pivots.items()}
-    guess["coupler"] = Pose(turn @ np.array(out), np.eye(3))
-    point = {"B": ("coupler", (ground, 0.0, 0.0))}
-    links = tuple(Link(name) for name in guess)
-    return Mechanism("three cranks", links, tuple(joints), "crank", point, guess=guess, start=start)
 
 
 def smooth_b(lengths, angle, sign):

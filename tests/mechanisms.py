@@ -131,6 +131,26 @@ def geared_five_bar(ratio: float = -1.5) -> Mechanism:
     )
 
 
+def three_cranks(
+    place: tuple[float, float], crank: float = 0.03, ground: float = 0.1, start: float = 0.35
+) -> Mechanism:
+    """A parallelogram with a third parallel crank, pivoted at a place of frame and coupler."""
+    out, pivots = (crank, 0.0, 0.0), {"crank": (0.0, 0.0, 0.0), "rocker": (ground, 0.0, 0.0)}
+    pivots["third"] = (*place, 0.0)
+    joints = [Joint(name, "revolute", End(GROUND, at), End(name)) for name, at in pivots.items()]
+    joints += [
+        Joint(f"{name} pin", "revolute", End(name, out), End("coupler", at)) for name, at in pivots.items()
+    ]
+    turn = np.array(
+        [[np.cos(start), -np.sin(start), 0], [np.sin(start), np.cos(start), 0], [0, 0, 1]], dtype=float
+    )
+    guess = {name: Pose(np.array(at), turn) for name, at in pivots.items()}
+    guess["coupler"] = Pose(turn @ np.array(out), np.eye(3))
+    point = {"B": ("coupler", (ground, 0.0, 0.0))}
+    links = tuple(Link(name) for name in guess)
+    return Mechanism("three cranks", links, tuple(joints), "crank", point, guess=guess, start=start)
+
+
 def swapped(mechanism: Mechanism) -> Mechanism:
     """The same mechanism with the two sides of every joint but the crank's named the other way round."""
     fixed = {mechanism.driver, *(gear.driven for gear in mechanism.gears)}

@@ -51,6 +51,7 @@ KILLERS: dict[str, list[str]] = {
     "verdict/other_assembly.py": ["verdict/test_other_assembly.py"],
     "analytic/closure/joint_rows.py": CLOSURE,
     "analytic/closure/motion.py": CLOSURE,
+    "analytic/closure/joint_motion.py": CLOSURE,
     "analytic/closure/cut_rows.py": TREE,
     "analytic/closure/tree_layout.py": TREE,
     "analytic/closure/tree_motion.py": TREE,

@@ -8,6 +8,7 @@ import numpy as np
 import typer
 
 from mechsim import files, simulation, units
+from mechsim.analytic.closure.joint_motion import with_all_joints
 from mechsim.analytic.forms import Form
 from mechsim.cli.declared_options import spread
 from mechsim.cli.fed_scene import simulate_fed
@@ -30,7 +31,6 @@ from mechsim.cli.output import print_json, progress
 from mechsim.cli.scene_findings import found_in, in_json, of_crank, tell_findings
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.crank_profile import arc_around
-from mechsim.model.joint_motion import with_all_joints
 from mechsim.model.motion import taken
 from mechsim.model.scene import Scene
 from mechsim.simulation import CrankProfile, Run, Settings

@@ -19,10 +19,13 @@ from mechsim.subjects.prescription import Prescription, prescribed
 from mechsim.subjects.python_object import read_python
 from mechsim.subjects.toml_reader import TomlSubject, read_toml
 
+# read as MJCF; that URDF is another language is said where it is read
+MODELS = (".xml", ".urdf")
+
 
 def is_file(model: str) -> bool:
     """Whether a model is meant as a file: by its ending alone, so that no file shadows a known name."""
-    return model.lower().endswith((".toml", ".xml", ".py")) or ".py:" in model
+    return model.lower().endswith((".toml", *MODELS, ".py")) or ".py:" in model
 
 
 def load(
@@ -113,7 +116,7 @@ def _read(model: str, changed: Mapping[str, str], asked: Prescription) -> Form |
         return _named(model, changed, asked)
     if model.lower().endswith(".toml"):
         return read_toml(model, changed, drivers=tuple(asked.drive))
-    if model.lower().endswith(".xml"):
+    if model.lower().endswith(MODELS):
         if changed:
             raise InputError(f"{model}: an MJCF file has no parameters; leave out --set")
         return read_mjcf(

@@ -20,9 +20,6 @@ from mechsim.verdict.tolerances import EPS, OF, Bound
 
 # a drive torque that is a smaller part of the energy of motion counts as none
 IDLE = 1e-3
-# of the largest force at a lever of the mechanism's size: 1.5e-7 of that was measured where an Oldham
-# coupling needs a sixtieth of it as torque
-LEVER = 0.3
 # of a crank that is placed
 PLACED_TO = 2000.0 * EPS
 # what errors of a stepped run look like beside the error of place, as multiples of place x speed^k:
@@ -234,9 +231,7 @@ AS_TORQUE = Bound(f"{OF}as the torque; rates of closed loops: measured 1e-9", 1e
 SHARED = Bound("redundant constraints share what their softness says: 1e-4", 1e-3)
 TORQUE = {
     "pose": SPRINGS,
-    "step": Bound(
-        f"{OF}error of 1,000 steps a turn, fourth order: measured 6e-8 at the worst", 1e-6, scale="levers"
-    ),
+    "step": Bound(f"{OF}error of 1,000 steps a turn, fourth order: measured 6e-8 at the worst", 1e-6),
     "asked": ASKED,
 }
 REACTION = {
@@ -332,8 +327,6 @@ def efforts_scales(exact: Efforts) -> dict[str, float]:
     force = largest or torque / exact.size
     return {
         "torque": torque,
-        # forces that balance each other about the drive err by their own size, not by what is left
-        "levers": max(torque, LEVER * force * exact.size),
         "force": force,
         "moment": force * exact.size,
         "kinetic energy": kinetic,

@@ -3,7 +3,8 @@
 import mpmath
 import numpy as np
 import pytest
-from flat_linkages import flat_linkages, named, smooth_b, three_cranks, worst
+from flat_linkages import flat_linkages, named, smooth_b, worst
+from mechanisms import three_cranks
 
 from mechsim import catalog
 from mechsim.analytic import closure

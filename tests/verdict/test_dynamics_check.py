@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flat_linkages import three_cranks
-from mechanisms import rscr
+from mechanisms import rscr, three_cranks
 
 from mechsim import catalog, course, dynamics, motors
 from mechsim.errors import AssemblyError, InputError

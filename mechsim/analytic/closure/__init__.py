@@ -6,9 +6,10 @@ is solved in the coordinates of a spanning tree (`follow`, `solve`), all poses t
 """
 
 from mechsim.analytic.closure.assembly import assemble
+from mechsim.analytic.closure.joint_motion import point_on
 from mechsim.analytic.closure.joint_rows import Rows
 from mechsim.analytic.closure.loop_equations import Poses, equations, residual_norms
-from mechsim.analytic.closure.motion import point_on, rates
+from mechsim.analytic.closure.motion import rates
 from mechsim.analytic.closure.rank import (
     RANK_TOLERANCE,
     Freedom,

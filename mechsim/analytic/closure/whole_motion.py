@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.closure.assembly import crank_angles
 from mechsim.analytic.closure.checked_start import checked_start
 from mechsim.analytic.closure.followed_path import FollowedPath
+from mechsim.analytic.closure.joint_motion import joint_motions, point_on
 from mechsim.analytic.closure.loop_solver import loop_solver
-from mechsim.analytic.closure.motion import crank_rate, joint_motions, point_on
+from mechsim.analytic.closure.motion import crank_rate
 from mechsim.analytic.closure.tree_assembly import held_values, with_holds
 from mechsim.analytic.closure.tree_motion import placed, twists
 from mechsim.analytic.closure.tree_rates import Instants, LoopMotion, loop_motion

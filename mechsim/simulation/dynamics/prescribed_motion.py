@@ -88,10 +88,12 @@ def driven(
     if method == "pose" or (method is None and tolerance is None):
         return _kept(_solved(loaded, profile, samples, watch), tolerance)
     # all of it, so that a crank that cannot go there is refused before anything is stepped
-    require_told(loaded.loops, passed(loaded, profile), float(profile.state(np.zeros(1))[0][0]))
-    settings = settings or Settings()
+    met = passed(loaded, profile)
+    require_told(loaded.loops, met, float(profile.state(np.zeros(1))[0][0]))
+    settings, note = settings or Settings(), undecided(loaded.loops, met)
     if tolerance is None:
-        return _stepped(loaded, profile, settings, *_paced(profile, settings, samples), watch)
+        run = _stepped(loaded, profile, settings, *_paced(profile, settings, samples), watch)
+        return replace(run, note=note)
 
     def whole(steps: int) -> Driven:
         chosen = replace(settings, steps_per_turn=steps)
@@ -104,7 +106,7 @@ def driven(
         chosen = replace(settings, steps_per_turn=steps)
         return _stepped(loaded, short, chosen, count, steps // TRIAL_SAMPLES, watch)
 
-    return within(loaded, tolerance, whole, trial)
+    return replace(within(loaded, tolerance, whole, trial), note=note)
 
 
 def _paced(profile: CrankProfile, settings: Settings, samples: int | None) -> tuple[int, int]:
@@ -184,5 +186,4 @@ def _stepped(
         seconds=steps.seconds,
         settings=settings,
         timestep=steps.timestep,
-        note=undecided(loops, passed(loaded, profile)),
     )

@@ -88,7 +88,7 @@ def like_model(mechanism: Mechanism, gravity: Vector | None = None) -> LikeModel
     """
     if not mechanism.has_crank or mechanism.laws or mechanism.holds:
         return None
-    tree = cut_loops(mechanism, splits=gravity is None)
+    tree = cut_loops(mechanism, splits=True)
     if gravity is None:
         closed: ClosedModel = closed_model.of_source(mechanism, Scene(level="motion"))
     else:

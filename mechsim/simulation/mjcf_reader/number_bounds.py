@@ -27,23 +27,28 @@ def require_numbers(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start
         InputError: names file, line, the part and what it holds.
     """
     for what, part, values, most in _held(spec, model):
-        turning = what in ("body", "site") and most == HUGE
         wrong = values[~(np.abs(values) <= most)]
-        if turning and not np.linalg.norm(values[:4]) > 0.0:
-            why = "a quat that is no turn"
-        elif len(wrong) and not np.isfinite(wrong).all():
-            why = "numbers that are not finite"
-        elif len(wrong):
-            why = f"{wrong[0]:g}; give {most:g} in SI at most"
-        else:
-            continue
-        where = ", ".join([path, *filter(None, [part.info])])
-        called = f" {part.name!r}" if part.name else ""
-        raise InputError(f"{where}: {what}{called} holds {why}; mend the file")
+        if len(wrong) and not np.isfinite(wrong).all():
+            raise _refusal(path, what, part, "numbers that are not finite")
+        if len(wrong):
+            raise _refusal(path, what, part, f"{wrong[0]:g}; give {most:g} in SI at most")
+    for what, parts, turns in (
+        ("body", spec.bodies, model.body_quat),
+        ("site", spec.sites, model.site_quat),
+    ):
+        for part in parts:
+            if not np.linalg.norm(turns[part.id]) > 0.0:
+                raise _refusal(path, what, part, "a quat that is no turn")
     if not np.isfinite(start).all():
         raise InputError(f"{path}: where it starts is not finite; mend ref or the keyframe")
     if not np.abs(model.opt.gravity).max() <= HUGE:
         raise InputError(f"{path}: gravity is {model.opt.gravity.tolist()}; give {HUGE:g} m/s^2 at most")
+
+
+def _refusal(path: str, what: str, part: Any, why: str) -> InputError:
+    where = ", ".join([path, *filter(None, [part.info])])
+    called = f" {part.name!r}" if part.name else ""
+    return InputError(f"{where}: {what}{called} holds {why}; mend the file")
 
 
 def _held(spec: mujoco.MjSpec, model: mujoco.MjModel) -> Iterator[tuple[str, Any, Array, float]]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mechsim.analytic.closure.motion import point_on
+from mechsim.analytic.closure.joint_motion import point_on
 from mechsim.analytic.closure.tree_motion import placed
 from mechsim.maths.arrays import Array
 from mechsim.maths.polynomials import derivative

@@ -1,0 +1,78 @@
+"""Efforts of stepped runs whose couplings bend: off states as they were stepped, and with their loops closed.
+
+Prints the largest error beside the analytic dynamics over 20 instants, as a part of what the verdict compares
+with, by steps a turn.
+
+Run: python validation/choices/bending_couplings.py
+"""
+
+import sys
+from pathlib import Path
+from unittest import mock
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
+import driven as machines
+
+from mechsim.analytic import dynamics
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.dynamics.machines import Machine
+from mechsim.model.forces import Forces
+from mechsim.model.programs import programs
+from mechsim.simulation import Settings
+from mechsim.simulation.dynamics import efforts
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.studies.dynamics_check import crosscheck_driven
+
+STEPS = (250, 1000, 4000)
+ARMS = {"left": machines.waving(2.0, 0.3, 6.0, 0.2), "right": machines.waving(1.0, 0.4, 9.0, 1.0)}
+CASES = {
+    "rack on the driven pinion": (
+        machines.bending_rack(),
+        {"crank": machines.waving(0.3, 1.0, 2.0)},
+        2.0,
+    ),
+    "passive joint of a five-bar": (machines.five_bar_with_cam(), ARMS, 1.0),
+}
+# what is judged -> its quantities, and which part of the scale its bound is
+KINDS = {
+    "drive torque": (("drive torque",), 1e-6),
+    "forces": (("driver effort", "gear torque", "force", "moment"), 1e-5),
+    "energies": (("kinetic energy", "potential energy"), 1e-8),
+}
+
+
+def errors(machine: Machine, steps: int) -> dict[str, float]:
+    """Return kind of effort -> its largest error, as a part of its scale."""
+    run = driven(
+        machine.mechanism,
+        machine.forces,
+        programs=machine.drive.programs,
+        method="step",
+        settings=Settings(steps_per_turn=steps),
+        samples=20,
+    )
+    checks = crosscheck_driven(run, machine).checks
+    return {
+        what: max(part * check.worst / check.bound for check in checks if check.kind in kinds)
+        for what, (kinds, part) in KINDS.items()
+    }
+
+
+def main() -> None:
+    """Print the table."""
+    print(f"{'':30s}{'':16s}" + "".join(f"{steps:>12,}" for steps in STEPS))
+    for name, (mechanism, states, duration) in CASES.items():
+        form = LoopForm(mechanism, programs=programs(mechanism, states, duration))
+        machine = dynamics.machine(form, Forces(gravity=(0.0, -9.81, 0.0)))
+        stepped = mock.patch.object(efforts, "_straightened", lambda _, states: states)
+        closed = {steps: errors(machine, steps) for steps in STEPS}
+        with stepped:
+            open_ = {steps: errors(machine, steps) for steps in STEPS}
+        for road, found in (("closed", closed), ("as stepped", open_)):
+            for what in KINDS:
+                row = "".join(f"{found[steps][what]:12.1e}" for steps in STEPS)
+                print(f"{name:30s}{road + ', ' + what:26s}{row}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,59 @@
+"""What the drive torque of a stepped run is off by, beside itself and beside the forces that balance in it.
+
+For every mechanism of the catalogue and the gallery at 1,000 steps a turn: root mean square of the torque as
+a part of the largest force times the size, and the largest error as a part of either; the verdict's bound is
+1e-6 of the torque.
+
+Run: python validation/robustness/torque_scale.py [NAME ...]
+"""
+
+import sys
+from typing import Any
+
+import numpy as np
+
+from mechsim import load
+from mechsim.analytic import catalog
+from mechsim.analytic.dynamics import prescribed
+from mechsim.errors import MechsimError
+from mechsim.model.crank_profile import within_range
+from mechsim.simulation import Settings
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.studies.motion_source import weighing
+from mechsim.subjects import gallery
+from mechsim.verdict.quantities import efforts_scales
+
+SPEED = 20.0 * np.pi
+
+
+def main() -> None:
+    """Print a line for each mechanism."""
+    print(f"{'':20s}{'torque / F size':>16s}{'error / torque':>16s}{'error / F size':>16s}")
+    for name in sys.argv[1:] or [*catalog.DRIVES, *gallery.files()]:
+        form = load(name)
+        moved: dict[str, Any] = {"programs": form.programs}
+        if form.programs is None:
+            moved = {"profile": within_range(form.mechanism, form.crank_range(), SPEED)}
+        machine = weighing(form)
+        try:
+            run = driven(
+                machine.mechanism,
+                machine.forces,
+                method="step",
+                settings=Settings(steps_per_turn=1000),
+                **moved,
+            )
+        except MechsimError as error:
+            print(f"{name:20s}{error}")
+            continue
+        motion = run.motion
+        at = (motion.angle, motion.speed, motion.acceleration)
+        exact = prescribed(machine, *at, time=motion.time, as_run=motion).efforts
+        scales = efforts_scales(exact)
+        error = float(np.abs(np.where(exact.unbounded, 0.0, run.efforts.torque - exact.torque)).max())
+        parts = scales["torque"] / scales["moment"], error / scales["torque"], error / scales["moment"]
+        print(f"{name:20s}" + "".join(f"{part:16.1e}" for part in parts))
+
+
+if __name__ == "__main__":
+    main()
