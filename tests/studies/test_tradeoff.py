@@ -204,6 +204,26 @@ def test_drives_are_added_to_a_model_that_has_a_motor_of_its_own():
         assert errors["loop"] < 1e-5
 
 
+@pytest.mark.parametrize(
+    ("acted", "refusal"),
+    [(["input"], None), ([], "names? joints by --drive"), (["input", "rocker"], "leave it one actuator")],
+)
+def test_a_hinge_of_any_name_is_driven_where_one_actuator_acts_on_it(acted, refusal):
+    from mechsim.simulation.closed_model import assembled
+
+    spec = assembled(catalog.make("four_bar").mechanism, Scene())
+    spec.joint("crank").name = "input"
+    for joint in acted:
+        spec.add_actuator(name=f"on {joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    if refusal:
+        with pytest.raises(InputError, match=refusal):
+            subject_of_model(spec, "own", SPEED)
+        return
+    own = subject_of_model(spec, "own", SPEED)
+    motion, _ = own.built.motion(families()[1].at(144, SPEED))
+    assert own.errors(motion)["loop"] < 1e-5
+
+
 def test_the_seed_settles_which_trials_a_short_budget_leaves_out():
     subject = subject_of(catalog.make("slider_crank"), SPEED)
     quick = measure(subject, budget=1e-6, steps=SHORT, seed=1)

@@ -148,7 +148,7 @@ def _crank(source: Model, spec: mujoco.MjSpec) -> str:
         return closed_model.CRANK
     if any(joint.name == closed_model.CRANK for joint in spec.joints):
         return closed_model.CRANK
-    names = driven(compiled(spec.copy()), (), ())
+    names = driven(compiled(spec.copy()), (), (), still=False)
     if len(names) > 1:
         raise InputError(
             f"{', '.join(names)} are driven by the file's actuators, and a trade-off is measured under one "
