@@ -86,6 +86,9 @@ POINT = record(
     velocity_error=NUMBER,
     acceleration_error=NUMBER,
 )
+FEW_DIGITS = {
+    "few_digits": maybe(record(digits=WHOLE, at=NUMBER, over={"enum": ["angle", "t"]}, conditioning=NUMBER))
+}
 
 # command -> what it prints
 OUTPUTS: dict[str, Schema] = {
@@ -126,8 +129,9 @@ OUTPUTS: dict[str, Schema] = {
         mobility={"anyOf": [WHOLE, MOBILITY]},
         mobility_explained=TEXTS,
     ),
-    "solve": record(mechanism=TEXT, rows=WHOLE, output=maybe(TEXT), columns=named(NUMBERS)),
+    "solve": record(FEW_DIGITS, mechanism=TEXT, rows=WHOLE, output=maybe(TEXT), columns=named(NUMBERS)),
     "simulate": record(
+        FEW_DIGITS,
         mechanism=TEXT,
         outcome=OUTCOME,
         tolerance=NUMBER,

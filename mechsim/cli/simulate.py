@@ -12,6 +12,7 @@ from mechsim.analytic.closure.joint_motion import with_all_joints
 from mechsim.analytic.forms import Form
 from mechsim.cli.declared_options import spread
 from mechsim.cli.fed_scene import simulate_fed
+from mechsim.cli.few_digits import digits_in_json, few_digits, tell_digits
 from mechsim.cli.options import (
     SPEED,
     DriveOptions,
@@ -152,11 +153,13 @@ def simulate(
         told = with_all_joints(drive.mechanism, run.motion)
         files.write(place, told if motion else Poses(told))
     found = found_in(drive, None if motion is None else drive.programs or of_crank(drive, motion))
+    lost = None if motion is None or run.motion.broken else few_digits(drive, run.motion)
     if as_json:
         told = {"mechanism": drive.name, "output": output, "rows": len(run.motion)}
-        print_json(run.summary() | told | in_json(found))
+        print_json(run.summary() | told | digits_in_json(lost) | in_json(found))
     else:
         tell_findings(found)
+        tell_digits(lost)
         _tell(run, output)
     raise typer.Exit(0 if run.outcome == "met" else 1)
 

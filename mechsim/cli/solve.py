@@ -12,6 +12,7 @@ from mechsim import files, units
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
 from mechsim.cli.declared_options import spread
+from mechsim.cli.few_digits import FewDigits, digits_in_json, few_digits, tell_digits, worse
 from mechsim.cli.options import (
     SPEED,
     DriveOptions,
@@ -102,12 +103,14 @@ def solve(
         return
     # loop equations are followed from the first angle to the last, a closed form is not
     each = PART if isinstance(drive, ClosedForm) else len(angles)
+    lost: list[FewDigits | None] = [None]
     with progress("solve", -(-len(angles) // each)) as tick:
-        parts = _parts(drive, angles, speed, each, tick)
+        parts = _parts(drive, angles, speed, each, tick, lost)
         if place is not None:
             files.write_in_parts(place, parts)
         else:
             _print(parts)
+    tell_digits(lost[0])
     if place is not None:
         typer.echo(f"wrote {len(angles)} rows to {place}")
 
@@ -117,19 +120,27 @@ def _told(drive: Form, found: Motion | Poses, place: Path | None, as_json: bool)
     output = None if place is None else str(place)
     if place is not None:
         files.write(place, found)
+    lost = few_digits(drive, found) if isinstance(found, Motion) else None
     if as_json:
         columns = dict(found.columns())
-        print_json({"mechanism": drive.name, "rows": len(found), "output": output, "columns": columns})
-    elif place is None:
+        told = {"mechanism": drive.name, "rows": len(found), "output": output, "columns": columns}
+        print_json(told | digits_in_json(lost))
+        return
+    tell_digits(lost)
+    if place is None:
         _print(iter([found]))
     else:
         typer.echo(f"wrote {len(found)} rows to {output}")
 
 
-def _parts(drive: Form, angles: Array, speed: float, each: int, tick: Tick) -> Iterator[Motion]:
-    """Yield the motion part by part."""
+def _parts(
+    drive: Form, angles: Array, speed: float, each: int, tick: Tick, lost: list[FewDigits | None]
+) -> Iterator[Motion]:
+    """Yield the motion part by part; put into the list of one where it has the fewest digits so far."""
     for first in range(0, len(angles), each):
-        yield drive.solve(angles[first : first + each], speed)
+        part = drive.solve(angles[first : first + each], speed)
+        lost[0] = worse(lost[0], few_digits(drive, part))
+        yield part
         tick()
 
 

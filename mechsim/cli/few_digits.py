@@ -1,0 +1,87 @@
+"""Where loops stand so near to a singular pose that few digits of accelerations are left: said in a line."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.forms import Form
+from mechsim.cli.endings import tell
+from mechsim.model.motion import Motion, taken
+from mechsim.verdict.tolerances import RATES
+
+# of accelerations, which nothing is said of
+ENOUGH = 6
+# nearer to a change point than this, in [rad] of the crank, rates are limits and not the loops' at all
+LIMIT = 1e-3
+TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True, slots=True)
+class FewDigits:
+    """The instant of a motion whose accelerations have the fewest correct digits.
+
+    Attributes:
+        digits: about so many, by rounding alone.
+        at: the crank angle in [rad], or the time in [s] of programs.
+        over: "angle" or "t".
+        conditioning: of the loops there.
+    """
+
+    digits: int
+    at: float
+    over: str
+    conditioning: float
+
+
+def few_digits(form: Form, motion: Motion) -> FewDigits | None:
+    """Return where accelerations have the fewest digits; None where they have `ENOUGH`, or none is known."""
+    rows = _told(form, motion)
+    if not len(rows):
+        return None
+    some = taken(motion, rows)
+    far = some.conditioning if some.conditioning is not None else form.conditioning(some)
+    at = int(np.argmin(far))
+    digits = int(max(-np.log10(RATES.widened(far[at : at + 1], 1)[0]), 0.0))
+    if digits >= ENOUGH:
+        return None
+    programs = form.programs
+    place = some.angle[at] if programs is None else some.angle[at] / programs.pace
+    return FewDigits(digits, float(place), "angle" if programs is None else "t", float(far[at]))
+
+
+def worse(one: FewDigits | None, other: FewDigits | None) -> FewDigits | None:
+    """Return the one with fewer digits."""
+    return min((few for few in (one, other) if few), key=lambda few: few.conditioning, default=None)
+
+
+def tell_digits(few: FewDigits | None) -> None:
+    """Say in a line on stderr where few digits of accelerations are left."""
+    if few is not None:
+        where = f"{few.at:.10g} rad" if few.over == "angle" else f"t = {few.at:.10g} s"
+        tell(
+            f"mechsim: accelerations at {where} have about {few.digits} correct digits: the loops' "
+            f"conditioning is {few.conditioning:.2g} there; stay further from the singular pose"
+        )
+
+
+def digits_in_json(few: FewDigits | None) -> dict[str, Any]:
+    """Return what --json tells of it."""
+    return {"few_digits": None if few is None else asdict(few)}
+
+
+def _told(form: Form, motion: Motion) -> NDArray[np.intp]:
+    """Return the rows to look at: those away from change points; of a closed form the fastest of each joint.
+
+    What loses digits is fast, and a decomposition for every row would cost more than the motion.
+    """
+    off = np.full(len(motion), np.inf)
+    for meeting in form.change_points():
+        gap = motion.angle - meeting
+        off = np.minimum(off, np.abs(gap if form.programs else (gap + np.pi) % TURN - np.pi))
+    rows = np.flatnonzero((off > LIMIT) & (motion.speed != 0.0))
+    if motion.conditioning is None and len(rows):
+        fastest = {int(np.argmax(np.abs(joint.acceleration[rows]))) for joint in motion.joints.values()}
+        rows = rows[sorted(fastest)]
+    return rows

@@ -1,0 +1,74 @@
+import json
+
+import numpy as np
+import pytest
+from exact import four_bar_b
+
+from mechsim import catalog, simulate, simulation
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.cli.few_digits import few_digits
+from mechsim.verdict.tolerances import RATES
+
+SWINGS = {"ground": 0.1, "crank": 0.09, "coupler": 0.05, "rocker": 0.06}
+TYPED = [f"--set={name}={value}" for name, value in SWINGS.items()]
+
+
+@pytest.mark.parametrize("loops", [False, True])
+def test_digits_told_are_those_that_are_left(loops):
+    """B's acceleration near a dead centre beside 50 digits: what is told, within one of them, or more."""
+    rng = np.random.default_rng(8)
+    beside = []
+    while len(beside) < 24:
+        lengths = dict(zip(SWINGS, rng.uniform(0.03, 0.1, 4), strict=True))
+        drive = catalog.make("four_bar", **lengths)
+        ends = drive.dead_centres()
+        if len(ends) != 2:
+            continue
+        angles = max(ends) - 10.0 ** np.array([-8.0, -10.0, -11.0])
+        motion = (LoopForm(drive.mechanism) if loops else drive).solve(angles, 1.0)
+        far = motion.conditioning if loops else drive.conditioning(motion)
+        for row, angle in enumerate(angles):
+            exact = four_bar_b(drive, float(angle))[2]
+            error = np.linalg.norm(motion.points["B"].acceleration[row] - exact) / np.linalg.norm(exact)
+            beside.append(error / RATES.widened(far, 3)[row])
+    assert 0.01 < np.median(beside) < 1.0
+    assert max(beside) < 100.0
+
+
+def test_every_road_tells_where_few_digits_are_left():
+    drive = catalog.make("four_bar", **SWINGS)
+    near = max(drive.dead_centres()) - 1e-10
+    angles = np.array([0.0, 1.0, near])
+    profile = simulation.table(np.linspace(0.0, 1.0, 9), np.linspace(0.5, near, 9))
+    run = simulate(drive, profile=profile, method="pose").motion
+    for form, motion in (
+        (drive, drive.solve(angles, 1.0)),
+        (LoopForm(drive.mechanism), LoopForm(drive.mechanism).solve(angles, 1.0)),
+        (drive, run),
+    ):
+        few = few_digits(form, motion)
+        assert few is not None
+        assert 3 <= few.digits <= 5
+        assert few.at == pytest.approx(near, abs=1e-12)
+
+
+def test_nothing_is_told_where_rates_are_sound_or_limits():
+    flat = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=-1)
+    angles = np.linspace(0.0, 2.0 * np.pi, 73)
+    for form in (flat, LoopForm(flat.mechanism), catalog.make("bennett"), catalog.make("rssr")):
+        assert few_digits(form, form.solve(angles, 1.0)) is None
+    swings = catalog.make("four_bar", **SWINGS)
+    assert few_digits(swings, swings.solve(np.array([max(swings.dead_centres()) - 1e-10]), 0.0)) is None
+
+
+def test_solve_says_it_once_and_in_json(mechsim):
+    near = max(catalog.make("four_bar", **SWINGS).dead_centres()) - 1e-11
+    words = ["solve", "four_bar", *TYPED, "--angles", f"1:{near!r}:0.01"]
+    said = mechsim(*words, "-o", "out.csv").err.splitlines()
+    assert len(said) == 1
+    assert "correct digits" in said[0]
+    assert f"{near:.10g} rad" in said[0]
+    few = json.loads(mechsim(*words, "--json").out)["few_digits"]
+    assert few["over"] == "angle"
+    assert few["digits"] < 6
+    assert json.loads(mechsim("solve", "rssr", "--json").out)["few_digits"] is None
