@@ -51,10 +51,21 @@ KILLERS: dict[str, list[str]] = {
     "verdict/other_assembly.py": ["verdict/test_other_assembly.py"],
     "analytic/closure/joint_rows.py": CLOSURE,
     "analytic/closure/motion.py": CLOSURE,
-    "analytic/closure/joint_motion.py": CLOSURE,
+    "analytic/closure/joint_motion.py": ["analytic/test_joint_motion.py", *CLOSURE],
     "analytic/closure/cut_rows.py": TREE,
     "analytic/closure/tree_layout.py": TREE,
     "analytic/closure/tree_motion.py": TREE,
+    "analytic/closure/tree_rates.py": [
+        "analytic/test_rates_are_derivatives.py",
+        "analytic/test_joint_motion.py",
+        "analytic/test_change_points.py",
+    ],
+    "analytic/closure/whole_motion.py": [
+        "analytic/test_rates_are_derivatives.py",
+        "analytic/test_open_joints.py",
+        "studies/test_crank_laps.py",
+    ],
+    "analytic/closure/many_paths.py": ["analytic/test_many_motion.py"],
     "analytic/closure/loop_solver.py": [
         "analytic/test_loop_solver.py",
         "analytic/test_rates_are_derivatives.py",

@@ -1,5 +1,7 @@
 """Many designs by loop equations together: each as it is by itself, in the assembly of its own guess."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -15,8 +17,13 @@ JOINTS = {
 }
 
 
+@cache
+def form(name, parameter, value):
+    return ms.load(name, {parameter: value})
+
+
 def designs(name, parameter, values):
-    return [ms.load(name, {parameter: float(one)}).mechanism for one in values]
+    return [form(name, parameter, float(one)).mechanism for one in values]
 
 
 def moved(name, parameter, values, joints):
@@ -34,11 +41,11 @@ def together(mechanism, mechanisms, joints=(), *, speed=1.0, rates=False):
 @pytest.mark.parametrize("name", ["watt_six_bar", "quick_return"])
 def test_each_design_moves_as_it_does_by_itself(name):
     parameter, middle, joints = JOINTS[name]
-    values = middle * np.linspace(0.9, 1.1, 9)
+    values = middle * np.linspace(0.9, 1.1, 7)
     motion, told = moved(name, parameter, values, joints)
-    assert told.sum() >= 7
+    assert told.sum() >= 6
     for i in np.flatnonzero(told):
-        alone = ms.load(name, {parameter: float(values[i])}).solve(ANGLES, 3.0)
+        alone = form(name, parameter, float(values[i])).solve(ANGLES, 3.0)
         rows = slice(i * len(ANGLES), (i + 1) * len(ANGLES))
         for point, exact in alone.points.items():
             for part in ("position", "velocity", "acceleration"):
