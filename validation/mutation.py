@@ -56,14 +56,14 @@ KILLERS: dict[str, list[str]] = {
     "analytic/closure/tree_layout.py": TREE,
     "analytic/closure/tree_motion.py": TREE,
     "analytic/closure/tree_rates.py": [
+        "analytic/test_tree_rates.py",
         "analytic/test_rates_are_derivatives.py",
-        "analytic/test_joint_motion.py",
-        "analytic/test_change_points.py",
+        "analytic/test_followed_path.py",
     ],
     "analytic/closure/whole_motion.py": [
+        "analytic/test_whole_motion.py",
         "analytic/test_rates_are_derivatives.py",
         "analytic/test_open_joints.py",
-        "studies/test_crank_laps.py",
     ],
     "analytic/closure/many_paths.py": ["analytic/test_many_motion.py"],
     "analytic/closure/loop_solver.py": [

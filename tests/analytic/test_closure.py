@@ -204,11 +204,3 @@ def test_a_joint_put_together_with_its_axes_opposed_is_refused():
     guess["rocker"] = type(rocker)(rocker.position, rocker.rotation @ np.diag([1.0, -1.0, -1.0]))
     with pytest.raises(AssemblyError, match="axes opposed"):
         closure.assemble(mechanism, [mechanism.start], guess)
-
-
-@pytest.mark.parametrize(
-    ("name", "idle"), [("rssr", {"coupler"}), ("rrsrr", set()), ("four_bar", set()), ("bennett", set())]
-)
-def test_links_whose_spin_nothing_determines_are_told(name, idle):
-    drive = catalog.make(name)
-    assert closure.solve(drive.mechanism, [drive.mechanism.start + 0.3]).spinning == idle

@@ -307,6 +307,15 @@ def test_how_near_loops_are_to_singular_is_told_by_the_exact_side_or_what_solves
     assert widened(Solver(links=False)) == pytest.approx(2.0**power)
 
 
+def test_a_single_instant_is_compared_at_the_speed_of_the_analytic_one():
+    names = ("angle", "speed", "acceleration")
+    point = PointMotion(PATH[:1], FLAT[:1], FLAT[:1])
+    one = replace(EXACT, points={"P": point}, **{name: getattr(EXACT, name)[:1] for name in names})
+    assert crosscheck(replace(one, source="pose"), replace(one, source="closed form")).passed
+    slow = crosscheck(replace(one, source="pose", speed=0.9 * one.speed), replace(one, source="closed form"))
+    assert [check.kind for check in slow.checks if not check.passed] == ["drive speed"]
+
+
 def test_motions_at_other_angles_or_with_other_points_are_not_compared():
     given = replace(EXACT, source="closed form")
     shifted = replace(EXACT, angle=ANGLE + 1e-9)

@@ -18,7 +18,7 @@ from mechsim.model.motion import LinkMotion
 # poses solved in one go: their arrays stay in a core's own cache
 CHUNK = 1024
 # Newton steps from a polynomial's pose; the longest that cannot lead into another assembly; and one after
-# which rounding is left
+# which rounding is left, which drivers may also be off their path without strides
 STEPS, LONG, SHORT = 4, 1e-3, 1e-9
 # how far drivers that are not where the path has them go at once, in [rad] or parts of the size
 STRIDE = 0.02
@@ -169,7 +169,7 @@ def _closed(
     own = at.values[driven]
     off = instants.value - own
     far = float(np.abs(off / path.loops.units[driven, None]).max(initial=0.0))
-    if far > LONG:
+    if far > SHORT:
         side = np.sign(solver.linearise(at).side())
         strides = int(np.ceil(far / STRIDE))
         for k in range(1, strides + 1):
