@@ -1,5 +1,6 @@
 """What all tests share: floating-point trouble is an error, random mechanisms are the same every time."""
 
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -23,6 +24,15 @@ def floating_point_trouble_raises() -> Iterator[None]:
     before = np.seterr(over="raise", divide="raise", invalid="raise")
     yield
     np.seterr(**before)
+
+
+@pytest.fixture
+def budget_by_processor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Count a trade-off's budget in processor time: others may have their share of the machine."""
+    from mechsim.studies.tradeoff import pace
+
+    monkeypatch.setattr("time.perf_counter", time.process_time)
+    monkeypatch.setattr(pace, "perf_counter", time.process_time)
 
 
 @pytest.fixture

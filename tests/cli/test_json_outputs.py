@@ -29,7 +29,7 @@ dynamics four_bar --motor constant:0.5 --turns 0.2
 dynamics five_bar --samples 12
 synthesize looper --through 12.8751,29.9574mm --tilt 1.3905deg --length 4mm
 trace four_bar --set crank=90mm
-tradeoff slider_crank --budget 1s
+tradeoff slider_crank --budget 3s
 sensitivity four_bar --of B.x --to crank --angles 0:90:45deg --tolerances crank=0.02mm --samples 100
 fit slider_crank --to tests/measured_slider.csv --vary crank,rod
 validate slider_crank
@@ -70,6 +70,7 @@ def undescribed(value, schema, path=""):
     return []
 
 
+@pytest.mark.usefixtures("budget_by_processor")
 @pytest.mark.parametrize("line", LINES)
 def test_what_is_printed_is_as_the_schema_says(line, monkeypatch, capsys):
     told, schema = printed(line, monkeypatch, capsys), output_schema(line.split()[0])

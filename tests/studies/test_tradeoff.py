@@ -2,7 +2,6 @@
 
 import csv
 import json
-import time
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -232,10 +231,8 @@ def test_the_seed_settles_which_trials_a_short_budget_leaves_out():
     assert [p.as_dict()["family"] for p in again.points] == [p.as_dict()["family"] for p in quick.points]
 
 
-def test_the_command_writes_table_plot_and_json(tmp_path, capsys, monkeypatch):
-    # others may have their share of the machine
-    monkeypatch.setattr("time.perf_counter", time.process_time)
-    monkeypatch.setattr(pace, "perf_counter", time.process_time)
+@pytest.mark.usefixtures("budget_by_processor")
+def test_the_command_writes_table_plot_and_json(tmp_path, capsys):
     table, plot = tmp_path / "out.csv", tmp_path / "out.svg"
     words = ("slider_crank", "--budget", "2.5s", "--json", "-o", str(table), "--plot", str(plot))
     assert run("tradeoff", *words) == 0
