@@ -24,6 +24,8 @@ KindName = Literal[
     "revolute", "prismatic", "cylindrical", "screw", "universal", "spherical", "planar", "fixed", "floating"
 ]
 
+# what the columns of a joint frame are called that must not be opposed
+OPPOSED = {2: "axes", 0: "marks"}
 # axis -> column of the joint frame of the side it is fixed on: b for "b", else a
 COLUMN: dict[Axis, int] = {"x": 0, "y": 1, "z": 2, "a": 2, "b": 2}
 
@@ -71,6 +73,11 @@ class Kind:
     def aligned(self) -> bool:
         """Whether the axes of both sides lie along each other."""
         return len(self.turns) < 2
+
+    @property
+    def alike(self) -> tuple[int, ...]:
+        """Columns of both sides' frames that point one way, not only along each other, as rows have it."""
+        return () if not self.aligned else (2,) if self.turns else (2, 0)
 
     @property
     def hinge(self) -> bool:

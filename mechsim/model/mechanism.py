@@ -86,14 +86,17 @@ class End:
         axis: direction of the joint's axis; made a unit vector.
         mark: direction across the axis from which the joint's angle is counted; made a unit vector
             across the axis. None takes the frame's x axis, or y where x lies along the axis.
+        marked: whether a mark was given.
     """
 
     link: str
     point: Vector = ORIGIN
     axis: Vector = EZ
     mark: Vector | None = None
+    marked: bool = field(init=False, default=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "marked", self.mark is not None)
         point, axis = _finite(self, "point", self.point), _finite(self, "axis", self.axis)
         length = float(np.linalg.norm(axis))
         if not length > 0.0:
@@ -124,6 +127,24 @@ class End:
         return _frame(self.axis, self.mark)
 
 
+def _least_turned(end: End, axis: Vector, mark: Vector) -> Vector:
+    """Return the mark of a side whose axis the least turn lays on another axis, and the mark on another mark.
+
+    Axes that are opposed are laid on each other about z, or about the other mark where that is not across.
+    """
+    own, other = np.array(end.axis), np.array(axis)
+    across, between = np.cross(own, other), own + other
+    if (nearness := float(between @ between)) > ROUNDED:
+        back = np.cross(across, mark)
+        return _vector(mark - back + 2.0 * np.cross(across, back) / nearness)
+    about = np.array(EZ if abs(axis[2]) < ROUNDED else mark)
+    return _vector(2.0 * about * (about @ mark) - mark)
+
+
+def _vector(values: Array) -> Vector:
+    return (float(values[0]), float(values[1]), float(values[2]))
+
+
 @cache
 def _frame(axis: Vector, mark: Vector) -> Array:
     frame = np.column_stack([mark, np.cross(axis, mark), axis])
@@ -137,6 +158,7 @@ class Joint:
 
     - revolute: points and axes coincide. Coordinate: angle from a's mark to b's about the axis.
     - prismatic: axes coincide, marks stay parallel. Coordinate: displacement of b's point along the axis.
+      Where neither side has a mark, the links are turned by the least that lays axis on axis.
     - cylindrical: axes coincide. Coordinates: displacement, then angle.
     - screw: as cylindrical, and the displacement is `lead` times the turns.
     - universal: points coincide, axes cross at `cross_angle`. Coordinates: angle about a's axis,
@@ -144,7 +166,7 @@ class Joint:
     - spherical: points coincide. No coordinate.
     - planar: axes stay parallel and b's point in the plane across a's axis. Coordinates: displacements
       along a's mark and across it, then angle.
-    - fixed: points coincide, axes and marks too. No coordinate.
+    - fixed: points coincide, axes and marks too, which may be left out likewise. No coordinate.
     - floating: nothing is held. Coordinates: the place of b's point in a's frame.
 
     Attributes:
@@ -184,6 +206,10 @@ class Joint:
                 f"lead of {self.kind} joint {self.name!r} is {self.lead} m; "
                 "give a screw its displacement a turn, and no other joint any"
             )
+        if 0 in KINDS[self.kind].alike and not (self.a.marked or self.b.marked or self.a.axis == self.b.axis):
+            assert self.a.mark is not None
+            b = replace(self.b, mark=_least_turned(self.b, self.a.axis, self.a.mark))
+            object.__setattr__(self, "b", b)
 
     @property
     def coordinates(self) -> tuple[str, ...]:

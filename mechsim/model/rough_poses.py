@@ -1,6 +1,7 @@
 """Where assembly begins: the guess of a mechanism, completed link by link along its joints."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,10 +14,15 @@ from mechsim.model.mechanism import GROUND, IDENTITY, Joint, Mechanism, Pose
 Sides = tuple[Array, Array, Array, Array]
 
 
-def rough_poses(mechanism: Mechanism) -> dict[str, Pose]:
+def rough_poses(mechanism: Mechanism, *, stiff_first: bool = False) -> dict[str, Pose]:
     """Return one pose a moving link: the guess, else where its joints to placed links put it.
 
     Coordinates of these joints are those that the description tells, as of drivers and holds, else nought.
+
+    Args:
+        mechanism: the mechanism.
+        stiff_first: whether joints that turn links less go before others, as slides, which leave no turn
+            open; else they are taken as they come.
 
     Raises:
         AssemblyError: for links that no chain of joints leads to.
@@ -25,6 +31,9 @@ def rough_poses(mechanism: Mechanism) -> dict[str, Pose]:
         joint.name: (np.asarray(joint.a.point), joint.a.frame, np.asarray(joint.b.point), joint.b.frame)
         for joint in mechanism.joints
     }
+    if stiff_first:
+        joints = sorted(mechanism.joints, key=lambda joint: len(KINDS[joint.kind].turns))
+        mechanism = replace(mechanism, joints=tuple(joints))
     return completed(mechanism, sides, mechanism.guess, starts(mechanism))
 
 

@@ -20,6 +20,7 @@ from mechsim.simulation.mjcf import compiled, generate, quiet
 from mechsim.simulation.mjcf.changes import hold_joints, require_single
 from mechsim.simulation.mjcf.joints import CRANK, model_names
 from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
+from mechsim.simulation.opposed_sides import require_alike
 from mechsim.simulation.overdriven import refusal, stuck
 from mechsim.simulation.recorded_motion import Track, add_sensors
 from mechsim.simulation.straight_way import brought
@@ -350,8 +351,10 @@ def assembled(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
         AssemblyError: if the loops do not close there.
     """
     loops, rough = guessed(mechanism, scene)
-    poses = link_poses(mechanism, loops.model, _closed(loops, rough)[None])
-    return generate(mechanism, scene, {name: pose.at(0) for name, pose in poses.items()})
+    many = link_poses(mechanism, loops.model, _closed(loops, rough)[None])
+    poses = {name: pose.at(0) for name, pose in many.items()}
+    require_alike(mechanism, poses)
+    return generate(mechanism, scene, poses)
 
 
 def link_poses(mechanism: Mechanism, model: mujoco.MjModel, states: Array) -> dict[str, Pose]:

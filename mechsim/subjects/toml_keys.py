@@ -21,7 +21,11 @@ _END = Keys(
         "link": Word("name of a link, or ground"),
         "at": vector("m", "where the joint is, in the link's frame; the origin if left out"),
         "axis": vector("1", "direction of the joint's axis in the link's frame; z if left out"),
-        "mark": vector("1", "direction across the axis from which the angle is counted; x if left out"),
+        "mark": vector(
+            "1",
+            "direction across the axis from which the angle is counted; x if left out; where both sides of a "
+            "slide leave it out, its links are turned by the least that lays axis on axis",
+        ),
     },
     "one side of the joint",
     ("link",),

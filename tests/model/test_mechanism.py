@@ -165,3 +165,33 @@ def test_an_unknown_joint_is_refused_with_the_known_ones():
 def test_an_end_or_joint_that_cannot_be_is_refused(make, said):
     with pytest.raises(InputError, match=said):
         make()
+
+
+@pytest.mark.parametrize("kind", ["prismatic", "fixed"])
+@given(turns, turns)
+def test_a_slide_without_marks_turns_its_links_by_the_least_that_lays_axis_on_axis(kind, first, second):
+    a, b = (
+        rotation("x", first) @ np.array([0.3, -0.2, 0.9]),
+        rotation("y", second) @ np.array([0.1, 0.8, 0.4]),
+    )
+    made = Joint("slide", kind, End(GROUND, axis=tuple(a)), End("arm", axis=tuple(b)))
+    turned = made.a.frame @ made.b.frame.T
+    assert np.abs(turned @ made.b.axis - made.a.axis).max() <= 64 * EPS
+    cosine = float(np.dot(made.a.axis, made.b.axis))
+    # opposed axes have no least turn, and near them it is lost
+    assert np.trace(turned) == pytest.approx(1.0 + 2.0 * cosine, abs=1e-9)
+
+
+@given(turns, turns)
+def test_a_slide_without_marks_in_a_plane_keeps_its_links_in_the_plane(first, second):
+    a, b = ((float(np.cos(one)), float(np.sin(one)), 0.0) for one in (first, second))
+    for axis in (b, tuple(-one for one in a)):
+        made = Joint("slide", "prismatic", End(GROUND, axis=a), End("arm", axis=axis))
+        assert (made.a.frame @ made.b.frame.T)[2, 2] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_marks_that_are_given_say_how_a_slide_is_turned():
+    slanted = End(GROUND, axis=(0.6, 0.8, 0.0))
+    made = Joint("slide", "prismatic", slanted, End("arm", axis=EX, mark=EZ))
+    assert made.b.mark == EZ
+    assert made.a.mark == pytest.approx((0.8, -0.6, 0.0))

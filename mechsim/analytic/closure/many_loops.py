@@ -101,7 +101,7 @@ def put_together(many: ManyLoops, at: Coordinates, rank: int) -> tuple[Coordinat
     """Return the coordinates in which loops close nearest to some, and which designs closed, (d,).
 
     As `tree_assembly.closed` does for one; a design that closes otherwise than with the rank of the first, or
-    with its axes opposed, counts as one that does not.
+    with axes or marks opposed, counts as one that does not.
     """
     count = len(at)
     loops = many.of(np.arange(count), 1)
@@ -132,6 +132,6 @@ def _axes_alike(loops: TreeLoops, at: Coordinates) -> Bools:
     here, good = placed(loops.tree, at), np.ones(len(at), dtype=np.bool_)
     for cut in loops.cuts:
         _, frame_a, _, frame_b = cut.frames(here)
-        if KINDS[cut.joint.kind].aligned:
-            good &= (frame_a[:, 2] * frame_b[:, 2]).sum(0) > 0.0
+        for i in KINDS[cut.joint.kind].alike:
+            good &= (frame_a[:, i] * frame_b[:, i]).sum(0) > 0.0
     return good

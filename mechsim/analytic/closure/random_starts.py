@@ -113,9 +113,8 @@ def _axes_alike(loops: TreeLoops, at: Coordinates) -> NDArray[np.bool_]:
     """Return which poses have no cut joint put together with its axes, or marks, opposed, (n,)."""
     here, alike = placed(loops.tree, at), np.ones(len(at), dtype=np.bool_)
     for cut in loops.cuts:
-        kind = KINDS[cut.joint.kind]
         _, frame_a, _, frame_b = cut.frames(here)
-        for i in ([2] if kind.aligned else []) + ([0] if kind.aligned and not kind.turns else []):
+        for i in KINDS[cut.joint.kind].alike:
             alike &= (frame_a[:, i] * frame_b[:, i]).sum(0) > 0.0
     return alike
 

@@ -1,6 +1,6 @@
 """Assembly in coordinates of the tree: the loops closed where what is prescribed stands at the start."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops, tree_
 from mechsim.analytic.closure.tree_motion import Coordinates, placed
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS
+from mechsim.model.joints import KINDS, OPPOSED
 from mechsim.model.mechanism import Mechanism, Pose
 from mechsim.model.rough_poses import rough_poses, starts
 
@@ -31,9 +31,7 @@ def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
     rough, told = rough_poses(mechanism), starts(mechanism)
     found: list[tuple[float, TreeLoops, Coordinates]] = []
     refused: AssemblyError | None = None
-    for poses in (rough, drawn_towards_guess(mechanism, rough)):
-        if poses is None:
-            continue
+    for poses in _beginnings(mechanism, rough):
         try:
             loops, begun = tree_loops(mechanism, poses, told)
             at = closed(loops, begun)
@@ -47,6 +45,16 @@ def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
         assert refused is not None
         return _anywhere(mechanism, rough, refused)
     return min(found, key=lambda one: one[0])[1:]
+
+
+def _beginnings(mechanism: Mechanism, rough: Mapping[str, Pose]) -> Iterator[Mapping[str, Pose]]:
+    """Yield poses of all links from which loops may close: joints as they come, drawn, slides first."""
+    yield rough
+    drawn = drawn_towards_guess(mechanism, rough)
+    if drawn is not None:
+        yield drawn
+    if len(mechanism.guess) < len(mechanism.links):
+        yield rough_poses(mechanism, stiff_first=True)
 
 
 def _anywhere(
@@ -128,12 +136,13 @@ def closed(loops: TreeLoops, at: Coordinates) -> Coordinates:
 
 
 def _require_axes_alike(loops: TreeLoops, at: Coordinates) -> None:
-    """Refuse cuts put together with their axes opposed: the rows say parallel, not in which sense."""
+    """Refuse cuts put together with axes or marks opposed: the rows say parallel, not in which sense."""
     here = placed(loops.tree, at)
     for cut in loops.cuts:
         _, frame_a, _, frame_b = cut.frames(here)
-        if KINDS[cut.joint.kind].aligned and float((frame_a[:, 2] * frame_b[:, 2]).sum()) < 0.0:
-            raise AssemblyError(
-                f"{loops.tree.mechanism.name}: joint {cut.joint.name!r} came together with its axes opposed; "
-                "give a guess nearer the assembly meant"
-            )
+        for i in KINDS[cut.joint.kind].alike:
+            if float((frame_a[:, i] * frame_b[:, i]).sum()) < 0.0:
+                raise AssemblyError(
+                    f"{loops.tree.mechanism.name}: joint {cut.joint.name!r} came together with its "
+                    f"{OPPOSED[i]} opposed; turn one round, or give a guess nearer the assembly meant"
+                )

@@ -1,0 +1,30 @@
+"""Joints whose constraints MuJoCo meets with both sides' axes, or marks, against each other."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from mechsim.errors import AssemblyError
+from mechsim.model.joints import KINDS, OPPOSED
+from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
+
+
+def require_alike(mechanism: Mechanism, poses: Mapping[str, Pose]) -> None:
+    """Refuse a mechanism put together with sides of a joint opposed, as a point alone lets them be.
+
+    Args:
+        mechanism: the mechanism.
+        poses: moving link -> one pose.
+
+    Raises:
+        AssemblyError: naming the joint.
+    """
+    everywhere = {GROUND: IDENTITY, **poses}
+    for joint in mechanism.joints:
+        for i in KINDS[joint.kind].alike:
+            a, b = (everywhere[end.link].rotation @ end.frame[:, i] for end in (joint.a, joint.b))
+            if not float(np.dot(a, b)) > 0.0:
+                raise AssemblyError(
+                    f"{mechanism.name}: joint {joint.name!r} came together with its {OPPOSED[i]} opposed; "
+                    "turn one round, or give a guess nearer the assembly meant"
+                )

@@ -1,0 +1,63 @@
+"""Slides whose axes differ from one link's frame to the other's: both roads begin in one assembly."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.errors import AssemblyError
+
+TEXT = """
+name = "inclined"
+[parameters]
+tilt = 0.7
+[joints.crank]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "crank" }
+[joints.A]
+kind = "revolute"
+a = { link = "crank", at = [0.03, 0, 0] }
+b = { link = "rod" }
+[joints.B]
+kind = "revolute"
+a = { link = "rod", at = [0.11, 0, 0] }
+b = { link = "slider" }
+[joints.slide]
+kind = "prismatic"
+a = { link = "ground", at = [0, 0.012, 0], axis = ["cos(tilt)", "sin(tilt)", 0]MARK_A }
+b = { link = "slider", axis = [1, 0, 0]MARK_B }
+[points]
+nose = { link = "slider", at = [0.02, 0.01, 0] }
+[guess]
+rod = { at = [0.03, 0, 0], turn = { axis = [0, 0, 1], angle = 0.6 } }
+"""
+
+
+def written(folder: Path, mark_a: str = "", mark_b: str = "") -> str:
+    path = folder / "inclined.toml"
+    path.write_text(TEXT.replace("MARK_A", mark_a).replace("MARK_B", mark_b))
+    return str(path)
+
+
+@pytest.mark.parametrize("tilt", [0.7, -2.2])
+def test_an_inclined_slide_keeps_its_slider_upright_on_both_roads(tmp_path: Path, tilt: float) -> None:
+    form = ms.load(written(tmp_path), set={"tilt": tilt})
+    run = ms.simulate(form, method="pose", speed=1.0)
+    exact = form.solve(run.motion.angle)
+    for motion in (run.motion, exact):
+        along = motion.links["slider"].rotation[:, :, 0]
+        assert np.abs(along - [np.cos(tilt), np.sin(tilt), 0.0]).max() < 1e-12
+        assert np.abs(motion.links["slider"].rotation[:, 2, 2] - 1.0).max() < 1e-12
+    apart = run.motion.points["nose"].position - exact.points["nose"].position
+    assert np.abs(apart).max() < 1e-12 * form.mechanism.size
+
+
+def test_a_slider_that_marks_turn_over_is_refused_on_both_roads(tmp_path: Path) -> None:
+    model = written(tmp_path, ", mark = [0, 0, 1]", ", mark = [0, 0, -1]")
+    form = ms.load(model)
+    with pytest.raises(AssemblyError, match="'slide' came together with its marks opposed"):
+        form.solve([0.0])
+    with pytest.raises(AssemblyError, match="'B' came together with its axes opposed"):
+        ms.simulate(form.mechanism, method="pose", speed=1.0)
