@@ -79,6 +79,13 @@ def require_place(path: str | Path) -> None:
             raise _cannot_write(Path(path), error) from error
         finally:
             beside.unlink(missing_ok=True)
+    elif stat.S_ISCHR(place.stat().st_mode):
+        # a device that takes nothing says so of no bytes, too
+        try:
+            with place.open("wb", buffering=0) as taker:
+                taker.write(b"")
+        except OSError as error:
+            raise _cannot_write(Path(path), error) from error
 
 
 def _beside(place: Path, folder: Path) -> Path:

@@ -148,6 +148,9 @@ def test_a_named_pipe_takes_the_file_and_stays_one(motion, tmp_path):
     (tmp_path / "full.csv").symlink_to("/dev/full")
     with pytest.raises(OutputError, match="No space left"):
         files.write(tmp_path / "full.csv", motion)
+    with pytest.raises(OutputError, match="No space left"):
+        files.require_place(tmp_path / "full.csv")
+    files.require_place("/dev/null")
     assert Path("/dev/full").is_char_device()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["full.csv", "pipe.csv", "plain.csv"]
 

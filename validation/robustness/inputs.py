@@ -71,6 +71,7 @@ CASES = [
     Tried("file", f"tune {SCENE} --tolerance 1mm --budget 1s -o full.xml", 2),
     Tried("file", f"tune {SCENE} --tolerance 1mm --budget 1s -o link.xml", 0),
     Tried("file", f"reduce {SCENE} --tolerance 1mm -o /proc/out.xml", 2),
+    Tried("file", f"reduce {SCENE} --tolerance 1mm -o full.xml", 2),
     Tried("file", "view four_bar -o full.html", 2),
     Tried("file", "validate four_bar --report /proc/out", 2),
     Tried("file", "validate four_bar --report read_only.csv", 2),

@@ -134,6 +134,27 @@ def test_a_program_out_of_phase_is_named():
     assert first.by == pytest.approx(0.01, rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("model", "slip"), [("warp_knitter", 2.0), ("warp_knitter", -0.5), ("planetary_gear", 0.75)]
+)
+def test_a_gear_that_turns_the_other_way_or_is_turned_over_is_named(model, slip):
+    form = ms.load(model)
+    if model == "warp_knitter":
+        wrong, ratio = replace(form, gear_ratio=slip), form.gear_ratio
+    else:
+        first, second = form.mechanism.gears
+        gears = (first, replace(second, ratio=slip))
+        wrong, ratio = replace(form, mechanism=replace(form.mechanism, gears=gears)), second.ratio
+
+    def function(angle):
+        return {name: point.position for name, point in wrong.solve(angle).points.items()}
+
+    cause = said(function, model).findings[0]
+    assert (cause.kind, cause.explains) == ("gear", pytest.approx(1.0))
+    assert cause.by == pytest.approx((slip - ratio) / abs(ratio))
+    assert f"is {slip:g} instead of {ratio:g}" in cause.say
+
+
 def test_a_joint_in_another_place_of_a_model_without_parameters_is_named():
     form = ms.load("four_bar")
     mechanism = form.mechanism

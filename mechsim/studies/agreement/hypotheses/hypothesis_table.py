@@ -21,6 +21,7 @@ STAGES: tuple[tuple[Family, ...], ...] = (
         of_drivers.driver_degrees,
         of_drivers.drivers_swapped,
         of_assembly.assemblies,
+        of_dimensions.gear_slips,
         of_loads.other_gravity,
     ),
     (

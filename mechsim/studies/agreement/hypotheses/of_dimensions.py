@@ -16,7 +16,7 @@ from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, Mechanism
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.fitting import linearly_explains
-from mechsim.studies.agreement.hypotheses.hypothesis import NAMED, PLACED, Hypothesis
+from mechsim.studies.agreement.hypotheses.hypothesis import DISCRETE, NAMED, PLACED, Hypothesis
 from mechsim.studies.agreement.miss import Miss, Values
 from mechsim.studies.agreement.named_quantities import AXES
 
@@ -37,6 +37,31 @@ def parameters(miss: Miss) -> Iterator[Hypothesis]:
     # of efforts no exact derivatives are at hand
     efforts = any(claim.named.kind in ("torque", "force", "moment") for claim in miss.claims)
     yield from among if efforts else _likely(miss, among, TRIED + 2)
+
+
+def gear_slips(miss: Miss) -> Iterator[Hypothesis]:
+    """The ratio of a gear with the other sign, or the other way up."""
+    form = miss.comparand.form
+    geared: list[tuple[str, str, float, Callable[[float], Form]]] = []
+    if isinstance(form, LoopForm):
+        for k, gear in enumerate(form.mechanism.gears):
+            changed = _gear_changed(form, k, "ratio")
+            geared.append((gear.name, f"the ratio of {gear.name}", gear.ratio, changed))
+    elif own := form.gear:
+        ratio = miss.family.dimensions[own].value
+        geared.append((own, own, ratio, lambda by: miss.family.make({own: ratio + by})))
+    for name, said, ratio, changed in geared:
+        for slip in {-ratio, 1.0 / ratio} - {ratio}:
+            by, part = slip - ratio, (slip - ratio) / abs(ratio)
+            words = f"{said} is {slip:.6g} instead of {ratio:.6g}"
+            yield Hypothesis(
+                "gear",
+                name,
+                DISCRETE,
+                lambda _, by=by, changed=changed: miss.predicted(_anew(miss.comparand, changed(by))),
+                lambda _, words=words: words,
+                by=lambda _, part=part: part,
+            )
 
 
 def places(miss: Miss) -> Iterator[Hypothesis]:
@@ -121,9 +146,12 @@ def within(p: Array) -> None:
 
 def remade(comparand: Comparand, form: Form) -> Comparand:
     """Return a comparand with what has other dimensions."""
-    if isinstance(form, ClosedForm):
-        return replace(comparand, form=form, machine=comparand.machine_of(form), solved=None)
-    return comparand.with_dimensions(form)
+    return _anew(comparand, form) if isinstance(form, ClosedForm) else comparand.with_dimensions(form)
+
+
+def _anew(comparand: Comparand, form: Form) -> Comparand:
+    """Return a comparand with what stands so far from it that nothing is solved from its motion."""
+    return replace(comparand, form=form, machine=comparand.machine_of(form), solved=None)
 
 
 def as_before(made: Form, before: Form) -> Form:
