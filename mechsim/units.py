@@ -238,7 +238,10 @@ def of_any_kind(text: str, name: str = "the value") -> tuple[float, Unit]:
         InputError: for what is no finite number with a known unit.
     """
     kinds: tuple[Unit, ...] = get_args(Unit)
-    for unit in kinds:
+    match = _QUANTITY.fullmatch(text)
+    written = match[2] if match else ""
+    # of a unit that is known without pint no others need be tried
+    for unit in sorted(kinds, key=lambda unit: unit != written and (written, unit) not in _FACTORS):
         with suppress(InputError):
             return parse(text, unit, name), unit
     raise InputError(f"{name} {_short(text.strip())!r} is no number with a unit; give one such as '13 mm'")

@@ -6,16 +6,18 @@ import numpy as np
 import pytest
 from mechanisms import rscr, three_cranks
 
-from mechsim import catalog, course, dynamics, motors
+from mechsim import catalog, course, dynamics, load, motors
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.crank_profile import constant
+from mechsim.model.crank_profile import constant, within_range
 from mechsim.model.forces import Forces, Friction, Load
 from mechsim.model.inertia import Inertia
 from mechsim.model.mechanism import End, Joint, Link
 from mechsim.model.rod_inertia import with_inertia
-from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation import Settings
+from mechsim.simulation.dynamics.free_running import REDUNDANT, free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
+from mechsim.studies.motion_source import weighing
 from mechsim.verdict.record_errors import of_reactions
 
 DRIVE = catalog.make("rrsrr")
@@ -232,3 +234,22 @@ def test_what_is_too_light_for_mujoco_is_refused_with_a_remedy_that_holds():
     angle = np.linspace(0.1, 6.0, 9)
     torques = [dynamics.prescribed(one, angle, 50.0).efforts.torque for one in (large, small)]
     np.testing.assert_allclose(torques[0], 1e15 * torques[1], rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["rack_steering", "elliptic_trammel", "oldham_coupling"])
+def test_a_stepped_torque_keeps_its_bound_near_dead_centres_and_where_it_is_a_small_part_of_forces(name):
+    form = load(name)
+    machine = weighing(form)
+    profile = within_range(form.mechanism, form.crank_range(), SPEED)
+    run = driven(machine.mechanism, machine.forces, profile=profile, method="step")
+    verdict = crosscheck_driven(run, machine)
+    assert verdict.passed, verdict
+
+
+def test_redundant_loops_that_agree_are_held_hard_when_a_crank_runs_freely():
+    agreeing, other = three_armed((0.05, 0.03)), dynamics.machine(catalog.make("bennett"), Forces())
+    found = free_run(agreeing.mechanism, agreeing.forces, speed=60.0, turns=1.0)
+    verdict = crosscheck_free(found, agreeing)
+    assert verdict.passed, verdict
+    assert found.settings == Settings()
+    assert free_run(other.mechanism, other.forces, speed=60.0, turns=0.05).settings == REDUNDANT

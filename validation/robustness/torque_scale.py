@@ -17,8 +17,7 @@ from mechsim.analytic import catalog
 from mechsim.analytic.dynamics import prescribed
 from mechsim.errors import MechsimError
 from mechsim.model.crank_profile import within_range
-from mechsim.simulation import Settings
-from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.simulation.dynamics.prescribed_motion import HARD, driven
 from mechsim.studies.motion_source import weighing
 from mechsim.subjects import gallery
 from mechsim.verdict.quantities import efforts_scales
@@ -40,7 +39,7 @@ def main() -> None:
                 machine.mechanism,
                 machine.forces,
                 method="step",
-                settings=Settings(steps_per_turn=1000),
+                settings=HARD,
                 **moved,
             )
         except MechsimError as error:

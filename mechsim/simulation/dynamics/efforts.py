@@ -1,7 +1,7 @@
 """Drive torque and joint reactions of states whose accelerations are known, from MuJoCo's own dynamics."""
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -14,6 +14,7 @@ from mechsim.simulation.dynamics.applied import Fields, dry_friction, loop_force
 from mechsim.simulation.dynamics.friction import oppose
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
+from mechsim.simulation.dynamics.rigid_forces import rigid_forces, soften
 from mechsim.simulation.model_loops import RANK_TOLERANCE
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.meeting_motion import Near, held_off
@@ -313,12 +314,6 @@ def _rates(loaded: LoadedModel, qpos: Array) -> Array:
     return tangent(loaded, qpos, loaded.look(loaded.looking(), rest, loaded.nothing(n))["inertia"])
 
 
-# factor on the inverse weights below which forces are not evaluated, and Newton steps for them: between
-# an error of 1e-6 x factor and rounding over 1e4 x factor, measured 5e-10 of the drive torque
-HARDEST, ITERATIONS = 1e-5, 10
-# the same where frames are welded, whose rows MuJoCo takes for thousands of times lighter than they are:
-# an error of 0.3 x factor was measured where a sleeve is split, and no rounding down to 1e-8
-WELDED = 1e-7
 # factor on the flywheel, and on what drives it, where the crank's speed changes: beside so large a torque
 # that of the machine would be lost in rounding
 LIGHTER = 1e-6
@@ -341,16 +336,12 @@ def efforts_of(
     """
     model = copy.copy(stepped)
     loaded.prepare(model)
-    # forces are the softness times a tiny gap: harder than this, rounding of the gap shows in them
-    soften = max(1.0, (WELDED if loaded.loops.frames else HARDEST) / hardness)
-    model.body_invweight0[:] *= soften
-    model.dof_invweight0[:] *= soften
-    model.opt.iterations = ITERATIONS
+    softened = hardness * soften(model, hardness)
     moved = loaded.loops.driven_dofs
     if force is not None:
         force = force.reshape(len(force), -1)[:, : len(moved)]
         set_armature(model, moved, LIGHTER * model.dof_armature[moved])
-    _couple(loaded, model, hardness * soften)
+    _couple(loaded, model, softened)
     parts = []
     for first in range(0, len(states.time), CHUNK):
         part = _straightened(loaded, states.at(first))
@@ -360,11 +351,22 @@ def efforts_of(
             acting.generalised[:, moved] += LIGHTER * force[first : first + CHUNK]
         bent = _bent(loaded, at)
         acting.generalised[:] -= (at.plain["inertia"] @ bent[..., None])[..., 0]
-        fields = dict(loaded.look(model, part, acting))
+        fields = _looked(loaded, model, part, acting)
         fields["qacc"] = fields["qacc"] + bent
         multipliers, torque = constrained(loaded, at, fields)
         parts.append(efforts(loaded, at, fields["qacc"], multipliers, torque))
     return join(parts)
+
+
+def _looked(
+    loaded: LoadedModel, model: mujoco.MjModel, states: States, acting: AppliedForces
+) -> dict[str, Array]:
+    """Return what MuJoCo makes of states whose constraints are rigid."""
+
+    def look(force: Array) -> Mapping[str, Array]:
+        return loaded.look(model, states, replace(acting, generalised=acting.generalised + force))
+
+    return rigid_forces(look, *states.qvel.shape)
 
 
 def _couple(loaded: LoadedModel, model: mujoco.MjModel, hardness: float) -> None:

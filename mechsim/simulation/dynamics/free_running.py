@@ -31,11 +31,14 @@ from mechsim.simulation.stepping import Watch, unwatched
 
 # turns of the crank at its expected speed after which a run for turns is given up
 PATIENCE = 20.0
-# where constraints repeat each other they must give way, or the rounding by which they disagree acts like a
-# brake: of hardnesses 1e-8 to 1e4 and constants of 3 to 20 steps this keeps the energy best (Bennett, 3e-7)
+# where constraints repeat each other only as long as loops are closed they must give way, or that by which
+# they disagree acts like a brake: of hardnesses 1e-8 to 1e4 and constants of 3 to 20 steps this keeps the
+# energy best (Bennett, 3e-7)
 REDUNDANT = Settings(hardness=100.0, constant_steps=5.0, steps_per_turn=4000)
 # records over which the work is summed up, at least
 FINEST = 10_000
+# instants at which the energy of a trial is looked at
+SEEN = 72
 # steps of Newton's method at each instant: with one the energy drifts by 1e-5 a turn, with two by 1e-9
 ITERATIONS = 2
 # times the step that damping allows, in the coarsest of the trials: with 4 the work of a motor in the first
@@ -91,14 +94,18 @@ def free_run(
     if turns is None and duration is None:
         raise InputError("a free run needs turns of the crank, or a duration above 0, after which to end")
     loaded = loaded_model(mechanism, forces or Forces(), cut)
-    settings = settings or (REDUNDANT if _is_redundant(loaded) else Settings())
+    open_choice = settings is None and _is_redundant(loaded)
+    settings = settings or Settings()
     first = mechanism.start if angle is None else angle
     plan = _Plan(
         loaded, settings, started(loaded, first, speed), turns, duration, samples, 0.0, np.inf, watch
     )
-    if timestep is None or duration is None or tolerance is not None:
+    if timestep is None or duration is None or tolerance is not None or open_choice:
         expected = expect_speed(loaded, first, speed, turns, duration)
         plan = replace(plan, fastest=expected.speed, longest=expected.timestep(np.inf))
+    if open_choice:
+        settings = _steadier(plan)
+        plan = replace(plan, settings=settings)
     if tolerance is not None:
         if timestep is not None:
             raise InputError("a free run was given a time step and a tolerance; leave one of them out")
@@ -178,6 +185,25 @@ def _is_redundant(loaded: LoadedModel) -> bool:
     sizes = np.abs(jacobian[0]).max(1, initial=0.0)
     rows = jacobian[0][sizes > RANK_TOLERANCE * sizes.max(initial=0.0)]
     return len(rows) > 0 and int(np.linalg.matrix_rank(rows, RANK_TOLERANCE * float(sizes.max()))) < len(rows)
+
+
+def _steadier(plan: _Plan) -> Settings:
+    """Return by which settings a machine with redundant constraints keeps its energy better over a turn.
+
+    Those of a third parallel crank agree, and hard ones are right to rounding; those of a Bennett linkage
+    do not.
+    """
+    longest = TURN / plan.fastest
+    short = replace(
+        plan, turns=None, duration=min(plan.duration or longest, longest), samples=SEEN, watch=unwatched
+    )
+
+    def drift(settings: Settings) -> float:
+        stepping = replace(short, settings=settings).let_run(REDUNDANT.steps_per_turn)
+        free = _recorded(short, stepping).free
+        return free.energy_error if free.outcome == "done" else np.inf
+
+    return Settings() if drift(Settings()) <= 2.0 * drift(REDUNDANT) else REDUNDANT
 
 
 def _prepared(loaded: LoadedModel, settings: Settings, step: float) -> ModelLoops:

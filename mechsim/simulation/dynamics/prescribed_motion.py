@@ -25,6 +25,9 @@ from mechsim.simulation.stepping import Watch, step, unwatched
 
 # instants recorded a turn where nothing else is asked
 SAMPLES = 72
+# constraints ten thousand times harder than places need: near a dead centre the gap that carries the forces
+# showed in the torque, 1e-3 of it in an elliptic trammel (validation/robustness/torque_scale.py)
+HARD = Settings(hardness=1e-12)
 
 
 @quiet()
@@ -61,7 +64,7 @@ def driven(
             then chosen by trials and the result checked by two estimates. For method "pose" the
             accelerations MuJoCo gets from the forces are checked against it.
         samples: instants recorded after the first, evenly spread; None takes about 72 a turn.
-        settings: how to step; with a tolerance their number of steps is replaced.
+        settings: how to step, None as `HARD` has it; with a tolerance their number of steps is replaced.
         cut: joints at which the loops are cut; None lets the generator choose.
         watch: told now and then how far it has come, in words and as a part of the whole, 0 to 1; with a
             tolerance each trial begins anew.
@@ -90,7 +93,7 @@ def driven(
     # all of it, so that a crank that cannot go there is refused before anything is stepped
     met = passed(loaded, profile)
     require_told(loaded.loops, met, float(profile.state(np.zeros(1))[0][0]))
-    settings, note = settings or Settings(), undecided(loaded.loops, met)
+    settings, note = settings or HARD, undecided(loaded.loops, met)
     if tolerance is None:
         run = _stepped(loaded, profile, settings, *_paced(profile, settings, samples), watch)
         return replace(run, note=note)

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.simulation.dynamics.efforts import HARDEST, ITERATIONS
+from mechsim.simulation.dynamics.rigid_forces import rigid_forces, soften
 from mechsim.simulation.many.design_fields import Fields, loosened
 from mechsim.simulation.many.design_models import Rows
 from mechsim.simulation.many.stepped_designs import SteppedDesigns
@@ -35,13 +35,16 @@ def design_torque(stepped: SteppedDesigns, rows: Rows, records: Rows, hardness: 
 
 def _torque(stepped: SteppedDesigns, rows: Rows, records: Rows, hardness: float) -> Array:
     model = copy.copy(stepped.loops.model)
-    model.opt.iterations = ITERATIONS
-    # forces are the softness times a tiny gap: harder than this, rounding of the gap shows in them
-    soften = max(1.0, HARDEST / hardness)
+    factor = soften(model, hardness)
     own = {name: one[rows] for name, one in stepped.fields.items()}
     for name in ("body_invweight0", "dof_invweight0"):
-        own[name] = soften * own[name]
-    driven = _looked(stepped, model, own, rows, records, ("qacc", "qfrc_constraint"))
+        own[name] = factor * own[name]
+    seen = "qacc", "qfrc_constraint"
+    driven = rigid_forces(
+        lambda force: _looked(stepped, model, own, rows, records, seen, force),
+        len(rows) * len(records),
+        model.nv,
+    )
     # without constraints and flywheel
     free = copy.copy(stepped.models.like.closed.model)
     free.opt.disableflags |= int(OFF)
@@ -61,8 +64,9 @@ def _looked(
     rows: Rows,
     records: Rows,
     names: tuple[str, ...],
+    force: Array | None = None,
 ) -> Fields:
-    """Return MuJoCo's fields at states of designs, a row a state."""
+    """Return MuJoCo's fields at states of designs, a row a state, under generalised forces (n, nv)."""
     wide = {name: np.repeat(one, len(records), 0) for name, one in fields.items()}
     loops: ModelLoops = stepped.loops.with_fields(wide)
     at = np.ix_(rows, records)
@@ -72,6 +76,8 @@ def _looked(
         stepped.qpos[at].reshape(n, -1),
         stepped.qvel[at].reshape(n, -1),
     )
+    if force is not None:
+        sims.bind("qfrc_applied")[:] = force
     found = {name: sims.bind(name) for name in names}
     sims.forward()
     return {name: np.array(one) for name, one in found.items()}
