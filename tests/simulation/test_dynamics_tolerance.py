@@ -43,7 +43,7 @@ def test_torque_and_reactions_are_kept_within_the_tolerance_and_the_estimate_is_
 
 def test_a_tolerance_of_rounding_is_missed_with_a_reason_and_kept_by_poses():
     machine = of("warp_knitter")
-    run = driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-10)
+    run = driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-13)
     assert run.outcome == "missed"
     assert "are no better than fewer" in run.promise.reason
     assert crosscheck_driven(run, machine).outcome == "missed"
