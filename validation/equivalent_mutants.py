@@ -9,6 +9,7 @@ MOTION = "analytic/closure/motion.py"
 PATH = "analytic/closure/followed_path.py"
 SOLVER = "analytic/closure/loop_solver.py"
 TREE = "analytic/closure/tree_motion.py"
+LAYOUT = "analytic/closure/tree_layout.py"
 CHECKS = "verdict/checks.py"
 JUDGE = "verdict/judge.py"
 
@@ -138,6 +139,18 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         ): "any tiny number will do, the relative bound ends the search; so will any large number of steps"
         for tiny, most in (("1e-301", 1000), ("1e-299", 1000), ("1e-300", 10000))
     },
+    (LAYOUT, "MOST = 8", "..."): SPEED,
+    ("analytic/closure/tree_rates.py", "CHUNK = 1024", "..."): SPEED,
+    (
+        LAYOUT,
+        "rows.append([np.zeros_like(rows[0][0]) if rows else np.zeros(3)])",
+        "rows.append([np.zeros_like(rows[0][0]) if rows else np.zeros(4)])",
+    ): "a frame alone carries nothing",
+    (
+        LAYOUT,
+        "links, which = np.array(pairs, dtype=np.intp).reshape(-1, 2).T",
+        "links, which = np.array(pairs, dtype=np.intp).reshape(-2, 2).T",
+    ): SHAPE,
     (
         TREE,
         "still = np.zeros(twist.shape[1:])",

@@ -30,11 +30,11 @@ def moved(name, parameter, values, joints):
     return together(ms.load(name).mechanism, designs(name, parameter, values), joints, speed=3.0, rates=True)
 
 
-def together(mechanism, mechanisms, joints=(), *, speed=1.0, rates=False):
+def together(mechanism, mechanisms, joints=(), *, angles=ANGLES, speed=1.0, rates=False):
     """Return the motion of those that are like one, and of which of all it is told."""
     like = can_be_followed_together(mechanism, joints)
     started, which = those_alike(mechanism, mechanisms)
-    motion, good = many_motion(like, started, ANGLES, speed, joints, rates=rates)
+    motion, good = many_motion(like, started, angles, speed, joints, rates=rates)
     return motion, np.isin(np.arange(len(mechanisms)), which[good])
 
 
@@ -59,6 +59,21 @@ def test_each_design_moves_as_it_does_by_itself(name):
                 np.testing.assert_allclose(
                     getattr(found, part)[rows], wanted, atol=1e-11 * np.abs(wanted).max()
                 )
+
+
+def test_designs_with_a_rod_that_spins_are_followed_either_way_to_angles_in_any_order():
+    angles = np.random.default_rng(22).uniform(-7.0, 7.0, 40)
+    drives = [ms.catalog.make("rssr", crank=length) for length in (0.0186, 0.02, 0.0212)]
+    mechanisms = [drive.mechanism for drive in drives]
+    motion, told = together(mechanisms[1], mechanisms, angles=angles, speed=3.0, rates=True)
+    assert told.all()
+    for i, drive in enumerate(drives):
+        rows = slice(i * len(angles), (i + 1) * len(angles))
+        for point, exact in drive.solve(angles, 3.0).points.items():
+            for part in ("position", "velocity", "acceleration"):
+                wanted, found = getattr(exact, part), getattr(motion.points[point], part)[rows]
+                # measured 1.3e-15
+                np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-14 * np.abs(wanted).max())
 
 
 def test_designs_that_cannot_turn_or_are_not_alike_are_left_to_themselves():

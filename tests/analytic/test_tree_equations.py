@@ -1,6 +1,6 @@
 """The equations of a tree: slopes, twists and biases are derivatives, for every kind of joint."""
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -8,7 +8,8 @@ from mechanisms import at
 
 from mechsim.analytic.closure.cut_rows import cuts_of
 from mechsim.analytic.closure.spanning_tree import spanning_tree
-from mechsim.analytic.closure.tree_layout import MOST
+from mechsim.analytic.closure.tree_joints import Fixed
+from mechsim.analytic.closure.tree_layout import MOST, in_a_row
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, drifts, placed, twists
 from mechsim.model.mechanism import GROUND, Joint, Link, Mechanism
@@ -23,7 +24,7 @@ def joint(name, kind, a, b):
     return Joint(name, kind, a, b, CROSS) if kind == "universal" else Joint(name, kind, a, b)
 
 
-def branched(swap, names=("shaft", *"abcdefghijklm")):
+def branched(swap, names=("shaft", *"abcdefghijklm"), seed=3):
     """Chains with balls, a link that floats and every other kind of joint, each named from either side."""
     chain = [
         ("universal", GROUND, "a"),
@@ -40,7 +41,7 @@ def branched(swap, names=("shaft", *"abcdefghijklm")):
         ("fixed", "k", "l"),
         ("fixed", "shaft", "m"),
     ]
-    random = np.random.default_rng(3)
+    random = np.random.default_rng(seed)
     joints = []
     for i, (kind, near, far) in enumerate(chain):
         ends = [
@@ -166,3 +167,47 @@ def test_slopes_and_biases_of_a_closing_joint_are_derivatives_of_its_residual(ki
         "fixed": [xa * gap, ya * gap, za * gap, *aligned, xa * yb],
     }[kind]
     near(residual, np.array([row.sum(1) for row in expected]), 1e-13)
+
+
+def test_indices_in_a_row_are_taken_as_a_slice_and_others_as_they_are():
+    for row, wanted in (([7], slice(7, 8)), ([3, 4, 5], slice(3, 6))):
+        assert in_a_row(np.array(row)) == wanted
+    for others in ([], [0, 2, 4], [2, 1], [0, 1, 3]):
+        assert in_a_row(np.array(others, dtype=np.intp)).tolist() == others
+
+
+def test_a_tree_without_angles_is_placed_as_its_joints_say():
+    joints = (
+        Joint(
+            "slide",
+            "prismatic",
+            at(GROUND, (0.1, 0.0, 0.0), (1.0, 2.0, 2.0)),
+            at("block", axis=(1.0, 2.0, 2.0)),
+        ),
+        Joint("ball", "spherical", at("block", (0.0, 0.3, 0.0)), at("bob", (0.0, 0.0, 0.2))),
+    )
+    whole = Mechanism("hung", (Link("block"), Link("bob")), joints, "slide", {})
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    here = placed(spanning_tree(whole), Coordinates(np.full((4, 1), 0.6), turn[None, ..., None]))
+    axis = np.array([1.0, 2.0, 2.0]) / 3.0
+    near(here.position[0, :, 0], np.array([0.1, 0.0, 0.0]) + 0.6 * axis, 1e-15)
+    near(here.position[1, :, 0], here.position[0, :, 0] + np.array([0.0, 0.3, -0.2]), 1e-15)
+    near(here.rotation[1, ..., 0], turn, 1e-15)
+
+
+@pytest.mark.parametrize("swap", [0, 1])
+def test_designs_side_by_side_are_placed_as_each_by_itself(swap):
+    moving, trees = Moving(swap, None), [spanning_tree(branched(swap, seed=seed)) for seed in (3, 4)]
+    tree = replace(trees[0])
+    constants = {
+        i: Fixed(*(np.stack(pair, -1) for pair in zip(*map(astuple, pairs), strict=True)))
+        for i in trees[0].constants
+        for pairs in [[one.constants[i] for one in trees]]
+    }
+    vars(tree)["constants"] = constants
+    two = Coordinates(moving.at.values[:, :2], moving.at.turns[..., :2])
+    together = placed(tree, two)
+    for i, own in enumerate(trees):
+        alone = placed(own, Coordinates(two.values[:, [i]], two.turns[..., [i]]))
+        for part in ("position", "rotation", "screws"):
+            near(getattr(together, part)[..., i], getattr(alone, part)[..., 0], 1e-14)

@@ -93,7 +93,7 @@ def _angles(
     by_link = sorted(branches, key=lambda branch: branch.far)
     angles = [angle for branch in by_link for angle in branch.angles]
     parts = [part for branch in by_link if branch.angles for part in constants[branch.far].turning(branch)]
-    turning = np.array(parts) if parts else np.zeros((0, 3, 3, 3))
+    turning = np.array(parts)
     first = np.cumsum([0, *(len(branch.angles) for branch in by_link)])
     once, twice = (
         np.array([i for i, branch in enumerate(by_link) if len(branch.angles) == k], dtype=np.intp)
