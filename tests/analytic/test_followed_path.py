@@ -8,8 +8,9 @@ from mechanisms import three_cranks
 
 from mechsim import catalog
 from mechsim.analytic import closure
+from mechsim.analytic.closure.followed_path import AIM, AIMED, GROWTH, NODES
 from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.loop_solver import Linearised
+from mechsim.analytic.closure.loop_solver import Linearised, loop_solver
 from mechsim.analytic.closure.whole_motion import followed
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
@@ -54,6 +55,62 @@ def test_no_cell_is_longer_than_a_fifth_of_a_turn_however_little_moves():
     path = followed(catalog.make("slider_crank", crank=1e-6).mechanism)
     path.extend(4 * np.pi)
     assert 1.1 < max(np.ptp(cell.nodes) for cell in path.cells[1]) < 0.2 * 2 * np.pi
+
+
+def test_a_first_cell_is_foretold_along_the_tangent_to_second_order():
+    mechanism = catalog.make("rssr").mechanism
+    path = followed(mechanism)
+    begin = path.begin
+    solver = loop_solver(path.loops, path.start)
+    for sense in (1, -1):
+        s = begin + sense * np.array([1e-3, 2e-3])
+        told = path._foretold(begin, sense, solver, s)
+        off = np.abs(told - path.closed(solver, s, told)[0]).max(1)
+        assert 3.9 < off[1] / off[0] < 4.1
+        # of the same order as the step squared
+        assert 0.05 < off[0] / 1e-6 < 5.0
+
+
+@pytest.mark.parametrize(("moved", "before"), [(0.01, 0.3), (0.06, 0.2), (0.004, 0.9)])
+def test_the_next_cell_is_so_long_that_it_is_foretold_as_well_as_is_aimed_at(moved, before):
+    path, step = followed(catalog.make("four_bar").mechanism), 0.4
+    path.reach(path.begin + 0.3, 1)
+    path.cells[1][-1] = path.cells[1][-1].part(path.begin, path.begin + before)
+    growth = path._growth(step, 1, 0.0, moved)
+    # what is foretold errs by the power of the nodes of how far it is from the middle of the cell before
+    now, then = step + 0.5 * before, growth * step + 0.5 * step
+    assert moved * (then / now) ** NODES == pytest.approx(AIMED)
+    assert path._growth(step, 1, 0.0, 0.0) == GROWTH
+    assert path._growth(step, 1, 4.0 * AIM, 0.0) == pytest.approx(0.25 ** (2 / (NODES + 1)))
+    path.cells[1].clear()
+    assert path._growth(step, 1, 0.0, 1.0) == GROWTH
+
+
+@pytest.mark.parametrize("passing", ["smooth", "fold"])
+@pytest.mark.parametrize(("sense", "to"), [(1, 8.0), (-1, -2.0)])
+def test_cells_are_taken_back_as_far_as_the_last_change_point_and_no_farther(sense, to, passing):
+    drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
+    poses = closure.follow(drive.mechanism, [0.5])
+    guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
+    path = followed(drive.mechanism.with_guess(guess, 0.5), passing)
+    assert not path._back(sense)
+    path.reach(to, sense)
+    (meeting,) = path.meetings
+    cells, before = path.cells[sense], list(path.cells[sense])
+    assert path._side != 0.0
+    while path._back(sense):
+        assert path._side == 0.0
+    assert before[: len(cells)] == cells
+    assert len(cells) < len(before)
+    # the last is that which begins at the change point, or leads through it
+    assert sense * cells[-1].nodes[0] <= sense * meeting < sense * cells[-1].nodes[-1]
+    path.reach(to, sense)
+    assert path.meetings == [meeting]
+    other = followed(drive.mechanism)
+    other.reach(other.begin + sense, sense)
+    while other._back(sense):
+        pass
+    assert not other.cells[sense]
 
 
 @pytest.mark.parametrize("lengths", flat_linkages(), ids=lambda one: "-".join(f"{1e3 * x:.0f}" for x in one))
