@@ -9,6 +9,7 @@ MOTION = "analytic/closure/motion.py"
 PATH = "analytic/closure/followed_path.py"
 SOLVER = "analytic/closure/loop_solver.py"
 TREE = "analytic/closure/tree_motion.py"
+WHOLE = "analytic/closure/whole_motion.py"
 LAYOUT = "analytic/closure/tree_layout.py"
 CHECKS = "verdict/checks.py"
 JUDGE = "verdict/judge.py"
@@ -141,6 +142,13 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     },
     (LAYOUT, "MOST = 8", "..."): SPEED,
     ("analytic/closure/tree_rates.py", "CHUNK = 1024", "..."): SPEED,
+    (WHOLE, "SPINS = 1e-06", "..."): "links turn with an idle freedom by a part near one, or by rounding",
+    (
+        WHOLE,
+        "found |= {name for name, i in tree.links.items() if turning[i] > SPINS * turning.max()}",
+        "found |= {name for name, i in tree.links.items() if turning[i] > SPINS / turning.max()}",
+    ): "idle freedoms are of unit length, their largest turn is near one",
+    (WHOLE, "WHOLE = 1e-12", "..."): "ratios are whole numbers to rounding, or far from it",
     (
         LAYOUT,
         "rows.append([np.zeros_like(rows[0][0]) if rows else np.zeros(3)])",

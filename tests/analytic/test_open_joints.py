@@ -73,7 +73,9 @@ def test_a_start_at_a_dead_centre_is_no_freedom():
         name: Pose(link.position[0], link.rotation[0])
         for name, link in drive.solve([high - 1e-7]).links.items()
     }
-    found = closure.follow(drive.mechanism.with_guess(poses, high - 1e-7), [high - 0.1])
+    mechanism = drive.mechanism.with_guess(poses, high - 1e-7)
+    found = closure.follow(mechanism, [high - 0.1])
+    assert closure.solve(mechanism, [high - 0.1]).spinning == frozenset()
     exact = drive.solve([high - 0.1]).links
     # the start stands 1e-7 rad from where digits are halved; the pose asked for does not
     for name, link in exact.items():

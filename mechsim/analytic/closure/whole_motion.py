@@ -100,9 +100,7 @@ def solve(
     return solve_along(followed(mechanism, through), angles, speed, acceleration)
 
 
-def solve_along(
-    path: FollowedPath, angles: ArrayLike, speed: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
-) -> Motion:
+def solve_along(path: FollowedPath, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike) -> Motion:
     """Return the motion of a mechanism whose path may be known already; else as `solve`."""
     mechanism = path.loops.tree.mechanism
     asked = crank_angles(mechanism, angles)
