@@ -206,7 +206,8 @@ class Joint:
                 f"lead of {self.kind} joint {self.name!r} is {self.lead} m; "
                 "give a screw its displacement a turn, and no other joint any"
             )
-        if 0 in KINDS[self.kind].alike and not (self.a.marked or self.b.marked or self.a.axis == self.b.axis):
+        differ = 0 in KINDS[self.kind].alike and self.a.axis != self.b.axis
+        if differ and not (self.a.marked or self.b.marked):
             assert self.a.mark is not None
             b = replace(self.b, mark=_least_turned(self.b, self.a.axis, self.a.mark))
             object.__setattr__(self, "b", b)

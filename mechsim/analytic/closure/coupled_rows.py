@@ -43,14 +43,10 @@ class CoupledRow:
 
 
 def coupled_rows(tree: SpanningTree) -> tuple[CoupledRow, ...]:
-    """Return the rows of all couplings of a mechanism.
-
-    Raises:
-        InputError: where a coupled joint closes a loop of driven and coupled joints alone.
-    """
+    """Return the rows of all couplings of a mechanism."""
     rows: list[CoupledRow] = []
     for law in tree.mechanism.laws:
-        left, right = (tree.coupled(terms, law.name) for terms in (law.left_terms, law.right_terms))
+        left, right = (tree.coupled(terms) for terms in (law.left_terms, law.right_terms))
         slides = bool(np.any(tree.slides & (left != 0.0)))
         rows.append(CoupledRow(law, left, right, tree.size if slides else 1.0))
     return tuple(rows)

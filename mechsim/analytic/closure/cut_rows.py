@@ -140,7 +140,7 @@ def cuts_of(tree: SpanningTree) -> tuple[Cut, ...]:
     found: list[Cut] = []
     nothing = np.zeros(tree.count)
     for joint in tree.cuts:
-        sides = tuple(-1 if end.link == GROUND else tree.links[end.link] for end in (joint.a, joint.b))
+        sides = tuple(-1 if end.link == GROUND else tree.index[end.link] for end in (joint.a, joint.b))
         feels = [nothing if i < 0 else tree.carried[i] for i in sides]
         sense = feels[1] - feels[0]
         columns = np.flatnonzero(sense)

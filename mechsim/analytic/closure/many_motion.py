@@ -64,8 +64,8 @@ def can_be_followed_together(
 ) -> LikeLoops | None:
     """Return what designs of a mechanism have in common; None where they cannot be followed together.
 
-    For that a crank turns or programs move the drivers, there are loops, and of joints that close loops only
-    hinges are asked for.
+    For that a crank turns or programs move the drivers, there are loops, no joint of which is split, and of
+    joints that close loops only hinges are asked for.
 
     Raises:
         AssemblyError: where its own loops do not close.
@@ -74,7 +74,7 @@ def can_be_followed_together(
     if programs is None and not mechanism.has_crank:
         return None
     loops, start = checked_start(mechanism)
-    if not len(loops.unknown):
+    if not len(loops.unknown) or loops.tree.mechanism is not mechanism:
         return None
     for name in joints:
         if loops.tree.places.get(name) is None and not KINDS[mechanism.joint(name).kind].hinge:

@@ -1,7 +1,7 @@
 """A mechanism as a tree of links with coordinates, and the joints that close its loops."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.closure.tree_joints import Fixed, TreeJoint
 from mechsim.analytic.closure.tree_layout import Layout, layout
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS
 from mechsim.model.mechanism import GROUND, Joint, Mechanism
+from mechsim.model.split_joints import split
 
 
 @dataclass(frozen=True)
@@ -22,18 +23,25 @@ class SpanningTree:
     A coordinate is a displacement in [m], an angle in [rad], or one of the three turns of a ball.
 
     Attributes:
-        mechanism: the mechanism.
+        mechanism: the mechanism; joints that must be branches though they close loops are split in it.
+        given: the mechanism as it was before.
         branches: by which joint each link is placed, nearest the frame first.
         cuts: the joints that close the loops.
     """
 
     mechanism: Mechanism
+    given: Mechanism
     branches: tuple[TreeJoint, ...]
     cuts: tuple[Joint, ...]
 
     @cached_property
     def links(self) -> dict[str, int]:
-        """Moving link -> index."""
+        """Moving link of the mechanism as it was given -> index."""
+        return {link.name: self.index[link.name] for link in self.given.links}
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Moving link -> index, also of links that split joints led to."""
         return {link.name: i for i, link in enumerate(self.mechanism.links)}
 
     @cached_property
@@ -102,19 +110,10 @@ class SpanningTree:
             for i, name in enumerate(branch.joint.coordinates)
         }
 
-    def coupled(self, terms: Mapping[str, float], coupling: str) -> Array:
-        """Return the weights of all coordinates in one side of a coupling, (count,).
-
-        Raises:
-            InputError: where couplings and drivers alone close a loop of joints, so that one is a cut.
-        """
+    def coupled(self, terms: Mapping[str, float]) -> Array:
+        """Return the weights of all coordinates in one side of a coupling, (count,)."""
         weights = np.zeros(self.count, np.result_type(float, *terms.values()))
         for name, weight in terms.items():
-            if name not in self.places:
-                raise InputError(
-                    f"{self.mechanism.name}: coordinate {name!r} of coupling {coupling!r} closes a loop of "
-                    "driven and coupled joints alone; couple joints that do not"
-                )
             weights[self.places[name]] += weight
         return weights
 
@@ -122,10 +121,11 @@ class SpanningTree:
 def spanning_tree(mechanism: Mechanism) -> SpanningTree:
     """Return a tree whose cuts leave few equations: driven and coupled joints stay, then counted ones.
 
+    Where those alone close a loop, some are split, and it is cut beside them.
+
     Raises:
         AssemblyError: for links that no chain of joints leads to.
     """
-    index = {link.name: i for i, link in enumerate(mechanism.links)} | {GROUND: -1}
     first = {
         *mechanism.drivers,
         *mechanism.holds,
@@ -140,6 +140,14 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
 
     wanted = sorted(mechanism.joints, key=cost)
     chosen = _forest(wanted)
+    closing = {
+        joint.name
+        for joint in mechanism.joints
+        if joint.name not in chosen and not first.isdisjoint(joint.coordinates)
+    }
+    if closing:
+        return replace(spanning_tree(split(mechanism, closing)), given=mechanism)
+    index = {link.name: i for i, link in enumerate(mechanism.links)} | {GROUND: -1}
     cuts = tuple(joint for joint in mechanism.joints if joint.name not in chosen)
     branches: list[TreeJoint] = []
     placed, waiting, count = {GROUND}, [j for j in mechanism.joints if j.name in chosen], 0
@@ -156,7 +164,7 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
         branches.append(TreeJoint(joint, forward, index[near.link], index[far.link], count))
         count += KINDS[joint.kind].freedoms
         placed.add(far.link)
-    return SpanningTree(mechanism, tuple(branches), cuts)
+    return SpanningTree(mechanism, mechanism, tuple(branches), cuts)
 
 
 def _forest(joints: Sequence[Joint]) -> set[str]:

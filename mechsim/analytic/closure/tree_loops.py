@@ -19,6 +19,7 @@ from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import coordinates
 from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
+from mechsim.model.split_joints import with_stand_ins
 
 # singular values below this part of the largest are nought
 RANK_TOLERANCE = 1e-9
@@ -100,7 +101,7 @@ class TreeLoops:
 
     def read(self, poses: Mapping[str, Pose], angles: Mapping[str, float]) -> Coordinates:
         """Return the coordinates of one pose of every moving link; given angles as they are counted."""
-        everywhere = {GROUND: IDENTITY, **poses}
+        everywhere = {GROUND: IDENTITY, **with_stand_ins(self.tree.mechanism, poses)}
         values, turns = np.zeros((self.tree.count, 1)), np.empty((len(self.tree.balls), 3, 3, 1))
         ball = 0
         for branch in self.tree.branches:

@@ -177,7 +177,7 @@ def recorded(
     The dimensions are the path's own, or those of a mechanism like it.
     """
     tree = path.loops.tree
-    mechanism = dimensions or tree.mechanism
+    mechanism = dimensions or tree.given
     links = {name: found.link(i) for name, i in tree.links.items()}
     joints: dict[str, JointMotion] = {}
     for joint in mechanism.joints:

@@ -31,6 +31,7 @@ from mechsim.maths.arrays import Array
 from mechsim.maths.complex_step import STEP, change_of, stepped
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, Through
+from mechsim.model.split_joints import split
 
 # how far loops that repeat each other may be torn open by a dimension, as parts of the change of the loops
 TORN = 1e-6
@@ -213,8 +214,10 @@ def _changed(
 def with_mechanism(loops: TreeLoops, mechanism: GivenMechanism) -> TreeLoops:
     """Return the same loops of a mechanism with other numbers."""
     old = loops.tree
-    branches = tuple(replace(branch, joint=mechanism.joint(branch.joint.name)) for branch in old.branches)
-    tree = SpanningTree(mechanism, branches, tuple(mechanism.joint(cut.name) for cut in old.cuts))
+    parted = {joint.name for joint in old.given.joints if joint not in old.mechanism.joints}
+    own = split(mechanism, parted) if parted else mechanism
+    branches = tuple(replace(branch, joint=own.joint(branch.joint.name)) for branch in old.branches)
+    tree = SpanningTree(own, mechanism, branches, tuple(own.joint(cut.name) for cut in old.cuts))
     return replace(loops, tree=tree, cuts=cuts_of(tree))
 
 
@@ -222,7 +225,7 @@ def record_of(
     path: FollowedPath, moved: LoopMotion, instants: Instants, mechanism: GivenMechanism | None, form: Form
 ) -> Motion:
     """Return a motion as a record; of a mechanism with other numbers, whose conditioning is not told."""
-    of = path.loops.tree.mechanism if mechanism is None else mechanism
+    of = path.loops.tree.given if mechanism is None else mechanism
     found = recorded(path, moved, instants.at, instants.speed, instants.acceleration, of)
     if mechanism is not None:
         found = replace(found, conditioning=None)

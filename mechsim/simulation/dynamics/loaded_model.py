@@ -20,11 +20,11 @@ from mechsim.model.forces import Forces
 from mechsim.model.mechanism import GROUND, Joint, Mechanism
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.model.scene import Scene
+from mechsim.model.split_joints import stand_in
 from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.friction import DryJoint, dry_frictions
 from mechsim.simulation.mjcf.force_elements import Actuators, actuators, motor_control
-from mechsim.simulation.mjcf.split_joints import stand_in
 from mechsim.simulation.posed_bodies import ONE_THREAD
 from mechsim.simulation.recorded_motion import States
 

@@ -14,6 +14,7 @@ from mechsim.model.motion_plane import plane_normals
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.model.rough_poses import starts
 from mechsim.model.scene import Scene
+from mechsim.model.split_joints import with_stand_ins
 from mechsim.simulation.mjcf.body_inertia import PLACEHOLDER, quaternion, set_inertia, set_placeholder
 from mechsim.simulation.mjcf.force_elements import add_forces
 from mechsim.simulation.mjcf.joints import (
@@ -57,7 +58,7 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
         mechanism = with_inertia(mechanism)
     tree = cut_loops(mechanism, scene.cut, keep=dry, splits=True)
     mechanism = tree.mechanism
-    poses = _with_stand_ins(tree, poses or {})
+    poses = with_stand_ins(tree.mechanism, poses or {})
     spec = mujoco.MjSpec()
     spec.modelname = mechanism.name
     spec.compiler.degree = False
@@ -74,17 +75,6 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
     if acting is not None:
         add_forces(spec, mechanism, tree, bodies, acting)
     return spec
-
-
-def _with_stand_ins(tree: Tree, poses: Mapping[str, Pose]) -> dict[str, Pose]:
-    """Return poses of links, and of what stands in for some of them at split joints, as they stand."""
-    known = {GROUND: IDENTITY, **poses}
-    stands = {
-        one.a.link: known[one.b.link]
-        for one in tree.cuts
-        if not KINDS[one.kind].freedoms and one.b.link in known
-    }
-    return {**stands, **poses}
 
 
 def _add_links(

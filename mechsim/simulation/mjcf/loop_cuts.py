@@ -10,8 +10,8 @@ from mechsim.errors import InputError
 from mechsim.model.joints import KINDS, Kind, kinds_that
 from mechsim.model.mechanism import GROUND, End, Joint, Mechanism
 from mechsim.model.motion_plane import plane_normals
+from mechsim.model.split_joints import split, stand_in
 from mechsim.simulation.mjcf.joints import Branch, EndArrays, meeting_points
-from mechsim.simulation.mjcf.split_joints import split, stand_in
 
 if TYPE_CHECKING:
     import networkx as nx

@@ -226,7 +226,7 @@ def _tree(mechanism: Mechanism, joints: int) -> SpanningTree:
     for joint in mechanism.joints[:joints]:
         branches.append(TreeJoint(joint, True, index[joint.a.link], index[joint.b.link], count))
         count += KINDS[joint.kind].freedoms
-    return SpanningTree(mechanism, tuple(branches), mechanism.joints[joints:])
+    return SpanningTree(mechanism, mechanism, tuple(branches), mechanism.joints[joints:])
 
 
 def _rotations(quaternions: Array) -> NDArray[np.float64]:

@@ -92,7 +92,7 @@ class AssemblyCurve:
     @property
     def mechanism(self) -> Mechanism:
         """What moves."""
-        return self.loops.loops.tree.mechanism
+        return self.loops.loops.tree.given
 
     @property
     def length(self) -> float:

@@ -54,7 +54,7 @@ def read_joints(tree: SpanningTree, here: Placed) -> Array:
     n = here.position.shape[2]
     everywhere = {GROUND: Pose(np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3)))} | posed(tree, here)
     found: list[Array] = []
-    for joint in tree.mechanism.joints:
+    for joint in tree.given.joints:
         kind = KINDS[joint.kind]
         if kind.units:
             a, b = everywhere[joint.a.link], everywhere[joint.b.link]
@@ -67,7 +67,7 @@ def read_joints(tree: SpanningTree, here: Placed) -> Array:
 def posed(tree: SpanningTree, here: Placed) -> dict[str, Pose]:
     """Return the poses of the moving links: name -> n poses."""
     return {
-        name: Pose(here.position[i].T, here.rotation[i].transpose(2, 0, 1)) for name, i in tree.links.items()
+        name: Pose(here.position[i].T, here.rotation[i].transpose(2, 0, 1)) for name, i in tree.index.items()
     }
 
 
@@ -86,7 +86,7 @@ class CurveJoints:
     @cached_property
     def columns(self) -> tuple[JointColumn, ...]:
         """What they are."""
-        return joint_columns(self.tree.mechanism)
+        return joint_columns(self.tree.given)
 
     @cached_property
     def angular(self) -> Array:

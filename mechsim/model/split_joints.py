@@ -1,12 +1,12 @@
-"""Joints that no constraint closes: one side gets a link of its own there, and between the two it is cut."""
+"""Joints at which no loop can be cut: one side gets a link of its own, and it is cut between the two."""
 
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from mechsim.model.inertia import Inertia
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
-from mechsim.simulation.mjcf.joints import FIXED
+from mechsim.model.joints import FIXED
+from mechsim.model.mechanism import GROUND, IDENTITY, End, Joint, Link, Mechanism, Pose
 
 # between the names of a joint and of the link that its stand-in stands for
 STANDS = "@"
@@ -15,6 +15,17 @@ STANDS = "@"
 def stand_in(joint: Joint) -> str:
     """Return the name of the link that stands where one side of a split joint does."""
     return f"{joint.name}{STANDS}{_stood_for(joint).link}"
+
+
+def with_stand_ins(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, Pose]:
+    """Return poses of links, and where joints are split, of what stands in for some of them."""
+    known = {GROUND: IDENTITY, **poses}
+    stands = {
+        joint.a.link: known[joint.b.link]
+        for joint in mechanism.joints
+        if joint.kind == FIXED and joint.name == joint.a.link and joint.b.link in known
+    }
+    return {**stands, **poses}
 
 
 def split(mechanism: Mechanism, names: Collection[str]) -> Mechanism:

@@ -1,0 +1,64 @@
+"""A loop all of whose joints are driven or coupled: one of them is split, and both roads agree."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.closure.spanning_tree import spanning_tree
+
+TEXT = """
+name = "bound"
+[parameters]
+left = 0.1
+[joints]
+crank = { kind = "revolute", a = { link = "ground" }, b = { link = "crank" } }
+A = { kind = "revolute", a = { link = "crank", at = [0.04, 0, 0] }, b = { link = "left" } }
+B = { kind = "revolute", a = { link = "left", at = ["left", 0, 0] }, b = { link = "far", at = [0.09, 0, 0] } }
+C = { kind = "revolute", a = { link = "far" }, b = { link = "arm", at = [0.05, 0, 0] } }
+arm = { kind = "revolute", a = { link = "ground", at = [0.12, 0, 0] }, b = { link = "arm" } }
+[couplings.sum]
+driver = "crank"
+driven = { A = 1, B = 0.3, C = 0.2, arm = 0.3 }
+coefficients = [1.0, 0.3, 0.1]
+[points]
+tip = { link = "left", at = ["left", 0.01, 0] }
+[guess]
+left = { at = [0.04, 0, 0], turn = { axis = [0, 0, 1], angle = 1.05 } }
+far = { at = [0.15, 0.04, 0], turn = { axis = [0, 0, 1], angle = 2.6 } }
+arm = { at = [0.12, 0, 0], turn = { axis = [0, 0, 1], angle = 0.9 } }
+"""
+
+
+@pytest.fixture
+def bound(tmp_path: Path) -> str:
+    (tmp_path / "bound.toml").write_text(TEXT)
+    return str(tmp_path / "bound.toml")
+
+
+def test_a_loop_of_driven_and_coupled_joints_alone_moves_alike_on_both_roads(bound: str) -> None:
+    form = ms.load(bound)
+    tree = spanning_tree(form.mechanism)
+    assert not {"A", "B", "C", "arm", "crank"} - tree.places.keys()
+    assert [*tree.links] == [link.name for link in form.mechanism.links]
+
+    swung = ms.load(bound, drive={"crank": "0.4*sin(3*t)"}, duration=1.0)
+    run = ms.simulate(swung, method="pose", samples=9)
+    exact = swung.solve(run.motion.angle)
+    size = form.mechanism.size
+    assert np.abs(run.motion.points["tip"].position - exact.points["tip"].position).max() < 1e-12 * size
+    assert exact.links.keys() == {"crank", "left", "far", "arm"}
+    q = {name: one.value for name, one in exact.joints.items()}
+    wanted = 1.0 + 0.3 * q["crank"] + 0.1 * q["crank"] ** 2
+    assert np.abs(q["A"] + 0.3 * q["B"] + 0.2 * q["C"] + 0.3 * q["arm"] - wanted).max() < 1e-12
+    assert np.ptp(q["A"]) > 0.1
+
+
+def test_dimensions_of_such_a_loop_have_derivatives(bound: str) -> None:
+    table = ms.sensitivity(bound, of="tip.x", to=["left"], angles=[0.2])
+    step = 1e-5
+    there = [ms.load(bound, set={"left": 0.1 + one}).positions([0.2])["tip"][0, 0] for one in (step, -step)]
+    assert dict(table.columns())["tip.x/left"][0] == pytest.approx(
+        (there[0] - there[1]) / (2 * step), rel=1e-6
+    )
