@@ -85,6 +85,11 @@ class Kind:
         return self.aligned and not self.slides and bool(self.turns)
 
     @property
+    def pivot(self) -> bool:
+        """Whether it turns about a point that stays where it is on both sides."""
+        return bool(self.turns) and not self.slides
+
+    @property
     def single(self) -> bool:
         """Whether it has one freedom: a hinge or a slide."""
         return self.freedoms == 1

@@ -108,17 +108,27 @@ def _shaft(mechanism: Mechanism) -> Array:
 
 
 def framed(
-    back: Array, up: Array, points: Array, radii: Array, size: tuple[int, int], margin: float = MARGIN
+    back: Array,
+    up: Array,
+    points: Array,
+    radii: Array,
+    size: tuple[int, int],
+    margin: float = MARGIN,
+    foot: float = 0.0,
 ) -> Camera:
-    """Return the camera along `back` that holds balls about points, (n, 3) and (n,), with a margin."""
+    """Return the camera along `back` that holds balls about points, (n, 3) and (n,), with a margin.
+
+    Of the picture's height the share `foot` stays free at the bottom, or the margin if that is more.
+    """
+    foot = max(0.0, foot - margin)
     right = np.cross(up, back)
     across, over, deep = points @ right, points @ up, points @ back
     left, width = _span(across, radii)
     bottom, height = _span(over, radii)
     share = 1.0 - 2.0 * margin
-    held = max(height / share, width / share * size[1] / size[0])
+    held = max(height / (share - foot), width / share * size[1] / size[0])
     nearest = float((deep + radii).max())
-    centre = (left + width / 2.0) * right + (bottom + height / 2.0) * up
+    centre = (left + width / 2.0) * right + (bottom + (height - foot * held) / 2.0) * up
     return Camera(centre + (nearest + held) * back, right, up, back, held, size)
 
 

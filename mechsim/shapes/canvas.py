@@ -1,16 +1,19 @@
 """Canvas: the shapes drawn so far, and what all of them need to know of the mechanism."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, End, Joint, Mechanism, joint_coordinate
+from mechsim.model.mechanism import GROUND, End, Joint, Mechanism
 from mechsim.model.mechanism import IDENTITY as GROUND_POSE
 from mechsim.shapes.body import link_colours, rod_radius
+from mechsim.shapes.extent import displacement
 from mechsim.shapes.planar import layers_of, planar_normals
-from mechsim.shapes.shape import HOUSING, Kind, Rgba, Shape, vector
+from mechsim.shapes.shape import HOUSING, STEEL, Kind, Rgba, Shape, vector
 
 
 class Canvas:
@@ -18,7 +21,7 @@ class Canvas:
 
     Attributes:
         mechanism: what is drawn.
-        travel: joint -> least and greatest displacement along its axis in [m], where known.
+        travel: joint -> least and greatest displacement in [m], where known; see `displacement`.
         outward: joint -> side of its shaft.
         r: radius of rods in [m].
         colours: link -> colour.
@@ -50,17 +53,39 @@ class Canvas:
     def bearing(self, end: End, low: float, high: float) -> None:
         """Draw a bearing on the ground between two heights over a joint's point."""
         self.disc(GROUND, end, low, high, 2.2 * self.r, HOUSING)
+        self.carry()
+
+    def shaft(self, joint: Joint, end: End) -> None:
+        """Draw a shaft at a joint's end on the ground, and the bearing to which it leads."""
+        away = self.outward.get(joint.name, -1.0)
+        low, high = sorted((-2.2 * self.r * away, 9.0 * self.r * away))
+        self.disc(GROUND, end, low, high, 1.1 * self.r, STEEL)
+        low, high = sorted((4.2 * self.r * away, 7.8 * self.r * away))
+        self.bearing(end, low, high)
+
+    def carry(self) -> None:
+        """Let a post carry what was drawn last on the ground."""
         self.out[GROUND][-1] = replace(self.out[GROUND][-1], role="bearing")
+
+    def join(self, link: str, places: Sequence[ArrayLike]) -> None:
+        """Draw a rod of a link from place to place."""
+        for frm, to in pairwise(places):
+            if float(np.linalg.norm(np.subtract(to, frm))) > 0.1 * self.r:
+                self.add(link, "capsule", frm, to, self.r, self.colours[link])
 
     def height(self, link: str) -> float:
         """Return the middle of a planar link's layer, along its normal."""
         return 1.6 * self.r * self.layers.get(link, 0.0)
 
+    def level(self, link: str) -> float:
+        """Return the middle of a planar link's layer, of the ground the mounting plate, along its normal."""
+        return self.back if link == GROUND else self.height(link)
+
     @property
     def back(self) -> float:
         """Where the mounting plate of a planar mechanism stands, along the ground's normal."""
         lowest = min(self.height(link.name) for link in self.mechanism.links)
-        return lowest - (5.0 if self.mechanism.gears else 2.6) * self.r
+        return lowest - (5.0 if self.mechanism.gears or self.mechanism.couplings else 2.6) * self.r
 
     def lift(self, end: End) -> Array:
         """Return the layer of a planar link as a vector in its frame; the ground takes that of its guest."""
@@ -83,7 +108,7 @@ class Canvas:
         guess = {GROUND: GROUND_POSE, **self.mechanism.guess}
         here = 0.0
         if joint.a.link in guess and joint.b.link in guess:
-            here = float(joint_coordinate(joint, guess[joint.a.link], guess[joint.b.link])[..., 0])
+            here = float(displacement(joint, guess[joint.a.link], guess[joint.b.link]))
         driver = self.mechanism.driven_joints[0].b
         arms = [vector(end.point) for end in self.mechanism.ends(driver.link)]
         reach = 2.0 * max(float(np.linalg.norm(np.subtract(arm, driver.point))) for arm in arms)

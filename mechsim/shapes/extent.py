@@ -6,7 +6,7 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import Mechanism, Pose, joint_coordinate
+from mechsim.model.mechanism import Joint, Mechanism, Pose, joint_coordinate
 from mechsim.shapes.shape import Shape
 
 
@@ -28,10 +28,17 @@ def extent(drawn: Iterable[tuple[Pose, Sequence[Shape]]]) -> tuple[Array, Array]
 
 
 def travels(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, tuple[float, float]]:
-    """Return the least and greatest displacement along the axis of every joint that slides there, in [m]."""
+    """Return the least and greatest displacement of every joint that slides along or across its axis."""
     found: dict[str, tuple[float, float]] = {}
     for joint in mechanism.joints:
-        if KINDS[joint.kind].slides == ("a",):
-            along = joint_coordinate(joint, poses[joint.a.link], poses[joint.b.link])[..., 0]
+        if 0 < len(KINDS[joint.kind].slides) < 3:
+            along = displacement(joint, poses[joint.a.link], poses[joint.b.link])
             found[joint.name] = float(along.min()), float(along.max())
     return found
+
+
+def displacement(joint: Joint, pose_a: Pose, pose_b: Pose) -> Array:
+    """Return how far a joint has slid along its axis, or how far off it in any direction, (...,) in [m]."""
+    coordinate = joint_coordinate(joint, pose_a, pose_b)
+    slides = len(KINDS[joint.kind].slides)
+    return coordinate[..., 0] if slides < 2 else np.linalg.norm(coordinate[..., :slides], axis=-1)

@@ -43,11 +43,7 @@ def spatial_revolute(canvas: Canvas, joint: Joint) -> None:
     for ground, link in ((joint.a, joint.b), (joint.b, joint.a)):
         if ground.link == GROUND:
             canvas.disc(link.link, link, -1.6 * r, 1.6 * r, 2.0 * r, canvas.colours[link.link])
-            away = canvas.outward.get(joint.name, -1.0)
-            low, high = sorted((-2.2 * r * away, 9.0 * r * away))
-            canvas.disc(GROUND, ground, low, high, 1.1 * r, STEEL)
-            low, high = sorted((4.2 * r * away, 7.8 * r * away))
-            canvas.bearing(ground, low, high)
+            canvas.shaft(joint, ground)
             return
     a, b = joint.a, joint.b
     canvas.disc(b.link, b, -1.1 * r, 1.1 * r, 1.9 * r, canvas.colours[b.link])
@@ -57,80 +53,120 @@ def spatial_revolute(canvas: Canvas, joint: Joint) -> None:
 
 
 def ball(canvas: Canvas, joint: Joint) -> None:
-    """Draw a steel ball on the first link, a collar of the second around it."""
-    place = joint.a.point
-    canvas.add(joint.a.link, "sphere", place, place, 2.0 * canvas.r, STEEL)
-    rod = _rod_direction(canvas, joint.b)
+    """Draw a steel ball on the ground, else on the first link, and a collar of the other around it."""
+    held, around = (joint.b, joint.a) if joint.b.link == GROUND else (joint.a, joint.b)
+    canvas.add(held.link, "sphere", held.point, held.point, 2.0 * canvas.r, STEEL)
+    if held.link == GROUND:
+        canvas.carry()
+    rod = _rod_direction(canvas, around)
     if rod is not None:
-        at = np.asarray(joint.b.point)
+        at = np.asarray(around.point)
         ends = at + 1.0 * canvas.r * rod, at + 2.6 * canvas.r * rod
-        canvas.add(joint.b.link, "cylinder", *ends, 1.8 * canvas.r, canvas.colours[joint.b.link])
+        canvas.add(around.link, "cylinder", *ends, 1.8 * canvas.r, canvas.colours[around.link])
 
 
 def cross(canvas: Canvas, joint: Joint) -> None:
-    """Draw the two crossing pins of a universal joint, each on its own link."""
+    """Draw the two crossing pins of a universal joint, each on its own link; on the ground a shaft."""
     r = canvas.r
     canvas.disc(joint.a.link, joint.a, -2.8 * r, 2.8 * r, 1.0 * r, STEEL)
-    canvas.disc(joint.b.link, joint.b, -2.4 * r, 2.4 * r, 1.3 * r, canvas.colours[joint.b.link])
+    canvas.disc(joint.b.link, joint.b, -2.4 * r, 2.4 * r, 1.3 * r, canvas.colours.get(joint.b.link, STEEL))
     canvas.add(joint.a.link, "sphere", joint.a.point, joint.a.point, 1.6 * r, STEEL)
+    for end in (joint.a, joint.b):
+        if end.link == GROUND:
+            canvas.shaft(joint, end)
 
 
 def slide(canvas: Canvas, joint: Joint) -> None:
-    """Draw a block on a rail that is as long as its travel."""
+    """Draw a block on a rail that is as long as its travel, on a moving link as far as that link reaches."""
     r = canvas.r
-    low, high = canvas.travel_of(joint)
+    low, high = _reach(canvas, joint, 4.0 * r)
     rail, block = joint.a, joint.b
-    thick = canvas.thickness(rail)
-    at = np.asarray(rail.point) - 1.9 * r * thick + canvas.lift(rail)
-    axis = np.asarray(rail.axis)
-    ends = at + (low - 4.0 * r) * axis, at + (high + 4.0 * r) * axis
-    colour = STEEL if rail.link == GROUND else canvas.colours[rail.link]
-    shape = Shape("box", vector(ends[0]), vector(ends[1]), (1.4 * r, 0.6 * r), colour, vector(thick))
+    thick, axis = canvas.thickness(rail), np.asarray(rail.axis)
+    own = np.asarray(rail.point) + canvas.lift(rail)
+    at = own - 1.9 * r * thick
+    colour = canvas.colours.get(rail.link, STEEL)
+    ends = vector(at + low * axis), vector(at + high * axis)
+    shape = Shape("box", *ends, (1.4 * r, 0.6 * r), colour, vector(thick))
     canvas.out[rail.link].append(shape)
-    if rail.link == GROUND and canvas.normals:
+    if rail.link == GROUND:
         _feet(canvas, shape, thick)
+    else:
+        canvas.add(rail.link, "cylinder", own, at, r, colour)
     thick = canvas.thickness(block)
     at, axis = np.asarray(block.point) + canvas.lift(block), np.asarray(block.axis)
-    ends = at - 3.0 * r * axis, at + 3.0 * r * axis
-    colour = STEEL if block.link == GROUND else canvas.colours[block.link]
-    size = (2.2 * r, 1.2 * r)
-    canvas.out[block.link].append(Shape("box", vector(ends[0]), vector(ends[1]), size, colour, vector(thick)))
+    ends = vector(at - 3.0 * r * axis), vector(at + 3.0 * r * axis)
+    colour = canvas.colours.get(block.link, STEEL)
+    shape = Shape("box", *ends, (2.2 * r, 1.2 * r), colour, vector(thick))
+    canvas.out[block.link].append(shape)
+    if block.link == GROUND:
+        _feet(canvas, shape, thick)
 
 
 def sleeve(canvas: Canvas, joint: Joint) -> None:
     """Draw a shaft on one link as long as the travel along it, a sleeve on the other."""
     r = canvas.r
-    low, high = canvas.travel_of(joint)
-    colour = STEEL if joint.a.link == GROUND else canvas.colours[joint.a.link]
-    canvas.disc(joint.a.link, joint.a, low - 8.0 * r, high + 8.0 * r, 1.0 * r, colour)
+    low, high = _reach(canvas, joint, 8.0 * r)
+    canvas.disc(joint.a.link, joint.a, low, high, 1.0 * r, canvas.colours.get(joint.a.link, STEEL))
     if joint.a.link == GROUND:
-        for low_end in (low - 8.0 * r, high + 5.6 * r):
+        for low_end in (low, high - 2.4 * r):
             canvas.bearing(joint.a, low_end, low_end + 2.4 * r)
-    colour = HOUSING if joint.b.link == GROUND else canvas.colours[joint.b.link]
-    canvas.disc(joint.b.link, joint.b, -3.0 * r, 3.0 * r, 1.9 * r, colour)
+    canvas.disc(joint.b.link, joint.b, -3.0 * r, 3.0 * r, 1.9 * r, canvas.colours.get(joint.b.link, HOUSING))
+    if joint.b.link == GROUND:
+        canvas.carry()
 
 
 def plate(canvas: Canvas, joint: Joint) -> None:
-    """Draw a table across the axis on one link, and a foot that glides on it."""
+    """Draw a table across the axis on one link, as wide as its travel, and a foot that glides on it."""
     r = canvas.r
-    colour = STEEL if joint.a.link == GROUND else canvas.colours[joint.a.link]
-    canvas.disc(joint.a.link, joint.a, -0.6 * r, 0.0, 6.0 * r, colour)
-    colour = HOUSING if joint.b.link == GROUND else canvas.colours[joint.b.link]
-    canvas.disc(joint.b.link, joint.b, 0.0, 1.2 * r, 2.0 * r, colour)
+    table, foot, (here, there) = _apart(canvas, joint)
+    radius = canvas.travel_of(joint)[1] + 3.0 * r
+    canvas.disc(table.link, table, here - 0.6 * r, here, radius, canvas.colours.get(table.link, STEEL))
+    if table.link == GROUND:
+        canvas.carry()
+    low, high = sorted((here, there))
+    canvas.disc(foot.link, foot, low, high + 1.2 * r, 2.0 * r, canvas.colours.get(foot.link, HOUSING))
+    if foot.link == GROUND:
+        canvas.carry()
 
 
 def weld(canvas: Canvas, joint: Joint) -> None:
     """Draw a collar where two links are one."""
-    canvas.disc(joint.b.link, joint.b, -0.8 * canvas.r, 0.8 * canvas.r, 1.6 * canvas.r, HOUSING)
+    a, b, heights = _apart(canvas, joint)
+    r, end = canvas.r, b if a.link != GROUND else a
+    canvas.disc(end.link, end, min(heights) - 0.8 * r, max(heights) + 0.8 * r, 1.6 * r, HOUSING)
+    if end.link == GROUND:
+        canvas.carry()
 
 
-def _feet(canvas: Canvas, rail: Shape, thick: Array) -> None:
-    """Draw two feet that carry a rail on the mounting plate."""
-    for end, inward in ((rail.frm, rail.to), (rail.to, rail.frm)):
+def _apart(canvas: Canvas, joint: Joint) -> tuple[End, End, tuple[float, float]]:
+    """Return both ends of a joint, of a flat mechanism with axes along its normal, and their heights."""
+    if not canvas.normals:
+        return joint.a, joint.b, (0.0, 0.0)
+    a, b = (upright_end(end, canvas.normals[end.link]) for end in (joint.a, joint.b))
+    return a, b, (canvas.level(a.link), canvas.level(b.link))
+
+
+def _reach(canvas: Canvas, joint: Joint, margin: float) -> tuple[float, float]:
+    """Return from where to where a guide goes along its axis: a margin beyond the travel, and to its link."""
+    low, high = canvas.travel_of(joint)
+    low, high = low - margin, high + margin
+    return (low, high) if joint.a.link == GROUND else (min(low, -canvas.r), max(high, canvas.r))
+
+
+def _feet(canvas: Canvas, guide: Shape, thick: Array) -> None:
+    """Draw two feet that carry a rail or a block: on the mounting plate, or clamps for posts."""
+    r = canvas.r
+    for end, inward in ((guide.frm, guide.to), (guide.to, guide.frm)):
         along = np.subtract(inward, end)
-        at = np.asarray(end) + 2.0 * canvas.r * along / np.linalg.norm(along)
-        plate = at + thick * (canvas.back - float(at @ thick))
-        canvas.add(GROUND, "cylinder", at, plate, 1.3 * canvas.r, HOUSING)
+        along = 2.0 * r * along / np.linalg.norm(along)
+        at = np.asarray(end) + along
+        if canvas.normals:
+            plate = at + thick * (canvas.back - float(at @ thick))
+            canvas.add(GROUND, "cylinder", at, plate, 1.3 * r, HOUSING)
+        else:
+            ends, size = (vector(at - 0.6 * along), vector(at + 0.6 * along)), (guide.size[0] + 0.4 * r, r)
+            canvas.out[GROUND].append(Shape("box", *ends, size, HOUSING, vector(thick)))
+            canvas.carry()
 
 
 def _rod_direction(canvas: Canvas, end: End) -> Array | None:

@@ -4,7 +4,7 @@ import numpy as np
 
 from mechsim.model.couplings import Coupling
 from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import Joint
+from mechsim.model.mechanism import GROUND, Joint
 from mechsim.shapes.canvas import Canvas, upright_end
 from mechsim.shapes.shape import Shape, vector
 from mechsim.shapes.wheels import Wheel, angle_in, draw_wheel, wheel_colour, wheel_height
@@ -31,7 +31,10 @@ def _meshes(coupling: Coupling, rack: Joint, pinion: Joint) -> bool:
 
 
 def _draw(canvas: Canvas, coupling: Coupling, rack: Joint, pinion: Joint, teeth: int) -> None:
-    """Draw a pinion and the teeth of its rack, a tooth of the one in a gap of the other."""
+    """Draw a pinion and the teeth of its rack, a tooth of the one in a gap of the other.
+
+    A bracket joins the rack to the place of its slide.
+    """
     radius = abs(coupling.slope)
     step = 2.0 * np.pi * radius / teeth
     way, axis = np.asarray(rack.a.axis), np.asarray(pinion.a.axis)
@@ -58,3 +61,8 @@ def _draw(canvas: Canvas, coupling: Coupling, rack: Joint, pinion: Joint, teeth:
     bar = base + (depth + 1.2 * canvas.r) * outward
     ends = vector(bar + first * step * forward), vector(bar + last * step * forward)
     shapes.append(Shape("box", *ends, (1.2 * canvas.r, 0.6 * canvas.r), colour, flat))
+    if rack.b.link != GROUND:
+        own = rack.b.point + canvas.lift(rack.b)
+        along = np.clip(float((own - bar) @ forward), first * step, last * step)
+        under = bar + along * forward
+        canvas.join(rack.b.link, (own, under + float((own - under) @ flat) * np.asarray(flat), under))

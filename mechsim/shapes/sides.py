@@ -29,7 +29,7 @@ def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, flo
     sides: dict[str, float] = {}
     for joint in mechanism.joints:
         for ground, moving in ((joint.a, joint.b), (joint.b, joint.a)):
-            if not KINDS[joint.kind].hinge or ground.link != GROUND:
+            if not KINDS[joint.kind].pivot or KINDS[joint.kind].ball or ground.link != GROUND:
                 continue
             gaps = {}
             for side in (-1.0, 1.0):

@@ -71,12 +71,16 @@ def corner(camera: Camera, low: Array, high: Array) -> list[Wall]:
 
 
 def stands(shapes: Iterable[Shape], upright: int, floor: float, radius: float) -> list[Shape]:
-    """Return a post with a foot for every bearing, down to a floor at a height along what stands upright."""
+    """Return a post with a foot for every bearing, down to a floor at a height along what stands upright.
+
+    Of bearings above one another the lowest stands on the floor: the same shaft or rail carries the others.
+    """
     posts: list[Shape] = []
-    for shape in shapes:
-        if shape.role == "bearing":
-            foot, floored = shape.centre.copy(), shape.centre.copy()
-            foot[upright], floored[upright] = floor + 0.8 * radius, floor
+    bearings = sorted((s for s in shapes if s.role == "bearing"), key=lambda s: float(s.centre[upright]))
+    for shape in bearings:
+        foot, floored = shape.centre.copy(), shape.centre.copy()
+        foot[upright], floored[upright] = floor + 0.8 * radius, floor
+        if all(float(np.linalg.norm(post.to - foot)) > radius for post in posts):
             posts.append(Shape("cylinder", vector(shape.centre), vector(foot), (1.3 * radius,), HOUSING))
             posts.append(Shape("cylinder", vector(foot), vector(floored), (3.2 * radius,), HOUSING))
     return posts

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import End
+from mechsim.model.mechanism import GROUND, End
 from mechsim.shapes.canvas import Canvas, upright_end
 from mechsim.shapes.shape import HOUSING, Rgba, Shape, pale, vector
 
@@ -56,7 +56,10 @@ class Wheel:
 
 
 def draw_wheel(canvas: Canvas, wheel: Wheel) -> None:
-    """Draw a toothed disc, or a ring with teeth inside, behind all links; a bevel gear where it lies."""
+    """Draw a toothed disc, or a ring with teeth inside, behind all links; a bevel gear where it lies.
+
+    What turns with a link hangs on it by a hub, a ring by a disc behind its teeth.
+    """
     if wheel.cone is not None:
         _bevel(canvas, wheel, wheel.cone)
         return
@@ -71,12 +74,23 @@ def draw_wheel(canvas: Canvas, wheel: Wheel) -> None:
         _rim(canvas, end.link, centre, upright, (radius + depth, 0.6 * canvas.r, teeth), colour)
     else:
         canvas.disc(end.link, upright, low, low + 1.2 * canvas.r, radius - depth, colour)
+    if end.link != GROUND:
+        _hub(canvas, upright, (low, radius + depth), wheel.hollow, colour)
     for angle in wheel.first + 2.0 * np.pi * np.arange(teeth) / teeth:
         out = end.frame @ np.array([np.cos(angle), np.sin(angle), 0.0])
         # a shade thinner than the disc, so that the faces do not fight where they overlap
         size = (0.42 * np.pi * radius / teeth, 0.57 * canvas.r)
         ends = vector(centre + inner * out), vector(centre + outer * out)
         canvas.out[end.link].append(Shape("box", *ends, size, colour, upright.axis))
+
+
+def _hub(canvas: Canvas, end: End, sizes: tuple[float, float], hollow: bool, colour: Rgba) -> None:
+    """Draw what joins a wheel to its link: from its back at a height, of a radius in [m]."""
+    low, radius = sizes
+    if hollow:
+        low -= 0.3 * canvas.r
+        canvas.disc(end.link, end, low, low + 0.6 * canvas.r, radius, colour)
+    canvas.disc(end.link, end, low, canvas.height(end.link), min(2.9 * canvas.r, 0.7 * radius), colour)
 
 
 def wheel_colour(canvas: Canvas, link: str) -> Rgba:

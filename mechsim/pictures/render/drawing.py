@@ -158,8 +158,9 @@ def named(drawn: DrawnModel, frame: int) -> dict[str, Array]:
         for end in (joint.a, joint.b):
             at = np.array(end.point)
             told = any(np.abs(path - at).max() < 0.1 * drawn.radius for path in points.values())
-            if end.link == GROUND and KINDS[joint.kind].hinge and not told:
-                places.setdefault(joint.name, at)
+            if end.link == GROUND and KINDS[joint.kind].pivot and not told:
+                # a point elsewhere may bear its name
+                places[joint.name if joint.name not in points else f"joint {joint.name}"] = at
     return places
 
 

@@ -16,6 +16,7 @@ from mechsim.pictures.render import scenery
 from mechsim.pictures.render.arrows import Arrows, arrows
 from mechsim.pictures.render.frame_poses import FramePoses
 from mechsim.pictures.render.ghost import Ghost
+from mechsim.pictures.render.labels import foot
 from mechsim.pictures.render.look import Look
 from mechsim.shapes import Rgba, Shape, free_sides, link_shapes, rod_radius
 from mechsim.shapes import camera as cameras
@@ -64,7 +65,9 @@ class DrawnModel:
         if look.projections:
             corners = np.array(np.meshgrid(*zip(self.low, self.high, strict=True))).reshape(3, -1).T
             balls, radii = np.vstack([balls, corners]), np.append(radii, np.zeros(len(corners)))
-        self.camera = cameras.framed(back, up, balls, radii, look.size)
+        lines = bool(look.caption) + (ghost is not None) + len(self.arrows)
+        free = foot(look.size, lines) if look.notes else 0.0
+        self.camera = cameras.framed(back, up, balls, radii, look.size, foot=free)
         self.cell = cameras.nice(self.camera.height / 9.0)
         self.walls = self._walls()
         self.model = self._spec().compile()

@@ -48,7 +48,7 @@ class FramePoses:
         """Return what a frame is called: by its crank angle, under programs by its time."""
         if self.time is not None:
             return f"{self.time[frame]:.3f} s"
-        return f"crank {np.rad2deg(self.angle[frame]) % 360.0:5.1f}°"
+        return f"crank {round(np.rad2deg(float(self.angle[frame])), 1) % 360.0:5.1f}°"
 
     @property
     def closed(self) -> bool:

@@ -25,6 +25,8 @@ Ink = tuple[int, int, int]
 INK: Ink = (28, 32, 40)
 HALO = (250, 250, 252)
 HALO_WIDTH = 2
+# height of a line of a legend, in heights of its letters
+LINE = 1.45
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,10 +65,20 @@ def written(
     with needs("pictures"):
         from PIL import Image
     image = Image.fromarray(picture)
-    edge = max(10, round(camera.size[1] / 34))
+    edge = letters(camera.size)
     taken = _notes(image, camera, notes, instant, edge) if notes else []
     _labels(image, camera, labels, 0.7 * clear * camera.scale + 0.3 * edge, edge, taken, stood)
     return np.asarray(image)
+
+
+def letters(size: tuple[int, int]) -> int:
+    """Return the height of the letters on a picture of a size, in pixels."""
+    return max(10, round(size[1] / 34))
+
+
+def foot(size: tuple[int, int], lines: int) -> float:
+    """Return the share of a picture's height that so many lines of a legend take, above the scale bar; 0.4 at most."""
+    return min(0.4, (0.8 + 1.5 + LINE * lines) * letters(size) / size[1]) if lines else 0.0
 
 
 def _labels(
@@ -113,11 +125,11 @@ def _notes(image: "Image.Image", camera: Camera, notes: Notes, instant: str, edg
     bar = Rectangle(0.0, y - 1.2 * edge, pad + pixels + 0.8 * edge + long(text), float(height))
     lines = list(reversed(notes.legend))
     widest = max((long(line) for line, _ in lines), default=0.0)
-    foot = y - 1.5 * edge if width - pad - widest < bar.right else float(y)
+    stand = y - 1.5 * edge if width - pad - widest < bar.right else float(y)
     for i, (line, ink) in enumerate(lines):
-        _text(image, (width - pad, foot + 1 - 1.45 * edge * i), line, edge, "rs", ink)
+        _text(image, (width - pad, stand + 1 - LINE * edge * i), line, edge, "rs", ink)
     if lines:
-        top = foot - 1.45 * edge * len(lines)
+        top = stand - LINE * edge * len(lines)
         taken.append(Rectangle(width - pad - widest, top, width, float(height)))
     return [*taken, bar]
 

@@ -1,0 +1,61 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim import catalog, load
+from mechsim.model.joints import KINDS
+from mechsim.model.mechanism import GROUND
+from mechsim.pictures.render.drawing import Source, named
+from mechsim.pictures.render.frame_poses import frame_poses
+from mechsim.pictures.render.labels import foot, letters
+from mechsim.pictures.render.look import Look
+from mechsim.shapes import camera
+from mechsim.studies.motion_source import motion_of, profile_of
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rsur", "humanoid_ankle", "parallel_gripper"])
+def test_every_joint_that_turns_on_the_ground_has_a_name(name):
+    form = load(name)
+    mechanism = form.mechanism
+    motion = motion_of(form, "closed", profile_of(form, 1.0, 0.1), 3)
+    written = named(Source(mechanism, motion).drawn(Look()), 0)
+    at = np.array(list(written.values()))
+    for joint in mechanism.joints:
+        for end in (joint.a, joint.b):
+            if end.link == GROUND and KINDS[joint.kind].pivot:
+                assert np.abs(at - end.point).max(1).min() < 1e-12, joint.name
+
+
+def test_the_first_instant_again_reads_nought():
+    drive = catalog.make("four_bar")
+    motion = drive.solve(2.0 * np.pi * np.array([0.0, 0.5, 1.0 - 1e-9]))
+    frames = frame_poses(drive.mechanism, motion)
+    assert [frames.instant(i).split()[-1] for i in range(3)] == ["0.0°", "180.0°", "0.0°"]
+
+
+@pytest.mark.parametrize("size", [(400, 300), (1280, 720)])
+@pytest.mark.parametrize("lines", [0, 1, 4])
+def test_a_legend_leaves_the_mechanism_free(size, lines):
+    rng = np.random.default_rng(4)
+    for stretch in ((1.0, 1.0, 1.0), (1.0, 9.0, 1.0), (9.0, 1.0, 1.0)):
+        points, radii = rng.normal(size=(50, 3)) * stretch, rng.uniform(0.0, 0.3, 50)
+        free = foot(size, lines)
+        view = camera.framed(np.array([0, 0, 1.0]), np.array([0, 1.0, 0]), points, radii, size, foot=free)
+        lowest = (view.pixel(points)[:, 1] + radii * view.scale).max()
+        highest = (view.pixel(points)[:, 1] - radii * view.scale).min()
+        assert lowest <= size[1] * (1.0 - max(free, camera.MARGIN)) + 1e-6
+        assert highest >= size[1] * camera.MARGIN - 1e-6
+        # scale bar and the lines above it
+        assert lines == 0 or size[1] * free >= letters(size) * (1.2 + 1.4 * lines)
+
+
+def test_a_picture_leaves_room_for_its_own_legend():
+    drive = catalog.make("four_bar")
+    motion = drive.solve(np.linspace(0.0, 2.0 * np.pi, 25), 60.0)
+    look = Look(arrows=("velocity", "acceleration"), caption="slow")
+    with_legend, without = (
+        Source(drive.mechanism, motion).drawn(one).camera for one in (look, replace(look, notes=False))
+    )
+    free, taken = 1.0 - 2.0 * camera.MARGIN, foot(look.size, 3) - camera.MARGIN
+    assert with_legend.height * (free - taken) == pytest.approx(without.height * free)

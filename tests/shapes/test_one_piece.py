@@ -1,0 +1,164 @@
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from mechsim import catalog, load
+from mechsim.model.couplings import Coupling, Gear
+from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
+from mechsim.pictures.render import scenery
+from mechsim.shapes import link_shapes, planar_normals, rod_radius, walls
+from mechsim.shapes.body import edges
+from mechsim.subjects import gallery
+
+
+def pieces(shapes, radius):
+    """Groups of shapes that touch one another, as lists of indices."""
+    spec = mujoco.MjSpec()
+    spec.add_material(name=scenery.MATTE)
+    for shape in shapes:
+        frm, to = (tuple(np.divide(end, radius)) for end in (shape.frm, shape.to))
+        size = tuple(part / radius for part in shape.size)
+        scenery.add_shape(spec, spec.worldbody.add_body(), replace(shape, frm=frm, to=to, size=size))
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    piece = list(range(model.ngeom))
+    for i in range(model.ngeom):
+        for j in range(i):
+            if piece[i] != piece[j] and mujoco.mj_geomDistance(model, data, i, j, 1.0, None) < 0.02:
+                piece = [piece[j] if one == piece[i] else one for one in piece]
+    return [[i for i, one in enumerate(piece) if one == number] for number in set(piece)]
+
+
+def in_two_ways(joint):
+    """A joint, and the same with its sides exchanged."""
+    return joint, replace(joint, a=joint.b, b=joint.a)
+
+
+def of_joints(*joints, travel=None, **couplings):
+    links = dict.fromkeys(end.link for joint in joints for end in (joint.a, joint.b) if end.link != GROUND)
+    outline = ((0.01, 0.003, 0.0), (0.05, -0.013, 0.0))
+    mechanism = Mechanism(
+        "own", tuple(Link(link, outline=outline) for link in links), joints, joints[0].name, {}, **couplings
+    )
+    return mechanism, link_shapes(mechanism, travel)
+
+
+CRANK = Joint("crank", "revolute", End(GROUND), End("crank"))
+SHAFT = Joint("crank", "revolute", End(GROUND, axis=(0.6, 0.0, 0.8)), End("crank"))
+KINDS_HELD = ("revolute", "prismatic", "cylindrical", "screw", "universal", "spherical", "planar", "fixed")
+FAR = {"held": (0.07, 0.09)}
+
+
+def held(kind, carrier):
+    axis = (0.0, 1.0, 0.0) if kind == "prismatic" else (0.0, 0.0, 1.0)
+    ends = End(carrier, (0.03, 0.02, 0.0), axis=axis), End("guest", (0.002, 0.01, 0.0), axis=axis)
+    return in_two_ways(Joint("held", kind, *ends, lead=0.01 if kind == "screw" else 0.0))
+
+
+@pytest.mark.parametrize("name", [*catalog.DRIVES, *gallery.files()])
+def test_every_link_is_drawn_in_one_piece(name):
+    mechanism = load(name).mechanism
+    for link, shapes in link_shapes(mechanism).items():
+        assert link == GROUND or len(pieces(shapes, rod_radius(mechanism))) == 1, link
+
+
+@pytest.mark.parametrize("first", [CRANK, SHAFT], ids=["flat", "spatial"])
+@pytest.mark.parametrize("carrier", [GROUND, "crank"])
+@pytest.mark.parametrize("kind", KINDS_HELD)
+def test_joints_of_every_kind_either_way_round_leave_links_in_one_piece(kind, carrier, first):
+    for joint in held(kind, carrier):
+        mechanism, shapes = of_joints(first, joint, travel=FAR)
+        for link in mechanism.links:
+            assert len(pieces(shapes[link.name], rod_radius(mechanism))) == 1, link
+
+
+@pytest.mark.parametrize("kind", KINDS_HELD)
+def test_what_stands_on_the_ground_reaches_its_floor_or_wall(kind):
+    for first in (CRANK, SHAFT):
+        for joint in held(kind, GROUND):
+            mechanism, shapes = of_joints(first, joint, travel=FAR)
+            radius, floor, ground = rod_radius(mechanism), -0.2, shapes[GROUND]
+            flat = planar_normals(mechanism)
+            if not flat:
+                ground = [*ground, *walls.stands(ground, 1, floor, radius)]
+            lowest = np.array(
+                [shape.bounds[0][:, 2 if flat else 1].min() - shape.bounds[1] for shape in ground]
+            )
+            for piece in pieces(ground, radius):
+                assert lowest[piece].min() < lowest.min() + 1.5 * radius
+
+
+def test_of_bearings_above_one_another_the_lowest_stands():
+    axis = (0.0, 1.0, 0.0)
+    sleeve = Joint("sleeve", "cylindrical", End(GROUND, axis=axis), End("guest", axis=axis))
+    mechanism, shapes = of_joints(SHAFT, sleeve, travel={"sleeve": (0.0, 0.1)})
+    posts = [
+        s
+        for s in walls.stands(shapes[GROUND], 1, -0.2, rod_radius(mechanism))
+        if s.size[0] < 2.0 * rod_radius(mechanism)
+    ]
+    under = [post for post in posts if abs(post.frm[0]) < 1e-9 and abs(post.frm[2]) < 1e-9]
+    assert len(posts) == 2
+    assert [post.frm[1] < 0.0 for post in under] == [True]
+
+
+@pytest.mark.parametrize("dimensions", [1, 2, 3])
+@pytest.mark.parametrize("number", range(2, 10))
+def test_rods_join_all_places_of_a_link_and_pass_through_none(number, dimensions):
+    chance = np.random.default_rng(number)
+    for _ in range(20):
+        places = np.zeros((number, 3))
+        places[:, :dimensions] = np.round(chance.normal(size=(number, dimensions)), chance.integers(1, 5))
+        places = list(np.unique(places, axis=0))
+        rods = [
+            tuple(sorted(next(i for i, p in enumerate(places) if p is end) for end in rod))
+            for rod in edges(places)
+        ]
+        piece = list(range(len(places)))
+        for i, j in rods:
+            piece = [piece[i] if one == piece[j] else one for one in piece]
+            way = places[j] - places[i]
+            for k in set(range(len(places))) - {i, j}:
+                share = (places[k] - places[i]) @ way / (way @ way)
+                off = np.linalg.norm(places[i] + share * way - places[k])
+                assert not (0.0 < share < 1.0 and off < 1e-12)
+        assert len(set(rods)) == len(rods)
+        assert len(set(piece)) == 1
+
+
+def test_a_place_amid_a_plate_is_joined_to_all_its_corners_and_a_convex_one_to_its_neighbours():
+    turns = np.radians([50, 70, 170, 190, 290, 310])
+    ring = [np.array([np.cos(turn), np.sin(turn), 0.0]) for turn in turns]
+    assert len(list(edges(ring))) == 6
+    lengths = [np.linalg.norm(a - b) for a, b in edges([*ring, np.zeros(3)])]
+    assert sum(abs(length - 1.0) < 1e-12 for length in lengths) == 6
+    assert len(lengths) == 12
+
+
+def test_wheels_rings_and_racks_hang_on_their_links():
+    second = Joint("second", "revolute", End(GROUND, (0.05, 0.0, 0.0)), End("wheel"))
+    outside = of_joints(CRANK, second, gears=(Gear("crank", "second", -1.7),))
+    axle = Joint("axle", "revolute", End("crank", (0.04, 0.0, 0.0)), End("planet"))
+    arm = replace(CRANK, a=End("ring"))
+    ring = Joint("ring", "revolute", End(GROUND), End("ring"))
+    inside = of_joints(ring, arm, axle, gears=(Gear("crank", "axle", -2.5),))
+    slide = Joint(
+        "slide",
+        "prismatic",
+        End(GROUND, (0.0, -0.03, 0.0), axis=(1.0, 0.0, 0.0)),
+        End("bar", axis=(1.0, 0.0, 0.0)),
+    )
+    rack = of_joints(
+        CRANK,
+        slide,
+        travel={"slide": (-0.02, 0.03)},
+        couplings=(Coupling("mesh", "slide", "crank", (0.0, 0.02)),),
+    )
+    toothed = {"crank", "wheel"}, {"ring", "planet"}, {"crank", "bar"}
+    for (mechanism, shapes), names in zip((outside, inside, rack), toothed, strict=True):
+        for link in names:
+            assert len(shapes[link]) > 20, link
+            assert len(pieces(shapes[link], rod_radius(mechanism))) == 1, link
