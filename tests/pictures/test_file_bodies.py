@@ -95,3 +95,19 @@ def test_fewer_triangles_keep_the_outline():
     assert len(less.faces) < 0.3 * len(whole.faces)
     np.testing.assert_allclose(np.ptp(less.vertices, axis=0), 2.0, atol=0.2)
     assert less.faces.max() < len(less.vertices)
+
+
+def test_every_solid_is_shown_in_its_own_colour(form):
+    drawn = Source(form.mechanism, form.solve([0.0, 1.0])).drawn(Look(**drawn_as(form)))
+    model, scene = drawn.model, mujoco.MjvScene(drawn.model, maxgeom=200)
+    drawn.place(0)
+    mujoco.mjv_updateScene(
+        model, drawn.data, mujoco.MjvOption(), None, mujoco.MjvCamera(), mujoco.mjtCatBit.mjCAT_ALL, scene
+    )
+    shown = {
+        geom.objid: geom.rgba for geom in scene.geoms[: scene.ngeom] if geom.dataid >= 0 or geom.type != 0
+    }
+    wanted = [shape.rgba for shapes in file_bodies(form.source).values() for shape in shapes]
+    assert (0.5, 0.5, 0.5, 1.0) in wanted
+    solids = [i for i in shown if model.geom_type[i] != mujoco.mjtGeom.mjGEOM_PLANE]
+    np.testing.assert_allclose(sorted(shown[i].tolist() for i in solids), sorted(wanted), atol=1e-6)

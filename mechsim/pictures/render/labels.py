@@ -77,7 +77,8 @@ def letters(size: tuple[int, int]) -> int:
 
 
 def foot(size: tuple[int, int], lines: int) -> float:
-    """Return the share of a picture's height that so many lines of a legend take, above the scale bar; 0.4 at most."""
+    """Return the share of a picture's height that so many lines of a legend take, 0.4 at most."""
+    # over a margin and the line of the scale bar
     return min(0.4, (0.8 + 1.5 + LINE * lines) * letters(size) / size[1]) if lines else 0.0
 
 

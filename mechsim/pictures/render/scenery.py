@@ -18,6 +18,8 @@ GEOMS = {
 PAPER = (0.955, 0.96, 0.97)
 GRID_LINE = (0.76, 0.79, 0.83)
 MATTE = "matte"
+# of MuJoCo's geoms that say nothing
+GREY = (0.5, 0.5, 0.5, 1.0)
 # parts of white light: from everywhere, from the camera, from the lamp over its shoulder
 AMBIENT, HEADLIGHT, LAMP = 0.42, 0.28, 0.30
 # in [m], that the compiler lets a camera with parallel projection show: it takes it for an angle
@@ -133,7 +135,8 @@ def brightness(
 
 def prepare(spec: mujoco.MjSpec, camera: Camera, middle: Array) -> None:
     """Set what is the same in every picture: material, soft light from the camera, distances."""
-    spec.add_material(name=MATTE, specular=0.25, shininess=0.4, rgba=(1.0, 1.0, 1.0, 1.0))
+    # a geom whose colour is MuJoCo's usual one takes that of its material: the same
+    spec.add_material(name=MATTE, specular=0.25, shininess=0.4, rgba=GREY)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = camera.size
     spec.visual.quality.shadowsize = 2048
     # parts are small in the picture: fewer facets than MuJoCo's 28 and 16 look as round and draw faster
