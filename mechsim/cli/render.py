@@ -27,8 +27,12 @@ from mechsim.maths.angles import TURN
 from mechsim.model.motion import Motion
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.file_bodies import drawn_as
+from mechsim.pictures.render.frame_poses import comes_round
 from mechsim.studies.motion_source import MOST_SAMPLES, joint_loads, motion_of, profile_of
 from mechsim.units import option, parse_angle
+
+# poses that differ by less, in parts of the size and in [rad], look alike on a film
+SEEN = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,8 +89,8 @@ def render(
 ) -> None:
     """Draw a mechanism without a screen: .png, .mp4, .webm, .gif, or a new folder of .png files.
 
-    Whole turns of a crank that turns fully play in a loop without a seam: no frame is shown twice. Motions
-    under programs are filmed in their own time.
+    Motions that come back to where they began play in a loop without a seam: no frame is shown twice.
+    Motions under programs are filmed in their own time.
     """
     picture = output.endswith(".png")
     place = writable(output, ".png", ".mp4", ".webm", ".gif", "")
@@ -117,9 +121,9 @@ def render(
         write_picture(place, drive.mechanism, motion, look, angle=at, **beside)
         typer.echo(f"wrote {output}")
         return
-    rounds = film.turns * TURN / drive.period
-    whole = not programmed and abs(rounds - round(rounds)) < 1e-9 and drive.crank_range().full
-    look = replace(look, paths="tail" if look.paths and whole else look.paths)
+    whole = comes_round(drive.mechanism, motion, SEEN, SEEN)
+    tail = whole and not programmed and drive.crank_range().full
+    look = replace(look, paths="tail" if look.paths and tail else look.paths)
     count = _write_film(place, drive, motion, whole, look, {"fps": film.fps, **beside})
     typer.echo(f"wrote {count} frames to {output}")
 
@@ -180,7 +184,7 @@ def _check(output: str, film: FilmOptions, look: Look) -> None:
 def _write_film(
     place: Path, drive: Form, motion: Motion, whole: bool, look: Look, beside: dict[str, Any]
 ) -> int:
-    """Write a video, with progress on stderr; of whole turns the last frame, the first again, is left out."""
+    """Write a video, with progress on stderr, without its last frame where that is the first again."""
     shown = motion.angle[:-1] if whole else motion.angle
     with progress("draw", len(shown)) as tick:
         return write_video(place, drive.mechanism, motion, look, angles=shown, done=tick, **beside)

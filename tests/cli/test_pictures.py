@@ -112,3 +112,22 @@ def test_a_missing_ffmpeg_is_said_before_anything_is_drawn(mechsim, monkeypatch)
     code, _, err = mechsim("render", "rssr", "-o", "a.mp4", *SMALL)
     assert code == 2
     assert "imageio-ffmpeg" in err
+
+
+@draws
+@pytest.mark.parametrize(
+    ("name", "words", "count"),
+    [
+        ("four_bar", ("--frames-per-turn", "6"), 6),
+        ("four_bar", ("--frames-per-turn", "6", "--turns", "1.5"), 10),
+        # after a turn of its carrier a planet stands elsewhere
+        ("planetary_gear", ("--frames-per-turn", "6"), 7),
+        # programs that come back
+        ("five_bar", ("--fps", "8"), 8),
+    ],
+)
+def test_a_film_leaves_its_last_frame_out_only_where_that_is_the_first_again(mechsim, name, words, count):
+    assert mechsim("render", name, "-o", "film", "--size", "32x24", *words)[:2] == (
+        0,
+        f"wrote {count} frames to film\n",
+    )

@@ -90,6 +90,8 @@ def space_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | No
         getattr(ax, f"set_{axis}lim")(middle[i] - half, middle[i] + half)
         getattr(ax, f"set_{axis}label")(f"{'xyz'[i]} [{unit}]")
         getattr(ax, f"{axis}axis").set_pane_color("#f5f6f8")
+        # more marks than these run into one another where an axis points away
+        ax.locator_params(axis, nbins=5)
     # left to itself this label turns with the axis and may stand on its head
     ax.zaxis.set_rotate_label(False)
     ax.zaxis.label.set_rotation(90.0)

@@ -60,6 +60,18 @@ class FramePoses:
         )
 
 
+def comes_round(mechanism: Mechanism, motion: Motion, place: float = 1e-9, turn: float = 1e-6) -> bool:
+    """Say whether the last pose of a motion is the first again: within a part of the size, and in [rad]."""
+    if len(motion) < 3:
+        return False
+    return all(
+        float(np.abs(moved.position[-1] - moved.position[0]).max()) < place * mechanism.size
+        and float(np.abs(moved.rotation[-1] - moved.rotation[0]).max()) < turn
+        for name, moved in motion.links.items()
+        if name not in motion.spinning
+    )
+
+
 def frame_poses(
     mechanism: Mechanism,
     motion: Motion,

@@ -8,12 +8,10 @@ from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, Mechanism
 from mechsim.model.motion import JointMotion, Motion
 from mechsim.model.unseen_links import moved_links
+from mechsim.pictures.render.frame_poses import comes_round
 from mechsim.pictures.render.ghost import errors, factor
 from mechsim.pictures.view.interpolation import interpolated, quaternions
 from mechsim.pictures.view.records import GhostTrack, Mark, PoseGrid, Readout, Slider, SliderUnit
-
-# poses nearer than this part of the size are one: a motion that comes back closes its ring
-SAME = 1e-9
 
 
 def motion_grid(
@@ -47,7 +45,7 @@ def motion_grid(
     poses = moved_links(mechanism, motion)
     position = {name: pose.position for name, pose in poses.items()}
     quaternion = {name: quaternions(pose.rotation) for name, pose in poses.items()}
-    slider = Slider(driver, unit, nodes, _closed(mechanism, motion), float(nodes[0]), tuple(marks))
+    slider = Slider(driver, unit, nodes, comes_round(mechanism, motion), float(nodes[0]), tuple(marks))
     told = (*_readouts(mechanism, motion, speeds), *extra)
     return PoseGrid(name, (slider,), position, quaternion, told, ghost)
 
@@ -86,19 +84,6 @@ def between(grid: PoseGrid, exact: Motion, at: Array) -> float:
             place = interpolated(grid.sliders, grid.position[link], [float(value)])
             worst = max(worst, float(np.linalg.norm(place - moved.position[i])))
     return worst
-
-
-def _closed(mechanism: Mechanism, motion: Motion) -> bool:
-    """Whether the last pose is the first again."""
-    if len(motion) < 3:
-        return False
-    size = mechanism.size
-    return all(
-        float(np.abs(moved.position[-1] - moved.position[0]).max()) < SAME * size
-        and float(np.abs(moved.rotation[-1] - moved.rotation[0]).max()) < 1e-6
-        for name, moved in motion.links.items()
-        if name not in motion.spinning
-    )
 
 
 def _readouts(mechanism: Mechanism, motion: Motion, speeds: bool) -> list[Readout]:
