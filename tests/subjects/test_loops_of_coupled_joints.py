@@ -7,6 +7,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.analytic.closure.spanning_tree import spanning_tree
+from mechsim.theory.structure import mobility
 
 TEXT = """
 name = "bound"
@@ -25,9 +26,9 @@ coefficients = [1.0, 0.3, 0.1]
 [points]
 tip = { link = "left", at = ["left", 0.01, 0] }
 [guess]
-left = { at = [0.04, 0, 0], turn = { axis = [0, 0, 1], angle = 1.05 } }
-far = { at = [0.15, 0.04, 0], turn = { axis = [0, 0, 1], angle = 2.6 } }
-arm = { at = [0.12, 0, 0], turn = { axis = [0, 0, 1], angle = 0.9 } }
+left = { at = [0.04, 0, 0], turn = { axis = [0, 0, 1], angle = 1.0472 } }
+far = { at = [0.15, 0.04, 0], turn = { axis = [0, 0, 1], angle = 2.618 } }
+arm = { at = [0.12, 0, 0], turn = { axis = [0, 0, 1], angle = 0.8727 } }
 """
 
 
@@ -62,3 +63,19 @@ def test_dimensions_of_such_a_loop_have_derivatives(bound: str) -> None:
     assert dict(table.columns())["tip.x/left"][0] == pytest.approx(
         (there[0] - there[1]) / (2 * step), rel=1e-6
     )
+
+
+def test_turns_that_no_pose_tells_go_with_the_assembly_to_both_roads(tmp_path: Path) -> None:
+    path = tmp_path / "wound.toml"
+    loose = TEXT.replace(", arm = 0.3 }", " }").replace("[1.0, 0.3, 0.1]", "[0.01745, 0.3, 5.73]")
+    path.write_text(loose + "crank = {}\n")
+    form = ms.load(str(path), drive={"crank": "0.02*sin(3*t)"}, duration=0.5)
+    wound = form.mechanism.counted["C"]
+    assert abs(wound) > np.pi
+    run = ms.simulate(form, method="pose", samples=4)
+    exact = form.solve(run.motion.angle)
+    assert exact.joints["C"].value[0] == pytest.approx(wound, abs=1e-9)
+    apart = run.motion.points["tip"].position - exact.points["tip"].position
+    assert np.abs(apart).max() < 1e-12 * form.mechanism.size
+    # no gear, but a coupling all the same
+    assert mobility(form.mechanism).redundant_in_plane == 0

@@ -95,8 +95,10 @@ def _add_law(
     """Add the row of a coupling."""
 
     def counted(name: str) -> Array:
-        """A driver's own value counts its turns, so that a ratio that is no whole number works."""
+        """A driver's own value counts its turns, and that of a start, so that any ratio works."""
         found, wanted = value(name), asked.get(name)
+        if wanted is None and name not in mechanism.drivers:
+            wanted = mechanism.counted.get(name)
         if wanted is None or mechanism.unit(name) == "m":
             return found
         return np.asarray(wanted) + wrap(found - np.asarray(wanted))

@@ -1,5 +1,6 @@
 """Where a mechanism stands as it is put together: its poses and the values of its coordinates."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,20 +17,36 @@ SAME = 1e-9
 def with_closed_guess(mechanism: Mechanism) -> Mechanism:
     """Return a mechanism whose guess is where it is put together, so that every road begins in one assembly.
 
-    It is itself where its guess is that already, or where its loops do not close.
+    Turns of coupled joints that no pose tells are counted. It is itself where its guess is that already, or
+    where its loops do not close.
     """
     try:
-        poses = start_poses(mechanism)[0]
+        poses, values = start_poses(mechanism)
     except AssemblyError:
         return mechanism
-    size = mechanism.size
-    if mechanism.guess.keys() == poses.keys() and all(
-        np.abs(pose.position - poses[name].position).max() < SAME * size
-        and np.abs(pose.rotation - poses[name].rotation).max() < SAME
-        for name, pose in mechanism.guess.items()
+    size, counted = mechanism.size, _counted(mechanism, values)
+    if (
+        counted == mechanism.counted
+        and mechanism.guess.keys() == poses.keys()
+        and all(
+            np.abs(pose.position - poses[name].position).max() < SAME * size
+            and np.abs(pose.rotation - poses[name].rotation).max() < SAME
+            for name, pose in mechanism.guess.items()
+        )
     ):
         return mechanism
-    return replace(mechanism, guess=poses)
+    return replace(mechanism, guess=poses, counted=counted)
+
+
+def _counted(mechanism: Mechanism, values: Mapping[str, float]) -> dict[str, float]:
+    """Return what a mechanism counts, and coupled angles beyond half a turn where whole turns matter."""
+    found = dict(mechanism.counted)
+    for law in mechanism.laws:
+        for name in law.coordinates if not law.turns else ():
+            given = name in found or name in mechanism.drivers or name in mechanism.holds
+            if not given and mechanism.unit(name) == "rad" and abs(values[name]) > np.pi:
+                found[name] = values[name]
+    return found
 
 
 def start_poses(mechanism: Mechanism) -> tuple[dict[str, Pose], dict[str, float]]:

@@ -128,7 +128,7 @@ def mobility(mechanism: Mechanism) -> Mobility:
         actual=best.mobility,
         links=len(mechanism.links),
         joints=tuple(sorted(taken.items(), reverse=True)),
-        gears=len(mechanism.gears),
+        gears=len(mechanism.laws),
         planar=plane_normal(mechanism) is not None,
         redundant=best.redundant,
         crank_moves=crank_moves,
