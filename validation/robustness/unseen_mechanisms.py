@@ -17,13 +17,14 @@ Prints a table, and each fault with the number to run it again by; exit code 1 i
 import argparse
 import os
 import resource
+import signal
 import sys
 import tempfile
 from collections import Counter, defaultdict
 from pathlib import Path
 
 import numpy as np
-from broken_subjects import typed
+from broken_subjects import PATIENCE, typed
 from drawn_mechanisms import PROBES, Drawn, drawn, null, quaternion
 from maximal_coordinates import UNITS, Program, TooNearError, followed, told
 
@@ -152,7 +153,10 @@ def ran(words: list[str], place: Path) -> tuple[int, str, float]:
 
 def ended(made: Drawn, code: int, said: str, truth: np.ndarray | None, command: str) -> tuple[str, str]:
     """Return the outcome by the way a command ended, and what it said."""
-    lines = said.strip().splitlines()
+    # how far a trace has come is said before what it says
+    lines = [line for line in said.strip().splitlines() if not line.startswith("trace: ")]
+    if code == -signal.SIGXCPU:
+        return "undecided", f"over {PATIENCE} s"
     if "Traceback" in said or code not in (0, 1, 2) or (code == 2 and len(lines) != 1):
         return "traceback", f"exit {code}: {said[-600:]}"
     why = lines[-1][:400] if lines else "nothing said"
@@ -163,7 +167,7 @@ def ended(made: Drawn, code: int, said: str, truth: np.ndarray | None, command: 
     spun = [told(machine, made.pose, way, 0 * way, points)[1] for way in null(machine, made.pose)]
     if "undetermined" in why and np.abs(spun).max(initial=0.0) > 1e-9 * machine.size:
         return "rightful refusal", why
-    if truth is None and command != "trace":
+    if (truth is None and command != "trace") or "curve of assemblies never closes" in why:
         return "rightful refusal", why
     return ("refused" if made.guess == "whole" or code == 1 else "refused, guess open"), f"exit {code}: {why}"
 
