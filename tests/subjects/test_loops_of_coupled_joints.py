@@ -7,6 +7,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.analytic.closure.spanning_tree import spanning_tree
+from mechsim.errors import MobilityError
 from mechsim.theory.structure import mobility
 
 TEXT = """
@@ -79,3 +80,34 @@ def test_turns_that_no_pose_tells_go_with_the_assembly_to_both_roads(tmp_path: P
     assert np.abs(apart).max() < 1e-12 * form.mechanism.size
     # no gear, but a coupling all the same
     assert mobility(form.mechanism).redundant_in_plane == 0
+
+
+RING = """
+name = "ring"
+[parameters]
+back = 1.0
+[links]
+one = {}
+two = {}
+three = {}
+[joints]
+crank = { kind = "revolute", a = { link = "ground" }, b = { link = "one" } }
+second = { kind = "revolute", a = { link = "ground", at = [0.05, 0, 0] }, b = { link = "two" } }
+third = { kind = "revolute", a = { link = "ground", at = [0.03, 0.06, 0] }, b = { link = "three" } }
+[couplings]
+first = { driver = "crank", driven = "second", ratio = -2 }
+next = { driver = "second", driven = "third", ratio = -0.5 }
+last = { driver = "third", driven = "crank", ratio = "back" }
+[points]
+tip = { link = "three", at = [0.02, 0, 0] }
+"""
+
+
+def test_a_ring_of_gears_turns_where_the_last_ratio_agrees_and_is_told_to_be_locked_where_not(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "ring.toml"
+    path.write_text(RING)
+    assert ms.load(str(path)).solve([0.7]).joints["third"].value[0] == pytest.approx(0.7, abs=1e-14)
+    with pytest.raises(MobilityError, match="couplings leave crank no freedom"):
+        ms.load(str(path), set={"back": 0.9}).solve([0.7])

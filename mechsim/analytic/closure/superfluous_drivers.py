@@ -38,13 +38,17 @@ def require_drivable(loops: TreeLoops, start: Coordinates) -> None:
             enough.append(name)
         else:
             more.append(name)
-    if more:
-        settle = (
-            f"{', '.join(enough)} settle{'s' if len(enough) == 1 else ''}" if enough else "the loops settle"
+    if more and not enough:
+        raise MobilityError(
+            f"{mechanism.name}: overdriven: joints and couplings leave {', '.join(more)} no freedom; leave "
+            "one of them out, or change a ratio or a dimension by which they disagree",
+            "overdriven",
         )
+    if more:
+        settle = f"{', '.join(enough)} settle{'s' if len(enough) == 1 else ''}"
         raise MobilityError(
             f"{mechanism.name}: overdriven: {settle} {', '.join(more)} already; drive or hold no more joints "
-            f"than {len(enough)}, as in --drive {enough[0] if enough else 'JOINT'}=PROGRAM",
+            f"than {len(enough)}, as in --drive {enough[0]}=PROGRAM",
             "overdriven",
         )
 
