@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mechsim import catalog
 from mechsim.model.couplings import Coupling
 from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
 from mechsim.model.programs import programs, tabled
@@ -107,6 +108,18 @@ def bending_rack() -> Mechanism:
     whole = rack_and_cam()
     bent = Coupling("cam", "cam", "rack", (0.0, 0.3, -8.0, 40.0), zeros=(0.003, 0.01))
     return replace(whole, driver=("crank",), holds={}, couplings=(whole.couplings[0], bent))
+
+
+def bending_rocker() -> Mechanism:
+    """A four-bar whose rocker, which nothing drives, bends a slide."""
+    whole = catalog.make("four_bar").mechanism
+    sides = End(GROUND, (0.0, 0.2, 0.0), ALONG_X), End("slider", axis=ALONG_X)
+    return replace(
+        whole,
+        links=(*whole.links, Link("slider", outline=((0.0, 0.0, 0.0), (0.02, 0.0, 0.0)))),
+        joints=(*whole.joints, Joint("cam", "prismatic", *sides)),
+        couplings=(Coupling("cam", "cam", "rocker", (0.0, 0.05, 0.03, -0.02)),),
+    )
 
 
 def five_bar_with_cam() -> Mechanism:

@@ -158,8 +158,13 @@ class Settings:
         """The time constant of the constraints in steps."""
         return self.constant_steps or max(LEAST_CONSTANT, self.steps_per_turn / 10.0)
 
-    def apply(self, loops: ModelLoops, timestep: float) -> "Settings":
+    def apply(self, loops: ModelLoops, timestep: float, *, bending: bool = False) -> "Settings":
         """Set up a compiled model for a run; its own constraint and solver settings are replaced.
+
+        Args:
+            loops: of the model.
+            timestep: in [s].
+            bending: whether constraints will ask for the accelerations by which couplings bend.
 
         Returns:
             The settings, with what was left to choose chosen.
@@ -191,9 +196,10 @@ class Settings:
         model.body_invweight0[:] *= self.hardness
         model.dof_invweight0[:] *= self.hardness
         model.tendon_invweight0[_coupled_tendons(model, loops)] *= self.hardness
-        # a constraint leaves out the bend of a polynomial: the sooner it draws back the better
-        bent = [one.number for one in loops.couplings if one.bends]
-        model.eq_solref[bent] = self.solref or self._solref(timestep, LEAST_CONSTANT)
+        if not bending:
+            # a constraint leaves out the bend of a polynomial: the sooner it draws back the better
+            bent = [one.number for one in loops.couplings if one.bends]
+            model.eq_solref[bent] = self.solref or self._solref(timestep, LEAST_CONSTANT)
         set_armature(
             model,
             np.array([loops.crank]),

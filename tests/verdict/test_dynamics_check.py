@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from driven import bending_rocker
 from mechanisms import rscr, three_cranks
 
 from mechsim import catalog, course, dynamics, load, motors
@@ -253,3 +254,17 @@ def test_redundant_loops_that_agree_are_held_hard_when_a_crank_runs_freely():
     assert verdict.passed, verdict
     assert found.settings == Settings()
     assert free_run(other.mechanism, other.forces, speed=60.0, turns=0.05).settings == REDUNDANT
+
+
+def test_a_free_crank_whose_couplings_bend_keeps_its_bounds_with_the_order_of_its_steps():
+    machine = dynamics.machine(bending_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
+    errors = []
+    for steps in (125, 250):
+        settings = Settings(steps_per_turn=steps)
+        found = free_run(
+            machine.mechanism, machine.forces, speed=40.0, duration=0.06, settings=settings, samples=40
+        )
+        verdict = crosscheck_free(found, machine)
+        errors.append(next(check.worst for check in verdict.checks if check.kind == "crank angle"))
+    assert verdict.passed, verdict
+    assert 3.5 < np.log2(errors[0] / errors[1]) < 5.0, errors

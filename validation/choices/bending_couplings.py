@@ -1,7 +1,7 @@
-"""Efforts of stepped runs whose couplings bend: off states as they were stepped, and with their loops closed.
+"""Stepped runs whose couplings bend: efforts off states as stepped and with loops closed, and free cranks.
 
 Prints the largest error beside the analytic dynamics over 20 instants, as a part of what the verdict compares
-with, by steps a turn.
+with, by steps a turn; and that of a free crank's angle in rad.
 
 Run: python validation/choices/bending_couplings.py
 """
@@ -20,10 +20,11 @@ from mechsim.model.forces import Forces
 from mechsim.model.programs import programs
 from mechsim.simulation import Settings
 from mechsim.simulation.dynamics import efforts
+from mechsim.simulation.dynamics.free_running import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.studies.dynamics_check import crosscheck_driven
+from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 
-STEPS = (250, 1000, 4000)
+STEPS, FREE_STEPS = (250, 1000, 4000), (125, 250, 500, 1000)
 ARMS = {"left": machines.waving(2.0, 0.3, 6.0, 0.2), "right": machines.waving(1.0, 0.4, 9.0, 1.0)}
 CASES = {
     "rack on the driven pinion": (
@@ -58,8 +59,20 @@ def errors(machine: Machine, steps: int) -> dict[str, float]:
     }
 
 
+def running_free(steps: int) -> float:
+    """Return the largest error of a free crank's angle in [rad], of a four-bar whose rocker bends a slide."""
+    machine = dynamics.machine(machines.bending_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
+    settings = Settings(steps_per_turn=steps)
+    run = free_run(
+        machine.mechanism, machine.forces, speed=40.0, duration=0.08, settings=settings, samples=40
+    )
+    return next(check.worst for check in crosscheck_free(run, machine).checks if check.kind == "crank angle")
+
+
 def main() -> None:
-    """Print the table."""
+    """Print the tables."""
+    print(f"{'':56s}" + "".join(f"{steps:>12,}" for steps in FREE_STEPS))
+    print(f"{'angle of a free crank':56s}" + "".join(f"{running_free(steps):12.1e}" for steps in FREE_STEPS))
     print(f"{'':30s}{'':16s}" + "".join(f"{steps:>12,}" for steps in STEPS))
     for name, (mechanism, states, duration) in CASES.items():
         form = LoopForm(mechanism, programs=programs(mechanism, states, duration))

@@ -211,7 +211,7 @@ def _prepared(loaded: LoadedModel, settings: Settings, step: float) -> ModelLoop
     loops = loaded.loops.over_copy()
     crank = np.array([loops.crank])
     flywheel = float(loops.model.dof_armature[loops.crank])
-    settings.apply(loops, step)
+    settings.apply(loops, step, bending=True)
     stiffen_friction(loops.model, step)
     set_armature(loops.model, crank, flywheel)
     # a driven crank forgives what one step of Newton's method leaves; here it would move the crank

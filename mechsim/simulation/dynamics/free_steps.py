@@ -12,6 +12,7 @@ from mujoco import batch
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.outcome import Outcome
+from mechsim.simulation.dynamics.bending import bending, bends
 from mechsim.simulation.dynamics.efforts import tangent
 from mechsim.simulation.dynamics.friction import STEPS, oppose, softness
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
@@ -148,7 +149,8 @@ def _softened(loaded: LoadedModel, start: tuple[Array, Array], timestep: float) 
 
 def _advance(loaded: LoadedModel, loops: ModelLoops, start: tuple[Array, Array], soft: list[float]) -> Any:
     """Return what takes steps and returns the records: time, qpos, qvel, and whether MuJoCo warned."""
-    if not loaded.dry and all(course.over is None for course in loaded.forces.courses):
+    steady = not loaded.dry and all(course.over is None for course in loaded.forces.courses)
+    if steady and not bends(loops):
         return _in_c(loaded, loops, start)
     return _with_callback(loaded, loops, start, soft)
 
@@ -171,7 +173,7 @@ def _in_c(loaded: LoadedModel, loops: ModelLoops, start: tuple[Array, Array]) ->
 def _with_callback(
     loaded: LoadedModel, loops: ModelLoops, start: tuple[Array, Array], soft: list[float]
 ) -> Any:
-    """Take steps under controls that change with angle, time or rates, at every stage of every step."""
+    """Take steps under what changes with angle, time or rates, at every stage of every step."""
     model, data = loops.model, mujoco.MjData(loops.model)
     data.qpos[:], data.qvel[:] = start
 
@@ -182,7 +184,7 @@ def _with_callback(
 
     def advance(count: int, stride: int) -> tuple[Array, Array, Array, bool]:
         rows = []
-        with _controlled(control):
+        with _controlled(control), bending(loops):
             for _ in range(count // stride):
                 mujoco.mj_step(model, data, nstep=stride)
                 rows.append((data.time, data.qpos.copy(), data.qvel.copy()))
