@@ -35,6 +35,8 @@ PATIENCE = 20.0
 # they disagree acts like a brake: of hardnesses 1e-8 to 1e4 and constants of 3 to 20 steps this keeps the
 # energy best (Bennett, 3e-7)
 REDUNDANT = Settings(hardness=100.0, constant_steps=5.0, steps_per_turn=4000)
+# the same where they agree
+AGREEING = Settings(steps_per_turn=4000)
 # records over which the work is summed up, at least
 FINEST = 10_000
 # instants at which the energy of a trial is looked at
@@ -199,11 +201,11 @@ def _steadier(plan: _Plan) -> Settings:
     )
 
     def drift(settings: Settings) -> float:
-        stepping = replace(short, settings=settings).let_run(REDUNDANT.steps_per_turn)
+        stepping = replace(short, settings=settings).let_run(settings.steps_per_turn)
         free = _recorded(short, stepping).free
         return free.energy_error if free.outcome == "done" else np.inf
 
-    return Settings() if drift(Settings()) <= 2.0 * drift(REDUNDANT) else REDUNDANT
+    return AGREEING if drift(AGREEING) <= 2.0 * drift(REDUNDANT) else REDUNDANT
 
 
 def _prepared(loaded: LoadedModel, settings: Settings, step: float) -> ModelLoops:
