@@ -9,6 +9,7 @@ MOTION = "analytic/closure/motion.py"
 PATH = "analytic/closure/followed_path.py"
 SOLVER = "analytic/closure/loop_solver.py"
 TREE = "analytic/closure/tree_motion.py"
+MANY = "analytic/closure/many_paths.py"
 WHOLE = "analytic/closure/whole_motion.py"
 LAYOUT = "analytic/closure/tree_layout.py"
 CHECKS = "verdict/checks.py"
@@ -142,6 +143,53 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     },
     (LAYOUT, "MOST = 8", "..."): SPEED,
     ("analytic/closure/tree_rates.py", "CHUNK = 1024", "..."): SPEED,
+    (
+        MANY,
+        "to = float((sense * angles[ahead]).max()) * sense",
+        "to = float((sense * angles[ahead]).max()) / sense",
+    ): "the sense is a sign",
+    (
+        MANY,
+        "told = Cell(nodes[::2], even, half, solver).at(nodes[1::2]).reshape(k // 2, count, -1)",
+        "told = Cell(nodes[::2], even, half, solver).at(nodes[1::2]).reshape(k // 2, count, -2)",
+    ): SHAPE,
+    (
+        MANY,
+        "told = replace(cell, states=table).at(angles[places]).reshape(p, count, -1).transpose(1, 0, 2)",
+        "told = replace(cell, states=table).at(angles[places]).reshape(p, count, -2).transpose(1, 0, 2)",
+    ): SHAPE,
+    (
+        MANY,
+        "side = np.where(group.side == 0.0, signs[:, 0], group.side)",
+        "side = np.where(group.side == 0.0, signs[:, 1], group.side)",
+    ): "a cell is good only where all signs are alike",
+    (
+        MANY,
+        "told = Cell(group.nodes, table, weights, self._solver(group.some(np.arange(1)), 1)).at(nodes)",
+        "told = Cell(group.nodes, table, weights, self._solver(group.some(np.arange(1)), 2)).at(nodes)",
+    ): "a polynomial is read without its solver",
+    (MANY, "if cell.nodes[-1] < cell.nodes[0]:", "if cell.nodes[-1] < cell.nodes[1]:"): "nodes go one way",
+    (
+        MANY,
+        "twice, some = ((rough < 1e-07) & (gone < 0.001), (rough < 1e-05) & (gone < 0.01))",
+        "twice, some = ((rough < 1e-07) & (gone < 0.0001), (rough < 1e-05) & (gone < 0.01))",
+    ): SPEED,
+    (
+        "analytic/closure/tree_rates.py",
+        "far = float(np.abs(off / path.loops.units[driven, None]).max(initial=0.0))",
+        "far = float(np.abs(off / path.loops.units[driven, None]).max(initial=1.0))",
+    ): SPEED,
+    (MANY, "step = max(1, CHUNK // max(1, len(places)))", "..."): SPEED,
+    (
+        MANY,
+        "at = solver.loops.moved(at, np.where(lost, 0.0, step))",
+        "at = solver.loops.moved(at, np.where(lost, 1.0, step))",
+    ): "a design that is lost is left to itself, wherever it went",
+    (
+        MANY,
+        "done = frozen | (worst == 0.0) | (worst < ROUNDING) & (worst > 0.1 * before)",
+        "...",
+    ): "a Newton step more or fewer once rounding is reached",
     (WHOLE, "SPINS = 1e-06", "..."): "links turn with an idle freedom by a part near one, or by rounding",
     (
         WHOLE,
