@@ -9,7 +9,7 @@ from driven import five_bar, waving, where_circles_meet
 from mechsim import catalog
 from mechsim.analytic import closure
 from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.tree_rates import CHUNK
+from mechsim.analytic.closure.tree_rates import CHUNK, _regular
 from mechsim.errors import AssemblyError
 from mechsim.model.motion import JointMotion
 from mechsim.model.programs import programs
@@ -72,6 +72,12 @@ def test_conditioning_is_the_least_singular_value_in_units_of_the_size():
     # of two unit vectors side by side
     exact = 0.09 / five_bar().size * np.sqrt(1.0 - np.abs(cosine))
     np.testing.assert_allclose(motion.conditioning, exact, rtol=1e-12)
+
+
+def test_where_the_loops_tell_nothing_their_matrix_is_one_that_can_be_solved():
+    whole, blind = np.arange(8.0).reshape(2, 2, 2), np.array([False, True])
+    assert np.array_equal(_regular(whole, blind), [whole[0], np.eye(2)])
+    assert _regular(whole, ~blind & blind) is whole
 
 
 def test_more_instants_than_are_solved_in_one_go_come_in_the_order_in_which_they_were_asked_for():
