@@ -201,7 +201,7 @@ def test_change_points_are_found_wherever_the_path_begins(start):
 
 def test_a_change_point_that_rounding_hides_between_two_cells_is_looked_for_from_before_them(monkeypatch):
     path = followed(catalog.make("four_bar").mechanism)
-    side, hidden = Linearised.side, []
+    side, hidden = Linearised.side.func, []
 
     def misled(loops):
         cells = path.cells[1]
@@ -210,7 +210,7 @@ def test_a_change_point_that_rounding_hides_between_two_cells_is_looked_for_from
         hidden[:] = cells[-1:]
         return -side(loops)
 
-    monkeypatch.setattr(Linearised, "side", misled)
+    monkeypatch.setattr(Linearised, "side", property(misled))
     path.reach(3.0, 1)
     third = path.cells[1][2]
     assert third.nodes[0] == hidden[0].nodes[0]

@@ -1,5 +1,7 @@
 """Which rows close loops near a pose, and the gauge that keeps what they leave open."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from mechanisms import at as end
@@ -98,3 +100,45 @@ def test_loops_are_closed_to_rounding_from_a_guess_beside_them_and_say_how_far_t
     assert np.abs(found.residual).max() < 4e-16
     assert at.values == pytest.approx(start.values, abs=1e-14)
     assert np.abs(step).max() <= gone[0] < 2.0 * np.abs(step).max()
+
+
+@pytest.mark.parametrize("make", [rssr, six_bar])
+def test_poses_whose_last_step_is_not_looked_at_are_closed_all_the_same_and_by_fewer_looks(make):
+    loops, start = make()
+    solver, enough = loop_solver(loops, start), 1e-12
+    guess, _ = off(loops, start, 5e-5)
+    at, found, _ = solver.close(guess, enough)
+    assert not np.array_equal(found.here.rotation, solver.linearise(at).here.rotation)
+    assert np.abs(loops.linearise(at)[0]).max() < enough
+    assert np.abs(found.residual).max() < enough
+
+
+def test_rows_that_do_not_close_are_seen_by_the_last_step_too():
+    loops, start = six_bar()
+    solver = loop_solver(loops, start)
+    idle = next(row for row in range(loops.rows) if row not in solver.rows)
+    look = loops.linearise
+
+    def torn(at):
+        residual, slope, here = look(at)
+        residual[idle] += 1e-9
+        return residual, slope, here
+
+    vars(loops)["linearise"] = torn
+    guess, _ = off(loops, start, 5e-5)
+    assert np.abs(solver.close(guess, 1e-12)[1].residual).max() == pytest.approx(1e-9, rel=1e-3)
+
+
+def test_what_all_rows_tell_is_what_the_solved_ones_do_only_where_the_others_tell_nothing():
+    loops, start = six_bar()
+    solver = loop_solver(loops, start)
+    found = solver.linearise(start)
+    slope = found.slope[:, loops.unknown].transpose(2, 0, 1)
+    wanted = np.linalg.svd(slope, compute_uv=False)
+    assert found.every == pytest.approx(wanted, abs=1e-14)
+    assert found.every is found.values
+    tilted = slope.transpose(1, 2, 0).copy()
+    tilted[found.others[0]] = 0.5
+    told = replace(found, slope=np.insert(tilted, loops.driven, 0.0, axis=1))
+    assert told.every == pytest.approx(np.linalg.svd(tilted.transpose(2, 0, 1), compute_uv=False), abs=1e-14)
+    assert told.every[0, -1] > 1.01 * wanted[0, -1]

@@ -26,14 +26,14 @@ class Cut:
         joint: of the mechanism.
         sides: index of the links of its sides a and b; -1 is the ground.
         columns: coordinates of which only one side feels each.
-        sense: +1 where side b feels it, -1 where side a does.
+        felt: by how much side b feels one unit of each, in [m] or [rad]; negative where side a does.
         size: of the mechanism, in [m].
     """
 
     joint: Joint
     sides: tuple[int, int]
     columns: NDArray[np.intp]
-    sense: Array
+    felt: Array
     size: float
 
     @cached_property
@@ -48,11 +48,6 @@ class Cut:
         return [i for i in range(3) if i not in free]
 
     @cached_property
-    def along(self) -> Some:
-        """The same columns, for indexing."""
-        return in_a_row(np.array(self.lengths, dtype=np.intp))
-
-    @cached_property
     def directions(self) -> list[tuple[int, int, float]]:
         """(i, j, c): column i of a's frame and column j of b's have the scalar product c."""
         kind = KINDS[self.joint.kind]
@@ -63,10 +58,16 @@ class Cut:
         return [(0, 2, 0.0), (1, 2, 0.0), *([] if kind.turns else [(0, 1, 0.0)])]
 
     @cached_property
-    def pairs(self) -> tuple[Some, Some, Array]:
-        """The same as columns i, columns j, one where all are the same, and scalar products, (d, 1)."""
-        i, j, cosine = (np.array(part) for part in zip(*self.directions, strict=True))
-        return in_a_row(i), in_a_row(j[:1] if (j == j[0]).all() else j), cosine[:, None]
+    def products(self) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
+        """What is multiplied: by row a column of a's frame, by direction one of b's; units, products wanted.
+
+        The last two are (rows, 1).
+        """
+        i, j = (np.array([pair[k] for pair in self.directions], dtype=np.intp) for k in (0, 1))
+        lengths = len(self.lengths)
+        units = np.repeat([1.0 / self.size, 1.0], [lengths, len(i)])[:, None]
+        wanted = np.array([0.0] * lengths + [pair[2] for pair in self.directions])[:, None]
+        return np.array([*self.lengths, *i], dtype=np.intp), j, units, wanted
 
     @cached_property
     def rows(self) -> int:
@@ -91,23 +92,22 @@ class Cut:
         return found[0], found[1], found[2], found[3]
 
     def residual_and_slope(self, here: Placed) -> tuple[Array, Array]:
-        """Return residuals (m, n), lengths in units of the size, and slopes (m, columns, n)."""
+        """Return residuals (m, n), lengths in units of the size, and slopes by units (m, columns, n)."""
         point_a, frame_a, point_b, frame_b = self.frames(here)
-        screws = (here.screws[self.span] * self.sense[:, None, None]).transpose(1, 0, 2)
-        n, k, number = screws.shape[2], len(self.lengths), screws.dtype
-        residual = np.empty((self.rows, n), number)
-        slope = np.empty((self.rows, len(self.columns), n), number)
-        gap, spin = (point_b - point_a) / self.size, screws[3:]
-        speed = (screws[:3] + cross(spin, point_b[:, None])) / self.size
-        along = frame_a[:, self.along]
-        np.einsum("irn,in->rn", along, gap, out=residual[:k])
-        np.einsum("irn,icn->rcn", along, speed, out=slope[:k])
-        if self.directions:
-            i, j, cosine = self.pairs
-            u, v = frame_a[:, i], frame_b[:, j]
-            residual[k:] = (u * v).sum(0) - cosine
-            np.einsum("irn,icn->rcn", cross(v, u), spin, out=slope[k:])
-        return residual, slope
+        columns_a, columns_b, units, wanted = self.products
+        screws, k = here.screws[self.span], len(self.lengths)
+        seen = frame_a.take(columns_a, 1) * units
+        held = np.empty((3, self.rows, screws.shape[2]), screws.dtype)
+        held[:, :k] = point_b[:, None]
+        held[:, k:] = frame_b.take(columns_b, 1)
+        # forces along what is measured: their power is its rate
+        wrench = np.zeros((6, *held.shape[1:]), screws.dtype)
+        wrench[:3, :k] = seen[:, :k]
+        wrench[3:] = cross(held, seen)
+        slope = np.einsum("irn,cin->rcn", wrench, screws)
+        slope *= self.felt[:, None]
+        held[:, :k] -= point_a[:, None]
+        return np.einsum("irn,irn->rn", seen, held) - wanted, slope
 
     def bias(self, here: Placed, twist: Array, drift: Array) -> Array:
         """Return the second rate of the residuals, (m, n), at the links' twists and drifts (links, 6, n)."""
@@ -144,5 +144,6 @@ def cuts_of(tree: SpanningTree) -> tuple[Cut, ...]:
         feels = [nothing if i < 0 else tree.carried[i] for i in sides]
         sense = feels[1] - feels[0]
         columns = np.flatnonzero(sense)
-        found.append(Cut(joint, (sides[0], sides[1]), columns, sense[columns], tree.size))
+        felt = (sense * tree.units)[columns]
+        found.append(Cut(joint, (sides[0], sides[1]), columns, felt, tree.size))
     return tuple(found)

@@ -174,7 +174,7 @@ class FollowedPath(PathRows):
         found = self.closed(solver, nodes, self._foretold(here, sense, solver, nodes), CLOSED)
         if found is None:
             return None, 0.5 * step
-        if (np.abs(found[1].side()) < BARELY).any():
+        if (np.abs(found[1].side) < BARELY).any():
             found = self.closed(solver, nodes, found[0]) or found
         states, loops, moved = found
         cell = Cell(nodes, states, weights, solver)
@@ -182,7 +182,7 @@ class FollowedPath(PathRows):
         if rough > ROUGH:
             return None, 0.5 * step
         cell, loops = self._told(cell, loops)
-        side, share = loops.side(), cell.solver.share(loops)
+        side, share = loops.side, cell.solver.share(loops)
         if share.min() < FEW * share.max():
             return None, 0.5 * step
         flips = np.flatnonzero(np.sign(side[1:]) != np.sign(side[:-1]))
@@ -210,11 +210,13 @@ class FollowedPath(PathRows):
 
         Rows that repeat others elsewhere may be the ones that count there.
         """
-        side, old = closed.side(), cell.solver
+        old = cell.solver
         serves, whole = old.telling(closed)
         cell = replace(cell, serves=serves)
+        if whole.all():
+            return cell, closed
         # the nearest node may be the singular pose itself
-        beside = np.argsort(np.abs(side))[1:2]
+        beside = np.argsort(np.abs(closed.side))[1:2]
         if whole[beside[0]]:
             return cell, closed
         nearest = self.unflat(cell.states[beside], cell.nodes[beside])
@@ -313,10 +315,10 @@ class FollowedPath(PathRows):
         ahead = np.zeros((self.loops.tree.count, len(s)))
         ahead[driven] = (self.drive(s) - self.drive(np.array([here]))) / self.loops.units[driven, None]
         last = self.unflat(done[-1].states[[-1]], np.array([here])) if done else self.start
+        found = solver.linearise(last)
+        opened = np.zeros((len(s), len(solver.loops.unknown)))
+        opened[:, : len(solver.rows)] = (found.slope[solver.rows, :, 0] @ ahead).T
         start = Coordinates(np.repeat(last.values, len(s), 1), np.repeat(last.turns, len(s), -1))
-        found = solver.linearise(start)
-        opened = np.zeros_like(found.right)
-        opened[:, : len(solver.rows)] = np.einsum("rkn,kn->nr", found.slope[solver.rows], ahead)
         return self.flat(self.loops.moved(start, ahead + solver.step(found.matrix, opened)))
 
     def parts(self, s: Array) -> Iterator[tuple[LoopSolver, NDArray[np.intp], Array]]:

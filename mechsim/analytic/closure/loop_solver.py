@@ -1,18 +1,23 @@
 """Solving linearised loops for many instants at once: independent rows, and a gauge for what is left open."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.analytic.closure.tree_layout import Some, block
 from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, Placed, product
 from mechsim.maths.arrays import Array
 
 # Newton steps taken at the most, and a residual that is rounding
 MOST_STEPS, ROUNDING = 8, 1e-13
+# slopes below this are rounding
+IDLE = 1e-14
+# a step leaves its own square open, times no more than the inverse of this
+SQUARE = 0.1
 # steps, in radians or units of the size, that are too long for the linear model
 FAR = 0.3
 # part of the best that rows and gauge may tell before others are picked, by singular value and determinant;
@@ -30,6 +35,8 @@ class Linearised:
         here: where the links are.
         matrix: of independent rows and gauge by the unknowns, (n, u, u).
         right: what the same rows stand open by, (n, u).
+        unknown: which coordinates these are, (u,).
+        others: indices of the rows that are not solved.
     """
 
     residual: Array
@@ -37,14 +44,29 @@ class Linearised:
     here: Placed
     matrix: Array
     right: Array
+    unknown: NDArray[np.intp]
+    others: NDArray[np.intp]
 
     @cached_property
     def values(self) -> Array:
         """Singular values of the matrices, (n, u)."""
         return np.asarray(np.linalg.svd(self.matrix, compute_uv=False), dtype=np.float64)
 
+    @cached_property
+    def every(self) -> Array:
+        """Singular values of all rows by the unknowns, (n, the fewer of them)."""
+        slope = self.slope.take(self.unknown, 1)
+        if len(self.others) + self.matrix.shape[1] == len(slope) and self._idle(slope):
+            return self.values
+        return np.asarray(np.linalg.svd(slope.transpose(2, 0, 1), compute_uv=False), dtype=np.float64)
+
+    def _idle(self, slope: Array) -> bool:
+        """Say whether the rows that are not solved tell nothing, as those off a flat linkage's plane."""
+        return bool(np.abs(slope.take(self.others, 0)).max(initial=0.0) < IDLE)
+
+    @cached_property
     def side(self) -> Array:
-        """Return the signed distance from a singular pose, (n,): two assemblies that meet differ in sign."""
+        """The signed distance from a singular pose, (n,): two assemblies that meet differ in sign."""
         if not self.matrix.size:  # the drivers alone say where everything is
             return np.ones(len(self.matrix))
         return np.linalg.slogdet(self.matrix)[0] * self.values[:, -1]
@@ -67,9 +89,14 @@ class LoopSolver:
     pinned: Coordinates
 
     @cached_property
-    def picked(self) -> tuple[NDArray[np.intp], ...]:
+    def picked(self) -> tuple[Some, ...]:
         """Of all slopes, those of the rows that are solved by the unknowns."""
-        return np.ix_(self.rows, self.loops.unknown)
+        return block(self.rows, self.loops.unknown)
+
+    @cached_property
+    def others(self) -> NDArray[np.intp]:
+        """Indices of the rows that are not solved."""
+        return np.delete(np.arange(self.loops.rows), self.rows)
 
     @property
     def open(self) -> int:
@@ -89,8 +116,7 @@ class LoopSolver:
         if self.whole or not len(self.rows):
             everywhere = np.ones(len(found.matrix), dtype=np.bool_)
             return everywhere, everywhere
-        slope = found.slope[:, self.loops.unknown].transpose(2, 0, 1)
-        every = np.linalg.svd(slope, compute_uv=False)[:, : len(self.rows)]
+        every = found.every[:, : len(self.rows)]
         least = found.values[:, -1] > HALF * every[:, -1]
         return least, found.values.prod(1) > TELLING * every.prod(1)
 
@@ -98,8 +124,7 @@ class LoopSolver:
         """Return how much of what all rows tell it does where held least, (n,); 1 where none tell."""
         if self.whole or not len(self.rows):
             return np.ones(len(found.matrix))
-        slope = found.slope[:, self.loops.unknown].transpose(2, 0, 1)
-        every = np.linalg.svd(slope, compute_uv=False)[:, len(self.rows) - 1]
+        every = found.every[:, len(self.rows) - 1]
         known = every > RANK_TOLERANCE * every.max()
         return np.where(known, found.values[:, -1] / np.where(known, every, 1.0), 1.0)
 
@@ -112,7 +137,7 @@ class LoopSolver:
         right[:, :r] = residual[self.rows].T
         if self.open:
             self._pin(at, matrix[:, r:], right[:, r:])
-        return Linearised(residual, slope, here, matrix, right)
+        return Linearised(residual, slope, here, matrix, right, self.loops.unknown, self.others)
 
     def _pin(self, at: Coordinates, rows: Array, gap: Array) -> None:
         """Fill in the gauge: how far coordinates lie from the pinned ones along the open freedoms."""
@@ -141,7 +166,8 @@ class LoopSolver:
         """Return coordinates closed by Newton's method from a guess near them; not all need be closed.
 
         And the loops there, and how far they lie from the guess, (n,). They then stand open by rounding,
-        or by no more than `enough`; what goes farther than `most` is given up.
+        or by no more than `enough`; the loops may then be those before a last step so short that it closes
+        them, with what it leaves open. What goes farther than `most` is given up.
 
         Raises:
             LinAlgError: at a singular pose.
@@ -158,6 +184,9 @@ class LoopSolver:
             if not gone.max() < most:
                 break
             at = self.loops.moved(at, step)
+            if float(np.abs(step).sum(0).max()) ** 2 < SQUARE * enough:
+                left = found.residual + np.einsum("rkn,kn->rn", found.slope, step)
+                return at, replace(found, residual=left), gone
             found = self.linearise(at)
         return at, found, gone
 

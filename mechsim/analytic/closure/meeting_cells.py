@@ -36,12 +36,12 @@ def meeting_between(path: PathRows, cell: Cell, a: float, b: float) -> float | N
 
     def sides(s: Array) -> Array | None:
         found = looked(s)
-        return None if found is None else found.side()
+        return None if found is None else found.side
 
     beside = looked(np.array([a, b])) if abs(b - a) > NEAR else None
     if beside is None:
         return None
-    ends = beside.side()
+    ends = beside.side
     at, rate = a - ends[0] * (b - a) / (ends[1] - ends[0]), 0.0
     for apart in (min(0.1 * abs(b - a), FAR), 0.03 * FAR):
         # a parabola through three points on either side of where the root is thought to be
@@ -61,7 +61,7 @@ def meeting_between(path: PathRows, cell: Cell, a: float, b: float) -> float | N
     if there is None or cell.solver.share(there).min() < FEW * cell.solver.share(beside).max():
         return None
     meant = rate * (near - at)
-    return at if np.abs(there.side() - meant).max() < 0.2 * abs(rate) * NEAR else None
+    return at if np.abs(there.side - meant).max() < 0.2 * abs(rate) * NEAR else None
 
 
 def through(path: PathRows, cell: Cell, meeting: float, sense: int) -> tuple[Cell, float] | None:
@@ -81,7 +81,7 @@ def through(path: PathRows, cell: Cell, meeting: float, sense: int) -> tuple[Cel
             nodes, weights = nodes_between(meeting - sense * away, meeting + sense * away, MANY)
             found = path.closed(cell.solver, nodes, cell.at(nodes))
             if found is not None:
-                crossed = np.sign(found[1].side() * (nodes - meeting))
+                crossed = np.sign(found[1].side * (nodes - meeting))
                 longer = Cell(nodes, found[0], weights, cell.solver)
                 if abs(crossed.sum()) == MANY and longer.left_out() < SMOOTH:
                     return longer, _zero(
@@ -123,7 +123,7 @@ def folded(path: PathRows, smooth: Cell, meeting: float) -> Cell | None:
             other = Cell(nodes, there[0], weights, smooth.solver)
             gone = np.abs(there[0] - smooth.at(nodes) - aside).max(1)
             found = (gone < BESIDE * np.abs(aside).max(1)).all()
-            if found and (here[1].side() * there[1].side() < 0.0).all() and other.left_out() < SMOOTH:
+            if found and (here[1].side * there[1].side < 0.0).all() and other.left_out() < SMOOTH:
                 return other.part(meeting, meeting + away)
         away *= 0.5
     return None

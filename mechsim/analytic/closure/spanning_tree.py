@@ -97,6 +97,11 @@ class SpanningTree:
             slides[branch.first : branch.first + len(branch.kind.slides)] = True
         return slides
 
+    @cached_property
+    def units(self) -> Array:
+        """What one unit of each coordinate is in the equations: the size for displacements, else 1 rad."""
+        return np.where(self.slides, self.size, 1.0)
+
     def place(self, joint: str) -> int | None:
         """Return the index of the first coordinate of a joint; None where it closes a loop."""
         return next((branch.first for branch in self.branches if branch.joint.name == joint), None)

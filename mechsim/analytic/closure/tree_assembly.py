@@ -16,6 +16,8 @@ from mechsim.model.rough_poses import rough_poses, starts
 
 # Newton steps before giving up, the longest turn of one in [rad], and a gap that is closed
 MOST_STEPS, LONGEST, CLOSED = 60, 0.5, 1e-12
+# a gap that is rounding
+ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 # how far a link may stray from its guess, in sizes and [rad], before another way to close the loops is tried
 NEAR = 0.5
 # random starts where a guess that leaves links out leads nowhere
@@ -88,7 +90,7 @@ def _strayed(mechanism: Mechanism, loops: TreeLoops, at: Coordinates) -> float:
     here, worst = placed(loops.tree, at), 0.0
     for name, pose in mechanism.guess.items():
         i = loops.tree.links[name]
-        gone = float(np.linalg.norm(here.position[i, :, 0] - pose.position)) / mechanism.size
+        gone = float(np.linalg.norm(here.position[i, :, 0] - pose.position)) / loops.tree.size
         turned = float(np.trace(pose.rotation.T @ here.rotation[i, :, :, 0]))
         worst = max(worst, gone, float(np.arccos(np.clip(0.5 * (turned - 1.0), -1.0, 1.0))))
     return worst
@@ -116,7 +118,7 @@ def closed(loops: TreeLoops, at: Coordinates) -> Coordinates:
     for _ in range(MOST_STEPS):
         residual, slope, _ = loops.linearise(at)
         gap = float(np.abs(residual).max(initial=0.0))
-        if gap == 0.0 or (gap < CLOSED and gap > 0.25 * before):
+        if gap <= ROUNDING or (gap < CLOSED and gap > 0.25 * before):
             return at
         before = gap
         step = np.zeros((loops.tree.count, 1))

@@ -11,8 +11,6 @@ from mechsim.analytic.closure.tree_joints import Fixed, TreeJoint
 from mechsim.maths.arrays import Array
 
 Indices = NDArray[np.intp]
-# of rows of vectors, and in each
-Places = tuple[Indices, Indices]
 # indices, as a slice where they lie in a row
 Some = slice | Indices
 # vectors in a row at the most: what holds more takes several
@@ -34,9 +32,9 @@ class Layout:
         vectors: what is fixed on links, in their frames, padded with noughts, (rows, m, 3), or
             (rows, m, 3, n). A row for each link and the ground, its branch's point first; then others.
         holders: the links of the rows.
-        near: for each link its branch's point on that on which it hangs.
-        axes: of all coordinates, as the farther link moves along or about them.
-        centres: a point on each of these axes.
+        near: for each link its branch's point on that on which it hangs; places are counted through all rows.
+        axes: places of the axes of all coordinates, as the farther link moves along or about them.
+        centres: of a point on each of these axes.
         centred: the links on which these are fixed.
         slides: indices of the coordinates that are displacements.
         slid: links that these move in those on which they hang.
@@ -50,9 +48,9 @@ class Layout:
     tiers: tuple[tuple[Some, Some], ...]
     vectors: Array
     holders: Some
-    near: Places
-    axes: Places
-    centres: Places
+    near: Indices
+    axes: Indices
+    centres: Indices
     centred: Indices
     slides: Indices
     slid: Indices
@@ -70,7 +68,7 @@ def layout(branches: Sequence[TreeJoint], constants: Mapping[int, Fixed]) -> Lay
         *_angles(branches, constants),
         _tiers(branches),
         *_vectors(branches, constants),
-        *_places(slides),
+        *np.array(slides, dtype=np.intp).reshape(-1, 2).T,
     )
 
 
@@ -78,6 +76,12 @@ def in_a_row(indices: Indices) -> Some:
     """Return indices as a slice where each is one more than that before: no copy is then made."""
     row = len(indices) > 0 and bool((np.diff(indices) == 1).all())
     return slice(int(indices[0]), int(indices[-1]) + 1) if row else indices
+
+
+def block(rows: Indices, columns: Indices) -> tuple[Some, ...]:
+    """Return what picks rows and columns of a matrix: slices where both lie in a row."""
+    found = in_a_row(rows), in_a_row(columns)
+    return found if all(isinstance(one, slice) for one in found) else np.ix_(rows, columns)
 
 
 def _angles(
@@ -120,7 +124,7 @@ def _tiers(branches: Sequence[TreeJoint]) -> tuple[tuple[Some, Some], ...]:
 
 def _vectors(
     branches: Sequence[TreeJoint], constants: Mapping[int, Fixed]
-) -> tuple[Array, Some, Places, Places, Places, Indices]:
+) -> tuple[Array, Some, Indices, Indices, Indices, Indices]:
     """Return what is fixed on the links, and where of it points, axes and centres are."""
     rows = [[constants[i].far_point] for i in range(len(branches))]
     rows.append([np.zeros_like(rows[0][0]) if rows else np.zeros(3)])
@@ -149,10 +153,5 @@ def _vectors(
             centred.append(i if branch.forward else branch.near)
     longest, nothing = max(map(len, rows)), rows[len(branches)][0]
     vectors = np.array([row + [nothing] * (longest - len(row)) for row in rows])
-    held, at = in_a_row(np.array(holders)), np.array(centred, dtype=np.intp)
-    return vectors, held, _places(near), _places(axes), _places(centres), at
-
-
-def _places(pairs: Sequence[tuple[int, int]]) -> Places:
-    links, which = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
-    return links, which
+    places = (np.array(pairs, dtype=np.intp).reshape(-1, 2) @ [longest, 1] for pairs in (near, axes, centres))
+    return vectors, in_a_row(np.array(holders)), *places, np.array(centred, dtype=np.intp)

@@ -48,8 +48,8 @@ class TreeLoops:
 
     @cached_property
     def units(self) -> Array:
-        """What one unit of each coordinate is in the equations: the size for displacements, else 1 rad."""
-        return np.where(self.tree.slides, self.tree.size, 1.0)
+        """Of the tree: what one unit of each coordinate is in the equations."""
+        return self.tree.units
 
     @cached_property
     def couplings(self) -> tuple[CoupledRow, ...]:
@@ -74,10 +74,10 @@ class TreeLoops:
             residual[part], slope[part, cut.span] = cut.residual_and_slope(here)
             k += cut.rows
         for coupling, wind in zip(self.couplings, self.winds, strict=True):
-            opened, slope[k], _ = coupling.look(at.values)
+            opened, by_value, _ = coupling.look(at.values)
+            slope[k] = by_value * self.units[:, None]
             residual[k] = opened - wind / coupling.unit
             k += 1
-        slope *= self.units[:, None]
         return residual, slope, here
 
     def bias(self, at: Coordinates, here: Placed, rates: Array, twist: Array, drift: Array) -> Array:

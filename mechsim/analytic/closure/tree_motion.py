@@ -12,6 +12,8 @@ from mechsim.analytic.closure.tree_joints import TreeJoint
 from mechsim.maths.arrays import Array
 
 EYE = np.eye(3)[..., None]
+# of three components those that come next, and those before
+NEXT, BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +58,12 @@ def placed(tree: SpanningTree, at: Coordinates) -> Placed:
     for far, near in laid.tiers:
         rotation[far] = np.einsum("lijn,ljkn->likn", rotation[near], rotation[far])
     carried = _carried(laid.vectors, rotation[laid.holders])
-    axes = carried[:, *laid.axes]
+    fixed = carried.reshape(3, -1, n)  # one after the other
+    axes = spins = fixed.take(laid.axes, 1)
     position = np.zeros((3, len(rotation), n), kind)
-    np.subtract(carried[:, *laid.near], carried[:, : len(tree.branches), 0], out=position[:, :-1])
-    along, spins = axes[:, laid.slides], axes
+    np.subtract(fixed.take(laid.near, 1), carried[:, : len(tree.branches), 0], out=position[:, :-1])
     if len(laid.slides):
+        along = axes[:, laid.slides]
         for link, way in zip(laid.slid, (along * at.values[laid.slides]).swapaxes(0, 1), strict=True):
             position[:, link] += way
         spins = axes.copy()
@@ -69,9 +72,9 @@ def placed(tree: SpanningTree, at: Coordinates) -> Placed:
         position[:, far] += position[:, near]
     screws = np.empty((tree.count, 6, n), kind).transpose(1, 0, 2)
     screws[3:] = spins
-    screws[:3] = cross(position[:, laid.centred] + carried[:, *laid.centres], spins)
+    screws[:3] = cross(position.take(laid.centred, 1) + fixed.take(laid.centres, 1), spins)
     if len(laid.slides):
-        screws[:3, laid.slides] = along
+        screws[:3, laid.slides] = axes[:, laid.slides]
     return Placed(position[:, :-1].transpose(1, 0, 2), rotation[:-1], screws.transpose(1, 0, 2))
 
 
@@ -185,5 +188,6 @@ def product(a: Array, b: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Return vector products, (3, n) or with more axes between."""
-    a, b = np.concatenate((a, a[:2])), np.concatenate((b, b[:2]))
-    return a[1:4] * b[2:] - a[2:] * b[1:4]
+    found = a.take(NEXT, 0) * b.take(BEFORE, 0)
+    found -= a.take(BEFORE, 0) * b.take(NEXT, 0)
+    return found

@@ -170,12 +170,12 @@ def _closed(
     off = instants.value - own
     far = float(np.abs(off / path.loops.units[driven, None]).max(initial=0.0))
     if far > SHORT:
-        side = np.sign(solver.linearise(at).side())
+        side = np.sign(solver.linearise(at).side)
         strides = int(np.ceil(far / STRIDE))
         for k in range(1, strides + 1):
             at.values[driven] = own + off * (k / strides)
             at, found = _newton(path, solver, instants.at, at, 10.0 * STRIDE)
-            crossed = np.sign(found.side()) != side
+            crossed = np.sign(found.side) != side
             if crossed.any():
                 raise _lost(path, float(instants.at[np.argmax(crossed)]))
     at.values[driven] = instants.value

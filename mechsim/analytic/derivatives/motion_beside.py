@@ -57,7 +57,7 @@ class MotionBeside:
     def _closed(self, part: ClosedPart, mechanism: GivenMechanism, ahead: float) -> ClosedPart:
         loops = with_mechanism(part.solver.loops, mechanism)
         solver = replace(part.solver, loops=loops)
-        side, at = np.sign(part.loops.side()), replace(part.at, values=part.at.values.copy())
+        side, at = np.sign(part.loops.side), replace(part.at, values=part.at.values.copy())
         for held, value in mechanism.holds.items():
             at.values[loops.tree.places[held]] = value
         for driver in mechanism.drivers:
@@ -74,7 +74,7 @@ class MotionBeside:
             if longest < SHORT:
                 break
         gap = float(np.abs(found.residual).max(initial=0.0))
-        if not gap <= CLOSED or (np.sign(found.side()) != side).any():
+        if not gap <= CLOSED or (np.sign(found.side) != side).any():
             raise AssemblyError(
                 f"{mechanism.name}: with these dimensions the loops do not close in this assembly at all of "
                 "its instants; change them by less"
