@@ -172,12 +172,13 @@ def test_a_path_that_bends_sharply_at_its_flat_pose_is_resolved(which):
     [
         *zip(SHARP.values(), (124, 168, 169, 103), strict=True),
         ((0.1, 0.045, 0.1, 0.045), 71),
-        ((0.1, 0.04, 0.12, 0.06 + 1e-9), 238),
+        ((0.1, 0.04, 0.12, 0.06 + 1e-9), 260),
     ],
 )
 def test_few_cells_lead_round_a_sharp_bend_and_through_a_change_point(lengths, most):
     path = followed(catalog.make("four_bar", **named(lengths)).mechanism)
-    # measured 118, 160, 161, 98, 67 and 227: how often cells are halved, and how much longer they are then
+    # measured 118, 160, 161, 98, 67 and, as rounding has it, 222 to 247: how often cells are halved, and how
+    # much longer they are then
     assert cells_tried(path, (2 * np.pi, -2 * np.pi))[0] <= most
 
 
@@ -196,7 +197,8 @@ def test_change_points_are_found_wherever_the_path_begins(start):
     ends = np.sort(np.concatenate([cell.nodes[[0, -1]] for cells in path.cells.values() for cell in cells]))
     for meeting in path.meetings:
         after = np.searchsorted(ends, meeting)
-        assert 2.0 * meeting == pytest.approx(ends[after - 1] + ends[after], abs=1e-9)
+        # a residual of 1e-13 over a hold of 3e-5 is 3e-9 of the place
+        assert 2.0 * meeting == pytest.approx(ends[after - 1] + ends[after], abs=1e-8)
 
 
 def test_a_change_point_that_rounding_hides_between_two_cells_is_looked_for_from_before_them(monkeypatch):

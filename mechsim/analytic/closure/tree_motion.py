@@ -58,7 +58,7 @@ def placed(tree: SpanningTree, at: Coordinates) -> Placed:
     for far, near in laid.tiers:
         rotation[far] = np.einsum("lijn,ljkn->likn", rotation[near], rotation[far])
     carried = _carried(laid.vectors, rotation[laid.holders])
-    fixed = carried.reshape(3, -1, n)  # one after the other
+    fixed = carried.reshape(3, carried.shape[1] * carried.shape[2], n)
     axes = spins = fixed.take(laid.axes, 1)
     position = np.zeros((3, len(rotation), n), kind)
     np.subtract(fixed.take(laid.near, 1), carried[:, : len(tree.branches), 0], out=position[:, :-1])
