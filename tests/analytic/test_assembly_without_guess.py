@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
+from mechsim.analytic.closure import drawn_poses
 from mechsim.analytic.closure.start_values import start_poses
 from mechsim.analytic.closure.tree_assembly import assembled
 from mechsim.errors import AssemblyError
@@ -59,3 +60,20 @@ def test_a_universal_joint_begins_with_its_axes_crossed():
             assert abs(own @ np.asarray(joint.a.axis)) < 1e-12
     told, wanted = start_poses(bare)[1], start_poses(mechanism)[1]
     assert {name: pytest.approx(value, abs=1e-9) for name, value in wanted.items()} == told
+
+
+def test_links_without_a_guess_are_drawn_no_longer_than_something_is_gained(monkeypatch):
+    mechanism = ms.load("hoeken").mechanism
+    name, pose = list(mechanism.guess.items())[-1]
+    told = replace(mechanism, guess={name: pose})
+    steps = []
+    looked = drawn_poses.equations
+    monkeypatch.setattr(drawn_poses, "equations", lambda *given: steps.append(given) or looked(*given))
+    drawn = drawn_poses.drawn_towards_guess(told, rough_poses(told))
+    # measured 7, the last of which finds nothing left
+    assert len(steps) <= 9
+    monkeypatch.setattr(drawn_poses, "SHORT", 0.0)
+    longer = drawn_poses.drawn_towards_guess(told, rough_poses(told))
+    assert len(steps) > 30
+    for link in drawn:
+        np.testing.assert_allclose(drawn[link].position, longer[link].position, rtol=0, atol=1e-15)

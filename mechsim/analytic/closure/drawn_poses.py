@@ -8,8 +8,9 @@ from mechsim.analytic.closure.assembly import LONGEST_TURN, moved_poses
 from mechsim.analytic.closure.loop_equations import equations, row_units, scaled
 from mechsim.model.mechanism import Mechanism, Pose
 
-# steps of Newton's method, which need not close anything, and singular values that are left out of them
-STEPS, RANK = 30, 1e-6
+# steps of Newton's method, which need not close anything; one so short that no more is gained, in [rad] and
+# parts of the size; and singular values that are left out of them
+STEPS, SHORT, RANK = 30, 1e-9, 1e-6
 
 
 def drawn_towards_guess(mechanism: Mechanism, rough: Mapping[str, Pose]) -> dict[str, Pose] | None:
@@ -29,6 +30,8 @@ def drawn_towards_guess(mechanism: Mechanism, rough: Mapping[str, Pose]) -> dict
         gap = (rows.residual * row_units(mechanism, rows.residual.shape[1]))[0]
         step = np.zeros(6 * len(free))
         step[columns] = -np.linalg.lstsq(slope, gap, rcond=RANK)[0]
+        if not float(np.abs(step).max()) > SHORT:
+            break
         step *= LONGEST_TURN / max(LONGEST_TURN, float(np.abs(step).max()))
         step = step.reshape(-1, 6) * np.repeat([size, 1.0], 3)
         poses = moved_poses(mechanism, poses, step.reshape(1, -1))
