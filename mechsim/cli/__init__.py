@@ -6,6 +6,7 @@ A file is loaded when its command is typed: `mechsim --help` must be quick.
 import os
 import sys
 from collections.abc import Callable
+from functools import wraps
 from importlib import import_module
 from typing import Any
 
@@ -40,6 +41,8 @@ COMMANDS = {
     "view": ("view.view", "Make a page to turn a mechanism by hand."),
     "doctor": ("doctor.doctor", "Say what this machine has and lacks."),
 }
+# those that load MuJoCo as they run, not before: their help is told without it
+LATE = ("doctor", "extremes", "view")
 PLAIN: dict[str, Any] = {
     "rich_markup_mode": None,
     "pretty_exceptions_enable": False,
@@ -61,18 +64,24 @@ def loaded(name: str) -> Any:
     file, _, function = COMMANDS[name][0].partition(".")
     command = getattr(import_module(f"mechsim.cli.{file}"), function)
     alone = typer.Typer(add_completion=False, **PLAIN)
-    alone.command(name)(_without_mujocos_log(command) if "mujoco" in sys.modules else command)
+    runs_mujoco = name in LATE or "mujoco" in sys.modules
+    alone.command(name)(_without_mujocos_log(command) if runs_mujoco else command)
     return get_command(alone)
 
 
 def _without_mujocos_log(command: Callable[..., None]) -> Callable[..., None]:
     """Return a command that MuJoCo says nothing beside, on stderr or in a file of its own."""
-    from mechsim.simulation.mjcf import quiet
-    from mechsim.simulation.mujoco_loading import PROBLEM
 
-    if PROBLEM:
-        tell(f"mechsim: {PROBLEM}")
-    return quiet()(command)
+    @wraps(command)
+    def run(**given: Any) -> None:
+        from mechsim.simulation.mjcf import quiet
+        from mechsim.simulation.mujoco_loading import PROBLEM
+
+        if PROBLEM:
+            tell(f"mechsim: {PROBLEM}")
+        quiet()(command)(**given)
+
+    return run
 
 
 app = typer.Typer(

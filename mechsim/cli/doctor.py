@@ -9,8 +9,6 @@ import typer
 from mechsim.cli.options import Json
 from mechsim.cli.output import print_json, print_table
 from mechsim.errors import MissingToolError
-from mechsim.pictures.render import describe_backend, find_ffmpeg
-from mechsim.report.page import versions
 
 
 def doctor(as_json: Json = False) -> None:
@@ -35,6 +33,9 @@ def doctor(as_json: Json = False) -> None:
 
 def examine() -> dict[str, Any]:
     """Return what this machine has, as plain data."""
+    from mechsim.pictures.render import describe_backend, find_ffmpeg
+    from mechsim.report.page import versions
+
     found = versions() | {"machine": platform.platform()}
     backends = describe_backend()
     remedies: list[str] = []

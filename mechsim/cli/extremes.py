@@ -1,7 +1,7 @@
 """Command that pushes every axis until something breaks: extremes."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -9,10 +9,9 @@ from mechsim.analytic.forms import closed_form
 from mechsim.cli.options import Json, folder_for, form_of
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.files import write_json
-from mechsim.pictures import plots
-from mechsim.studies.extremes import StabilityMap
-from mechsim.studies.extremes.plot import extremes_map
-from mechsim.studies.extremes.stability_map import axes_of, study
+
+if TYPE_CHECKING:
+    from mechsim.studies.extremes import StabilityMap
 
 
 def extremes(
@@ -27,6 +26,8 @@ def extremes(
     as_json: Json = False,
 ) -> None:
     """Push steps, speed, size, masses, poses, turns and gears until something breaks; say where it does."""
+    from mechsim.studies.extremes.stability_map import axes_of, study
+
     for name in names or ():
         closed_form(form_of(name, None), "how far it can be pushed")
     folder = None if report is None else folder_for(report)
@@ -44,13 +45,16 @@ def extremes(
     raise typer.Exit(0 if found.passed else 1)
 
 
-def _write(folder: Path, found: StabilityMap) -> None:
+def _write(folder: Path, found: "StabilityMap") -> None:
+    from mechsim.pictures import plots
+    from mechsim.studies.extremes.plot import extremes_map
+
     folder.mkdir(exist_ok=True)
     plots.write(folder / "extremes.svg", extremes_map(found))
     write_json(folder / "extremes.json", found.as_dict())
 
 
-def _print(found: StabilityMap) -> None:
+def _print(found: "StabilityMap") -> None:
     rows = [
         (b.axis, b.mechanism, f"{b.inside:.2g}", b.before, f"{b.outside:.2g}", b.after) for b in found.borders
     ]
@@ -67,7 +71,7 @@ def _print(found: StabilityMap) -> None:
     typer.echo(f"{good} of {len(found.trials)} runs ended as the closed form says, and knew it")
 
 
-def _print_drifts(found: StabilityMap) -> None:
+def _print_drifts(found: "StabilityMap") -> None:
     rows = [
         (d.mechanism, f"{d.turns:g}", f"{d.first:.3e}", f"{d.last:.3e}", "no drift" if d.passed else "DRIFTS")
         for d in found.drifts

@@ -12,8 +12,6 @@ import typer
 from mechsim.cli.declared_options import spread
 from mechsim.cli.options import SPEED, DriveOptions, Model, Output, Sets, Speed, form_of, speed_of, writable
 from mechsim.files import written_beside
-from mechsim.pictures.view import page
-from mechsim.report.views import mechanism_view
 from mechsim.subjects.mjcf_source import MjcfForm
 
 
@@ -22,6 +20,9 @@ def view(
     model: Model, driven: DriveOptions, output: Output = None, speed: Speed = SPEED, sets: Sets = None
 ) -> None:
     """Make a page to turn a mechanism by hand, offline; without -o the browser opens it."""
+    from mechsim.pictures.view import page
+    from mechsim.report.views import mechanism_view
+
     place = None if output is None else writable(output, ".html")
     form = form_of(model, sets, driven)
     read = form.source if isinstance(form, MjcfForm) else None

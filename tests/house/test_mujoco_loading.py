@@ -1,9 +1,14 @@
 """MuJoCo is loaded by `simulation.mujoco_loading` before any module imports it by itself."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
+import pytest
+
 import mechsim
+from mechsim.cli import LATE
 
 HOUSE = Path(mechsim.__file__).parent
 # at the head of a module, where importing the module imports it
@@ -19,3 +24,12 @@ def test_a_package_that_imports_mujoco_loads_it_first_without_a_back_end_that_fa
         heads = [(one / "__init__.py").read_text() for one in above]
         assert any(FIRST.search(head) for head in heads), folder
     assert len(importing) > 5
+
+
+@pytest.mark.parametrize("name", ["list", "show", "solve", "sensitivity", *LATE])
+def test_the_help_of_a_command_is_told_without_mujoco(name):
+    told = f"import sys; sys.argv[1:] = ['{name}', '--help']; from mechsim.cli import app; "
+    told += "app(standalone_mode=False); assert not {'mujoco', 'scipy', 'matplotlib'} & sys.modules.keys()"
+    found = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=False)
+    assert found.returncode == 0, found.stderr
+    assert f" {name} [OPTIONS]" in found.stdout
