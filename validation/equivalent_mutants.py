@@ -86,8 +86,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): SPEED,
     (
         PATH,
-        "beside = np.argsort(np.abs(side))[1:2]",
-        "beside = np.argsort(np.abs(side))[1:3]",
+        "beside = np.argsort(np.abs(closed.side))[1:2]",
+        "beside = np.argsort(np.abs(closed.side))[1:3]",
     ): "only the first of them counts",
     (
         PATH,
@@ -204,8 +204,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "a frame alone carries nothing",
     (
         LAYOUT,
-        "links, which = np.array(pairs, dtype=np.intp).reshape(-1, 2).T",
-        "links, which = np.array(pairs, dtype=np.intp).reshape(-2, 2).T",
+        "*np.array(slides, dtype=np.intp).reshape(-1, 2).T,",
+        "*np.array(slides, dtype=np.intp).reshape(-2, 2).T,",
     ): SHAPE,
     (
         TREE,
