@@ -204,8 +204,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "a frame alone carries nothing",
     (
         LAYOUT,
-        "*np.array(slides, dtype=np.intp).reshape(-1, 2).T,",
-        "*np.array(slides, dtype=np.intp).reshape(-2, 2).T,",
+        "sliding, slid = np.array(slides, dtype=np.intp).reshape(-1, 2).T",
+        "sliding, slid = np.array(slides, dtype=np.intp).reshape(-2, 2).T",
     ): SHAPE,
     (
         TREE,

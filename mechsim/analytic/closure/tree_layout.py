@@ -64,11 +64,13 @@ def layout(branches: Sequence[TreeJoint], constants: Mapping[int, Fixed]) -> Lay
         constants: index of a link -> the sides of the branch that places it.
     """
     slides = [(k, branch.far) for branch in branches for k in range(branch.first, branch.turning)]
+    sliding, slid = np.array(slides, dtype=np.intp).reshape(-1, 2).T
     return Layout(
         *_angles(branches, constants),
         _tiers(branches),
         *_vectors(branches, constants),
-        *np.array(slides, dtype=np.intp).reshape(-1, 2).T,
+        sliding,
+        slid,
     )
 
 
