@@ -31,12 +31,7 @@ def rsup() -> Mechanism:
                     at("slider", axis=(0.3, 0.1, 1.0)),
                     cross_angle=np.deg2rad(70.0),
                 ),
-                Joint(
-                    "slide",
-                    "prismatic",
-                    at(GROUND, (0.0, 0.01, 0.02), (1.0, 0.1, 0.2)),
-                    End("slider", mark=(1.0, 0.0, 0.0)),
-                ),
+                Joint("slide", "prismatic", at(GROUND, (0.0, 0.01, 0.02), (1.0, 0.1, 0.2)), at("slider")),
             ),
             "shaft",
             {"tip": ("crank", (0.03, 0.004, 0.002)), "cross": ("slider", (0.0, 0.0, 0.0))},

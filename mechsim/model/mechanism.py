@@ -18,6 +18,7 @@ from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.display import short_repr
 from mechsim.model.inertia import Inertia
 from mechsim.model.joints import KINDS, KindName, coordinates
+from mechsim.model.unmarked_slides import MEANT, guessed, least_turned
 
 Vector = tuple[float, float, float]
 
@@ -127,20 +128,6 @@ class End:
         return _frame(self.axis, self.mark)
 
 
-def _least_turned(end: End, axis: Vector, mark: Vector) -> Vector:
-    """Return the mark of a side whose axis the least turn lays on another axis, and the mark on another mark.
-
-    Axes that are opposed are laid on each other about z, or about the other mark where that is not across.
-    """
-    own, other = np.array(end.axis), np.array(axis)
-    across, between = np.cross(own, other), own + other
-    if (nearness := float(between @ between)) > ROUNDED:
-        back = np.cross(across, mark)
-        return _vector(mark - back + 2.0 * np.cross(across, back) / nearness)
-    about = np.array(EZ if abs(axis[2]) < ROUNDED else mark)
-    return _vector(2.0 * about * (about @ mark) - mark)
-
-
 def _vector(values: Array) -> Vector:
     return (float(values[0]), float(values[1]), float(values[2]))
 
@@ -158,7 +145,8 @@ class Joint:
 
     - revolute: points and axes coincide. Coordinate: angle from a's mark to b's about the axis.
     - prismatic: axes coincide, marks stay parallel. Coordinate: displacement of b's point along the axis.
-      Where neither side has a mark, the links are turned by the least that lays axis on axis.
+      Where neither side has a mark, the links are turned by the least that lays axis on axis; in a
+      mechanism whose guess is nearer to that, as if each side had the mark it has by itself.
     - cylindrical: axes coincide. Coordinates: displacement, then angle.
     - screw: as cylindrical, and the displacement is `lead` times the turns.
     - universal: points coincide, axes cross at `cross_angle`. Coordinates: angle about a's axis,
@@ -176,6 +164,7 @@ class Joint:
         b: the other side.
         cross_angle: of a universal joint, in [rad].
         lead: of a screw, displacement a turn in [m].
+        unmarked: whether no mark says how a slide turns its links.
     """
 
     name: str
@@ -184,6 +173,7 @@ class Joint:
     b: End
     cross_angle: float = np.pi / 2
     lead: float = 0.0
+    unmarked: bool = field(init=False, default=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         if str(self.kind) not in KINDS:
@@ -206,11 +196,12 @@ class Joint:
                 f"lead of {self.kind} joint {self.name!r} is {self.lead} m; "
                 "give a screw its displacement a turn, and no other joint any"
             )
-        differ = 0 in KINDS[self.kind].alike and self.a.axis != self.b.axis
-        if differ and not (self.a.marked or self.b.marked):
-            assert self.a.mark is not None
-            b = replace(self.b, mark=_least_turned(self.b, self.a.axis, self.a.mark))
-            object.__setattr__(self, "b", b)
+        if 0 in KINDS[self.kind].alike and not (self.a.marked or self.b.marked):
+            side = self.a.frame
+            mark = least_turned(np.array(self.b.axis), side[:, 2], side[:, 0])
+            if np.abs(mark - np.array(self.b.mark)).max() > ROUNDED:
+                object.__setattr__(self, "b", replace(self.b, mark=_vector(mark)))
+                object.__setattr__(self, "unmarked", True)
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -273,6 +264,7 @@ class Mechanism:
         if not abs(number(self.start)) < np.inf:
             raise InputError(f"{self.name}: start is {self.start} rad; give a finite crank angle")
         revolutes = [joint.name for joint in self.joints if KINDS[joint.kind].hinge]
+        object.__setattr__(self, "joints", tuple(self._marked(joint) for joint in self.joints))
         self._require_coordinates()
         for gear in self.gears:
             called = f"gear {gear.driver!r}-{gear.driven!r}"
@@ -282,6 +274,22 @@ class Mechanism:
                 raise InputError(f"ratio of {called} is {gear.ratio}; give a number, not 0")
             if not abs(number(gear.phase)) < np.inf:
                 raise InputError(f"phase of {called} is {gear.phase}; give a finite number in [rad]")
+
+    def _marked(self, joint: Joint) -> Joint:
+        """Return a joint with the marks that the guess means, where none are given."""
+        poses = {GROUND: IDENTITY, **self.guess}
+        if not (joint.unmarked and joint.a.link in poses and joint.b.link in poses):
+            return joint
+        by_itself = End(joint.b.link, joint.b.point, joint.b.axis)
+        turned = numbers(poses[joint.a.link].rotation).T @ numbers(poses[joint.b.link].rotation)
+        meant, off = guessed(joint.a.frame, (joint.b.frame, by_itself.frame), turned)
+        if off > MEANT:
+            raise InputError(
+                f"{self.name}: {joint.kind} joint {joint.name!r} has no marks, and the guess turns its "
+                f"links by {np.rad2deg(off):.3g} deg about its axis from where they are without any; give "
+                "each side a mark, a direction across the axis that meets the other side's"
+            )
+        return replace(joint, b=replace(joint.b, mark=by_itself.mark)) if meant else joint
 
     def _require_coordinates(self) -> None:
         """Refuse drivers, holds and couplings of what is no coordinate, and one prescribed twice."""

@@ -23,8 +23,8 @@ _END = Keys(
         "axis": vector("1", "direction of the joint's axis in the link's frame; z if left out"),
         "mark": vector(
             "1",
-            "direction across the axis from which the angle is counted; x if left out; where both sides of a "
-            "slide leave it out, its links are turned by the least that lays axis on axis",
+            "direction across the axis from which the angle is counted; x if left out; where both "
+            "sides of a slide leave it out, links turn by the least that lays axis on axis, if not guessed",
         ),
     },
     "one side of the joint",

@@ -195,3 +195,37 @@ def test_marks_that_are_given_say_how_a_slide_is_turned():
     made = Joint("slide", "prismatic", slanted, End("arm", axis=EX, mark=EZ))
     assert made.b.mark == EZ
     assert made.a.mark == pytest.approx((0.8, -0.6, 0.0))
+
+
+SLIDE = Joint("slide", "prismatic", End(GROUND, axis=(1.0, 0.1, 0.2)), End("arm", axis=(0.2, 0.3, 1.0)))
+
+
+def guessed(turned, joint=SLIDE):
+    guess = {"arm": Pose(np.zeros(3), turned)}
+    return Mechanism("slant", (Link("arm"),), (joint,), "slide", {}, guess=guess)
+
+
+@given(turns)
+def test_a_guess_says_how_a_slide_without_marks_is_turned_and_one_far_off_is_refused(about):
+    by_itself = Joint("slide", "prismatic", SLIDE.a, End("arm", axis=SLIDE.b.axis, mark=EX))
+    off = {}
+    for meant in (SLIDE, by_itself):
+        roughly = SLIDE.a.frame @ rotation("z", about) @ meant.b.frame.T
+        # a rough guess tilts the axis, too
+        off[meant.b.mark] = rotation("y", 0.3) @ roughly
+    least = min(abs(about + one) for one in (0.0, 2.0 * np.pi, -2.0 * np.pi))
+    for mark, turned in off.items():
+        if least < 0.4:
+            found = guessed(turned)
+            assert found.joints[0].b.mark == pytest.approx(mark, abs=1e-15)
+            assert found.with_guess({"arm": Pose(np.ones(3), turned)}, 0.0).joints == found.joints
+        elif least > 2.9:
+            with pytest.raises(InputError, match="prismatic joint 'slide' has no marks, and the guess turns"):
+                guessed(turned)
+
+
+def test_a_guess_says_nothing_of_slides_with_marks_or_with_axes_alike():
+    turned = rotation("x", 1.7)
+    for a, b in (((0.2, 0.3, 1.0), {"mark": EY}), (SLIDE.a.axis, {})):
+        made = Joint("slide", "prismatic", SLIDE.a, End("arm", axis=a, **b))
+        assert guessed(turned, made).joints[0] == made
