@@ -201,6 +201,9 @@ def compared(
     for (kind, order), (columns, values) in tracks.items():
         # what stands still is judged by how fast the points go
         of_points = machine.size if order == 0 else np.abs(tracks["point", order][1]).max()
+        if order == 2:
+            # what moves straight and steadily has an acceleration of rounding
+            of_points = max(of_points, np.abs(tracks["point", 1][1]).max() ** 2 / machine.size)
         scale = max(of_points / (machine.size if kind == "r" else 1.0), np.abs(values).max(initial=0.0))
         got = np.array(
             [
