@@ -22,6 +22,7 @@ class GivenEnd(Unchecked, End):
     """A side of a joint whose frame is given, (3, 3); axis and mark are columns of it."""
 
     columns: Array = field(default_factory=lambda: np.eye(3))
+    marked: bool = field(init=False, default=True, compare=False, repr=False)
 
     @property
     def frame(self) -> Array:
