@@ -137,6 +137,8 @@ def _flushed(code: int) -> int:
 def _listening() -> Generator[list[int]]:
     """Give a list of the signals that came; one that a destructor swallowed comes again."""
     came: list[int] = []
+    # signals that are to come again; none does once nobody listens
+    timers: list[threading.Timer] = []
 
     def interrupt(number: int, _: object) -> None:
         came.append(number)
@@ -150,6 +152,7 @@ def _listening() -> Generator[list[int]]:
         elif came:
             again = threading.Timer(AGAIN, os.kill, (os.getpid(), came[-1]))
             again.daemon = True
+            timers.append(again)
             again.start()
 
     # a signal that is ignored, as under nohup, stays so
@@ -161,6 +164,8 @@ def _listening() -> Generator[list[int]]:
     try:
         yield came
     finally:
+        for again in timers:
+            again.cancel()
         sys.unraisablehook = hook
         for one, old in before.items():
             signal.signal(one, old)

@@ -12,6 +12,7 @@ from mechsim.cli.declared_options import spread
 from mechsim.cli.options import (
     SPEED,
     DriveOptions,
+    Json,
     Output,
     Sets,
     folder_for,
@@ -20,7 +21,7 @@ from mechsim.cli.options import (
     speed_of,
     writable,
 )
-from mechsim.cli.output import progress
+from mechsim.cli.output import print_json, progress
 from mechsim.cli.plain_options import plain_settings
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
@@ -71,6 +72,7 @@ def export(
     ] = None,
     sets: Sets = None,
     output: Output = None,
+    as_json: Json = False,
 ) -> None:
     """Write the MuJoCo model of a mechanism, or the mechanism as TOML."""
     wanted = scene_of(scene, cut)
@@ -101,7 +103,10 @@ def export(
                 with files.written_beside(folder / f"{one}.xml") as path:
                     path.write_text(text)
                 tick(one)
-        typer.echo(f"wrote {len(catalog.DRIVES)} models to {every}")
+        if as_json:
+            print_json({"mechanisms": list(catalog.DRIVES), "output": every})
+        else:
+            typer.echo(f"wrote {len(catalog.DRIVES)} models to {every}")
         return
     assert model is not None
     place = None if output is None else writable(output, f".{form}")
@@ -112,13 +117,19 @@ def export(
     else:
         whole = scene_of(scene, cut, moved.forces)
         text, missed = _text(moved.mechanism, whole, asked, timestep, speed, tolerance)
-    if place is None:
-        typer.echo(text, nl=False)
-    else:
+    if place is not None:
         with files.written_beside(place) as path:
             path.write_text(text)
+    if as_json:
+        whole = text if place is None else None
+        print_json(
+            {"mechanism": moved.name, "format": form, "output": output, "text": whole, "missed": missed}
+        )
+    elif place is None:
+        typer.echo(text, nl=False)
+    else:
         typer.echo(f"wrote {output}")
-    if missed:
+    if missed and not as_json:
         typer.echo(missed, err=True)
         raise typer.Exit(1)
 

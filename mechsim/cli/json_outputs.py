@@ -252,6 +252,20 @@ OUTPUTS: dict[str, Schema] = {
         ),
     ),
 }
+OUTPUTS["export"] = record(
+    {
+        "mechanism": TEXT,
+        "format": {"enum": ["xml", "toml"]},
+        "text": maybe(TEXT),
+        "missed": TEXT,
+        "mechanisms": TEXTS,
+    },
+    output=maybe(TEXT),
+)
+OUTPUTS["schema"] = {"type": "object"}
+OUTPUTS["plot"] = record(mechanism=TEXT, kind=TEXT, output=TEXT)
+OUTPUTS["render"] = record(mechanism=TEXT, output=TEXT, frames=maybe(WHOLE))
+OUTPUTS["view"] = record(mechanism=TEXT, output=TEXT, opened=YES)
 REDUCED = record(trajectory=NUMBER, torque=NUMBER, energy=NUMBER)
 OUTPUTS["reduce"] = record(
     left_out=many(record({"family": TEXT, "together": NUMBER}, what=TEXT, error=NUMBER, time_ratio=NUMBER)),

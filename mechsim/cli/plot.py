@@ -8,6 +8,7 @@ from mechsim.cli.declared_options import spread
 from mechsim.cli.options import (
     DriveOptions,
     File,
+    Json,
     Model,
     Sets,
     Speed,
@@ -16,7 +17,7 @@ from mechsim.cli.options import (
     speed_of,
     writable,
 )
-from mechsim.cli.output import progress
+from mechsim.cli.output import print_json, progress
 from mechsim.errors import InputError
 from mechsim.pictures import plots
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
@@ -38,6 +39,7 @@ def plot(
     *,
     driven: DriveOptions,
     sets: Sets = None,
+    as_json: Json = False,
 ) -> None:
     """Plot motions, curves, transmission, errors, velocity plans, dynamics or studies: .svg, .pdf or .png.
 
@@ -50,7 +52,7 @@ def plot(
     place = writable(output)
     if model.lower().endswith((".nc", ".zarr", ".parquet", ".csv")):
         plots.write(place, drawn_sweep(model, asked.of, None if kind == "motion" else kind))
-        typer.echo(f"wrote {output}")
+        _tell(model, kind, output, as_json)
         return
     if kind not in PLOTS:
         raise InputError(f"there is no plot {kind!r}; known are {', '.join(PLOTS)}")
@@ -63,4 +65,11 @@ def plot(
         source = PlotSource(drive=drive, speed=speed_of(speed), asked=asked, done=tick)
         figure = PLOTS[kind].draw(source)
     plots.write(place, figure)
-    typer.echo(f"wrote {output}")
+    _tell(drive.name, kind, output, as_json)
+
+
+def _tell(name: str, kind: str, output: str, as_json: bool) -> None:
+    if as_json:
+        print_json({"mechanism": name, "kind": kind, "output": output})
+    else:
+        typer.echo(f"wrote {output}")

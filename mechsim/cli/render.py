@@ -13,6 +13,7 @@ from mechsim.cli.declared_options import spread
 from mechsim.cli.options import (
     DriveOptions,
     File,
+    Json,
     Model,
     Sets,
     form_of,
@@ -20,7 +21,7 @@ from mechsim.cli.options import (
     speed_of,
     writable,
 )
-from mechsim.cli.output import progress
+from mechsim.cli.output import print_json, progress
 from mechsim.cli.slips import asked_angle
 from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
@@ -85,7 +86,13 @@ class FilmOptions:
 
 @spread
 def render(
-    model: Model, output: File, film: FilmOptions, look: Look, driven: DriveOptions, sets: Sets = None
+    model: Model,
+    output: File,
+    film: FilmOptions,
+    look: Look,
+    driven: DriveOptions,
+    sets: Sets = None,
+    as_json: Json = False,
 ) -> None:
     """Draw a mechanism without a screen: .png, .mp4, .webm, .gif, or a new folder of .png files.
 
@@ -100,7 +107,7 @@ def render(
     drive = moving(form_of(model, sets, driven))
     look = replace(look, **drawn_as(drive))
     if film.trace:
-        _round(place, drive, film, look, picture)
+        _tell(drive.name, output, _round(place, drive, film, look, picture), as_json)
         return
     profile = profile_of(drive, film.speed, film.turns, at)
     programmed = drive.programs is not None
@@ -119,17 +126,27 @@ def render(
     if picture:
         look = replace(look, paths="whole" if look.paths else False)
         write_picture(place, drive.mechanism, motion, look, angle=at, **beside)
-        typer.echo(f"wrote {output}")
+        _tell(drive.name, output, None, as_json)
         return
     whole = comes_round(drive.mechanism, motion, SEEN, SEEN)
     tail = whole and not programmed and drive.crank_range().full
     look = replace(look, paths="tail" if look.paths and tail else look.paths)
     count = _write_film(place, drive, motion, whole, look, {"fps": film.fps, **beside})
-    typer.echo(f"wrote {count} frames to {output}")
+    _tell(drive.name, output, count, as_json)
 
 
-def _round(place: Path, drive: Form, film: FilmOptions, look: Look, picture: bool) -> None:
-    """Draw one round of the curve of assemblies: the last frame, the first again, is left out of a film."""
+def _tell(name: str, output: str, frames: int | None, as_json: bool) -> None:
+    if as_json:
+        print_json({"mechanism": name, "output": output, "frames": frames})
+    else:
+        typer.echo(f"wrote {'' if frames is None else f'{frames} frames to '}{output}")
+
+
+def _round(place: Path, drive: Form, film: FilmOptions, look: Look, picture: bool) -> int | None:
+    """Draw one round of the curve of assemblies; return how many frames a film has.
+
+    The last frame, the first again, is left out.
+    """
     # found where it is used: with it comes much that other pictures do without
     from mechsim.theory.continuation import crank_way, even_motion, trace
 
@@ -142,10 +159,8 @@ def _round(place: Path, drive: Form, film: FilmOptions, look: Look, picture: boo
     look = replace(look, paths="whole" if look.paths else False)
     if picture:
         write_picture(place, drive.mechanism, motion, look)
-        typer.echo(f"wrote {place}")
-        return
-    drawn = _write_film(place, drive, motion, True, look, {"fps": film.fps})
-    typer.echo(f"wrote {drawn} frames to {place}")
+        return None
+    return _write_film(place, drive, motion, True, look, {"fps": film.fps})
 
 
 def _check(output: str, film: FilmOptions, look: Look) -> None:

@@ -6,7 +6,7 @@ import typer
 
 from mechsim import files
 from mechsim.cli.json_outputs import OUTPUTS, output_schema
-from mechsim.cli.options import Output, writable
+from mechsim.cli.options import Json, Output, writable
 from mechsim.cli.output import print_json
 from mechsim.errors import InputError
 from mechsim.subjects.schema import schema as schema_of
@@ -20,6 +20,7 @@ def schema(
         ),
     ] = None,
     output: Output = None,
+    as_json: Json = False,
 ) -> None:
     """Print the JSON Schema of mechanisms in TOML, or of what a command prints with --json.
 
@@ -32,3 +33,5 @@ def schema(
         print_json(told)
         return
     files.write_json(writable(output, ".json"), told)
+    if as_json:
+        print_json({"output": output})

@@ -117,7 +117,8 @@ def _validated(
         if as_json:
             outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"
             lost = {"passed": False, "outcome": outcome, "checks": [], "steps": 0, "seconds": 0.0}
-            print_json({"passed": False, "mechanisms": dict.fromkeys(families, lost)})
+            told = {name: lost | in_json(found_in(one.make({}))) for name, one in families.items()}
+            print_json({"passed": False, "mechanisms": told})
         raise
 
 

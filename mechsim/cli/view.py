@@ -10,14 +10,31 @@ from pathlib import Path
 import typer
 
 from mechsim.cli.declared_options import spread
-from mechsim.cli.options import SPEED, DriveOptions, Model, Output, Sets, Speed, form_of, speed_of, writable
+from mechsim.cli.options import (
+    SPEED,
+    DriveOptions,
+    Json,
+    Model,
+    Output,
+    Sets,
+    Speed,
+    form_of,
+    speed_of,
+    writable,
+)
+from mechsim.cli.output import print_json
 from mechsim.files import written_beside
 from mechsim.subjects.mjcf_source import MjcfForm
 
 
 @spread
 def view(
-    model: Model, driven: DriveOptions, output: Output = None, speed: Speed = SPEED, sets: Sets = None
+    model: Model,
+    driven: DriveOptions,
+    output: Output = None,
+    speed: Speed = SPEED,
+    sets: Sets = None,
+    as_json: Json = False,
 ) -> None:
     """Make a page to turn a mechanism by hand, offline; without -o the browser opens it."""
     from mechsim.pictures.view import page
@@ -35,7 +52,11 @@ def view(
         place = Path(tempfile.mkdtemp(prefix="mechsim-")) / name if browser else Path(name)
     with written_beside(place) as beside:
         beside.write_text(text, encoding="utf-8")
-    if browser is not None and browser.open(place.resolve().as_uri()):
+    opened = browser is not None and browser.open(place.resolve().as_uri())
+    if as_json:
+        print_json({"mechanism": form.name, "output": str(place), "opened": opened})
+        return
+    if opened:
         typer.echo(f"opened {place}")
         return
     said = "" if output is not None else "no browser to open it in here; "

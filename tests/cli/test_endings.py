@@ -117,6 +117,28 @@ def test_a_signal_that_a_destructor_swallows_ends_the_command_all_the_same() -> 
     assert done.stderr == "mechsim: stopped\n"
 
 
+def test_a_signal_that_is_to_come_again_does_not_come_once_the_command_has_ended() -> None:
+    code = (
+        "import os, signal, time\n"
+        "from mechsim.cli import endings\n"
+        "class Held:\n"
+        "    def __del__(self):\n"
+        "        os.kill(os.getpid(), signal.SIGINT)\n"
+        "        time.sleep(0)\n"
+        "def command():\n"
+        "    Held()\n"
+        "    Held()\n"
+        "    time.sleep(60)\n"
+        "code = endings.ended(command)\n"
+        "time.sleep(10 * endings.AGAIN)\n"
+        "raise SystemExit(code)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=ENVIRONMENT, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (2, "mechsim: stopped\n")
+
+
 def test_a_signal_that_is_ignored_stays_ignored(tmp_path: Path) -> None:
     code = (
         "import signal, os; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"

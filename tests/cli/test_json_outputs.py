@@ -34,9 +34,13 @@ sensitivity four_bar --of B.x --to crank --angles 0:90:45deg --tolerances crank=
 fit slider_crank --to tests/measured_slider.csv --vary crank,rod
 validate slider_crank
 validate --reference four_bar
+export five_bar --format toml
+export four_bar -o {folder}/model.xml
+plot four_bar --kind curve -o {folder}/curve.svg
+view slider_crank -o {folder}/page.html
 """.strip().splitlines()
-# long runs
-ELSEWHERE = {"extremes", "reduce", "tune", "sweep"}
+# long runs, pictures, and what is JSON by itself
+ELSEWHERE = {"extremes", "reduce", "tune", "sweep", "render", "schema"}
 
 
 def printed(line, monkeypatch, capsys):
@@ -72,7 +76,8 @@ def undescribed(value, schema, path=""):
 
 @pytest.mark.usefixtures("budget_by_processor")
 @pytest.mark.parametrize("line", LINES)
-def test_what_is_printed_is_as_the_schema_says(line, monkeypatch, capsys):
+def test_what_is_printed_is_as_the_schema_says(line, monkeypatch, capsys, tmp_path):
+    line = line.format(folder=tmp_path)
     told, schema = printed(line, monkeypatch, capsys), output_schema(line.split()[0])
     jsonschema.Draft202012Validator.check_schema(schema)
     jsonschema.validate(told, schema)

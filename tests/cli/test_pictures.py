@@ -1,10 +1,13 @@
+import json
 import shutil
 import sys
 import xml.etree.ElementTree as ET
 
+import jsonschema
 import pytest
 from drawing import draws
 
+from mechsim.cli.json_outputs import output_schema
 from mechsim.report import plot_table
 from mechsim.studies.extremes import scaled, stability_map
 
@@ -29,6 +32,16 @@ def test_pictures_come_from_either_road_or_both(mechsim, tmp_path, road):
     code, out, err = mechsim("render", "rssr", "--from", road, "--angle", "40deg", "-o", "a.png", *SMALL)
     assert (code, out) == (0, "wrote a.png\n"), err
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+@draws
+def test_what_was_drawn_is_told_in_json_as_its_schema_says(mechsim):
+    for name, frames in (("a.png", None), ("a.gif", 6)):
+        told = json.loads(
+            mechsim("render", "rssr", "-o", name, "--frames-per-turn", "6", "--json", *SMALL).out
+        )
+        assert told == {"mechanism": "rssr", "output": name, "frames": frames}
+        jsonschema.validate(told, output_schema("render"))
 
 
 @draws

@@ -41,6 +41,14 @@ def test_a_verdict_on_a_scene_begins_with_what_is_wrong_with_it(mechsim, file):
     assert [one["kind"] for one in found] == ["actuator", "soft"]
 
 
+def test_what_is_wrong_with_a_scene_that_cannot_be_judged_is_told(mechsim, file):
+    text = changed(('<connect name="loop"', '<connect name="loop" active="false"'))
+    code, out, _ = mechsim("validate", file(text), "--json")
+    (case,) = json.loads(out)["mechanisms"].values()
+    assert (code, case["outcome"]) == (2, "undetermined")
+    assert "open" in [one["kind"] for one in case["findings"]]
+
+
 def test_validate_says_it_too_whatever_the_scene_is_held_against(mechsim, file, tmp_path):
     (tmp_path / "own.py").write_text("def still(angle):\n    return {'rocker': 0 * angle}\n")
     asked = ("validate", file(SOFT), "--drive", "crank=0.3*sin(2*pi*t)")

@@ -19,6 +19,7 @@ from mechsim.studies.reduction import refit as refitting
 from mechsim.studies.reduction.bench import Bench
 from mechsim.studies.reduction.candidate import Candidate, NotThere, changed
 from mechsim.studies.reduction.evidence import evidence
+from mechsim.studies.reduction.knobs import Knob, turned_in
 from mechsim.studies.reduction.other_motions import REACH, motion_to_fit, second_motion
 from mechsim.studies.reduction.refit import refit
 from mechsim.studies.reduction.spelled_out import spelled_out
@@ -289,6 +290,14 @@ def test_longer_steps_fitted_to_two_motions_hold_over_a_third_where_others_do_no
     assert np.allclose(
         mujoco.MjModel.from_xml_string(fitted.to_xml()).dof_armature, fitted.compile().dof_armature, rtol=1e-5
     )
+
+
+def test_numbers_fitted_to_a_part_that_is_not_there_do_not_apply():
+    spec = mujoco.MjSpec.from_string(FINGER)
+    knob = Knob("equality", ("elbow_of_knuckle",), (("eq_solref", 0),))
+    fitted = Candidate("stepping", "fitted", lambda spec: turned_in(spec, [knob], np.ones(1)))
+    with pytest.raises(NotThere, match="elbow_of_knuckle"):
+        changed(spec, fitted)
 
 
 def test_a_tracked_point_that_stays_where_it_is_is_refused(tmp_path):

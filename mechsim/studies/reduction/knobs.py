@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
+from mechsim.studies.reduction.candidate import NotThere
 from mechsim.studies.reduction.lean_scene import LeanScene
 from mechsim.studies.reduction.stepping import IMPEDANCES
 
@@ -91,9 +92,12 @@ def turned_in(spec: mujoco.MjSpec, knobs: Sequence[Knob], values: Array) -> None
     """Turn knobs in a specification.
 
     Raises:
-        KeyError: where it lacks a part.
+        NotThere: where it lacks a part, as the polynomial that stands for a loop.
     """
-    spec.copy_back(turned(spec.compile(), knobs, values))
+    try:
+        spec.copy_back(turned(spec.compile(), knobs, values))
+    except KeyError as error:
+        raise NotThere(str(error.args[0])) from None
 
 
 def _inertia(model: mujoco.MjModel, qpos: Array) -> Array:
