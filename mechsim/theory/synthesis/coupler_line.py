@@ -130,7 +130,8 @@ def follow_curve(
         curve: points in the order they are passed, (n, 2) in [m], n at least 5; the deviation counts on
             the normals at these.
         base: as for `synthesize_looper`.
-        equal_ripple: as for `synthesize_looper`, and `in_space` too.
+        equal_ripple: as for `synthesize_looper`.
+        in_space: the curve is that of C on its cylinder, seen along Z, not of the planar four-bar's.
 
     Raises:
         InputError: where C cannot reach the curve, no linkage follows it, or it is too short.
