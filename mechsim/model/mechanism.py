@@ -37,12 +37,22 @@ ONE_PLACE = 1e-9
 ROUNDED = 1e-14
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Pose:
     """Where links are: position of the origin, (..., 3) in [m], and rotation matrix, (..., 3, 3)."""
 
     position: Array
     rotation: Array
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the other stands at the same places, to the last bit."""
+        return (
+            isinstance(other, Pose)
+            and np.array_equal(self.position, other.position)
+            and np.array_equal(self.rotation, other.rotation)
+        )
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]
 
     def point(self, local: Vector) -> Array:
         """Return the place of a point given in the link's frame, (..., 3) in [m]."""

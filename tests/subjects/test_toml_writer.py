@@ -57,6 +57,14 @@ def test_the_judge_sees_one_bit(tmp_path):
     assert not alike(read_back(moved, tmp_path), mechanism)
 
 
+def test_mechanisms_can_be_compared_guess_and_all(tmp_path):
+    mechanism = catalog.make("rssr").mechanism
+    assert read_back(mechanism, tmp_path) == mechanism
+    link, pose = next(iter(mechanism.guess.items()))
+    moved = replace(pose, position=np.nextafter(pose.position, 1.0))
+    assert replace(mechanism, guess={**mechanism.guess, link: moved}) != mechanism
+
+
 def test_names_that_are_no_bare_keys_come_back(tmp_path):
     mechanism = catalog.make("four_bar").mechanism
     points = {'a "b"\\': mechanism.points["A"], "ü.1": mechanism.points["B"], "🙂\x7f": mechanism.points["C"]}
