@@ -95,18 +95,7 @@ def export(
                 "--all exports every mechanism as it is; leave out --set, --drive, --cut, --speed, "
                 "--tolerance, settings and -o"
             )
-        folder = folder_for(every)
-        folder.mkdir(exist_ok=True)
-        with progress("export", len(catalog.DRIVES)) as tick:
-            for one in catalog.DRIVES:
-                text = mjcf.to_xml(exported(catalog.make(one).mechanism, wanted))
-                with files.written_beside(folder / f"{one}.xml") as path:
-                    path.write_text(text)
-                tick(one)
-        if as_json:
-            print_json({"mechanisms": list(catalog.DRIVES), "output": every})
-        else:
-            typer.echo(f"wrote {len(catalog.DRIVES)} models to {every}")
+        _every(every, wanted, as_json)
         return
     assert model is not None
     place = None if output is None else writable(output, f".{form}")
@@ -132,6 +121,22 @@ def export(
     if missed and not as_json:
         typer.echo(missed, err=True)
         raise typer.Exit(1)
+
+
+def _every(place: str, wanted: Scene, as_json: bool) -> None:
+    """Write the models of the catalogue into a folder."""
+    folder = folder_for(place)
+    folder.mkdir(exist_ok=True)
+    with progress("export", len(catalog.DRIVES)) as tick:
+        for one in catalog.DRIVES:
+            text = mjcf.to_xml(exported(catalog.make(one).mechanism, wanted))
+            with files.written_beside(folder / f"{one}.xml") as path:
+                path.write_text(text)
+            tick(one)
+    if as_json:
+        print_json({"mechanisms": list(catalog.DRIVES), "output": place})
+    else:
+        typer.echo(f"wrote {len(catalog.DRIVES)} models to {place}")
 
 
 def _text(
