@@ -137,11 +137,13 @@ def _flushed(code: int) -> int:
 def _listening() -> Generator[list[int]]:
     """Give a list of the signals that came; one that a destructor swallowed comes again."""
     came: list[int] = []
-    # signals that are to come again; none does once nobody listens
-    timers: list[threading.Timer] = []
+    # a signal that is to come again; none does once another came, or once nobody listens
+    later: list[threading.Timer] = []
 
     def interrupt(number: int, _: object) -> None:
         came.append(number)
+        for one in later:
+            one.cancel()
         if number == signal.SIGINT:
             raise KeyboardInterrupt
         raise EndedError
@@ -152,7 +154,7 @@ def _listening() -> Generator[list[int]]:
         elif came:
             again = threading.Timer(AGAIN, os.kill, (os.getpid(), came[-1]))
             again.daemon = True
-            timers.append(again)
+            later[:] = [again]
             again.start()
 
     # a signal that is ignored, as under nohup, stays so
@@ -164,8 +166,8 @@ def _listening() -> Generator[list[int]]:
     try:
         yield came
     finally:
-        for again in timers:
-            again.cancel()
+        for one in later:
+            one.cancel()
         sys.unraisablehook = hook
         for one, old in before.items():
             signal.signal(one, old)
