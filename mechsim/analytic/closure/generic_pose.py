@@ -56,5 +56,12 @@ def idle_and_free(loops: TreeLoops, at: Coordinates, told: float) -> tuple[Array
 
 def held(freedoms: Array, coordinate: int) -> Array:
     """Return the freedoms in which a coordinate that has part in them does not move, one fewer."""
-    _, _, turned = np.linalg.svd(freedoms[None, :, coordinate])
-    return turned[1:] @ freedoms
+    part = freedoms[:, coordinate]
+    rows = np.flatnonzero(part)
+    # a reflection puts all of the coordinate's part into the first of them
+    mirror = part[rows]
+    mirror[0] += np.copysign(np.linalg.norm(mirror), mirror[0])
+    turned = np.outer(2.0 / (mirror @ mirror) * mirror[1:], mirror @ freedoms[rows])
+    found = np.delete(freedoms, rows[0], 0)
+    found[rows[1:] - 1] -= turned
+    return found

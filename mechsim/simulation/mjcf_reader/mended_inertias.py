@@ -1,13 +1,19 @@
 """A specification with masses that MuJoCo takes where it refuses those of the file: kinematics need none."""
 
+import re
+
 import mujoco
 
+# a mesh that bounds no volume
+_FLAT = re.compile(r"mesh volume is too small: (\S+)")
 # the least mass and moment of a moving body, in [kg] and [kg m2]
 MASS, MOMENT = 1e-6, 1e-12
 
 
 def with_possible_inertias(spec: mujoco.MjSpec, refusal: str) -> str:
     """Have MuJoCo even out inertias that break the triangle inequality, or raise those that are nought.
+
+    Meshes that bound no volume weigh as shells.
 
     Args:
         spec: changed in place.
@@ -29,4 +35,8 @@ def with_possible_inertias(spec: mujoco.MjSpec, refusal: str) -> str:
             "a moving body has no mass or no inertia and MuJoCo refuses the file: read as with "
             f'<compiler boundmass="{MASS:g}" boundinertia="{MOMENT:g}"/>'
         )
+    flat = _FLAT.search(said)
+    if flat and (mesh := spec.mesh(flat[1])) and mesh.inertia != mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL:
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+        return f'mesh {flat[1]!r} bounds no volume and MuJoCo refuses it: read as with inertia="shell"'
     return ""
