@@ -33,6 +33,8 @@ EZ: Vector = (0.0, 0.0, 1.0)
 FARTHEST = 1e100
 # joints of a link nearer to each other than this part of all that is known of the links lie in one place
 ONE_PLACE = 1e-9
+# points whose distances to all others are taken at once
+ROWS = 500
 # lengths and cosines of unit vectors across each other are off by less
 ROUNDED = 1e-14
 
@@ -406,8 +408,10 @@ class Mechanism:
         """The longest distance between two points of one link, in [m]: the yardstick of this mechanism."""
         if not self.links:
             return 1.0  # nothing moves by which it could be measured
-        names = [GROUND, *(link.name for link in self.links)]
-        held = {name: [end.point for end in self.ends(name)] for name in names}
+        held = {name: list[Vector]() for name in (GROUND, *(link.name for link in self.links))}
+        for joint in self.joints:
+            for end in (joint.a, joint.b):
+                held[end.link].append(end.point)
         joints = max(_extent(points) for points in held.values())
         for link in self.links:
             held[link.name] += link.outline
@@ -478,8 +482,9 @@ def _require_pose(link: str, pose: Pose) -> None:
 def _extent(points: list[Vector]) -> float:
     """Return the longest distance between two points."""
     places = np.array(points).reshape(-1, 3)
-    gaps = places[:, None] - places[None]
-    return float(np.sqrt((gaps**2).sum(-1)).max(initial=0.0))
+    # the frame may hold thousands: not all pairs at once
+    rows = (places[i : i + ROWS, None] - places[None] for i in range(0, len(places), ROWS))
+    return float(np.sqrt(max(((gaps**2).sum(-1).max(initial=0.0) for gaps in rows), default=0.0)))
 
 
 def _unique(mechanism: str, what: str, names: list[str]) -> None:

@@ -1,10 +1,14 @@
 """The loop equations name what the crank leaves open, and invent no motion."""
 
+import time
+
 import numpy as np
 import pytest
 
 from mechsim import catalog
 from mechsim.analytic import closure
+from mechsim.analytic.closure.generic_pose import held
+from mechsim.analytic.closure.settled import settled
 from mechsim.errors import MobilityError
 from mechsim.model.couplings import Gear
 from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
@@ -80,3 +84,27 @@ def test_a_start_at_a_dead_centre_is_no_freedom():
     # the start stands 1e-7 rad from where digits are halved; the pose asked for does not
     for name, link in exact.items():
         np.testing.assert_allclose(found[name].position, link.position, atol=1e-9 * drive.mechanism.size)
+
+
+def test_a_coordinate_held_takes_one_freedom_and_leaves_the_others_whole():
+    freedoms = np.linalg.qr(np.random.default_rng(3).standard_normal((9, 9)))[0][:5]
+    left = held(freedoms, 4)
+    assert left.shape == (4, 9)
+    np.testing.assert_allclose(left[:, 4], 0.0, atol=1e-15)
+    np.testing.assert_allclose(left @ left.T, np.eye(4), atol=1e-14)
+    assert np.linalg.matrix_rank(np.vstack([freedoms, left]), tol=1e-12) == 5
+
+
+def test_what_hundreds_of_loose_bodies_leave_open_is_known_in_seconds():
+    names = [f"b{i}" for i in range(200)]
+    joints = [Joint(f"j{name}", "floating", End(GROUND), End(name)) for name in names]
+    pose = Pose(np.zeros(3), np.eye(3))
+    crank = Joint("crank", "revolute", End(GROUND), End("c", (0.1, 0.0, 0.0)))
+    links = tuple(Link(name) for name in [*names, "c"])
+    guess = dict.fromkeys([*names, "c"], pose)
+    loose = Mechanism(
+        "loose", links, (crank, *joints), "crank", points={"P": ("c", (0.0, 0.1, 0.0))}, guess=guess
+    )
+    before = time.process_time()
+    assert len(settled(loose).open) == 13
+    assert time.process_time() - before < 8.0

@@ -242,7 +242,13 @@ BAD = {
         "<mujoco>\n<worldbody>\n<bodie/></worldbody></mujoco>",
         r"line 3: MuJoCo refuses it: .*'bodie'",
     ),
-    "cut off": ("<mujoco>\n<worldbody>", "line 2: MuJoCo refuses it"),
+    "cut off": ("<mujoco>\n<worldbody>", "line 2, column 12: no well-formed XML, no element found; mend"),
+    "a pointer": ("version https://git-lfs.github.com/spec/v1\noid sha256:1\n", "Git LFS.*git lfs pull"),
+    "a part": ("<mujocoinclude/>", "is a part that other files include; name the file that includes it"),
+    "no such plugin": (
+        '<mujoco><extension><plugin plugin="no.such"/></extension></mujoco>',
+        "plugin no.such not found .*; take the plugin out of a copy",
+    ),
     "no such joint": (LOOPS.replace("EQUALITY", '<joint joint1="nobody"/>'), r"line 12: .*'nobody'"),
     "not a number": (
         LOOPS.replace("EQUALITY", "").replace("0 0.4 0", "0 nan 0"),
@@ -321,3 +327,13 @@ def test_a_gripper_whose_slides_and_masses_lie_in_one_place_is_as_large_as_its_f
     text = f"<mujoco><worldbody>{finger.format('left')}{finger.format('right')}</worldbody></mujoco>"
     size = read_model(file(text), drivers=["left", "right"]).mechanism.size
     assert size == pytest.approx(np.hypot(np.hypot(0.02, 0.04), 0.08))
+
+
+@pytest.mark.parametrize(("high", "said"), [(1e-9, ""), (1e-14, "bounds no volume")])
+def test_a_mesh_that_is_nearly_flat_is_read_without_a_word_of_qhull(file, capfd, high, said):
+    text = f"""<mujoco><asset><mesh name="flat" vertex="0 0 0  1 0 0  0 1 0  1 1 {high}" face="0 1 3  0 3 2"/>
+    </asset><worldbody><body name="b"><joint name="crank"/><geom type="mesh" mesh="flat"/></body>
+    </worldbody></mujoco>"""
+    read = read_model(file(text))
+    assert any(said in remark for remark in read.remarks) or not said
+    assert capfd.readouterr() == ("", "")

@@ -10,7 +10,6 @@ and `simulate` said, and every fault as `broken_subjects.py` counts them; the ex
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator
 
 from broken_subjects import run
 from judged_endings import Case
@@ -100,7 +99,9 @@ BROKEN: dict[str, bytes] = {
     "a joint of no kind": changed('name="elbow"', 'name="elbow" type="screw"'),
     "a joint on the world": changed("<worldbody>", '<worldbody><joint name="x"/>'),
     "a name twice": changed('name="rocker"', 'name="elbow"'),
-    "names in other scripts": changed("crank", "crank", "rocker", "\u041a\u043e\u0440\u043e\u043c\u044b\u0441\u043b\u043e \U0001f980"),
+    "names in other scripts": changed(
+        "crank", "crank", "rocker", "\u041a\u043e\u0440\u043e\u043c\u044b\u0441\u043b\u043e \U0001f980"
+    ),
     "names of blanks and quotes": changed('name="rocker"', 'name=" a &quot;b&quot;=c,d\t"'),
     "no such site": changed('site2="Q"', 'site2="R"'),
     "no such body": added("equality", '<weld body1="a" body2="z"/>'),
@@ -109,17 +110,21 @@ BROKEN: dict[str, bytes] = {
     "no such class": changed(CRANK, CRANK.replace("/>", ' class="heavy"/>')),
     "a connect to itself": added("equality", '<connect body1="a" body2="a" anchor="0 0 0"/>'),
     "one site and one body": added("equality", '<connect site1="P" body2="a" anchor="0 0 0"/>'),
-    "no mass": changed("<geom size=\"0.01\"/>", '<geom size="0.01" mass="0"/>'),
-    "a mass below nought": changed('<geom size="0.01"/>\n      <body', '<geom size="0.01" mass="-1"/>\n      <body'),
+    "no mass": changed('<geom size="0.01"/>', '<geom size="0.01" mass="0"/>'),
+    "a mass below nought": changed(
+        '<geom size="0.01"/>\n      <body', '<geom size="0.01" mass="-1"/>\n      <body'
+    ),
     "inertias of no body": changed(
-        '<geom size="0.01"/>\n      <body', '<inertial pos="0 0 0" mass="1" diaginertia="9 1 1"/>\n      <body'
+        '<geom size="0.01"/>\n      <body',
+        '<inertial pos="0 0 0" mass="1" diaginertia="9 1 1"/>\n      <body',
     ),
     "a loop open by 1 mm": changed(Q, '"0.021 0.02 0"'),
     "a loop open by 1 m": changed(Q, '"1.02 0.02 0"'),
     "a loop open across its plane": changed(Q, '"0.02 0.02 0.001"'),
     "two loops that contradict": added("equality", '<connect body1="b" body2="c" anchor="0.03 0.01 0"/>'),
     "a coupling that contradicts": added(
-        "equality", '<joint joint1="elbow" polycoef="1 0 0 0 0"/><joint joint1="elbow" polycoef="0.5 0 0 0 0"/>'
+        "equality",
+        '<joint joint1="elbow" polycoef="1 0 0 0 0"/><joint joint1="elbow" polycoef="0.5 0 0 0 0"/>',
     ),
     "a joint coupled to itself": added("equality", '<joint joint1="elbow" joint2="elbow"/>'),
     "a drive too many": added("actuator", '<motor joint="rocker"/>'),
@@ -162,7 +167,7 @@ def main() -> int:
         codes, said, faults = [], "", []
         for line in COMMANDS:
             words = tuple(line.format("model.xml", DRIVEN).split())
-            code, last, wrong, spent = run(Tried(what, Case(words, {"model.xml": content})))
+            code, last, wrong, _ = run(Tried(what, Case(words, {"model.xml": content})))
             codes.append(str(code))
             said = said or (last if code else "")
             faults += [f"{words[0]}: {one}" for one in wrong]

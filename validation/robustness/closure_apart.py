@@ -8,6 +8,7 @@ from where the file starts, in steps between the instants asked for.
 """
 
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -51,7 +52,9 @@ def turned(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 class Closure:
     """The equations of a compiled model; its unknowns are (nbody - 1) places, quaternions, then qpos."""
 
-    def __init__(self, model: mujoco.MjModel, size: float, prescribed: Mapping[str, Callable[[float], float]]):
+    def __init__(
+        self, model: mujoco.MjModel, size: float, prescribed: Mapping[str, Callable[[float], float]]
+    ):
         """Take the model, its size in [m], and of driven and held joints their values over time."""
         self.model, self.size = model, size
         self.places = 7 * (model.nbody - 1)
@@ -89,7 +92,9 @@ class Closure:
         """Return all equations, lengths over the size, (..., rows)."""
         m, q, rows = self.model, x[..., self.places :], []
         for b in range(1, m.nbody):
-            for (own, due), scale in zip(zip(self.body(x, b), self.hung(x, b), strict=True), (self.size, 1.0), strict=True):
+            for (own, due), scale in zip(
+                zip(self.body(x, b), self.hung(x, b), strict=True), (self.size, 1.0), strict=True
+            ):
                 rows.append((own - due) / scale)
         for j in range(m.njnt):
             if int(m.jnt_type[j]) in (FREE, BALL):
@@ -158,7 +163,7 @@ class Closure:
         """Return the poses at given times, (times, unknowns), on the way from qpos."""
         x = self.solved(self.begun(qpos), float(instants[0]))
         found = [x]
-        for t, end in zip(instants[:-1], instants[1:], strict=True):
+        for t, end in pairwise(instants):
             before = x
             for at in np.linspace(t, end, BETWEEN + 1)[1:]:
                 x, before = self.solved(2.0 * x - before if before is not x else x, float(at)), x
@@ -197,12 +202,18 @@ def worst_difference(
     """
     closure = Closure(model, size, prescribed)
     poses = closure.followed(qpos, instants)
-    settled = [name for name in closure.settled(poses[len(poses) // 2], float(instants[len(poses) // 2])) if name in links]
+    settled = [
+        name
+        for name in closure.settled(poses[len(poses) // 2], float(instants[len(poses) // 2]))
+        if name in links
+    ]
     far = turn = 0.0
     for name in settled:
         place, quaternion = closure.body(poses, model.body(name).id)
         columns = np.stack([turned(quaternion, np.broadcast_to(axis, place.shape)) for axis in np.eye(3)], -1)
         far = max(far, float(np.linalg.norm(place - links[name][0], axis=-1).max()) / closure.size)
         turn = max(turn, float(np.abs(columns - links[name][1]).max()))
-    left = max(float(np.abs(closure.residual(x, float(t))).max()) for x, t in zip(poses, instants, strict=True))
+    left = max(
+        float(np.abs(closure.residual(x, float(t))).max()) for x, t in zip(poses, instants, strict=True)
+    )
     return far, turn, left

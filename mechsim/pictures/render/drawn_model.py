@@ -22,6 +22,7 @@ from mechsim.shapes import Rgba, Shape, free_sides, link_shapes, rod_radius
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.extent import extent, travels
 from mechsim.shapes.walls import Wall, backdrop, corner, stands
+from mechsim.simulation.mjcf.compiling import plainly_compiled
 
 CAMERA = "view"
 GHOST: Rgba = (0.10, 0.11, 0.14, 0.5)
@@ -70,7 +71,7 @@ class DrawnModel:
         self.camera = cameras.framed(back, up, balls, radii, look.size, foot=free)
         self.cell = cameras.nice(self.camera.height / 9.0)
         self.walls = self._walls()
-        self.model = self._spec().compile()
+        self.model = plainly_compiled(self._spec())
         scenery.set_height(self.model, CAMERA, self.camera)
         self.data = mujoco.MjData(self.model)
         self._slots = {

@@ -12,6 +12,7 @@ from mechsim.model.mechanism import Pose
 from mechsim.shapes import Facets, Kind, Rgba, Shape
 from mechsim.shapes.camera import Y, Z
 from mechsim.shapes.shape import vector
+from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.link_places import carriers, shifted
@@ -54,7 +55,7 @@ def file_bodies(read: MjcfModel) -> dict[str, list[Shape]] | None:
 
     Planes and height fields are left out. Materials give their colour, textures the mean of theirs.
     """
-    model = read.spec.copy().compile()
+    model = plainly_compiled(read.spec.copy())
     carried = carriers(model)
     shown = [i for i in range(model.ngeom) if model.geom_group[i] <= SHOWN] or list(range(model.ngeom))
     bodies: dict[str, list[Shape]] = {}

@@ -85,7 +85,7 @@ class Inspected:
             mujoco.mj_forward(self.model, data)
         return data
 
-    @property
+    @cached_property
     def size(self) -> float:
         """The yardstick of lengths, in [m]."""
         return self.read.mechanism.size

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.simulation.mjcf.silence import wordless
 
 NONE, BODY, INERTIA = (
     int(frame)
@@ -29,8 +30,7 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
         InputError: for a model that MuJoCo refuses, such as one with a massless body.
     """
     try:
-        with warnings.catch_warnings(action="ignore"):
-            model = spec.compile()
+        model = plainly_compiled(spec)
     except ValueError as error:
         raise InputError(f"MuJoCo refuses the model: {' '.join(str(error).split())}") from error
     for kind in ("site", "geom"):
@@ -40,3 +40,9 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
         same[apart] = NONE
     model.body_sameframe[(model.body_sameframe == BODY) & np.any(model.body_ipos != 0.0, axis=1)] = NONE
     return model
+
+
+def plainly_compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """Return the model as MuJoCo compiles it, without what it and Qhull print on the way."""
+    with warnings.catch_warnings(action="ignore"), wordless():
+        return spec.compile()

@@ -6,6 +6,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mechsim.simulation.mjcf.compiling import plainly_compiled
+
 # MuJoCo's own writer keeps six digits. Element -> attribute -> where the specification holds it.
 EXACT = {
     "body": {"pos": "pos", "quat": "quat"},
@@ -36,7 +38,7 @@ DEFAULT = {"pos": (0.0, 0.0, 0.0), "quat": (1.0, 0.0, 0.0, 0.0), "axis": (0.0, 0
 
 def to_xml(spec: mujoco.MjSpec) -> str:
     """Return a specification as MJCF text, numbers with up to 17 significant digits."""
-    spec.compile()
+    plainly_compiled(spec)
     root = ET.fromstring(spec.to_xml())
     option = root.find("option")
     if option is not None:

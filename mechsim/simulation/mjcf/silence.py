@@ -1,5 +1,6 @@
 """MuJoCo's own log kept off the console and out of the user's folder while mechsim runs it."""
 
+import os
 from collections.abc import Generator
 from contextlib import contextmanager
 
@@ -19,3 +20,21 @@ def quiet() -> Generator[None]:
         yield
     finally:
         before.set()
+
+
+@contextmanager
+def wordless() -> Generator[None]:
+    """Keep what libraries in C print themselves, as Qhull does of narrow meshes, off the console."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # there is no console to keep it off
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)

@@ -4,6 +4,7 @@ import os
 import re
 import stat
 import warnings
+from xml.parsers import expat
 
 import mujoco
 
@@ -20,12 +21,15 @@ SHOWN = 300
 
 _COMMENT = re.compile(r"<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>]*>", re.DOTALL | re.IGNORECASE)
 _ROOT = re.compile(r"\s*<([A-Za-z_][\w.:-]*)")
+# begins what Git leaves of a file that it keeps elsewhere
+_POINTER = "version https://git-lfs"
 _LINE = re.compile(r",?\s*line(?: number)?[ =:]+(\d+)", re.IGNORECASE)
 _NOISE = re.compile(
     r"MuJoCo refuses the model: |(?:XML )?Error: |,? ?\bid -?\d+|Element name '',?"
     r"|ErrorID=\d+ \(0x[0-9a-f]+\)"
 )
 SLEEP, IPC = int(mujoco.mjtEnableBit.mjENBL_SLEEP), int(mujoco.mjtEnableBit.mjENBL_IPC)
+_PLUGIN = re.compile(r"plugin \S+ not found")
 _ELEMENT = re.compile(r" Element (?:name )?('[^']*')")
 
 
@@ -78,12 +82,28 @@ def compiled_whole(path: str, spec: mujoco.MjSpec) -> tuple[mujoco.MjModel, list
 def refusal(path: str, error: Exception) -> InputError:
     """Return MuJoCo's refusal of a file in one line: file, line, and what it said."""
     text = " ".join(str(error).split())
+    if "XML parse error" in text and (known := _ill_formed(path)):
+        return known
     line = _LINE.search(text)
     where = f"{path}, line {line[1]}" if line and int(line[1]) else path
     said = " ".join(_NOISE.sub("", _LINE.sub("", text)).split()).strip(" ,;:")
     said = _ELEMENT.sub(r" (element \1)", said)
     said = said if len(said) <= SHOWN else f"{said[:SHOWN]}..."
-    return InputError(f"{where}: MuJoCo refuses it: {said}; mend the file")
+    remedy = "take the plugin out of a copy" if _PLUGIN.search(said) else "mend the file"
+    return InputError(f"{where}: MuJoCo refuses it: {said}; {remedy}")
+
+
+def _ill_formed(path: str) -> InputError | None:
+    """Return where and why a file is no well-formed XML; None where it is."""
+    try:
+        with open(path, "rb") as file:
+            expat.ParserCreate().ParseFile(file)
+    except expat.ExpatError as error:
+        return InputError(
+            f"{path}, line {error.lineno}, column {error.offset + 1}: no well-formed XML, "
+            f"{expat.ErrorString(error.code)}; mend the file"
+        )
+    return None
 
 
 def _require_mjcf(path: str) -> None:
@@ -99,7 +119,7 @@ def _require_mjcf(path: str) -> None:
     except FileNotFoundError:
         raise InputError(f"there is no file {path}; name one that can be read") from None
     except UnicodeDecodeError:
-        raise InputError(f"{path} is no text in UTF-8; name an MJCF file") from None
+        raise InputError(f"{path} is no text in UTF-8; name an MJCF file in that encoding") from None
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
@@ -112,6 +132,10 @@ def _require_mjcf(path: str) -> None:
         raise InputError(
             f"{path} is URDF, not MJCF; MuJoCo converts it: mujoco.MjSpec.from_file({path!r}).to_xml()"
         )
+    if root == "mujocoinclude":
+        raise InputError(f"{path} is a part that other files include; name the file that includes it")
+    if text.startswith(_POINTER):
+        raise InputError(f"{path} is a pointer of Git LFS, not the file itself; fetch it with git lfs pull")
     if root != "mujoco":
         what = f"begins with <{root}>" if root else "is no XML"
         raise InputError(f"{path} {what}; an MJCF file begins with <mujoco>")

@@ -17,6 +17,7 @@ from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.programs import Programs, State
 from mechsim.simulation import Settings
+from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.named_quantities import NamedQuantity
 from mechsim.studies.motion_source import profile_of, simulated
@@ -131,7 +132,7 @@ def _scene_runs(comparand: Comparand, named: list[NamedQuantity]) -> TwoRuns:
 def _fed(form: MjcfForm, programs: Programs) -> tuple[dict[str, State], dict[str, State]]:
     """Return programs of joints that no servo of the scene moves, and of the servos that move the others."""
     assert form.source is not None
-    model = form.source.spec.copy().compile()
+    model = plainly_compiled(form.source.spec.copy())
     drive, ctrl = dict(programs.by_name), dict[str, State]()
     for actuator, joints in form.source.actuators.items():
         if len(joints) != 1 or joints[0] not in drive:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
+from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.reduction.lean_scene import LeanScene, lean_scene
 from mechsim.studies.scenes.scene_errors import worst_distance
@@ -65,7 +66,7 @@ class Bench:
     @cached_property
     def named(self) -> mujoco.MjModel:
         """The full scene's model, its parts named."""
-        return self.spec.copy().compile()
+        return plainly_compiled(self.spec.copy())
 
     @cached_property
     def run(self) -> SceneRun:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import mujoco
 
+from mechsim.simulation.mjcf.compiling import plainly_compiled
+
 Edit = Callable[[mujoco.MjSpec], None]
 
 
@@ -38,7 +40,7 @@ def changed(spec: mujoco.MjSpec, candidate: Candidate) -> mujoco.MjSpec:
     copy = spec.copy()
     try:
         candidate.edit(copy)
-        copy.compile()
+        plainly_compiled(copy)
     except ValueError as error:
         raise NotThere(f"{candidate.what}: {error}") from None
     return copy

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
 from mechsim.maths.arrays import Array
+from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.studies.reduction.apart import body_of
 from mechsim.studies.reduction.candidate import Candidate, NotThere, counted
 from mechsim.studies.reduction.evidence import Evidence
@@ -149,7 +150,7 @@ def _replaced(spec: mujoco.MjSpec, one: OneFreedom, kept: frozenset[str]) -> Non
     """Replace all loops by joint equalities; leave out the joints not kept with what hangs on them."""
     if spec.joint(one.joint) is None or any(spec.joint(name) is None for name in one.others):
         raise NotThere("a joint is left out already")
-    whole = spec.compile()
+    whole = plainly_compiled(spec)
     before = [_reflected(whole, one, value) for value in np.linspace(one.low, one.high, SAMPLES)]
     for equality in list(spec.equalities):
         spec.delete(equality)
@@ -179,7 +180,7 @@ def _replaced(spec: mujoco.MjSpec, one: OneFreedom, kept: frozenset[str]) -> Non
 
 def _made_up(spec: mujoco.MjSpec, one: OneFreedom, before: list[Array]) -> None:
     """Give the leading joint what the scene lost: inertia, damping, and a spring for weights and springs."""
-    lean = spec.compile()
+    lean = plainly_compiled(spec)
     values = np.linspace(one.low, one.high, SAMPLES)
     lost = np.array(before) - [_reflected(lean, one, value) for value in values]
     joint = spec.joint(one.joint)

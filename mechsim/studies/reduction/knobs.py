@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
+from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.studies.reduction.candidate import NotThere
 from mechsim.studies.reduction.lean_scene import LeanScene
 from mechsim.studies.reduction.stepping import IMPEDANCES
@@ -95,7 +96,7 @@ def turned_in(spec: mujoco.MjSpec, knobs: Sequence[Knob], values: Array) -> None
         NotThere: where it lacks a part, as the polynomial that stands for a loop.
     """
     try:
-        spec.copy_back(turned(spec.compile(), knobs, values))
+        spec.copy_back(turned(plainly_compiled(spec), knobs, values))
     except KeyError as error:
         raise NotThere(str(error.args[0])) from None
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.maths.arrays import Array
+from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.studies.scenes.user_scene import UserScene, as_exact
 
 
@@ -42,7 +43,7 @@ def lean_scene(
         ValueError: where MuJoCo refuses what is left, or a part that the motion needs is left out.
     """
     spec = spec.copy()
-    plain = spec.compile()
+    plain = plainly_compiled(spec)
     wheels: dict[str, tuple[float, float]] = {}
     for name in full.drive:
         joint = spec.joint(name)
@@ -50,7 +51,7 @@ def lean_scene(
             raise ValueError(f"joint {name} is prescribed and cannot be left out")
         wheels[name] = full.wheels[name][0], float(joint.armature)
         joint.armature = full.wheels[name][0]
-    model = as_exact(plain, spec.compile(), spec) if wheels else plain
+    model = as_exact(plain, plainly_compiled(spec), spec) if wheels else plain
     known = {model.actuator(i).name for i in range(model.nu)}
     if missing := [name for name in full.ctrl if name not in known]:
         raise ValueError(f"actuator {missing[0]} is fed and cannot be left out")
@@ -58,7 +59,7 @@ def lean_scene(
     start = started(model, like, full.start)
     if full.key is not None:
         add_start(spec, full, like, start, full.key)
-        model = spec.compile()
+        model = plainly_compiled(spec)
     return LeanScene(
         full.path,
         model,

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
+from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.studies.reduction.candidate import Candidate, NotThere, listed
 from mechsim.studies.reduction.evidence import Evidence
 from mechsim.studies.reduction.rods import CONNECT, LooseChain, add_weight, loose_chains
@@ -38,7 +39,7 @@ def rod_of(spec: mujoco.MjSpec, chain: LooseChain) -> tuple[Array, float] | None
 
     Hinges count whose axes go through one point, two of them at least: the rod may turn any way it is pulled.
     """
-    model = spec.compile()
+    model = plainly_compiled(spec)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     places = np.array([data.joint(name).xanchor for name in chain.joints])
@@ -72,14 +73,14 @@ def _as_length(spec: mujoco.MjSpec, chain: LooseChain, constant: float | None) -
     )
     made.solref = solref if constant is None else np.array([constant, 1.0])
     made.solimp = solimp if constant is None else np.array([0.9999, 0.9999, 0.001, 0.5, 2.0])
-    model = spec.compile()
+    model = plainly_compiled(spec)
     made.data = np.zeros(len(made.data))
     made.data[0] = length - float(model.tendon_length0[model.tendon(tendon.name).id])
 
 
 def _shared(spec: mujoco.MjSpec, chain: LooseChain, parent: str, at: Array) -> Array:
     """Share a rod's mass between what its ends are on; return where it begins in its parent's frame."""
-    model = spec.compile()
+    model = plainly_compiled(spec)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     far = model.site(chain.far)

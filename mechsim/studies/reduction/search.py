@@ -9,6 +9,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.simulation.mjcf import to_xml
+from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.reduction import stepping, table
 from mechsim.studies.reduction.bench import BROKEN, Bench, LeanErrors, time_ratios
@@ -109,7 +110,7 @@ def reduced(
         InputError: for a full scene that diverges or of which nothing is tracked.
     """
     full = spelled_out(spec)
-    named = full.copy().compile()
+    named = plainly_compiled(full.copy())
     tracked = {name: (named.body(body).name, place) for name, (body, place) in scene.places.items()}
     first, second = (Bench(one, full, tracked) for one in (scene, second_motion(scene)))
     if not tracked:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
+from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf_reader.named_parts import name_parts
 
 CONNECT, WELD = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD
@@ -47,7 +48,7 @@ def _name(parts: Sequence[Any], what: str) -> None:
 
 
 def _close_between_sites(spec: mujoco.MjSpec) -> None:
-    model = spec.compile()
+    model = plainly_compiled(spec)
     bodies = {body.name: body for body in spec.bodies}
     for number, equality in enumerate(list(spec.equalities)):
         if equality.type not in (CONNECT, WELD) or equality.objtype != BODY:

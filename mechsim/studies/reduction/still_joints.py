@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
+from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.studies.reduction.candidate import Candidate, NotThere
 from mechsim.studies.reduction.evidence import Evidence
 
@@ -51,7 +52,7 @@ def fuse_at(spec: mujoco.MjSpec, name: str, value: Array) -> None:
         NotThere: where its body has other joints, which moving the body would move too.
     """
     joint = spec.joint(name)
-    model = spec.compile()
+    model = plainly_compiled(spec)
     data, own = mujoco.MjData(model), model.joint(name)
     place = slice(int(own.qposadr[0]), int(own.qposadr[0]) + len(value))
     body = int(own.bodyid[0])

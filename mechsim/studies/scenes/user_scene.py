@@ -12,6 +12,7 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import GROUND, Mechanism, Vector
 from mechsim.model.programs import State
+from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.generator import FLYWHEEL
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
@@ -189,16 +190,16 @@ def scene_of(
     if not 0.0 < duration < np.inf:
         raise InputError(f"the duration is {duration} s; give a finite time above 0")
     spec = parsed(read.path)[0] if spec is None else spec.copy()
-    base = hold_scene_base(spec, spec.compile(), key) if base_held else None
-    plain = spec.compile()
+    base = hold_scene_base(spec, plainly_compiled(spec), key) if base_held else None
+    plain = plainly_compiled(spec)
     _require_actuators(plain, ctrl)
-    named = read.spec.copy().compile()
+    named = plainly_compiled(read.spec.copy())
     bodies = {link_name(named, b): b for b in range(1, named.nbody) if named.body_jntnum[b]} | {GROUND: 0}
     if points is None:
         points = _every_point(mechanism, named)
     closure = exact_closure(mechanism, plain, points)
     wheels = _put_flywheels(spec, plain, mechanism, tuple(drive))
-    model = plain if not wheels else as_exact(plain, spec.compile(), spec)
+    model = plain if not wheels else as_exact(plain, plainly_compiled(spec), spec)
     lighter = float(plain.stat.meaninertia / model.stat.meaninertia)
     data = mujoco.MjData(model)
     if key is not None:
@@ -227,7 +228,7 @@ def spec_of(scene: UserScene) -> mujoco.MjSpec:
     """Return the specification of a scene's file, without the free joints of what is held."""
     spec = parsed(scene.path)[0]
     if scene.base is not None:
-        hold_scene_base(spec, spec.compile(), scene.key)
+        hold_scene_base(spec, plainly_compiled(spec), scene.key)
     return spec
 
 

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.reduction.bench import Bench
 from mechsim.studies.reduction.candidate import Candidate, NotThere, changed, counted
@@ -62,7 +63,7 @@ def scene_costs(
         InputError: for a scene that diverges.
     """
     full = spelled_out(spec)
-    named = full.copy().compile()
+    named = plainly_compiled(full.copy())
     tracked = {name: (named.body(body).name, place) for name, (body, place) in scene.places.items()}
     bench = Bench(scene, full, tracked)
     if bench.run.broken:

@@ -10,6 +10,7 @@ import numpy as np
 from mechsim.errors import InputError, MechsimError
 from mechsim.files import written_beside
 from mechsim.maths.arrays import Array
+from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader.held_base import HeldBase
 from mechsim.simulation.mjcf_reader.parsed_file import parsed
@@ -183,7 +184,7 @@ def plain_model(path: str) -> mujoco.MjModel:
     try:
         return mujoco.MjModel.from_xml_path(path)
     except ValueError:
-        return parsed(path)[0].compile()
+        return plainly_compiled(parsed(path)[0])
 
 
 def differing(meant: mujoco.MjModel, found: mujoco.MjModel) -> list[str]:

@@ -12,6 +12,7 @@ from mechsim.model.crank_profile import constant
 from mechsim.model.mechanism import Mechanism
 from mechsim.simulation.closed_model import of_mechanism
 from mechsim.simulation.driven_run import first_state
+from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.exact_text import to_xml
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import read_model
@@ -49,7 +50,7 @@ def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.M
     spec = spec.copy()
     closed = of_mechanism(mechanism, spec.copy(), tuple(mechanism.points), programmed=False)
     qpos, qvel = first_state(closed, constant(speed, TURNS, mechanism.start))
-    model, joint = spec.copy().compile(), spec.joint(mechanism.crank.name)
+    model, joint = plainly_compiled(spec.copy()), spec.joint(mechanism.crank.name)
     weight = float(joint.armature) or STIFF * float(model.body_mass.sum()) * mechanism.size**2
     motor = spec.add_actuator(name=MOTOR, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint.name)
     motor.set_to_velocity(kv=weight * abs(speed))
