@@ -4,6 +4,7 @@ import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import matplotlib
 import numpy as np
@@ -206,3 +207,26 @@ def test_derivatives_of_small_torques_are_drawn_in_a_readable_unit():
     assert "[µN m per mm or °]" in ax.get_title(loc="left")
     largest = max(np.abs(line.get_ydata()).max() for line in ax.get_lines())
     assert largest == pytest.approx(100.0 * np.pi / 180.0)
+
+
+@pytest.mark.parametrize(("name", "across", "planes"), [("stewart_gough", 6, 6), ("jansen", 6, 2)])
+def test_reactions_of_many_joints_fit_a_page_in_the_plane_they_lie_in(name, across, planes):
+    source = PlotSource(drive=load(name), speed=1.0)
+    figure = PLOTS["reactions"].draw(source)
+    forces = source.study().efforts.reactions
+    assert figure.axes[0].get_gridspec().get_geometry() == (planes, across)
+    drawn = [ax for ax in figure.axes if ax.axison]
+    assert len(drawn) == len(forces) * (2 if name == "stewart_gough" else 1)
+    assert all(ax.lines for ax in drawn)
+
+
+def test_a_force_s_rounding_is_not_drawn_as_a_force():
+    upright = np.linspace(-1.0, 1.0, 9)[:, None] * np.array([1e-15, 0.0, 40.0])
+    reactions = {
+        name: SimpleNamespace(link="rod", force=force, moment=force, settled=lambda f, m: (f, m))
+        for name, force in {"A": upright, "B": np.tile([3e-14, 0.0, 0.0], (9, 1))}.items()
+    }
+    efforts = SimpleNamespace(reactions=reactions, unbounded=np.zeros(9, dtype=bool))
+    figure = plots.reaction_plot(SimpleNamespace(efforts=efforts))
+    for ax in figure.axes:
+        assert tuple(ax.dataLim.intervalx) == (0.0, 0.0)

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RINGS = "#222831"
+# joints side by side, and the part of the largest force below which a component is rounding
+ACROSS, ROUNDING = 6, 1e-9
 
 
 class Prescribed(Protocol):
@@ -51,23 +53,35 @@ def torque_plot(study: Prescribed, simulated: Efforts | None = None) -> "Figure"
 
 @styled()
 def reaction_plot(study: Prescribed) -> "Figure":
-    """Draw the force in each joint as a vector over the turn: its path in x-y and, in space, in x-z."""
+    """Draw the force in each joint as a vector over the turn: its path in x-y and x-z, or in one plane.
+
+    Components that are the rounding of others are drawn as none; a row holds at most `ACROSS` joints.
+    """
     reactions = study.efforts.reactions
     forces = _settled(study)
-    flat = all(np.ptp(force[:, 2]) <= 1e-9 * np.abs(force).max(initial=1e-300) for force in forces.values())
-    planes = [(0, 1)] if flat else [(0, 1), (0, 2)]
-    figure, axes = blank(len(planes), len(forces), (2.5 * len(forces) + 0.4, 2.6 * len(planes)))
-    for column, (name, force) in enumerate(forces.items()):
+    largest = max((float(np.nanmax(np.abs(force), initial=0.0)) for force in forces.values()), default=0.0)
+    forces = {name: np.where(np.abs(one) < ROUNDING * largest, 0.0, one) for name, one in forces.items()}
+    still = [k for k in range(3) if not any(np.nan_to_num(force[:, k]).any() for force in forces.values())]
+    first, second = (k for k in range(3) if k != (still[-1] if still else 2))
+    planes = [(first, second)] if still else [(0, 1), (0, 2)]
+    across, down = min(len(forces), ACROSS), -(-len(forces) // ACROSS)
+    size = 2.5 * across + 0.4, 2.6 * len(planes) * down
+    figure, axes = blank(len(planes) * down, across, size)
+    for number, (name, force) in enumerate(forces.items()):
+        block, column = divmod(number, ACROSS)
         factor, unit = readable(force, "N")
         for row, (i, j) in enumerate(planes):
-            ax = axes[row, column]
-            ax.plot(force[:, i] / factor, force[:, j] / factor, color=COLOURS[column % 6])
-            ax.plot(*(force[0, [i, j]] / factor), "o", ms=4, color=COLOURS[column % 6])
+            ax = axes[len(planes) * block + row, column]
+            ax.plot(force[:, i] / factor, force[:, j] / factor, color=COLOURS[number % 6])
+            ax.plot(*(force[0, [i, j]] / factor), "o", ms=4, color=COLOURS[number % 6])
             ax.plot(0.0, 0.0, "+", color=RINGS)
             ax.set_xlabel(f"{'xyz'[i]} [{unit}]")
             ax.set_ylabel(f"{'xyz'[j]} [{unit}]")
             ax.set_aspect("equal", adjustable="datalim")
-        axes[0, column].set_title(f"{name}: on {reactions[name].link}")
+        axes[len(planes) * block, column].set_title(f"{name}: on {reactions[name].link}")
+    for ax in axes.flat:
+        if not ax.lines:
+            ax.set_axis_off()
     return figure
 
 
