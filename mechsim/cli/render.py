@@ -28,12 +28,9 @@ from mechsim.maths.angles import TURN
 from mechsim.model.motion import Motion
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.file_bodies import drawn_as
-from mechsim.pictures.render.frame_poses import comes_round
+from mechsim.pictures.render.frame_poses import SEEN, comes_round
 from mechsim.studies.motion_source import MOST_SAMPLES, joint_loads, motion_of, profile_of
 from mechsim.units import option, parse_angle
-
-# poses that differ by less, in parts of the size and in [rad], look alike on a film
-SEEN = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -137,7 +137,7 @@ def film(
         options.setdefault("paths", "tail")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
-        angles = turn_angles(motion, frames_per_turn)
+        angles = turn_angles(mechanism, motion, frames_per_turn)
         write_video(path, mechanism, motion, look, angles=angles, fps=fps, exact=exact, size=size, **options)
         return Film(path.read_bytes(), size[0])
 

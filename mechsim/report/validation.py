@@ -96,7 +96,7 @@ def _drawn(folder: Path, name: str, case: Case, notes: list[str]) -> tuple[bytes
         still = picture.read_bytes()
         if case.quick:
             return still, None
-        angles = turn_angles(motion, FRAMES_PER_TURN)
+        angles = turn_angles(mechanism, motion, FRAMES_PER_TURN)
         write_video(video, mechanism, motion, look, angles=angles, fps=FRAMES_PER_SECOND, paths="tail")
     except (MissingToolError, OutputError) as error:
         # where nothing at all can be written, the page says so

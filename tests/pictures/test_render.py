@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from colours import coloured, hues
 
-from mechsim import catalog
+from mechsim import catalog, load
 from mechsim.errors import InputError, MissingToolError, OutputError
 from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
 from mechsim.model.motion import LinkMotion, Motion
@@ -218,13 +218,22 @@ def test_a_still_stands_at_the_crank_angle_asked_for(drive, motion):
     assert (np.abs(at.astype(int) - frame).max(2) > 30).mean() < 1e-3
 
 
-def test_frames_are_spread_evenly_and_a_loop_shows_no_frame_twice(motion):
-    angles = render.turn_angles(motion, 36)
+def test_frames_are_spread_evenly_and_a_loop_shows_no_frame_twice(drive, motion):
+    angles = render.turn_angles(drive.mechanism, motion, 36)
     assert len(angles) == 36
     np.testing.assert_allclose(np.diff(angles), np.deg2rad(10.0))
-    assert len(render.turn_angles(motion, 7)) == 7
+    assert len(render.turn_angles(drive.mechanism, motion, 7)) == 7
     part = replace(motion, angle=motion.angle[:20])
-    assert len(render.turn_angles(part, 36)) == 20
+    assert len(render.turn_angles(drive.mechanism, part, 36)) == 20
+
+
+@pytest.mark.parametrize("name", ["planetary_gear", "rack_steering"])
+def test_a_whole_turn_after_which_the_links_stand_elsewhere_is_shown_to_its_end(name):
+    drive = load(name)
+    turned = drive.solve(TURN, 60.0)
+    angles = render.turn_angles(drive.mechanism, turned, 36)
+    assert len(angles) == 37
+    assert angles[-1] == pytest.approx(TURN[-1])
 
 
 def test_frames_between_samples_hold_rigid_links(drive):
@@ -343,7 +352,7 @@ def test_a_software_driver_is_told_from_hardware():
 @pytest.mark.parametrize("extension", video.VIDEOS)
 def test_videos_hold_every_frame_at_the_size_asked_for(extension, drive, motion, tmp_path):
     path = tmp_path / f"turn{extension}"
-    angles = render.turn_angles(motion, 12)
+    angles = render.turn_angles(drive.mechanism, motion, 12)
     count = render.write_video(path, drive.mechanism, motion, angles=angles, size=SIZE, fps=12.0)
     assert count == 12
     seen = decoded(path, SIZE)

@@ -14,6 +14,8 @@ from mechsim.model.unseen_links import moved_links
 
 # path points kept over a motion: a picture cannot show more
 PATH_POINTS = 360
+# parts of the size, and [rad], by which two frames look the same
+SEEN = 1e-3
 
 
 @dataclass(frozen=True, slots=True)

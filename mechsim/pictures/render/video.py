@@ -18,6 +18,7 @@ from mechsim.files import written_beside
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.pictures.render.drawing import frames, still
+from mechsim.pictures.render.frame_poses import SEEN, comes_round
 from mechsim.pictures.render.labels import Picture
 from mechsim.pictures.render.look import Look
 
@@ -96,18 +97,19 @@ def write_video(
         return _encode(beside, frames(mechanism, motion, look, angles=angles, **options), fps, ffmpeg, done)
 
 
-def turn_angles(motion: Motion, per_turn: int = 36) -> np.ndarray:
+def turn_angles(mechanism: Mechanism, motion: Motion, per_turn: int = 36) -> np.ndarray:
     """Return evenly spaced crank angles over a motion, `per_turn` to a turn, in [rad].
 
-    36 frames stand 10 degrees apart, as in the paper. Over whole turns the last one, which would
-    show the first again, is left out, so that the frames play in a loop.
+    36 frames stand 10 degrees apart, as in the paper. Over whole turns after which every link stands
+    as it did, the last one is left out, so that the frames play in a loop.
     """
     if per_turn < 1:
         raise InputError(f"{per_turn} frames per turn; give 1 or more")
     first, last = float(motion.angle[0]), float(motion.angle[-1])
     steps = abs(last - first) * per_turn / (2.0 * np.pi)
     whole = abs(steps - round(steps)) < 1e-6 and round(steps) % per_turn == 0 and round(steps) > 0
-    count = round(steps) if whole else int(np.floor(steps + 1e-9)) + 1
+    again = whole and comes_round(mechanism, motion, SEEN, SEEN)
+    count = round(steps) if again else int(np.floor(steps + 1e-6)) + 1
     return first + np.sign(last - first) * np.arange(count) * 2.0 * np.pi / per_turn
 
 
