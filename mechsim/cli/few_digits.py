@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.forms import Form
 from mechsim.cli.endings import tell
+from mechsim.errors import MobilityError
 from mechsim.model.motion import Motion, taken
 from mechsim.verdict.tolerances import RATES
 
@@ -36,8 +37,14 @@ class FewDigits:
 
 
 def few_digits(form: Form, motion: Motion) -> FewDigits | None:
-    """Return where accelerations have the fewest digits; None where they have `ENOUGH`, or none is known."""
-    rows = _told(form, motion)
+    """Return where accelerations have the fewest digits; None where they have `ENOUGH`, or none is known.
+
+    None is known where the drivers leave something open, as a body that floats beside the mechanism.
+    """
+    try:
+        rows = _told(form, motion)
+    except MobilityError:
+        return None
     if not len(rows):
         return None
     some = taken(motion, rows)

@@ -149,11 +149,12 @@ def simulate(
     else:
         motion = _motion(moving(drive), options)
         run = _run(drive, motion, options, asked, model_of)
+    found = found_in(drive, None if motion is None else drive.programs or of_crank(drive, motion))
+    lost = None if motion is None or run.motion.broken else few_digits(drive, run.motion)
+    # last, for what is refused writes nothing
     if place is not None:
         told = with_all_joints(drive.mechanism, run.motion)
         files.write(place, told if motion else Poses(told))
-    found = found_in(drive, None if motion is None else drive.programs or of_crank(drive, motion))
-    lost = None if motion is None or run.motion.broken else few_digits(drive, run.motion)
     if as_json:
         told = {"mechanism": drive.name, "output": output, "rows": len(run.motion)}
         print_json(run.summary() | told | digits_in_json(lost) | in_json(found))

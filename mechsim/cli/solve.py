@@ -118,9 +118,9 @@ def solve(
 def _told(drive: Form, found: Motion | Poses, place: Path | None, as_json: bool) -> None:
     """Write, print or tell in JSON what was found as a whole."""
     output = None if place is None else str(place)
+    lost = few_digits(drive, found) if isinstance(found, Motion) else None
     if place is not None:
         files.write(place, found)
-    lost = few_digits(drive, found) if isinstance(found, Motion) else None
     if as_json:
         columns = dict(found.columns())
         told = {"mechanism": drive.name, "rows": len(found), "output": output, "columns": columns}

@@ -5,6 +5,8 @@ import json
 import pytest
 from sound_scene import SOUND, changed
 
+from mechsim.errors import InputError
+
 SOFT = changed(('solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"', ""))
 
 
@@ -62,3 +64,31 @@ def test_validate_says_it_too_whatever_the_scene_is_held_against(mechsim, file, 
     assert len(kinds) > 2
     _, out, _ = mechsim(*asked, "--against", "own.py:still")
     assert out.splitlines()[1].startswith("soft: line")
+
+
+FLOATS = changed(
+    ("<worldbody>", '<worldbody><body name="loose" pos="1 2 3"><freejoint/><geom size="0.01"/></body>')
+)
+DRIVEN = ("--drive", "crank=0.3*sin(2*pi*t)", "--duration", "0.1")
+
+
+@pytest.mark.parametrize("method", ["pose", "step"])
+def test_a_body_that_floats_beside_a_mechanism_is_no_reason_to_refuse_its_run(
+    mechsim, file, tmp_path, method
+):
+    code, out, err = mechsim("simulate", file(FLOATS), *DRIVEN, "--method", method, "-o", "run.csv")
+    assert (code, err) == (0, "")
+    assert "met: places within" in out
+    assert (tmp_path / "run.csv").exists()
+
+
+def test_a_run_that_is_refused_at_the_last_writes_nothing(mechsim, file, tmp_path, monkeypatch):
+    def refused(*_):
+        raise InputError("no")
+
+    for late in ("found_in", "few_digits"):
+        with monkeypatch.context() as patched:
+            patched.setattr(f"mechsim.cli.simulate.{late}", refused)
+            code, _, err = mechsim("simulate", file(SOUND), *DRIVEN, "-o", "run.csv")
+        assert (code, err) == (2, "mechsim: no\n")
+        assert not (tmp_path / "run.csv").exists()
