@@ -8,6 +8,7 @@ from mechsim.errors import InputError
 from mechsim.model.mechanism import GROUND, IDENTITY, UNSEEN, joint_coordinate
 from mechsim.simulation.mjcf_reader import read_model
 from mechsim.simulation.mjcf_reader.joint_chains import chains, poses
+from mechsim.simulation.mjcf_reader.parsed_file import DEEPEST
 
 # every kind of joint, several of them on a body, ref, points off the origin, jointless bodies, frames,
 # defaults, degrees, and a body called as the frame is
@@ -227,10 +228,34 @@ def test_limits_and_actuators_are_facts(file):
     assert read.actuators["p"] == ["slide"]
 
 
+def test_what_mujoco_takes_otherwise_than_it_is_written_is_said(file):
+    keys = '<keyframe><key name="short" qpos="0.1"/><key name="none" ctrl="0"/></keyframe></mujoco>'
+    text = ACTUATED.replace('axis="1 0 0"', 'axis="1 0 0" range="2 1"').replace("</mujoco>", keys)
+    text = text.replace('<position name="p"', '<position name="p" ctrlrange="1 1" forcerange="-1 1"')
+    read = read_model(file(text), key="short")
+    said = "which MuJoCo takes as no limit: it goes from low to high"
+    assert read.remarks[:3] == (
+        f"keyframe 'short' has 1 of {len(read.qpos)} coordinates: the rest are those of the reference",
+        f"joint 'slide' has range 2 1, {said}",
+        f"actuator 'p' has ctrlrange 1 1, {said}",
+    )
+    np.testing.assert_array_equal(read.qpos[1:], read_model(file(text)).qpos[1:])
+    assert not read.limits
+    off = text.replace('range="2 1"', 'range="2 1" limited="false"').replace('ctrlrange="1 1"', "")
+    assert not set(read.remarks[1:3]) & {*read_model(file(off)).remarks}
+
+
 def test_tracked_points_are_those_named_with_a_site_for_each(file):
     read = read_model(file(TREE), track=["last", "tip,ball@0.1,0.2,0.3"])
     assert read.mechanism.points == {"last": ("last", (0.0, 0.0, 0.0)), "tip": ("ball", (0.1, 0.2, 0.3))}
     assert {"last", "tip"} <= {site.name for site in read.spec.sites}
+
+
+def nested(deep: int) -> str:
+    """Return a file with so many elements one in the other."""
+    bodies = deep - 3
+    text = '<body><joint/><geom size="1"/>' * bodies + "</body>" * bodies
+    return f"<mujoco><worldbody>{text}</worldbody></mujoco>"
 
 
 BAD = {
@@ -261,6 +286,19 @@ BAD = {
     "too much of it": (
         LOOPS.replace("EQUALITY", "").replace("<mujoco>", '<mujoco><option gravity="0 0 -1e200"/>'),
         r"gravity is \[0.0, 0.0, -1e\+200\]; give 1e\+30",
+    ),
+    "too deep": (nested(DEEPEST + 1), f"nested more than {DEEPEST} deep, .*<include> it in their place"),
+    "an include that is not there": (
+        '<mujoco>\n<include file="parts/no.xml"/></mujoco>',
+        r"model.xml, line 2: it includes no\.xml, which is not in /.*/parts; put it there",
+    ),
+    "no time step": (
+        LOOPS.replace("EQUALITY", "").replace("<mujoco>", '<mujoco><option timestep="0"/>'),
+        "the timestep of <option> is 0 s, .*; give one above 0, or leave it out",
+    ),
+    "time that runs back": (
+        LOOPS.replace("EQUALITY", "").replace("<mujoco>", '<mujoco><option timestep="-1"/>'),
+        "the timestep of <option> is -1 s",
     ),
     "too soft": (
         LOOPS.replace("EQUALITY", '<connect site1="out" site2="in" solref="1e80"/>'),
@@ -297,6 +335,12 @@ def test_a_file_that_is_none_is_refused_in_one_line(file, what, tmp_path, monkey
         read_model(file(text))
     assert "\n" not in str(refused.value)
     assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
+
+
+def test_a_file_may_be_as_deep_as_is_said_and_declare_its_kind(file):
+    assert mujoco.MjSpec.from_string(nested(DEEPEST)).worldbody.first_body()
+    kind = '<?xml version="1.0"?>\n<!DOCTYPE mujoco [\n<!ELEMENT mujoco ANY>\n<!ENTITY b "a > b">\n] >\n'
+    assert read_model(file(kind + TREE)).mechanism == read_model(file(TREE)).mechanism
 
 
 @pytest.mark.parametrize(

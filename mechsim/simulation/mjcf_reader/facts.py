@@ -57,6 +57,27 @@ def limits(model: mujoco.MjModel) -> dict[str, tuple[float, float]]:
     }
 
 
+# what may have a range: where the specification lists it, and what says there whether it counts
+_RANGES = (
+    ("joint", "range", "limited"),
+    ("tendon", "range", "limited"),
+    ("actuator", "ctrlrange", "ctrllimited"),
+    ("actuator", "forcerange", "forcelimited"),
+)
+
+
+def idle_ranges(spec: mujoco.MjSpec) -> list[str]:
+    """Say which ranges of a specification limit nothing, because they do not go from low to high."""
+    return [
+        f"{kind} {part.name!r} has {called} {low:g} {high:g}, which MuJoCo takes as no limit: "
+        "it goes from low to high"
+        for kind, called, counts in _RANGES
+        for part in getattr(spec, f"{kind}s")
+        for low, high in [getattr(part, called)]
+        if getattr(part, counts) == mujoco.mjtLimited.mjLIMITED_AUTO and not low < high and (low or high)
+    ]
+
+
 def actuators(model: mujoco.MjModel) -> dict[str, Sequence[str]]:
     """Return the joints on which each actuator acts."""
     return {

@@ -15,7 +15,7 @@ FAR = 1e12
 
 
 def require_numbers(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start: Array) -> None:
-    """Refuse a model with NaN, with numbers beyond sense, or with quaternions that are no turn.
+    """Refuse a model with NaN, with numbers beyond sense, quaternions that are no turn, or no time step.
 
     Args:
         path: of the file.
@@ -41,6 +41,11 @@ def require_numbers(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start
                 raise _refusal(path, what, part, "a quat that is no turn")
     if not np.isfinite(start).all():
         raise InputError(f"{path}: where it starts is not finite; mend ref or the keyframe")
+    if not 0.0 < model.opt.timestep <= HUGE:
+        raise InputError(
+            f"{path}: the timestep of <option> is {model.opt.timestep:g} s, by which no run goes on; "
+            "give one above 0, or leave it out for 0.002"
+        )
     if not np.abs(model.opt.gravity).max() <= HUGE:
         raise InputError(f"{path}: gravity is {model.opt.gravity.tolist()}; give {HUGE:g} m/s^2 at most")
 

@@ -19,7 +19,7 @@ LARGEST = 50_000_000
 # characters of MuJoCo's message that are repeated
 SHOWN = 300
 
-_COMMENT = re.compile(r"<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>]*>", re.DOTALL | re.IGNORECASE)
+_COMMENT = re.compile(r"<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>\[]*(?:\[.*?\]\s*)?>", re.DOTALL | re.IGNORECASE)
 _ROOT = re.compile(r"\s*<([A-Za-z_][\w.:-]*)")
 # begins what Git leaves of a file that it keeps elsewhere
 _POINTER = "version https://git-lfs"
@@ -30,6 +30,9 @@ _NOISE = re.compile(
 )
 SLEEP, IPC = int(mujoco.mjtEnableBit.mjENBL_SLEEP), int(mujoco.mjtEnableBit.mjENBL_IPC)
 _PLUGIN = re.compile(r"plugin \S+ not found")
+_NOT_INCLUDED = re.compile(r"Error opening file '(.+?)' Element 'include'")
+# elements that MuJoCo's XML reader takes one in the other, and what it says of more
+DEEPEST, _TOO_DEEP = 499, "XML_ELEMENT_DEPTH_EXCEEDED"
 _ELEMENT = re.compile(r" Element (?:name )?('[^']*')")
 
 
@@ -50,8 +53,15 @@ def parsed(path: str) -> tuple[mujoco.MjSpec, mujoco.MjModel, list[str]]:
     except (ValueError, UnicodeError) as error:
         raise refusal(path, error) from None
     awake = _awake(path, spec)
+    # compiling fills them up
+    given = {key.name: len(key.qpos) for key in spec.keys}
     model, left_out = compiled_whole(path, spec)
-    return spec, model, awake + left_out
+    short = [
+        f"keyframe {name!r} has {count} of {model.nq} coordinates: the rest are those of the reference"
+        for name, count in given.items()
+        if 0 < count < model.nq
+    ]
+    return spec, model, awake + left_out + short
 
 
 def _awake(path: str, spec: mujoco.MjSpec) -> list[str]:
@@ -86,6 +96,16 @@ def refusal(path: str, error: Exception) -> InputError:
         return known
     line = _LINE.search(text)
     where = f"{path}, line {line[1]}" if line and int(line[1]) else path
+    if absent := _NOT_INCLUDED.search(text):
+        folder, name = os.path.split(os.path.abspath(absent[1]))
+        return InputError(
+            f"{where}: it includes {name}, which is not in {folder}; put it there, or mend its <include>"
+        )
+    if _TOO_DEEP in text:
+        return InputError(
+            f"{where}: elements are nested more than {DEEPEST} deep, which MuJoCo's XML reader refuses; "
+            "put the inner bodies into a file of their own and <include> it in their place"
+        )
     said = " ".join(_NOISE.sub("", _LINE.sub("", text)).split()).strip(" ,;:")
     said = _ELEMENT.sub(r" (element \1)", said)
     said = said if len(said) <= SHOWN else f"{said[:SHOWN]}..."

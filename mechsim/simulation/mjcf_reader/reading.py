@@ -84,6 +84,7 @@ def read_model(
     spec, _, remarks = parsed(path)
     name_parts(spec)
     model, _ = compiled_whole(path, spec)
+    remarks += facts.idle_ranges(spec)
     start = _start(path, model, key)
     for one in list(spec.keys):  # they fit no model to which anything is added
         spec.delete(one)
