@@ -13,6 +13,7 @@ from mechsim import catalog
 from mechsim.cli import main
 from mechsim.errors import InputError
 from mechsim.model.scene import LEVELS, Scene
+from mechsim.simulation import closed_model
 from mechsim.simulation.mjcf.alternatives import rod_of
 from mechsim.simulation.settings import INTEGRATORS, Settings
 from mechsim.studies.tradeoff import (
@@ -352,3 +353,75 @@ def test_a_budget_too_short_for_any_reference_is_refused_with_one_that_would_do(
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     with pytest.raises(InputError, match=r"own took .* the budget is 0\.001 s; give --budget \d+s or more"):
         subject_of_model(spec, "own", SPEED, Budget(1e-3))
+
+
+def stiff_beside_a_four_bar():
+    """A four-bar, and beside it a leaf on so stiff a hinge that no run of explicit steps bears it."""
+    from mechsim.simulation.closed_model import assembled
+
+    spec = assembled(catalog.make("four_bar").mechanism, Scene())
+    leaf = spec.worldbody.add_body(name="leaf", pos=[1.0, 0.0, 0.0])
+    leaf.add_joint(name="leaf", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 0.0, 1.0], stiffness=[1e7, 0, 0])
+    leaf.add_geom(size=[0.01, 0.0, 0.0], pos=[0.03, 0.0, 0.0])
+    leaf.joints[0].springref = 1.0
+    return spec
+
+
+@pytest.mark.parametrize(
+    ("budget", "advice"),
+    [
+        (None, "what may help: less stiffness, or more damping or mass, in what moves$"),
+        (0.5, r"what may help: --budget \d+s has time for up to 14,400; else less stiffness"),
+    ],
+)
+def test_a_reference_that_diverges_says_at_which_steps_and_what_may_help(monkeypatch, budget, advice):
+    monkeypatch.setattr(pace.Pace, "trial", lambda _, build, settings, turns: 1e-5 * settings.steps_per_turn)
+    monkeypatch.setattr(pace, "perf_counter", lambda: 0.0)
+    most = "14,400" if budget is None else "7,200"
+    with pytest.raises(InputError, match=rf"own diverges at {most} steps a turn with RK4, so .* {advice}"):
+        subject_of_model(
+            stiff_beside_a_four_bar(), "own", SPEED, None if budget is None else Budget(budget, began=0.0)
+        )
+
+
+def test_where_only_the_coarser_runs_diverge_a_longer_budget_is_named(monkeypatch):
+    from mechsim.simulation.closed_model import assembled
+
+    spec = assembled(catalog.make("four_bar").mechanism, Scene())
+    monkeypatch.setattr(pace.Pace, "trial", lambda _, build, settings, turns: 1e-3 * settings.steps_per_turn)
+    monkeypatch.setattr(pace, "perf_counter", lambda: 0.0)
+    whole = BuiltModel.motion
+    monkeypatch.setattr(
+        BuiltModel, "motion", lambda self, s: (None, 0.1) if s.steps_per_turn == 1440 else whole(self, s)
+    )
+    # 25.2 s are the part of about 63 s that is the reference's
+    told = r"at 1,440 steps a turn with RK4, though not at 2,880, .* --budget 6[34]s has time for .*"
+    with pytest.raises(InputError, match=told):
+        subject_of_model(spec, "own", SPEED, Budget(30.0, began=0.0))
+
+
+@pytest.mark.parametrize(("reading", "trials_made"), [(41.0, 0), (20.0, 1)])
+def test_a_budget_that_is_spent_midway_ends_at_once(monkeypatch, reading, trials_made):
+    """A clock on which reading, compiling, starting and each trial take so long."""
+    from mechsim.simulation.closed_model import assembled
+    from mechsim.studies.tradeoff import built_model
+
+    now, made, compiled = [0.0], [], []
+
+    def taking(seconds, done, call):
+        def slow(*given, **named):
+            now[0] += seconds
+            done.append(seconds)
+            return call(*given, **named)
+
+        return slow
+
+    monkeypatch.setattr(pace, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(Build, "made", taking(reading, [], Build.made))
+    monkeypatch.setattr(built_model.closed_model, "of_spec", taking(5.0, compiled, closed_model.of_spec))
+    monkeypatch.setattr(BuiltModel, "motion", taking(20.0, made, BuiltModel.motion))
+    spec = assembled(catalog.make("four_bar").mechanism, Scene())
+    with pytest.raises(InputError, match=r"own took \d+ s to load and build, but the budget is 40 s"):
+        subject_of_model(spec, "own", SPEED, Budget(40.0, began=0.0))
+    assert (len(made), bool(compiled)) == (trials_made, reading < 40.0)
+    assert now[0] <= 1.2 * 40.0

@@ -1,7 +1,7 @@
 """A model made in one of the ways that are compared, stepped once through its crank motion for each trial."""
 
 import time as clock
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -111,6 +111,7 @@ def build_model(
     speed: float,
     build: Build | None = None,
     variants: Mapping[str, Mechanism] = NO_VARIANTS,
+    going_on: Callable[[], None] = lambda: None,
 ) -> BuiltModel:
     """Generate or load a model and close its loops.
 
@@ -120,6 +121,7 @@ def build_model(
         speed: in [rad/s].
         build: how the model is made.
         variants: of the mechanism, by name.
+        going_on: called between reading the model, compiling it and starting it; may raise.
 
     Raises:
         AssemblyError: where the crank cannot make all of its motion.
@@ -127,8 +129,10 @@ def build_model(
     began = clock.process_time()
     build = build or Build()
     spec = build.made(source, variants)
+    going_on()
     points = closed_model.tracked_points(source, spec)
     closed = closed_model.of_spec(spec, points, _crank(source, spec))
+    going_on()
     profile = profile or constant(speed, 1.0, closed.angle)
     if build.rod is None:
         start = first_state(closed, profile)

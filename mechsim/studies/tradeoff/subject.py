@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from itertools import pairwise
-from time import process_time
 from typing import Any
 
 import numpy as np
@@ -17,17 +16,14 @@ from mechsim.maths.norms import worst
 from mechsim.model.crank_profile import within_range
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.simulation import Settings
 from mechsim.simulation.closed_model import Model
 from mechsim.studies.tradeoff.built_model import BuiltModel, build_model
-from mechsim.studies.tradeoff.pace import BEYOND, Budget, Pace
+from mechsim.studies.tradeoff.pace import Budget
+from mechsim.studies.tradeoff.reference_runs import reference_runs
 from mechsim.verdict.quantities import QUANTITIES, motion_scales
 
 # quantities of the table by which trials are measured; the drive beside its profile
 COMPARED = ("position", "velocity", "acceleration", "angle", "loop", "drive")
-# steps a turn of the runs that make the reference of a model without a closed form, and what they may be
-# divided by where that would take more than this part of the budget that is left
-FINE, COARSER, REFERENCE_PART = (3600, 7200, 14400), (1, 2, 5, 10, 25, 50), 0.4
 # places of a point that differ by less than this part of the mechanism's size are the same
 SAME = 1e-9
 # a crank this many times faster than it should be has left all sense, though no number is infinite yet
@@ -112,10 +108,15 @@ def subject_of(drive: Form, speed: float, budget: Budget | None = None) -> Subje
         "closed form" if isinstance(drive, ClosedForm) else "loop equations",
         lambda motion: drive.solve(motion.angle, motion.speed, motion.acceleration),
     )
-    built = build_model(mechanism, profile, speed)
+    built = build_model(mechanism, profile, speed, going_on=_while_there_is_time(budget, drive.name))
     if budget is not None:
         budget.require(drive.name)
     return Subject(drive.name, mechanism, built, reference, stroke, abs(speed), _variants(drive, angles))
+
+
+def _while_there_is_time(budget: Budget | None, name: str) -> Callable[[], None]:
+    """Return what refuses to go on with a thing that is being built once the budget is spent."""
+    return (lambda: None) if budget is None else lambda: budget.require(name)
 
 
 def _variants(drive: Form, angles: Array) -> dict[str, Mechanism]:
@@ -143,15 +144,9 @@ def subject_of_model(source: Model, name: str, speed: float, budget: Budget | No
         AssemblyError: if the crank cannot make a whole turn.
         InputError: where no reference can be made, or not within the budget.
     """
-    built = build_model(source, None, speed)
-    steps = FINE if budget is None else _affordable(built, name, budget)
-    runs = [
-        motion for count in steps if (motion := built.motion(Settings(steps_per_turn=count))[0]) is not None
-    ]
-    if len(runs) < len(steps):
-        longer = "" if steps == FINE else "; give a longer budget, for finer runs"
-        raise InputError(f"{name} diverges at {steps[-1]} steps a turn: no reference run can be made{longer}")
-    fine = runs[-1]
+    built = build_model(source, None, speed, going_on=_while_there_is_time(budget, name))
+    runs = reference_runs(built, name, budget)
+    most, fine = list(runs.items())[-1]
     stroke = half_extent(point.position for point in fine.points.values())
     if not stroke > 0.0:
         raise InputError(f"no tracked point of {name} moves; put a named site on a moving body")
@@ -159,39 +154,14 @@ def subject_of_model(source: Model, name: str, speed: float, budget: Budget | No
     def at(motion: Motion) -> Motion:
         return _every(fine, (len(fine) - 1) // (len(motion) - 1))
 
-    changes = [differences(a, b, stroke, abs(speed)) for a, b in pairwise(runs)]
+    changes = [differences(a, b, stroke, abs(speed)) for a, b in pairwise(runs.values())]
     bar = {
         kind: _bar(*(change[kind] for change in changes)) for kind in ("position", "velocity", "acceleration")
     }
     # how far its loops stand open says what no halving of the step can
     bar["position"] = max(bar["position"], differences(fine, fine, stroke, abs(speed))["loop"])
-    reference = Reference(f"a run of {steps[-1]} steps a turn", at, bar, steps[-1] / 2)
+    reference = Reference(f"a run of {most} steps a turn", at, bar, most / 2)
     return Subject(name, source, built, reference, stroke, abs(speed))
-
-
-def _affordable(built: BuiltModel, name: str, budget: Budget) -> tuple[int, ...]:
-    """Return the steps a turn of the finest reference runs that a part of the budget has time for."""
-    budget.require(name)
-    pace, coarse = Pace(), Settings(steps_per_turn=min(FINE) // max(COARSER))
-    for _ in range(2):  # the first run of all pays for what is loaded then
-        begun = process_time()
-        seconds = built.motion(coarse)[1]
-        pace.learn(built.build, coarse, built.profile.turns, seconds, process_time() - begun)
-    tried = [tuple(count // part for count in FINE) for part in COARSER]
-    needed = [
-        sum(pace.trial(built.build, Settings(steps_per_turn=count), built.profile.turns) for count in steps)
-        for steps in tried
-    ]
-    for steps, seconds in zip(tried, needed, strict=True):
-        if seconds <= REFERENCE_PART * budget.left:
-            return steps
-    if needed[-1] <= budget.left + BEYOND * budget.seconds:
-        return tried[-1]
-    enough = np.ceil(budget.spent + budget.kept + needed[-1] / REFERENCE_PART)
-    raise InputError(
-        f"{name} took {budget.spent:.2g} s to load, build and try, and the coarsest reference takes "
-        f"{needed[-1]:.2g} s more, but the budget is {budget.seconds:g} s; give --budget {enough:g}s or more"
-    )
 
 
 def _bar(before: float, last: float) -> float:
