@@ -170,9 +170,9 @@ def test_a_tolerance_is_kept_or_missed_with_exit_code_1_and_says_by_what_setting
     assert told["estimate"] <= 1e-5
     assert told["margin"] == pytest.approx(1e-5 / told["estimate"])
     assert told["settings"]["integrator"] == "RK4"
-    code, out, _ = run(capsys, monkeypatch, "warp_knitter", "--tolerance", "1e-9")
+    code, out, _ = run(capsys, monkeypatch, "warp_knitter", "--tolerance", "1e-13")
     assert code == 1
-    assert "tolerance 1e-09 of torque and reactions MISSED by" in out
+    assert "tolerance 1e-13 of torque and reactions MISSED by" in out
     code, out, _ = run(capsys, monkeypatch, "rssr", "--free", "--turns", "1", "--tolerance", "1e-4", "--json")
     told = json.loads(out)
     assert code == 0
