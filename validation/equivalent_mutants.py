@@ -60,8 +60,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     (POSED, "ONE_THREAD = 4096", "..."): SPEED,
     (
         LOOPS,
-        "rank = int((values > RANK_TOLERANCE * values[:, :1]).sum(1).max())",
-        "rank = int((values > RANK_TOLERANCE / values[:, :1]).sum(1).max())",
+        "rank = int((values > np.maximum(RANK_TOLERANCE * values[:, :1], FLOOR)).sum(1).max())",
+        "rank = int((values > np.maximum(RANK_TOLERANCE / values[:, :1], FLOOR)).sum(1).max())",
     ): NEAR_ONE,
     (
         MOTION,
@@ -113,11 +113,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "if worst <= enough or (worst < ROUNDING and worst > 0.1 * before):",
         "...",
     ): "a Newton step more or fewer once rounding is reached",
-    (
-        SOLVER,
-        "rank = int((values > RANK_TOLERANCE * values[0]).sum())",
-        "rank = int((values > RANK_TOLERANCE / values[0]).sum())",
-    ): NEAR_ONE,
     (
         SOLVER,
         "before, worst = (worst, float(np.abs(found.right).max(initial=0.0)))",

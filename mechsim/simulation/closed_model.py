@@ -99,7 +99,7 @@ class ClosedModel:
     def loose(self) -> NDArray[np.bool_]:
         """Which tracked points can move with the drivers held, (k,): poses alone do not settle them."""
         loops = self.loops
-        held = loops.linearise(self.closed[None])[1][0][:, loops.free]
+        held = loops.held(loops.linearise(self.closed[None])[1])[0]
         _, values, freedoms = np.linalg.svd(held)
         rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
         moves = np.zeros((len(freedoms) - rank, self.model.nv))

@@ -33,8 +33,9 @@ FREE, BALL, SLIDE, HINGE = (
 
 # closed to rounding: what Newton's method leaves on a well-conditioned loop, with a margin of a few
 CLOSED = 1e-14
-# singular values below this part of the largest count as zero
-RANK_TOLERANCE = 1e-9
+# singular values below this part of the largest count as zero; and slopes below this, in radians and sizes,
+# are rounding: a ball at the point through which all axes of its loop pass leaves rows of nothing else
+RANK_TOLERANCE, FLOOR = 1e-9, 1e-13
 
 
 class ModelLoops:
@@ -111,6 +112,11 @@ class ModelLoops:
         """Yardstick of lengths in the model, in [m], where all states share its fields."""
         (size,) = self.sizes.tolist()
         return size
+
+    @property
+    def rounding(self) -> float:
+        """Below which slopes, in [m] or [rad] by [m] or [rad], are rounding."""
+        return FLOOR * max(1.0, float(self.sizes.max()))
 
     @property
     def turned_rows(self) -> slice:
@@ -274,9 +280,16 @@ class ModelLoops:
         """Return the worst opening of each state in units of the model's size and in [rad], (n,)."""
         return np.abs(residual * self.scale).max(1, initial=0.0)
 
+    def held(self, jacobian: Array) -> Array:
+        """Return the slopes by all freedoms but the crank, (n, m, nv - 1); nought where all are rounding."""
+        held = jacobian[:, :, self.free]
+        if np.abs(held).max(initial=0.0) <= self.rounding:
+            held[:] = 0.0
+        return held
+
     def solve(self, jacobian: Array, right: Array) -> Array:
         """Return the least-norm x (n, nv - 1, k) of J x = right (n, m, k) in all freedoms but the crank."""
-        held = jacobian[:, :, self.free]
+        held = self.held(jacobian)
         rows = self._independent(held)
         if rows is None:
             return np.linalg.pinv(held, rcond=RANK_TOLERANCE) @ right
@@ -299,7 +312,8 @@ class ModelLoops:
             rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
             self._basis = left[:, :rank], left[:, rank:], right[:rank]
         rows, idle, _ = self._basis
-        if idle.shape[1] and np.abs(idle.T @ held).max(initial=0.0) > RANK_TOLERANCE * np.abs(held).max():
+        told = np.abs(idle.T @ held).max(initial=0.0)
+        if told > RANK_TOLERANCE * np.abs(held).max(initial=0.0):
             return None
         return rows
 
@@ -338,7 +352,7 @@ class ModelLoops:
         return self._spread(np.linalg.svd(square)[2][:, -1] @ self._basis[2], 0.0)[0]
 
     def _square(self, jacobian: Array) -> Array | None:
-        held = jacobian[:, :, self.free]
+        held = self.held(jacobian)
         rows = self._independent(held)
         if rows is None or self._basis is None:
             return None
@@ -358,7 +372,7 @@ class ModelLoops:
         values = np.linalg.svd(held, compute_uv=False).astype(np.float64, copy=False)
         if not values.size:
             return np.ones(len(held))
-        rank = int((values > RANK_TOLERANCE * values[:, :1]).sum(1).max())
+        rank = int((values > np.maximum(RANK_TOLERANCE * values[:, :1], FLOOR)).sum(1).max())
         return values[:, rank - 1] if rank else np.ones(len(held))
 
     def fastest(self, rates: Array) -> float:

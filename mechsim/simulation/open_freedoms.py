@@ -35,7 +35,7 @@ def standing(closed: ClosedModel) -> Standing:
     """Return what the drivers leave open at the closed state of a model."""
     loops, state = closed.loops, closed.closed[None]
     jacobian = loops.linearise(state)[1]
-    held = jacobian[0][:, loops.free]
+    held = loops.held(jacobian)[0]
     _, values, freedoms = np.linalg.svd(held)
     rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
     unmoved = stuck(loops, jacobian[0])

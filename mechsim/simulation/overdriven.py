@@ -20,9 +20,9 @@ def stuck(loops: ModelLoops, jacobian: Array) -> tuple[str, ...]:
     names, moves = ("crank",), -jacobian[:, [loops.crank]]
     if loops.drive is not None:
         names, moves = loops.drive.names, np.eye(len(jacobian))[:, -len(loops.drive.names) :]
-    held = jacobian[:, loops.free]
+    held = loops.held(jacobian[None])[0]
     missed = np.abs(held @ (np.linalg.pinv(held, rcond=RANK_TOLERANCE) @ moves) - moves).max(0, initial=0.0)
-    bound = LOCKED * np.abs(jacobian).max(initial=1e-300)
+    bound = max(LOCKED * float(np.abs(jacobian).max(initial=0.0)), loops.rounding)
     return tuple(name for name, miss in zip(names, missed, strict=True) if not miss <= bound)
 
 

@@ -11,13 +11,13 @@ from mechsim.analytic.closure.joint_rows import Rows
 from mechsim.analytic.closure.loop_equations import Poses, equations, residual_norms
 from mechsim.analytic.closure.motion import rates
 from mechsim.analytic.closure.rank import (
-    RANK_TOLERANCE,
     Freedom,
     conditioning,
     freedom,
     least_norm,
     singular_values,
 )
+from mechsim.analytic.closure.telling import RANK_TOLERANCE
 from mechsim.analytic.closure.whole_motion import follow, solve
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.mechanism import Pose

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.analytic.closure.generic_pose import generic_poses, idle_and_free, settled
+from mechsim.analytic.closure.telling import FLOOR, RANK_TOLERANCE, telling
 from mechsim.analytic.closure.tree_joints import TreeJoint
-from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops, tree_loops
+from mechsim.analytic.closure.tree_loops import TreeLoops, tree_loops
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.maths.arrays import Array
@@ -86,7 +87,7 @@ def _disagree(loops: TreeLoops, poses: Sequence[Coordinates]) -> bool:
         values = np.linalg.svd(slope[..., 0], compute_uv=False)
         largest = values[:1].max(initial=0.0)
         opened = float(np.abs(residual).max(initial=0.0))
-        if opened > ROUNDING or ((values > RANK_TOLERANCE * largest) & (values <= DIGITS * largest)).any():
+        if opened > ROUNDING or (telling(values) & (values <= DIGITS * largest)).any():
             return True
     return False
 
@@ -107,7 +108,7 @@ def _concerned(loops: TreeLoops, poses: Sequence[Coordinates]) -> set[str]:
         residual, slope, _ = loops.linearise(at)
         left, values, _ = np.linalg.svd(slope[..., 0])
         told = np.zeros(loops.rows)
-        told[: len(values)] = values / values[0]
+        told[: len(values)] = values / max(float(values[0]), FLOOR)
         open_by = np.abs(left.T @ residual[:, 0])
         off = (told <= DIGITS) & ((told > RANK_TOLERANCE) | (open_by > ROUNDING))
         share = np.abs(left[:, off]).max(1, initial=0.0)[: len(of)] > SHARE

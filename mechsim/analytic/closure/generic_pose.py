@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from mechsim.analytic.closure.telling import least_part, telling
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.maths.arrays import Array
@@ -38,7 +39,9 @@ def settled(loops: TreeLoops, at: Coordinates, told: float) -> Coordinates:
     before = np.inf
     for _ in range(MOST_STEPS):
         residual, slope, _ = loops.linearise(at)
-        step = np.asarray(-np.linalg.lstsq(slope[..., 0], residual[:, 0], rcond=told)[0], dtype=np.float64)
+        matrix = slope[..., 0]
+        least = np.linalg.lstsq(matrix, residual[:, 0], rcond=float(least_part(matrix, told)))[0]
+        step = np.asarray(-least, dtype=np.float64)
         longest = float(np.abs(step).max(initial=0.0))
         if longest == 0.0 or (longest < SHORT and longest > 0.25 * before):
             break
@@ -50,7 +53,7 @@ def settled(loops: TreeLoops, at: Coordinates, told: float) -> Coordinates:
 def idle_and_free(loops: TreeLoops, at: Coordinates, told: float) -> tuple[Array, Array]:
     """Return sums of rows that tell nothing, (rows, m), and the freedoms of all coordinates, (f, count)."""
     left, values, right = np.linalg.svd(loops.linearise(at)[1][..., 0])
-    rank = int((values > told * values[:1].max(initial=0.0)).sum())
+    rank = int(telling(values, told).sum())
     return left[:, rank:], right[rank:]
 
 

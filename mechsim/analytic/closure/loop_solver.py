@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.analytic.closure.telling import RANK_TOLERANCE, telling
 from mechsim.analytic.closure.tree_layout import Some, block
-from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops
+from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, Placed, product
 from mechsim.maths.arrays import Array
 
@@ -208,7 +209,7 @@ def loop_solver(
     if not matrix.size:
         return LoopSolver(loops, np.zeros(0, dtype=np.intp), np.eye(len(loops.unknown)), at)
     _, values, right = np.linalg.svd(matrix)
-    rank = int((values > RANK_TOLERANCE * values[0]).sum())
+    rank = int(telling(values).sum())
     pivoted: Any = qr(matrix.T, mode="economic", pivoting=True)
     order: NDArray[np.intp] = pivoted[2]
     gauge = right[rank:]

@@ -6,13 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.closure.cut_rows import Cut
+from mechsim.analytic.closure.random_starts import axes_alike
+from mechsim.analytic.closure.telling import telling
 from mechsim.analytic.closure.tree_joints import Fixed
-from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops
-from mechsim.analytic.closure.tree_motion import Coordinates, placed
+from mechsim.analytic.closure.tree_loops import TreeLoops
+from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.design_arrays import DesignArrays, StartedDesigns
-from mechsim.model.joints import KINDS, coordinates
+from mechsim.model.joints import coordinates
 from mechsim.model.mechanism import GROUND, IDENTITY
 from mechsim.model.rough_poses import turned
 
@@ -114,7 +116,7 @@ def put_together(many: ManyLoops, at: Coordinates, rank: int) -> tuple[Coordinat
         going &= ~((gap == 0.0) | ((gap < CLOSED) & (gap > 0.25 * before)))
         matrix = slope[:, unknown].transpose(2, 0, 1)
         left, values, right = np.linalg.svd(matrix, full_matrices=False)
-        tells = values > RANK_TOLERANCE * values[:, :1]
+        tells = telling(values)
         known = tells.sum(1)
         if not going.any():
             break
@@ -125,13 +127,4 @@ def put_together(many: ManyLoops, at: Coordinates, rank: int) -> tuple[Coordinat
         step[unknown] = -np.einsum("nku,nk->un", right, asked)
         step *= LONGEST / np.maximum(LONGEST, np.abs(step).max(0, initial=0.0))
         at = loops.moved(at, np.where(going, step, 0.0))
-    return at, (gap < CLOSED) & (known == rank) & _axes_alike(loops, at)
-
-
-def _axes_alike(loops: TreeLoops, at: Coordinates) -> Bools:
-    here, good = placed(loops.tree, at), np.ones(len(at), dtype=np.bool_)
-    for cut in loops.cuts:
-        _, frame_a, _, frame_b = cut.frames(here)
-        for i in KINDS[cut.joint.kind].alike:
-            good &= (frame_a[:, i] * frame_b[:, i]).sum(0) > 0.0
-    return good
+    return at, (gap < CLOSED) & (known == rank) & axes_alike(loops, at)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.analytic.closure.telling import least_part, telling
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, placed
 from mechsim.maths.arrays import Array
@@ -56,7 +57,7 @@ def poses_beside(loops: TreeLoops, at: Coordinates) -> Coordinates:
     """Return closed poses all around a place where assemblies meet: some on each branch that leaves it."""
     _, slope, _ = loops.linearise(at)
     _, values, right = np.linalg.svd(slope[:, loops.unknown, 0])
-    free = right[int((values > MET * values[0]).sum()) if values.size else 0 :]
+    free = right[int(telling(values, MET).sum()) :]
     if not len(free):
         return taken(at, np.zeros(len(at), dtype=np.bool_))
     draw = np.random.default_rng(0)
@@ -83,7 +84,7 @@ def closed(loops: TreeLoops, at: Coordinates) -> Coordinates:
         at = loops.moved(at, step)
     residual = loops.linearise(at)[0]
     at = taken(at, np.abs(residual).max(0) < CLOSED)
-    return taken(at, _axes_alike(loops, at))
+    return taken(at, axes_alike(loops, at))
 
 
 def taken(at: Coordinates, which: NDArray[np.bool_] | NDArray[np.intp]) -> Coordinates:
@@ -102,14 +103,14 @@ def _damped(slope: Array, residual: Array) -> Array:
 
 def _least(slope: Array, residual: Array) -> Array:
     """Return least-norm steps, (n, count)."""
-    return -(np.linalg.pinv(slope, rcond=NOTHING) @ residual[..., None])[..., 0]
+    return -(np.linalg.pinv(slope, rcond=least_part(slope, NOTHING)) @ residual[..., None])[..., 0]
 
 
 def _length(move: Array) -> Array:
     return np.maximum(np.abs(move).max(1, initial=0.0), 1e-300)
 
 
-def _axes_alike(loops: TreeLoops, at: Coordinates) -> NDArray[np.bool_]:
+def axes_alike(loops: TreeLoops, at: Coordinates) -> NDArray[np.bool_]:
     """Return which poses have no cut joint put together with its axes, or marks, opposed, (n,)."""
     here, alike = placed(loops.tree, at), np.ones(len(at), dtype=np.bool_)
     for cut in loops.cuts:

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.analytic.closure.loop_equations import Poses, equations, scaled
+from mechsim.analytic.closure.telling import RANK_TOLERANCE
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 
-# singular values below this part of the largest count as zero: between the 1e-16 of rounding and
-# the 1e-6 or so of a mechanism that is merely near a dead centre
-RANK_TOLERANCE = 1e-9
 # poses at which ranks are looked at: so many are not all special ones
 SEEN = 5
 # condition of the normal equations below which two refinements leave rounding

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.analytic.closure.open_joints import open_names
+from mechsim.analytic.closure.telling import rank
 from mechsim.analytic.closure.tree_assembly import closed
-from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops, tree_loops
+from mechsim.analytic.closure.tree_loops import TreeLoops, tree_loops
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import AssemblyError
-from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses, starts
 
@@ -53,7 +53,7 @@ def settled(mechanism: Mechanism) -> Settled:
     start = closed(loops, rough)
     stands = [start, *_aside(loops, start)]
     slopes = [loops.linearise(at)[1][:, :, 0] for at in stands]
-    best = int(np.argmax([_rank(slope) for slope in slopes]))
+    best = int(np.argmax([rank(slope) for slope in slopes]))
     slope = slopes[best]
     names = (*mechanism.holds, *mechanism.drivers)
     rows, superfluous = slope, list[str]()
@@ -61,24 +61,24 @@ def settled(mechanism: Mechanism) -> Settled:
         row = np.zeros((1, loops.tree.count))
         row[0, loops.tree.places[name]] = 1.0
         wider = np.vstack([rows, row])
-        if _rank(wider) == _rank(rows):
+        if rank(wider) == rank(rows):
             superfluous.append(name)
         else:
             rows = wider
     held = len([name for name in mechanism.holds if name not in superfluous])
     return Settled(
-        freedoms=loops.tree.count - _rank(slope) - held,
+        freedoms=loops.tree.count - rank(slope) - held,
         drivers=mechanism.drivers,
         open=tuple(open_names(asked, stands[best])),
         superfluous=tuple(superfluous),
-        redundant=len(slope) - _rank(slope),
+        redundant=len(slope) - rank(slope),
     )
 
 
 def _aside(loops: TreeLoops, start: Coordinates) -> list[Coordinates]:
     """Return closed coordinates a little to either side of some, along all that is free."""
     slope = loops.linearise(start)[1][:, :, 0]
-    freedoms = np.linalg.svd(slope)[2][_rank(slope) :] if len(slope) else np.eye(loops.tree.count)
+    freedoms = np.linalg.svd(slope)[2][rank(slope) :] if len(slope) else np.eye(loops.tree.count)
     if not len(freedoms):
         return []
     # no freedom is left out, and none counts as much as another
@@ -91,8 +91,3 @@ def _aside(loops: TreeLoops, start: Coordinates) -> list[Coordinates]:
         except (AssemblyError, np.linalg.LinAlgError):
             continue  # a dead centre or a locked structure: the other poses tell
     return found
-
-
-def _rank(matrix: Array) -> int:
-    values = np.linalg.svd(matrix, compute_uv=False)
-    return int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())

@@ -3,7 +3,8 @@
 import numpy as np
 
 from mechsim.analytic.closure.generic_pose import generic_poses, held, idle_and_free
-from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops
+from mechsim.analytic.closure.telling import RANK_TOLERANCE, rank
+from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import MobilityError
 
@@ -22,7 +23,7 @@ def require_drivable(loops: TreeLoops, start: Coordinates) -> None:
         MobilityError: naming them.
     """
     slope = loops.linearise(start)[1][..., 0]
-    if _rank(slope) == _rank(slope[:, loops.unknown]):
+    if rank(slope) == rank(slope[:, loops.unknown]):
         return
     # at a dead centre a lone crank cannot move either: another pose tells
     (at,) = generic_poses(loops, start, 1, RANK_TOLERANCE)
@@ -51,10 +52,3 @@ def require_drivable(loops: TreeLoops, start: Coordinates) -> None:
             f"than {len(enough)}, as in --drive {enough[0]}=PROGRAM",
             "overdriven",
         )
-
-
-def _rank(matrix: np.ndarray) -> int:
-    if not matrix.size:
-        return 0
-    values = np.linalg.svd(matrix, compute_uv=False)
-    return int((values > RANK_TOLERANCE * values[0]).sum())

@@ -6,7 +6,8 @@ import numpy as np
 
 from mechsim.analytic.closure.drawn_poses import drawn_towards_guess
 from mechsim.analytic.closure.random_starts import random_poses, taken
-from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops, tree_loops
+from mechsim.analytic.closure.telling import least_part
+from mechsim.analytic.closure.tree_loops import TreeLoops, tree_loops
 from mechsim.analytic.closure.tree_motion import Coordinates, placed
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
@@ -124,7 +125,9 @@ def closed(loops: TreeLoops, at: Coordinates) -> Coordinates:
         step = np.zeros((loops.tree.count, 1))
         if len(loops.unknown):
             matrix = slope[:, loops.unknown, 0]
-            step[loops.unknown, 0] = -np.linalg.lstsq(matrix, residual[:, 0], rcond=RANK_TOLERANCE)[0]
+            step[loops.unknown, 0] = -np.linalg.lstsq(
+                matrix, residual[:, 0], rcond=float(least_part(matrix))
+            )[0]
         step *= LONGEST / max(LONGEST, float(np.abs(step).max(initial=0.0)))
         at = loops.moved(at, step)
     if gap < CLOSED:

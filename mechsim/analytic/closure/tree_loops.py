@@ -21,9 +21,6 @@ from mechsim.model.joints import coordinates
 from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
 from mechsim.model.split_joints import with_stand_ins
 
-# singular values below this part of the largest are nought
-RANK_TOLERANCE = 1e-9
-
 
 @dataclass(frozen=True)
 class TreeLoops:

@@ -185,7 +185,7 @@ def _is_redundant(loaded: LoadedModel) -> bool:
     """Say whether some loop constraints repeat what others say; rows that say nothing do no harm."""
     _, jacobian = loaded.loops.linearise(loaded.closed[None])
     sizes = np.abs(jacobian[0]).max(1, initial=0.0)
-    rows = jacobian[0][sizes > RANK_TOLERANCE * sizes.max(initial=0.0)]
+    rows = jacobian[0][sizes > max(RANK_TOLERANCE * sizes.max(initial=0.0), loaded.loops.rounding)]
     return len(rows) > 0 and int(np.linalg.matrix_rank(rows, RANK_TOLERANCE * float(sizes.max()))) < len(rows)
 
 

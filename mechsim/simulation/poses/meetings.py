@@ -77,7 +77,7 @@ def settled(loops: ModelLoops, states: Array) -> Array:
     for _ in range(2):
         residual, jacobian = loops.linearise(states)
         step = np.zeros((len(states), loops.model.nv))
-        step[:, loops.free] = -(np.linalg.pinv(jacobian[:, :, loops.free], rcond=HELD) @ residual[..., None])[
+        step[:, loops.free] = -(np.linalg.pinv(loops.held(jacobian), rcond=HELD) @ residual[..., None])[
             ..., 0
         ]
         states = loops.moved(states, step)

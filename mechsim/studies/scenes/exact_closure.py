@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from mechsim.analytic.closure.cut_rows import cuts_of
 from mechsim.analytic.closure.settled import settled
 from mechsim.analytic.closure.spanning_tree import SpanningTree
+from mechsim.analytic.closure.telling import RANK_TOLERANCE
 from mechsim.analytic.closure.tree_joints import TreeJoint
-from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops
+from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, placed
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array

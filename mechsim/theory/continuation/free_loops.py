@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.closure.loop_solver import LoopSolver
-from mechsim.analytic.closure.tree_loops import RANK_TOLERANCE, TreeLoops, orthogonal
+from mechsim.analytic.closure.telling import telling
+from mechsim.analytic.closure.tree_loops import TreeLoops, orthogonal
 from mechsim.analytic.closure.tree_motion import Coordinates, Placed
 from mechsim.maths.arrays import Array
 from mechsim.theory.continuation.marks import Marks, marks_of, of_all, split
@@ -170,6 +171,6 @@ def free_loops(loops: TreeLoops, at: Coordinates) -> FreeLoops:
     """
     _, slope, here = loops.linearise(at)
     _, values, right = np.linalg.svd(slope[:, loops.unknown, 0])
-    rank = int((values > RANK_TOLERANCE * values[0]).sum()) if values.size else 0
+    rank = int(telling(values).sum())
     _, idle = split(loops, here, right[rank:])
     return FreeLoops(loops, rank, marks_of(loops.tree, here, of_all(loops, idle)))

@@ -1,0 +1,41 @@
+"""Which singular values of loop equations tell something: none beside the largest, nor in rounding alone."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.maths.arrays import Array
+
+# singular values below this part of the largest count as zero: between the 1e-16 of rounding and
+# the 1e-6 or so of a mechanism that is merely near a dead centre
+RANK_TOLERANCE = 1e-9
+# and those below this at all, rows and unknowns being in units of the size: a ball at the point through which
+# all axes of its loop pass leaves rows of rounding and no others. 450 times the spacing of numbers at one
+FLOOR = 1e-13
+
+
+def telling(values: NDArray[np.floating[Any]], told: float = RANK_TOLERANCE) -> NDArray[np.bool_]:
+    """Return which singular values, (..., k) falling, are more than nought.
+
+    Args:
+        values: of equations in units of the size.
+        told: those below this part of the largest are nought.
+    """
+    return values > np.maximum(told * values[..., :1], FLOOR)
+
+
+def rank(matrix: Array, told: float = RANK_TOLERANCE) -> int:
+    """Return the rank of equations in units of the size, (rows, unknowns)."""
+    return int(telling(np.linalg.svd(matrix, compute_uv=False), told).sum())
+
+
+def least_part(matrix: Array, told: float = RANK_TOLERANCE) -> Array:
+    """Return below which part of the largest singular values of equations are left out of a solution, (...).
+
+    Args:
+        matrix: (..., rows, unknowns) in units of the size.
+        told: what the part is where the equations are more than rounding.
+    """
+    largest = np.abs(matrix).max((-2, -1), initial=FLOOR)
+    return np.maximum(told, FLOOR / largest)

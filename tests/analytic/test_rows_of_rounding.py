@@ -1,0 +1,116 @@
+"""Loops of which nothing but rounding is left: a ball where all axes meet, or on a shaft's own axis."""
+
+import math
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.closure.settled import settled
+from mechsim.errors import MobilityError
+from mechsim.simulation import closed_model, open_freedoms
+
+AXES = {  # of each joint: on its first and on its second link, with their marks
+    "crank": ((0.36, -0.48, 0.8), (0.8, 0.6, 0.0), (0.28, 0.0, 0.96), (0.0, 1.0, 0.0)),
+    "A": ((-0.6, 0.64, 0.48), (0.8, 0.48, 0.36), (0.48, 0.6, 0.64), (0.8, 0.0, -0.6)),
+    "B": ((0.0, -0.28, 0.96), (1.0, 0.0, 0.0), (0.8, -0.36, 0.48), (0.6, 0.48, -0.64)),
+}
+CHAIN = ("ground", "crank", "coupler", "rocker")
+CENTRES = {
+    "ground": (1.3, -0.7, 2.1),
+    "crank": (0.31, 1.7, -0.9),
+    "coupler": (-1.1, 0.23, 0.7),
+    "rocker": (0.57, -0.3, 1.9),
+}
+TIP = (-0.83, 1.21, 0.37)
+PROGRAMS = {"crank": "1.1rad/s", "A": "0.4rad + 0.7rad*sin(t)", "B": "-0.3rad - 0.9rad*t"}
+# the second bearing lies 7 cm along the axis of the first
+SHAFT = """name = "shaft"
+drivers = ["crank"]
+[links.shaft]
+inertia = { mass = 2, centre = [0.01, 0.003, 0.04], moments = [1e-3, 2e-3, 2.5e-3] }
+[joints.crank]
+kind = "revolute"
+a = { link = "ground", at = [0.013, -0.007, 0.021], axis = [0.36, -0.48, 0.8] }
+b = { link = "shaft", at = [0.002, 0.004, 0.007], axis = [-0.6, 0.64, 0.48] }
+[joints.bearing]
+kind = "spherical"
+a = { link = "ground", at = [0.0382, -0.0406, 0.077] }
+b = { link = "shaft", at = [-0.04, 0.0488, 0.0406] }
+[points]
+P = { link = "shaft", at = [0.01, 0.02, 0.03] }
+"""
+
+
+def spherical(tmp_path, drivers):
+    """Three hinges through one point and a ball there: the ball's rows hold nothing."""
+    lines = ['name = "spherical"', f"drivers = {[*drivers]}", 'units = { length = "cm", angle = "rad" }']
+    lines += ["[programs]", *(f'{name} = "{PROGRAMS[name]}"' for name in drivers)]
+    for (name, (u, x, v, y)), a, b in zip(AXES.items(), CHAIN[:-1], CHAIN[1:], strict=True):
+        lines += [f"[joints.{name}]", 'kind = "revolute"']
+        for side, link, axis, mark in (("a", a, u, x), ("b", b, v, y)):
+            at = [*CENTRES[link]]
+            lines += [f'{side} = {{ link = "{link}", at = {at}, axis = {[*axis]}, mark = {[*mark]} }}']
+    ball = [
+        f'{s} = {{ link = "{link}", at = {[*CENTRES[link]]} }}'
+        for s, link in (("a", "ground"), ("b", "rocker"))
+    ]
+    lines += ["[joints.O]", 'kind = "spherical"', *ball]
+    lines += ["[points]", f'P = {{ link = "rocker", at = {[*TIP]} }}']
+    path = tmp_path / "spherical.toml"
+    path.write_text("\n".join(lines) + "\n")
+    return ms.load(str(path))
+
+
+def frame(axis, mark):
+    axis = np.array(axis) / np.linalg.norm(axis)
+    across = np.array(mark) - np.dot(mark, axis) * axis
+    across /= np.linalg.norm(across)
+    return np.column_stack([across, np.cross(axis, across), axis])
+
+
+def truth(values):
+    """Where the point is: the product of three turns about the centre, in [m]."""
+    turn = np.eye(3)
+    for (u, x, v, y), q in zip(AXES.values(), values, strict=True):
+        spin = np.array([[math.cos(q), -math.sin(q), 0.0], [math.sin(q), math.cos(q), 0.0], [0.0, 0.0, 1.0]])
+        turn = turn @ frame(u, x) @ spin @ frame(v, y).T
+    return 1e-2 * (np.array(CENTRES["ground"]) + turn @ (np.array(TIP) - CENTRES["rocker"]))
+
+
+@pytest.mark.parametrize("method", ["closed", "pose", "step"])
+def test_a_ball_where_all_axes_meet_takes_no_freedom_on_any_road(method, tmp_path):
+    linkage = spherical(tmp_path, AXES)
+    found = settled(linkage.mechanism)
+    assert (found.freedoms, found.outcome, found.redundant) == (3, "determined", 3)
+    if method == "closed":
+        moves = linkage.programs
+        motion = linkage.solve(moves.pace * np.linspace(0.0, moves.duration, 9), moves.pace)
+    else:
+        run = ms.simulate(linkage, method=method, samples=8)
+        assert run.outcome == "met"
+        motion = run.motion
+    values = np.stack([motion.joints[name].value for name in AXES], 1)
+    for at, place in zip(values, motion.points["P"].position, strict=True):
+        np.testing.assert_allclose(place, truth(at), rtol=0, atol=1e-15)
+    t = np.linspace(0.0, 1.0, 9)
+    meant = np.stack([1.1 * t, 0.4 + 0.7 * np.sin(t), -0.3 - 0.9 * t], 1)
+    np.testing.assert_allclose(values, meant, rtol=0, atol=1e-5 if method == "step" else 1e-14)
+
+
+def test_what_a_ball_where_all_axes_meet_leaves_open_is_named_by_both_roads(tmp_path):
+    linkage = spherical(tmp_path, ["crank", "A"])
+    with pytest.raises(MobilityError, match="undetermined: with what is driven held, B is left open"):
+        linkage.solve(np.linspace(0.0, 1.0, 5))
+    lone = spherical(tmp_path, ["crank"])
+    standing = open_freedoms.standing(closed_model.of_source(lone.mechanism))
+    assert "point P" in standing.open
+    assert not standing.locked
+
+
+@pytest.mark.parametrize("method", ["pose", "step"])
+def test_a_shaft_in_two_bearings_turns(method, tmp_path):
+    path = tmp_path / "shaft.toml"
+    path.write_text(SHAFT)
+    run = ms.simulate(ms.load(str(path)), method=method, speed=6.0, turns=0.3, samples=5)
+    assert run.outcome == "met"
