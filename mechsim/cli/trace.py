@@ -7,7 +7,8 @@ import numpy as np
 import typer
 
 from mechsim import files
-from mechsim.cli.options import Json, Model, Output, Sets, form_of, writable
+from mechsim.cli.declared_options import spread
+from mechsim.cli.options import DriveOptions, Json, Model, Output, Sets, form_of, writable
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.errors import InputError
 from mechsim.pictures import plots
@@ -29,8 +30,10 @@ from mechsim.units import parse_names
 MOST_SAMPLES = 100_000
 
 
+@spread
 def trace(
     model: Model,
+    driven: DriveOptions,
     output: Output = None,
     plot: Annotated[
         str | None, typer.Option(metavar="FILE", help="Plot the curves: .svg, .pdf or .png.")
@@ -51,9 +54,9 @@ def trace(
     """Trace all assemblies of a mechanism with one freedom as closed curves, past every dead centre.
 
     A curve holds the poses that are reached without a jump. Told are where coordinates of joints turn back,
-    the dead centres of the crank, and where curves meet. A curve that runs off along a slide, winds up a
-    screw or is longer than 3,000 cells is refused. The table has the columns component, arc, angle of the
-    crank, J.q of joints and P.x, P.y, P.z of points.
+    the dead centres of the crank, and where curves meet. What is held stays so; what is driven is let go. A
+    curve that runs off along a slide, winds up a screw or is longer than 3,000 cells is refused. The table
+    has the columns component, arc, angle of the crank, J.q of joints and P.x, P.y, P.z of points.
     """
     place = None if output is None else writable(output, ".csv", ".npz")
     picture = None if plot is None else writable(plot)
@@ -63,7 +66,7 @@ def trace(
         raise InputError(f"--of {of} says what to plot over; name the file with --plot")
     if not 1 <= samples <= MOST_SAMPLES:
         raise InputError(f"{samples} samples of a curve; give 1 to {MOST_SAMPLES}")
-    drive = form_of(model, sets)
+    drive = form_of(model, sets, driven)
     over = None if of is None else columns_asked(drive.mechanism, parse_names(of))
     with progress("trace", None) as tick:
         found = traced(drive, starts=starts, seed=seed, tick=tick)

@@ -3,6 +3,7 @@ import json
 import numpy as np
 import pytest
 from drawing import draws
+from sound_scene import changed
 
 from mechsim import files
 from mechsim.subjects import gallery
@@ -94,3 +95,17 @@ def test_a_film_of_a_trace_has_its_frames_and_takes_no_other_road(mechsim, tmp_p
         code, _, err = mechsim(*words, *asked, "-o", "no.mp4")
         assert code == 2
         assert said in err
+
+
+def test_what_is_open_in_a_file_is_held_as_the_refusal_says(trace, file):
+    loose = (
+        '<body name="rocker" pos="0.1 0 0.01" euler="0 0 1.3">\n      <joint name="loose" axis="0 1 0.2"/>'
+    )
+    text = changed(('<body name="rocker" pos="0.1 0 0.01" euler="0 0 1.3">', loose))
+    words = (file(text), "--starts", "0")
+    code, _, err = trace(*words)
+    assert code == 2
+    assert "hold" in err
+    code, out, err = trace(*words, "--hold", "loose")
+    assert (code, err) == (0, "")
+    assert "component" in out
