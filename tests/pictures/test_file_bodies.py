@@ -111,3 +111,16 @@ def test_every_solid_is_shown_in_its_own_colour(form):
     assert (0.5, 0.5, 0.5, 1.0) in wanted
     solids = [i for i in shown if model.geom_type[i] != mujoco.mjtGeom.mjGEOM_PLANE]
     np.testing.assert_allclose(sorted(shown[i].tolist() for i in solids), sorted(wanted), atol=1e-6)
+
+
+def test_a_part_too_small_to_be_seen_beside_the_rest_is_left_out(tmp_path, monkeypatch):
+    screw = '<mesh name="screw" vertex="0 0 0  1e-5 0 0  0 1e-5 0  0 0 1e-5"/></asset>'
+    geom = '<geom type="mesh" mesh="screw" pos="0.1 0.013 0.05"/><geom type="capsule"'
+    text = SCENE.replace("</asset>", screw).replace('<geom type="capsule"', geom)
+    (tmp_path / "arm.xml").write_text(text)
+    form = ms.load(str(tmp_path / "arm.xml"))
+    before = [shape for shapes in file_bodies(form.source).values() for shape in shapes]
+    monkeypatch.setattr("mechsim.pictures.render.file_bodies.MOST", 60)
+    after = [shape for shapes in file_bodies(form.source).values() for shape in shapes]
+    assert len(after) == len(before) - 1
+    assert all(len(shape.facets.vertices) >= 4 for shape in after if shape.facets)

@@ -137,7 +137,12 @@ def _few(bodies: Mapping[str, Sequence[Shape]]) -> dict[str, list[Shape]]:
     while sum(len(s.facets.faces) for shapes in made.values() for s in shapes if s.facets) > MOST:
         made = {link: [_coarser(shape, cell) for shape in shapes] for link, shapes in made.items()}
         cell *= 1.5
-    return made
+    return {link: [shape for shape in shapes if _seen(shape)] for link, shapes in made.items()}
+
+
+def _seen(shape: Shape) -> bool:
+    """Say whether anything is left of a shape; of a screw nothing may be. MuJoCo takes no mesh of less."""
+    return shape.facets is None or (len(shape.facets.vertices) >= 4 and len(shape.facets.faces) > 0)
 
 
 def _coarser(shape: Shape, cell: float) -> Shape:
