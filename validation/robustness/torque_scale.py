@@ -4,10 +4,13 @@ For every mechanism of the catalogue and the gallery at 1,000 steps a turn: root
 a part of the largest force times the size, and the largest error as a part of either; the verdict's bound is
 1e-6 of the torque.
 
-Run: python validation/robustness/torque_scale.py [NAME ...]
+With --cost instead: processor time of a run whose forces are read once and as often as they are, in turn.
+
+Run: python validation/robustness/torque_scale.py [--cost] [NAME ...]
 """
 
 import sys
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -17,16 +20,22 @@ from mechsim.analytic import catalog
 from mechsim.analytic.dynamics import prescribed
 from mechsim.errors import MechsimError
 from mechsim.model.crank_profile import within_range
+from mechsim.simulation.dynamics import rigid_forces
 from mechsim.simulation.dynamics.prescribed_motion import HARD, driven
 from mechsim.studies.motion_source import weighing
 from mechsim.subjects import gallery
 from mechsim.verdict.quantities import efforts_scales
 
 SPEED = 20.0 * np.pi
+ROUNDS = 15
 
 
 def main() -> None:
     """Print a line for each mechanism."""
+    if "--cost" in sys.argv:
+        for name in sys.argv[2:] or ["rssr"]:
+            cost(name)
+        return
     print(f"{'':20s}{'torque / F size':>16s}{'error / torque':>16s}{'error / F size':>16s}")
     for name in sys.argv[1:] or [*catalog.DRIVES, *gallery.files()]:
         form = load(name)
@@ -52,6 +61,19 @@ def main() -> None:
         error = float(np.abs(np.where(exact.unbounded, 0.0, run.efforts.torque - exact.torque)).max())
         parts = scales["torque"] / scales["moment"], error / scales["torque"], error / scales["moment"]
         print(f"{name:20s}" + "".join(f"{part:16.1e}" for part in parts))
+
+
+def cost(name: str) -> None:
+    """Print what reading forces several times costs of a stepped turn, the best of rounds."""
+    machine, usual = weighing(load(name)), rigid_forces.PASSES
+    best = dict.fromkeys((1, usual), np.inf)
+    for _ in range(ROUNDS):
+        for passes in best:
+            rigid_forces.PASSES = passes
+            begun = process_time()
+            driven(machine.mechanism, machine.forces, speed=SPEED, method="step")
+            best[passes] = min(best[passes], process_time() - begun)
+    print(f"{name}: " + ", ".join(f"read {n} times {1e3 * best[n]:.1f} ms" for n in best))
 
 
 if __name__ == "__main__":
