@@ -23,7 +23,15 @@ OTHERS = [
         "rssr", crank=0.04, coupler=0.1, rocker=0.04, pivot=(0.0, -0.1, 0.0), gamma1=np.pi / 2, gamma2=0.0
     ),
 ]
-FLAT = [*(catalog.make("four_bar", **named(one)) for one in flat_linkages(9)), *OTHERS]
+# frame and crank differ by a twentieth, and its coupler whips round where it is flat
+WHIPPING = catalog.make(
+    "four_bar",
+    ground=0.08234220504898089,
+    crank=0.0786613480083382,
+    coupler=0.11849674876387652,
+    rocker=0.12217760580451921,
+)
+FLAT = [WHIPPING, *(catalog.make("four_bar", **named(one)) for one in flat_linkages(9)), *OTHERS]
 
 
 def assert_alike(motion, exact, size, bounds):
@@ -41,8 +49,10 @@ def test_a_run_by_poses_stays_one_linkage_for_two_turns(drive):
     assert run.outcome == "met"
     motion = run.motion
     exact = drive.solve(motion.angle, motion.speed, motion.acceleration)
-    # measured 2e-11, 3e-10 and 3e-9 where frame and crank are nearly alike, else 1e-13, 5e-12 and 1e-10
-    assert_alike(motion, exact, drive.mechanism.size, (1e-10, 1e-9, 1e-8))
+    # measured 2e-11, 3e-10 and 3e-9 where frame and crank are nearly alike, else 1e-13, 5e-12 and 1e-10; ten
+    # times as much where the path is read off a window of 0.03 rad, for it bends within 0.05
+    loose = 10.0 if drive is WHIPPING else 1.0
+    assert_alike(motion, exact, drive.mechanism.size, loose * np.array([1e-10, 1e-9, 1e-8]))
     for name in exact.joints.keys() & motion.joints.keys():
         joint = exact.joints[name]
         assert np.abs(np.exp(1j * motion.joints[name].value) - np.exp(1j * joint.value)).max() <= 1e-9

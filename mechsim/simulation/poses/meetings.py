@@ -21,6 +21,8 @@ SMOOTH = 1e-12
 # distances at which it is looked whether the determinant passes zero in a straight line, near last, and
 # by what part of its slope it may bend there
 SPREADS, BENT = (1e-2, 1e-4, 3e-7), 0.2
+# by how much a path is known farther each time where it bends too sharply to be foretold at once
+WIDER = 3.0
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ def meeting_between(loops: ModelLoops, before: Array, beyond: Array) -> Meeting 
         return None
     at = _zero(first[:, place], heights)
     slope, wide = 0.0, chord
-    for spread in SPREADS:
+    for spread in (*_widening(abs(high - low)), *SPREADS):
         around = at + spread * np.array([-2.0, -1.0, 1.0, 2.0])
         states = chord.closed(around)
         if states is None:
@@ -115,13 +117,22 @@ def meeting_between(loops: ModelLoops, before: Array, beyond: Array) -> Meeting 
         if not (np.sign(found[[0, 1]]) == -np.sign(found[[2, 3]])).all():
             return None
         steep = float(found[3] - found[0]) / (4.0 * spread)
-        slope = slope or steep
         if spread == SPREADS[-1]:
             straight = np.abs(found - slope * (around - at)).max() < BENT * abs(slope) * spread
             return _passed(loops, at, wide) if straight else None
         at, chord = _zero(around, found), _Chord(loops, states)
-        wide = chord if spread == SPREADS[0] else wide
+        if spread == SPREADS[0]:
+            slope, wide = steep, chord
     return None
+
+
+def _widening(known: float) -> list[float]:
+    """Return distances by which a path that is known over a short way is known over the first of SPREADS."""
+    spreads: list[float] = []
+    while known < SPREADS[0]:
+        known *= WIDER
+        spreads.append(known / 2.0)
+    return spreads
 
 
 @dataclass(frozen=True)
