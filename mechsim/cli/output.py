@@ -62,7 +62,7 @@ def _nothing(done: str = "", part: float | None = None) -> None:
     pass
 
 
-def _lines(what: str, total: int | None) -> Tick:
+def _lines(what: str, total: int | None, limit: str) -> Tick:
     """Return a tick that prints a line when the last one is long past."""
     count, begun = 0, time.monotonic()
     # since when how much is done is known: other work came before, and a run may be tried again
@@ -80,6 +80,7 @@ def _lines(what: str, total: int | None) -> Tick:
         if now < due:
             return
         rest = left((part - origin) / (1.0 - origin), now - since) if part and origin < 1.0 else ""
+        rest = f"{rest}{limit}" if rest else ""
         # what is over in a moment needs no line
         if rest or not quiet or now > begun + SECONDS:
             tell(f"{what}: {', '.join(filter(None, [*far, done, rest]))}")
@@ -89,13 +90,16 @@ def _lines(what: str, total: int | None) -> Tick:
 
 
 @contextmanager
-def progress(what: str, total: int | None, *, quiet: bool = False) -> Generator[Tick]:
-    """Show on stderr how far long work has come: a bar, or a line now and then where there is no terminal."""
+def progress(what: str, total: int | None, *, quiet: bool = False, at_least: bool = False) -> Generator[Tick]:
+    """Show on stderr how far long work has come: a bar, or a line now and then where there is no terminal.
+
+    `at_least`: the parts told are the least that may be done, so that what is left is so much at the most.
+    """
     if quiet:
         yield _nothing
         return
     if not sys.stderr.isatty():
-        yield _lines(what, total)
+        yield _lines(what, total, " at the most" if at_least else "")
         return
     from rich.console import Console
     from rich.progress import (
@@ -113,7 +117,7 @@ def progress(what: str, total: int | None, *, quiet: bool = False) -> Generator[
         BarColumn(),
         *far,
         TimeElapsedColumn(),
-        TimeRemainingColumn(),
+        *(() if at_least else (TimeRemainingColumn(),)),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=total)

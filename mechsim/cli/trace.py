@@ -68,7 +68,7 @@ def trace(
         raise InputError(f"{samples} samples of a curve; give 1 to {MOST_SAMPLES}")
     drive = form_of(model, sets, driven)
     over = None if of is None else columns_asked(drive.mechanism, parse_names(of))
-    with progress("trace", None) as tick:
+    with progress("trace", None, at_least=True) as tick:
         found = traced(drive, starts=starts, seed=seed, tick=tick)
     if place is not None or picture is not None:
         tables = curve_tables(found, samples)

@@ -74,9 +74,11 @@ def test_long_work_says_how_long_it_goes_on(
     now = [0.0]
     monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
 
-    def lines(work: Callable[[output.Tick], None], total: int | None = None) -> list[str]:
+    def lines(
+        work: Callable[[output.Tick], None], total: int | None = None, at_least: bool = False
+    ) -> list[str]:
         now[0] = 0.0
-        with output.progress("work", total) as tick:
+        with output.progress("work", total, at_least=at_least) as tick:
             work(tick)
         return capsys.readouterr().err.splitlines()
 
@@ -103,6 +105,9 @@ def test_long_work_says_how_long_it_goes_on(
         "work: 1 steps",
         "work: 2 steps, about 417 days left",
         "work: 3 steps, about 417 days left",
+    ]
+    assert lines(parted, at_least=True)[1:] == [
+        f"work: {i} steps, about 417 days left at the most" for i in (2, 3)
     ]
     assert lines(short) == []
     assert [output.left(0.5, spent) for spent in (1.0, 100.0, 1e4, 1e6)] == [
