@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from difflib import get_close_matches
+from os import PathLike, fspath
 from typing import Any
 
 from mechsim import units
@@ -29,7 +30,7 @@ def is_file(model: str) -> bool:
 
 
 def load(
-    model: str,
+    model: str | PathLike[str],
     set: Mapping[str, str | float] | None = None,
     *,
     drive: Mapping[str, str | State] | None = None,
@@ -60,8 +61,11 @@ def load(
     Raises:
         InputError: for what is none of these; names the file, the line, the value and the remedy.
     """
+    if not isinstance(model, str | PathLike):  # pyright: ignore[reportUnnecessaryIsInstance]
+        kind = type(model).__name__
+        raise InputError(f"a model is of type {kind}; give a name or a file, as 'rssr' or 'linkage.toml'")
     asked = _asked(drive, hold, hold_base, key, track, duration, still)
-    return _moving(model, set, asked, begun=True)
+    return _moving(fspath(model), set, asked, begun=True)
 
 
 def described(model: str, set: Mapping[str, str | float] | None = None, **asked: Any) -> Form:

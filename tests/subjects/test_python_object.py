@@ -1,6 +1,7 @@
 """A mechanism that a Python file makes."""
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -46,6 +47,13 @@ def test_what_is_no_mechanism_is_refused_in_one_line(path, name, words):
     with pytest.raises(InputError, match=re.escape(words)) as error:
         load(f"{path}:{name}")
     assert "\n" not in str(error.value)
+
+
+def test_a_path_is_a_model_and_what_is_neither_name_nor_path_is_refused():
+    path = Path(__file__).parents[2] / "models" / "gallery" / "scotch_yoke.toml"
+    assert load(path).mechanism == load(str(path)).mechanism
+    with pytest.raises(InputError, match="a model is of type int; give a name or a file"):
+        load(7)
 
 
 def test_a_file_that_does_not_run_is_refused(tmp_path):

@@ -155,5 +155,7 @@ def _vectors(
             centred.append(i if branch.forward else branch.near)
     longest, nothing = max(map(len, rows)), rows[len(branches)][0]
     vectors = np.array([row + [nothing] * (longest - len(row)) for row in rows])
-    places = (np.array(pairs, dtype=np.intp).reshape(-1, 2) @ [longest, 1] for pairs in (near, axes, centres))
-    return vectors, in_a_row(np.array(holders)), *places, np.array(centred, dtype=np.intp)
+    first, second, third = (
+        np.array(pairs, dtype=np.intp).reshape(-1, 2) @ [longest, 1] for pairs in (near, axes, centres)
+    )
+    return vectors, in_a_row(np.array(holders)), first, second, third, np.array(centred, dtype=np.intp)
