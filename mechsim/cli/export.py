@@ -118,8 +118,9 @@ def export(
         typer.echo(text, nl=False)
     else:
         typer.echo(f"wrote {output}")
-    if missed and not as_json:
-        typer.echo(missed, err=True)
+    if missed:
+        if not as_json:
+            typer.echo(missed, err=True)
         raise typer.Exit(1)
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from mechsim.analytic.forms import Form
 from mechsim.cli.endings import tell
 from mechsim.errors import MobilityError
+from mechsim.maths.angles import TURN
 from mechsim.model.motion import Motion, taken
 from mechsim.verdict.tolerances import RATES
 
@@ -16,7 +17,6 @@ from mechsim.verdict.tolerances import RATES
 ENOUGH = 6
 # nearer to a change point than this, in [rad] of the crank, rates are limits and not the loops' at all
 LIMIT = 1e-3
-TURN = 2.0 * np.pi
 
 
 @dataclass(frozen=True, slots=True)
