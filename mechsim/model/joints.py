@@ -25,7 +25,7 @@ KindName = Literal[
 ]
 
 # what the columns of a joint frame are called that must not be opposed
-OPPOSED = {2: "axes", 0: "marks"}
+_OPPOSED = {2: "axes", 0: "marks"}
 # axis -> column of the joint frame of the side it is fixed on: b for "b", else a
 COLUMN: dict[Axis, int] = {"x": 0, "y": 1, "z": 2, "a": 2, "b": 2}
 
@@ -206,3 +206,11 @@ def _about_z(angle: float | Array) -> Array:
     turn[..., 0, 1], turn[..., 1, 0] = -s, s
     turn[..., 2, 2] = 1.0
     return turn
+
+
+def opposed(joint: str, column: int) -> str:
+    """Return in one sentence that a joint came together with columns of its sides' frames opposed."""
+    return (
+        f"joint {joint!r} came together with its {_OPPOSED[column]} opposed; turn one round, or give a guess "
+        "nearer the assembly meant"
+    )

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from mechsim.errors import AssemblyError
-from mechsim.model.joints import KINDS, OPPOSED
+from mechsim.model.joints import KINDS, opposed
 from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
 
 
@@ -24,7 +24,4 @@ def require_alike(mechanism: Mechanism, poses: Mapping[str, Pose]) -> None:
         for i in KINDS[joint.kind].alike:
             a, b = (everywhere[end.link].rotation @ end.frame[:, i] for end in (joint.a, joint.b))
             if not float(np.dot(a, b)) > 0.0:
-                raise AssemblyError(
-                    f"{mechanism.name}: joint {joint.name!r} came together with its {OPPOSED[i]} opposed; "
-                    "turn one round, or give a guess nearer the assembly meant"
-                )
+                raise AssemblyError(f"{mechanism.name}: {opposed(joint.name, i)}")

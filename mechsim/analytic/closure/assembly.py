@@ -9,7 +9,7 @@ from mechsim.analytic.vector_method.rotations import dot, turned_by
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import numbers
-from mechsim.model.joints import KINDS, OPPOSED
+from mechsim.model.joints import KINDS, opposed
 from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose, described
 from mechsim.model.rough_poses import rough_poses
 
@@ -90,13 +90,10 @@ def _require_axes_alike(mechanism: Mechanism, poses: Poses, angles: Array) -> No
     for joint in mechanism.joints:
         for i in KINDS[joint.kind].alike:
             sides = [placed[end.link].rotation @ end.frame[:, i] for end in (joint.a, joint.b)]
-            opposed = np.broadcast_to(dot(*sides) < 0.0, angles.shape)
-            if opposed.any():
-                where = f"crank angle {angles[np.argmax(opposed)]:.6g} rad"
-                raise AssemblyError(
-                    f"{mechanism.name}: at {where} joint {joint.name!r} came together with its {OPPOSED[i]} "
-                    "opposed; turn one round, or give a guess nearer the assembly meant"
-                )
+            against = np.broadcast_to(dot(*sides) < 0.0, angles.shape)
+            if against.any():
+                where = f"crank angle {angles[np.argmax(against)]:.6g} rad"
+                raise AssemblyError(f"{mechanism.name}: at {where} {opposed(joint.name, i)}")
 
 
 def crank_angles(mechanism: Mechanism, angles: ArrayLike) -> Array:

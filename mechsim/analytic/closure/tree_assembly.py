@@ -11,7 +11,7 @@ from mechsim.analytic.closure.tree_loops import TreeLoops, tree_loops
 from mechsim.analytic.closure.tree_motion import Coordinates, placed
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS, OPPOSED
+from mechsim.model.joints import KINDS, opposed
 from mechsim.model.mechanism import Mechanism, Pose
 from mechsim.model.rough_poses import rough_poses, starts
 
@@ -147,7 +147,4 @@ def _require_axes_alike(loops: TreeLoops, at: Coordinates) -> None:
         _, frame_a, _, frame_b = cut.frames(here)
         for i in KINDS[cut.joint.kind].alike:
             if float((frame_a[:, i] * frame_b[:, i]).sum()) < 0.0:
-                raise AssemblyError(
-                    f"{loops.tree.mechanism.name}: joint {cut.joint.name!r} came together with its "
-                    f"{OPPOSED[i]} opposed; turn one round, or give a guess nearer the assembly meant"
-                )
+                raise AssemblyError(f"{loops.tree.mechanism.name}: {opposed(cut.joint.name, i)}")
