@@ -134,7 +134,8 @@ def test_the_cranks_power_is_what_is_stored_lost_and_taken_by_loads(name, method
     form = load(name)
     mechanism, forces = with_inertia(form.mechanism), busy(form.mechanism)
     motion, efforts = moved(form, mechanism, forces, method)
-    assert balance(mechanism, forces, motion, efforts) < 1e-6
+    # measured 8e-10, which differences over so many instants leave, and 5e-9 by steps
+    assert balance(mechanism, forces, motion, efforts) < (5e-8 if method == "step" else 5e-9)
 
 
 @pytest.mark.parametrize(
@@ -149,7 +150,7 @@ def test_so_is_the_power_of_several_drivers(name, method):
     form = load(name)
     mechanism, forces = with_inertia(form.mechanism), busy(form.mechanism)
     motion, efforts = moved(form, mechanism, forces, method)
-    # a drive's force is constant over each step, so that accelerations lag by half of one
+    # a drive's force is constant over each step, so that accelerations lag by half of one: measured 7.7e-4
     assert balance(mechanism, forces, motion, efforts) < (3e-3 if method == "step" else 1e-8)
 
 
