@@ -97,46 +97,36 @@ def test_an_interrupt_from_the_keyboard_that_ends_the_encoder_too_is_no_fault_of
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_signal_that_a_destructor_swallows_ends_the_command_all_the_same() -> None:
-    code = (
-        "import os, signal, time\n"
-        "from mechsim.cli import endings\n"
-        "class Held:\n"
-        "    def __del__(self):\n"
-        "        os.kill(os.getpid(), signal.SIGTERM)\n"
-        "        time.sleep(0)\n"
-        "def command():\n"
-        "    Held()\n"
-        "    time.sleep(60)\n"
-        "raise SystemExit(endings.ended(command))"
-    )
-    done = subprocess.run(
+def swallowing(number: signal.Signals, times: int) -> "subprocess.CompletedProcess[str]":
+    """Run a command whose destructors swallow a signal so many times, and wait for what is to come again."""
+    code = f"""
+import os, time
+from mechsim.cli import endings
+class Held:
+    def __del__(self):
+        os.kill(os.getpid(), {int(number)})
+        time.sleep(0)
+def command():
+    for _ in range({times}):
+        Held()
+    time.sleep(60)
+code = endings.ended(command)
+time.sleep(10 * endings.AGAIN)
+raise SystemExit(code)
+"""
+    return subprocess.run(
         [sys.executable, "-c", code], env=ENVIRONMENT, capture_output=True, text=True, check=False
     )
-    assert done.returncode == 128 + signal.SIGTERM
-    assert done.stderr == "mechsim: stopped\n"
 
 
-def test_a_signal_that_is_to_come_again_does_not_come_once_the_command_has_ended() -> None:
-    code = (
-        "import os, signal, time\n"
-        "from mechsim.cli import endings\n"
-        "class Held:\n"
-        "    def __del__(self):\n"
-        "        os.kill(os.getpid(), signal.SIGINT)\n"
-        "        time.sleep(0)\n"
-        "def command():\n"
-        "    Held()\n"
-        "    Held()\n"
-        "    time.sleep(60)\n"
-        "code = endings.ended(command)\n"
-        "time.sleep(10 * endings.AGAIN)\n"
-        "raise SystemExit(code)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=ENVIRONMENT, capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stderr) == (2, "mechsim: stopped\n")
+@pytest.mark.parametrize(
+    ("number", "times", "code"), [(signal.SIGTERM, 1, 128 + signal.SIGTERM), (signal.SIGINT, 2, 2)]
+)
+def test_a_signal_that_destructors_swallow_ends_the_command_all_the_same_and_once(
+    number: signal.Signals, times: int, code: int
+) -> None:
+    done = swallowing(number, times)
+    assert (done.returncode, done.stderr) == (code, "mechsim: stopped\n")
 
 
 def test_a_signal_that_is_ignored_stays_ignored(tmp_path: Path) -> None:
