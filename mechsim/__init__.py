@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from mechsim.model.couplings import Coupling, Gear
     from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
     from mechsim.model.inertia import Inertia
-    from mechsim.model.mechanism import End, Joint, Link, Mechanism, Pose
+    from mechsim.model.joints import End, Joint
+    from mechsim.model.links import Link, Pose
+    from mechsim.model.mechanism import Mechanism
     from mechsim.model.motion import Motion
     from mechsim.model.programs import Programs
     from mechsim.model.scene import Scene
@@ -56,21 +58,21 @@ _HOMES = _MODULES | {
     "Agreement": "studies.agreement.agreement",
     "AssemblyError": "errors",
     "Check": "verdict.checks",
-    "End": "model.mechanism",
+    "End": "model.joints",
     "Forces": "model.forces",
     "Friction": "model.forces",
     "Coupling": "model.couplings",
     "Gear": "model.couplings",
     "Inertia": "model.inertia",
     "InputError": "errors",
-    "Joint": "model.mechanism",
+    "Joint": "model.joints",
     "JointSpring": "model.forces",
-    "Link": "model.mechanism",
+    "Link": "model.links",
     "Load": "model.forces",
     "Mechanism": "model.mechanism",
     "MechsimError": "errors",
     "Motion": "model.motion",
-    "Pose": "model.mechanism",
+    "Pose": "model.links",
     "Programs": "model.programs",
     "Run": "simulation",
     "Scene": "model.scene",

@@ -6,7 +6,9 @@ import numpy as np
 
 from mechsim import catalog
 from mechsim.model.couplings import Coupling
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.programs import programs, tabled
 
 ALONG_X, ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)

@@ -5,7 +5,7 @@ from strategies import CLOSED, EPS, longest
 
 from mechsim import closure
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.model.mechanism import Pose
+from mechsim.model.links import Pose
 from mechsim.model.motion import Motion
 
 

@@ -6,7 +6,9 @@ import numpy as np
 
 from mechsim import closure
 from mechsim.model.couplings import Gear
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose, Vector
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link, Pose, Vector
+from mechsim.model.mechanism import Mechanism
 
 START = 0.7
 

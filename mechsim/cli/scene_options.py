@@ -9,7 +9,7 @@ from mechsim import files
 from mechsim.cli.endings import notes
 from mechsim.cli.options import HoldOptions, driving, once, pairs
 from mechsim.errors import InputError
-from mechsim.model.mechanism import Vector
+from mechsim.model.links import Vector
 from mechsim.model.programs import State, steady
 from mechsim.studies.scenes import UserScene, scene_of
 from mechsim.subjects.actuator_programs import actuator_programs

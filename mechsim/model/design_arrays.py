@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.links import GROUND, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import Sides, completed, starts
 
 # of one joint: points (3, d) and frames (3, 3, d) of its sides a and b

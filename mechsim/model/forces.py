@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.maths.given import HUGE, number, numbers, require
-from mechsim.model.joints import KINDS, Kind, kinds_that
+from mechsim.model.joint_kinds import KINDS, Kind, kinds_that
+from mechsim.model.links import GROUND, ORIGIN, Vector
 from mechsim.model.load_profile import LoadProfile
-from mechsim.model.mechanism import GROUND, ORIGIN, Mechanism, Vector
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motors import Motor
 
 # a tracked point's name, or a link ("ground" too) and a point in its frame in [m]

@@ -1,216 +1,174 @@
-"""The kinds of joint: along what one side slides and about what it turns; all else follows from that.
+"""What a joint is: points and axes of two links that meet as its kind says."""
 
-A row of `KINDS` says how many freedoms a joint has, how many equations hold the rest, which coordinates
-it has, what it transmits and where its friction acts. Axes are named in it by where they are fixed:
-
-- "a": the axis as side a has it, along which that of side b lies;
-- "b": the axis as side b has it, where it crosses that of side a (`cross_angle`);
-- "x", "y", "z": the mark of side a, axis x mark, and the axis as side a has it.
-
-A joint turns about nothing, about "a", about "a" and "b", or about all of "x", "y" and "z" as a ball.
-"""
-
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 
+from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
-from mechsim.maths.complex_step import turn_of
+from mechsim.maths.given import number, numbers, require
+from mechsim.model.joint_kinds import KINDS, KindName, coordinates
+from mechsim.model.links import EX, EY, EZ, FARTHEST, ORIGIN, Pose, Vector
+from mechsim.model.unmarked_slides import least_turned
 
-Axis = Literal["a", "b", "x", "y", "z"]
-KindName = Literal[
-    "revolute", "prismatic", "cylindrical", "screw", "universal", "spherical", "planar", "fixed", "floating"
-]
-
-# what the columns of a joint frame are called that must not be opposed
-_OPPOSED = {2: "axes", 0: "marks"}
-# axis -> column of the joint frame of the side it is fixed on: b for "b", else a
-COLUMN: dict[Axis, int] = {"x": 0, "y": 1, "z": 2, "a": 2, "b": 2}
+# lengths and cosines of unit vectors across each other are off by less
+ROUNDED = 1e-14
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
-    """What a kind of joint leaves free: the axes along which it slides and those about which it turns."""
+class End:
+    """One side of a joint, in the frame of the link it belongs to.
 
-    slides: tuple[Axis, ...]
-    turns: tuple[Axis, ...]
-    # whether its displacement goes with its turn, by `Joint.lead`
-    led: bool = False
-
-    @property
-    def freedoms(self) -> int:
-        """How many relative motions are free; of a screw, which a coupling holds, both."""
-        return len(self.slides) + len(self.turns)
-
-    @property
-    def forces(self) -> int:
-        """How many components of force it transmits: as many equations between lengths hold it."""
-        return 3 - len(self.slides)
-
-    @property
-    def moments(self) -> int:
-        """How many components of moment it transmits: as many equations between directions hold it."""
-        return 3 - len(self.turns)
-
-    @property
-    def ball(self) -> bool:
-        """Whether it turns about every axis, which no angles count."""
-        return len(self.turns) == 3
-
-    @property
-    def floats(self) -> bool:
-        """Whether it holds nothing."""
-        return self.ball and len(self.slides) == 3
-
-    @property
-    def crossed(self) -> bool:
-        """Whether it turns about two axes that cross."""
-        return len(self.turns) == 2
-
-    @property
-    def aligned(self) -> bool:
-        """Whether the axes of both sides lie along each other."""
-        return len(self.turns) < 2
-
-    @property
-    def alike(self) -> tuple[int, ...]:
-        """Columns of both sides' frames that point one way, not only along each other, as rows have it."""
-        return () if not self.aligned else (2,) if self.turns else (2, 0)
-
-    @property
-    def hinge(self) -> bool:
-        """Whether it turns about its axis and does nothing else."""
-        return self.aligned and not self.slides and bool(self.turns)
-
-    @property
-    def pivot(self) -> bool:
-        """Whether it turns about a point that stays where it is on both sides."""
-        return bool(self.turns) and not self.slides
-
-    @property
-    def single(self) -> bool:
-        """Whether it has one freedom: a hinge or a slide."""
-        return self.freedoms == 1
-
-    @property
-    def drivable(self) -> bool:
-        """Whether its coordinates can be prescribed: a hinge, a slide, or both along one axis."""
-        return self.slides in ((), ("a",)) and self.turns in ((), ("a",)) and self.freedoms > 0
-
-    @property
-    def mixed(self) -> bool:
-        """Whether it both slides and turns, by coordinates of its own."""
-        return bool(self.slides and self.turns) and not self.ball
-
-    @property
-    def endings(self) -> tuple[str, ...]:
-        """What follows a joint's name in the name of each of its coordinates; a ball's turns have none."""
-        if self.single:
-            return ("",)
-        slides = (".way",) if len(self.slides) == 1 else tuple(f".{axis}" for axis in self.slides)
-        if self.ball:
-            return slides
-        turns = (".turn",) if len(self.turns) == 1 else tuple(f".{i + 1}" for i in range(len(self.turns)))
-        return slides + turns
-
-    @property
-    def units(self) -> tuple[Literal["m", "rad"], ...]:
-        """Units of its coordinates: displacements, then angles; the turning of a ball has none."""
-        turns = () if self.ball else self.turns
-        return (*("m" for _ in self.slides), *("rad" for _ in turns))
-
-
-KINDS: dict[KindName, Kind] = {
-    "revolute": Kind(slides=(), turns=("a",)),
-    "prismatic": Kind(slides=("a",), turns=()),
-    "cylindrical": Kind(slides=("a",), turns=("a",)),
-    "screw": Kind(slides=("a",), turns=("a",), led=True),
-    "universal": Kind(slides=(), turns=("a", "b")),
-    "spherical": Kind(slides=(), turns=("x", "y", "z")),
-    "planar": Kind(slides=("x", "y"), turns=("a",)),
-    "fixed": Kind(slides=(), turns=()),
-    "floating": Kind(slides=("x", "y", "z"), turns=("x", "y", "z")),
-}
-
-# the kinds that leave nothing and everything free
-FIXED: KindName = "fixed"
-FLOATING: KindName = "floating"
-
-
-def kinds_that(rule: Callable[[Kind], bool]) -> str:
-    """Return the names of the kinds for which a rule holds, as "revolute or prismatic"."""
-    return " or ".join(name for name, kind in KINDS.items() if rule(kind))
-
-
-def coordinates(kind: Kind, gap: Array, frame_a: Array, frame_b: Array, cross_angle: float) -> Array:
-    """Return the coordinates of a joint, (..., k) in [m] and (-pi, pi] rad, in the order of `Kind.units`.
-
-    Args:
-        kind: of the joint.
-        gap: from a's point to b's in any frame, (..., 3) in [m].
-        frame_a: a's joint frame in that frame, (..., 3, 3).
-        frame_b: b's.
-        cross_angle: between crossed axes, in [rad].
+    Attributes:
+        link: name of the link.
+        point: where the joint is, in [m].
+        axis: direction of the joint's axis; made a unit vector.
+        mark: direction across the axis from which the joint's angle is counted; made a unit vector
+            across the axis. None takes the frame's x axis, or y where x lies along the axis.
+        marked: whether a mark was given.
     """
-    columns = [(gap * frame_a[..., COLUMN[axis]]).sum(-1) for axis in kind.slides]
-    if kind.crossed:
-        columns += _crossed_angles(cross_angle, frame_a, frame_b)
-    elif not kind.ball and kind.turns:
-        mark = (np.swapaxes(frame_a, -1, -2) @ frame_b[..., :1])[..., 0]  # b's mark seen from a
-        columns.append(turn_of(mark[..., 1], mark[..., 0]))
-    return np.stack(columns, -1) if columns else np.empty((*gap.shape[:-1], 0))
+
+    link: str
+    point: Vector = ORIGIN
+    axis: Vector = EZ
+    mark: Vector | None = None
+    marked: bool = field(init=False, default=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "marked", self.mark is not None)
+        point, axis = _finite(self, "point", self.point), _finite(self, "axis", self.axis)
+        length = float(np.linalg.norm(axis))
+        if not length > 0.0:
+            raise InputError(f"axis of a joint on link {self.link!r} is the zero vector; give a direction")
+        given = self.mark
+        if given is None:
+            given = EX if abs(axis[0]) < 0.9 * length else EY
+        mark = _finite(self, "mark", given)
+        # those of another End stay what they are to the last bit
+        if self.mark is None or not _unit_and_across(axis, mark):
+            axis = axis / length
+            mark = mark - axis * (axis @ mark)
+            length = float(np.linalg.norm(mark))
+            if not length > 1e-9:
+                raise InputError(
+                    f"mark {given} of a joint on link {self.link!r} lies along its axis; "
+                    "give a direction across the axis"
+                )
+            mark = mark / length
+        object.__setattr__(self, "point", tuple(point.tolist()))
+        object.__setattr__(self, "axis", tuple(axis.tolist()))
+        object.__setattr__(self, "mark", tuple(mark.tolist()))
+
+    @property
+    def frame(self) -> Array:
+        """The joint's frame in the link's: columns mark, axis x mark, axis; (3, 3), not to be written to."""
+        assert self.mark is not None
+        return _frame(self.axis, self.mark)
 
 
-def displaced(kind: Kind, values: Sequence[float | Array], cross_angle: float) -> tuple[Array, Array]:
-    """Return where b's joint frame stands in a's: (..., 3) in [m] and (..., 3, 3); a ball's is not turned.
+def _vector(values: Array) -> Vector:
+    return (float(values[0]), float(values[1]), float(values[2]))
 
-    Args:
-        kind: of the joint.
-        values: its coordinates, as `coordinates` gives them, each a number or (...).
-        cross_angle: between crossed axes, in [rad].
+
+@cache
+def _frame(axis: Vector, mark: Vector) -> Array:
+    frame = np.column_stack([mark, np.cross(axis, mark), axis])
+    frame.flags.writeable = False
+    return frame
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """Two links meet: point on point, axis on axis, as the kind says.
+
+    - revolute: points and axes coincide. Coordinate: angle from a's mark to b's about the axis.
+    - prismatic: axes coincide, marks stay parallel. Coordinate: displacement of b's point along the axis.
+      Where neither side has a mark, the links are turned by the least that lays axis on axis; in a
+      mechanism whose guess is nearer to that, as if each side had the mark it has by itself.
+    - cylindrical: axes coincide. Coordinates: displacement, then angle.
+    - screw: as cylindrical, and the displacement is `lead` times the turns.
+    - universal: points coincide, axes cross at `cross_angle`. Coordinates: angle about a's axis,
+      angle about b's; both zero where b's axis lies from a's axis towards a's mark.
+    - spherical: points coincide. No coordinate.
+    - planar: axes stay parallel and b's point in the plane across a's axis. Coordinates: displacements
+      along a's mark and across it, then angle.
+    - fixed: points coincide, axes and marks too, which may be left out likewise. No coordinate.
+    - floating: nothing is held. Coordinates: the place of b's point in a's frame.
+
+    Attributes:
+        name: unique in the mechanism.
+        kind: one of `model.joint_kinds.KINDS`, as above.
+        a: the side nearer the frame.
+        b: the other side.
+        cross_angle: of a universal joint, in [rad].
+        lead: of a screw, displacement a turn in [m].
+        unmarked: whether no mark says how a slide turns its links.
     """
-    shift = np.zeros((*np.shape(values[0] if len(values) else 0.0), 3))
-    for axis, value in zip(kind.slides, values, strict=False):
-        shift[..., COLUMN[axis]] = value
-    angles = values[len(kind.slides) :]
-    if kind.crossed:
-        return shift, _about_z(angles[0]) @ crossed_at_zero(cross_angle) @ _about_z(angles[1])
-    return shift, _about_z(angles[0]) if len(angles) else np.eye(3)
+
+    name: str
+    kind: KindName
+    a: End
+    b: End
+    cross_angle: float = np.pi / 2
+    lead: float = 0.0
+    unmarked: bool = field(init=False, default=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if str(self.kind) not in KINDS:
+            raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; known are {', '.join(KINDS)}")
+        for end in (self.a, self.b):
+            require(f"a side of joint {self.name!r}", end, End)
+        if self.a.link == self.b.link:
+            raise InputError(f"joint {self.name!r} joins link {self.a.link!r} to itself; name two links")
+        if not 0.0 < number(self.cross_angle) < np.pi:
+            raise InputError(
+                f"cross angle of joint {self.name!r} is {self.cross_angle} rad; give one between 0 and pi"
+            )
+        if not KINDS[self.kind].crossed and self.cross_angle != np.pi / 2:
+            raise InputError(
+                f"cross angle of {self.kind} joint {self.name!r} is {self.cross_angle} rad; only the axes of "
+                "a universal joint cross: take it out"
+            )
+        if not abs(number(self.lead)) < np.inf or KINDS[self.kind].led != (self.lead != 0.0):
+            raise InputError(
+                f"lead of {self.kind} joint {self.name!r} is {self.lead} m; "
+                "give a screw its displacement a turn, and no other joint any"
+            )
+        if 0 in KINDS[self.kind].alike and not (self.a.marked or self.b.marked):
+            side = self.a.frame
+            mark = least_turned(np.array(self.b.axis), side[:, 2], side[:, 0])
+            if np.abs(mark - np.array(self.b.mark)).max() > ROUNDED:
+                object.__setattr__(self, "b", replace(self.b, mark=_vector(mark)))
+                object.__setattr__(self, "unmarked", True)
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of its coordinates: the joint's own where it has one, else NAME.way, NAME.turn, NAME.1 ..."""
+        return tuple(self.name + ending for ending in KINDS[self.kind].endings)
 
 
-def crossed_at_zero(cross_angle: float) -> Array:
-    """Return b's joint frame seen from a's at both angles zero of a joint with crossed axes, (3, 3)."""
-    c, s = np.cos(cross_angle), np.sin(cross_angle)
-    axis, mark = np.array([s, 0.0, c]), np.array([-c, 0.0, s])
-    return np.column_stack([mark, np.cross(axis, mark), axis])
+def joint_coordinate(joint: Joint, a: Pose, b: Pose) -> Array:
+    """Return the coordinates of a joint between two posed links, (..., k).
+
+    k is 1 for revolute and prismatic joints, 2 for cylindrical and universal ones, 0 for spherical
+    ones; angles in (-pi, pi] rad, displacements in [m].
+    """
+    gap = b.point(joint.b.point) - a.point(joint.a.point)
+    frame_a, frame_b = a.rotation @ joint.a.frame, b.rotation @ joint.b.frame  # (..., 3, 3)
+    return coordinates(KINDS[joint.kind], gap, frame_a, frame_b, joint.cross_angle)
 
 
-def _crossed_angles(cross_angle: float, frame_a: Array, frame_b: Array) -> tuple[Array, Array]:
-    relative = np.swapaxes(frame_a, -1, -2) @ frame_b
-    first = turn_of(relative[..., 1, 2], relative[..., 0, 2])
-    c, s = np.cos(first), np.sin(first)
-    back = np.zeros_like(relative)  # undo the turn about a's axis
-    back[..., 0, 0], back[..., 0, 1] = c, s
-    back[..., 1, 0], back[..., 1, 1] = -s, c
-    back[..., 2, 2] = 1.0
-    rest = crossed_at_zero(cross_angle).T @ back @ relative
-    return first, turn_of(rest[..., 1, 0], rest[..., 0, 0])
+def _unit_and_across(axis: Array, mark: Array) -> bool:
+    """Whether axis and mark are unit vectors across each other already, to rounding."""
+    both = np.column_stack([axis, mark])
+    return bool(np.abs(both.T @ both - np.eye(2)).max() < ROUNDED)
 
 
-def _about_z(angle: float | Array) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    turn = np.zeros((*np.shape(angle), 3, 3))
-    turn[..., 0, 0] = turn[..., 1, 1] = c
-    turn[..., 0, 1], turn[..., 1, 0] = -s, s
-    turn[..., 2, 2] = 1.0
-    return turn
-
-
-def opposed(joint: str, column: int) -> str:
-    """Return in one sentence that a joint came together with columns of its sides' frames opposed."""
-    return (
-        f"joint {joint!r} came together with its {_OPPOSED[column]} opposed; turn one round, or give a guess "
-        "nearer the assembly meant"
-    )
+def _finite(end: End, what: str, value: Vector) -> Array:
+    vector = numbers(value)
+    if vector.shape != (3,) or not (np.abs(vector) < FARTHEST).all():
+        raise InputError(
+            f"{what} {value} of a joint on link {end.link!r} is not three finite numbers below {FARTHEST:g}"
+        )
+    return vector

@@ -1,4 +1,4 @@
-"""What a mechanism is: links in their own frames, joints that say what of one meets what of another.
+"""What a mechanism is: links, joints between them, couplings, and what is driven.
 
 A `Mechanism` is plain data. Nothing here says where a link is in space: that is solved, by the
 closed forms and `closure` on one side and by MuJoCo on the other.
@@ -6,219 +6,23 @@ closed forms and `closure` on one side and by MuJoCo on the other.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
 
 import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.maths.given import number, numbers, require
 from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.display import short_repr
-from mechsim.model.inertia import Inertia
-from mechsim.model.joints import KINDS, KindName, coordinates
-from mechsim.model.unmarked_slides import MEANT, guessed, least_turned
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import FARTHEST, GROUND, IDENTITY, Link, Pose, Vector
+from mechsim.model.unmarked_slides import MEANT, guessed
 
-Vector = tuple[float, float, float]
-
-GROUND = "ground"
-# what names of links begin with that stand for no body: those between several joints of one
-UNSEEN = "~"
-ORIGIN: Vector = (0.0, 0.0, 0.0)
-EX: Vector = (1.0, 0.0, 0.0)
-EY: Vector = (0.0, 1.0, 0.0)
-EZ: Vector = (0.0, 0.0, 1.0)
-# what is farther away has no square that is a finite number, in [m]
-FARTHEST = 1e100
 # joints of a link nearer to each other than this part of all that is known of the links lie in one place
 ONE_PLACE = 1e-9
 # points whose distances to all others are taken at once
 ROWS = 500
-# lengths and cosines of unit vectors across each other are off by less
-ROUNDED = 1e-14
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Pose:
-    """Where links are: position of the origin, (..., 3) in [m], and rotation matrix, (..., 3, 3)."""
-
-    position: Array
-    rotation: Array
-
-    def __eq__(self, other: object) -> bool:
-        """Whether the other stands at the same places, to the last bit."""
-        return (
-            isinstance(other, Pose)
-            and np.array_equal(self.position, other.position)
-            and np.array_equal(self.rotation, other.rotation)
-        )
-
-    __hash__ = None  # pyright: ignore[reportAssignmentType]
-
-    def point(self, local: Vector) -> Array:
-        """Return the place of a point given in the link's frame, (..., 3) in [m]."""
-        return self.position + self.rotation @ np.asarray(local)
-
-    def at(self, index: int | slice) -> "Pose":
-        """Return the pose or poses at an index of the leading axis."""
-        return Pose(self.position[index], self.rotation[index])
-
-
-IDENTITY = Pose(np.zeros(3), np.eye(3))
-
-
-@dataclass(frozen=True, slots=True)
-class Link:
-    """A rigid link.
-
-    Attributes:
-        name: unique in the mechanism.
-        outline: points of the link's own frame, in [m], that a picture joins up; joint points are
-            added by themselves, so this is for what no joint touches.
-        inertia: mass, centre and moments; None leaves them to `rods.with_inertia`.
-    """
-
-    name: str
-    outline: tuple[Vector, ...] = ()
-    inertia: Inertia | None = None
-
-    @property
-    def seen(self) -> bool:
-        """Whether it stands for a body; motions need not say where others are."""
-        return not self.name.startswith(UNSEEN)
-
-
-@dataclass(frozen=True, slots=True)
-class End:
-    """One side of a joint, in the frame of the link it belongs to.
-
-    Attributes:
-        link: name of the link.
-        point: where the joint is, in [m].
-        axis: direction of the joint's axis; made a unit vector.
-        mark: direction across the axis from which the joint's angle is counted; made a unit vector
-            across the axis. None takes the frame's x axis, or y where x lies along the axis.
-        marked: whether a mark was given.
-    """
-
-    link: str
-    point: Vector = ORIGIN
-    axis: Vector = EZ
-    mark: Vector | None = None
-    marked: bool = field(init=False, default=False, compare=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "marked", self.mark is not None)
-        point, axis = _finite(self, "point", self.point), _finite(self, "axis", self.axis)
-        length = float(np.linalg.norm(axis))
-        if not length > 0.0:
-            raise InputError(f"axis of a joint on link {self.link!r} is the zero vector; give a direction")
-        given = self.mark
-        if given is None:
-            given = EX if abs(axis[0]) < 0.9 * length else EY
-        mark = _finite(self, "mark", given)
-        # those of another End stay what they are to the last bit
-        if self.mark is None or not _unit_and_across(axis, mark):
-            axis = axis / length
-            mark = mark - axis * (axis @ mark)
-            length = float(np.linalg.norm(mark))
-            if not length > 1e-9:
-                raise InputError(
-                    f"mark {given} of a joint on link {self.link!r} lies along its axis; "
-                    "give a direction across the axis"
-                )
-            mark = mark / length
-        object.__setattr__(self, "point", tuple(point.tolist()))
-        object.__setattr__(self, "axis", tuple(axis.tolist()))
-        object.__setattr__(self, "mark", tuple(mark.tolist()))
-
-    @property
-    def frame(self) -> Array:
-        """The joint's frame in the link's: columns mark, axis x mark, axis; (3, 3), not to be written to."""
-        assert self.mark is not None
-        return _frame(self.axis, self.mark)
-
-
-def _vector(values: Array) -> Vector:
-    return (float(values[0]), float(values[1]), float(values[2]))
-
-
-@cache
-def _frame(axis: Vector, mark: Vector) -> Array:
-    frame = np.column_stack([mark, np.cross(axis, mark), axis])
-    frame.flags.writeable = False
-    return frame
-
-
-@dataclass(frozen=True, slots=True)
-class Joint:
-    """Two links meet: point on point, axis on axis, as the kind says.
-
-    - revolute: points and axes coincide. Coordinate: angle from a's mark to b's about the axis.
-    - prismatic: axes coincide, marks stay parallel. Coordinate: displacement of b's point along the axis.
-      Where neither side has a mark, the links are turned by the least that lays axis on axis; in a
-      mechanism whose guess is nearer to that, as if each side had the mark it has by itself.
-    - cylindrical: axes coincide. Coordinates: displacement, then angle.
-    - screw: as cylindrical, and the displacement is `lead` times the turns.
-    - universal: points coincide, axes cross at `cross_angle`. Coordinates: angle about a's axis,
-      angle about b's; both zero where b's axis lies from a's axis towards a's mark.
-    - spherical: points coincide. No coordinate.
-    - planar: axes stay parallel and b's point in the plane across a's axis. Coordinates: displacements
-      along a's mark and across it, then angle.
-    - fixed: points coincide, axes and marks too, which may be left out likewise. No coordinate.
-    - floating: nothing is held. Coordinates: the place of b's point in a's frame.
-
-    Attributes:
-        name: unique in the mechanism.
-        kind: one of `model.joints.KINDS`, as above.
-        a: the side nearer the frame.
-        b: the other side.
-        cross_angle: of a universal joint, in [rad].
-        lead: of a screw, displacement a turn in [m].
-        unmarked: whether no mark says how a slide turns its links.
-    """
-
-    name: str
-    kind: KindName
-    a: End
-    b: End
-    cross_angle: float = np.pi / 2
-    lead: float = 0.0
-    unmarked: bool = field(init=False, default=False, compare=False, repr=False)
-
-    def __post_init__(self) -> None:
-        if str(self.kind) not in KINDS:
-            raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; known are {', '.join(KINDS)}")
-        for end in (self.a, self.b):
-            require(f"a side of joint {self.name!r}", end, End)
-        if self.a.link == self.b.link:
-            raise InputError(f"joint {self.name!r} joins link {self.a.link!r} to itself; name two links")
-        if not 0.0 < number(self.cross_angle) < np.pi:
-            raise InputError(
-                f"cross angle of joint {self.name!r} is {self.cross_angle} rad; give one between 0 and pi"
-            )
-        if not KINDS[self.kind].crossed and self.cross_angle != np.pi / 2:
-            raise InputError(
-                f"cross angle of {self.kind} joint {self.name!r} is {self.cross_angle} rad; only the axes of "
-                "a universal joint cross: take it out"
-            )
-        if not abs(number(self.lead)) < np.inf or KINDS[self.kind].led != (self.lead != 0.0):
-            raise InputError(
-                f"lead of {self.kind} joint {self.name!r} is {self.lead} m; "
-                "give a screw its displacement a turn, and no other joint any"
-            )
-        if 0 in KINDS[self.kind].alike and not (self.a.marked or self.b.marked):
-            side = self.a.frame
-            mark = least_turned(np.array(self.b.axis), side[:, 2], side[:, 0])
-            if np.abs(mark - np.array(self.b.mark)).max() > ROUNDED:
-                object.__setattr__(self, "b", replace(self.b, mark=_vector(mark)))
-                object.__setattr__(self, "unmarked", True)
-
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Names of its coordinates: the joint's own where it has one, else NAME.way, NAME.turn, NAME.1 ..."""
-        return tuple(self.name + ending for ending in KINDS[self.kind].endings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -440,32 +244,6 @@ def described(source: object) -> Mechanism:
         InputError: for anything else.
     """
     return require("a mechanism", getattr(source, "mechanism", source), Mechanism)
-
-
-def joint_coordinate(joint: Joint, a: Pose, b: Pose) -> Array:
-    """Return the coordinates of a joint between two posed links, (..., k).
-
-    k is 1 for revolute and prismatic joints, 2 for cylindrical and universal ones, 0 for spherical
-    ones; angles in (-pi, pi] rad, displacements in [m].
-    """
-    gap = b.point(joint.b.point) - a.point(joint.a.point)
-    frame_a, frame_b = a.rotation @ joint.a.frame, b.rotation @ joint.b.frame  # (..., 3, 3)
-    return coordinates(KINDS[joint.kind], gap, frame_a, frame_b, joint.cross_angle)
-
-
-def _unit_and_across(axis: Array, mark: Array) -> bool:
-    """Whether axis and mark are unit vectors across each other already, to rounding."""
-    both = np.column_stack([axis, mark])
-    return bool(np.abs(both.T @ both - np.eye(2)).max() < ROUNDED)
-
-
-def _finite(end: End, what: str, value: Vector) -> Array:
-    vector = numbers(value)
-    if vector.shape != (3,) or not (np.abs(vector) < FARTHEST).all():
-        raise InputError(
-            f"{what} {value} of a joint on link {end.link!r} is not three finite numbers below {FARTHEST:g}"
-        )
-    return vector
 
 
 def _require_pose(link: str, pose: Pose) -> None:

@@ -7,8 +7,10 @@ import numpy as np
 
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS, displaced
-from mechsim.model.mechanism import GROUND, IDENTITY, Joint, Mechanism, Pose
+from mechsim.model.joint_kinds import KINDS, displaced
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND, IDENTITY, Pose
+from mechsim.model.mechanism import Mechanism
 
 # of one joint: points (..., 3) and frames (..., 3, 3) of its sides a and b, in their links' frames
 Sides = tuple[Array, Array, Array, Array]

@@ -5,8 +5,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from mechsim.model.inertia import Inertia
-from mechsim.model.joints import FIXED
-from mechsim.model.mechanism import GROUND, IDENTITY, End, Joint, Link, Mechanism, Pose
+from mechsim.model.joint_kinds import FIXED
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, IDENTITY, Link, Pose
+from mechsim.model.mechanism import Mechanism
 
 # between the names of a joint and of the link that its stand-in stands for
 STANDS = "@"

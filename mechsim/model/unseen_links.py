@@ -3,8 +3,9 @@
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.joints import KINDS, displaced
-from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.joint_kinds import KINDS, displaced
+from mechsim.model.links import GROUND, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import End
+from mechsim.model.joints import End
 from mechsim.shapes.wheels import Cone, Wheel, angle_in, teeth_on
 
 # axes that pass each other at less than this part of a rod's radius meet

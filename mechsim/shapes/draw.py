@@ -4,8 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mechsim.model.mechanism import GROUND, Mechanism
-from mechsim.model.mechanism import IDENTITY as GROUND_POSE
+from mechsim.model.links import GROUND
+from mechsim.model.links import IDENTITY as GROUND_POSE
+from mechsim.model.mechanism import Mechanism
 from mechsim.shapes.body import edges, stations
 from mechsim.shapes.canvas import Canvas
 from mechsim.shapes.gears import draw_gears

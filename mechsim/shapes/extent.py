@@ -5,8 +5,10 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import Joint, Mechanism, Pose, joint_coordinate
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint, joint_coordinate
+from mechsim.model.links import Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.shapes.shape import Shape
 
 

@@ -3,8 +3,9 @@
 import numpy as np
 
 from mechsim.model.couplings import Coupling
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, Joint
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND
 from mechsim.shapes.canvas import Canvas, upright_end
 from mechsim.shapes.shape import Shape, vector
 from mechsim.shapes.wheels import Wheel, angle_in, draw_wheel, wheel_colour, wheel_height

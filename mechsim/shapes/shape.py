@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import Vector
+from mechsim.model.links import Vector
 from mechsim.shapes.facets import Facets
 
 Rgba = tuple[float, float, float, float]

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.links import GROUND, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.shapes.body import edges, rod_radius, stations
 
 

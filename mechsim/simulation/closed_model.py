@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import Mechanism, Pose
+from mechsim.model.links import Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses
 from mechsim.model.scene import Scene
 from mechsim.simulation.drive import drive_of, with_clock

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from mechsim.errors import AssemblyError
-from mechsim.model.joints import KINDS, opposed
-from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
+from mechsim.model.joint_kinds import KINDS, opposed
+from mechsim.model.links import GROUND, IDENTITY, Pose
+from mechsim.model.mechanism import Mechanism
 
 
 def require_alike(mechanism: Mechanism, poses: Mapping[str, Pose]) -> None:

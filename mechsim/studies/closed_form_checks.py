@@ -4,7 +4,7 @@ import numpy as np
 
 from mechsim.analytic import closure
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.model.mechanism import Pose
+from mechsim.model.links import Pose
 from mechsim.model.motion import Motion, taken
 from mechsim.verdict.checks import Verdict, allowances, check_of, checks_of, concluded
 from mechsim.verdict.quantities import QUANTITIES, motion_scales, reach_of, stroke_of

@@ -11,7 +11,8 @@ from mechsim import units
 from mechsim.analytic.closure.exact_geometry import Corrected, corrected
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.errors import InputError, MechsimError
-from mechsim.model.mechanism import UNSEEN, Mechanism, Pose
+from mechsim.model.links import UNSEEN, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.model.programs import programs, steady
 from mechsim.units import Unit

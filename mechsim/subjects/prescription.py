@@ -10,8 +10,10 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import number
-from mechsim.model.joints import FIXED, FLOATING
-from mechsim.model.mechanism import GROUND, ORIGIN, End, Joint, Mechanism, Vector
+from mechsim.model.joint_kinds import FIXED, FLOATING
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, ORIGIN, Vector
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.programs import Programs, State
 from mechsim.model.programs import programs as all_programs
 from mechsim.subjects.program_text import Program, program

@@ -5,7 +5,7 @@ from typing import Any
 
 from mechsim.maths.angles import TURN
 from mechsim.model.couplings import Coupling, Gear
-from mechsim.model.joints import KINDS
+from mechsim.model.joint_kinds import KINDS
 from mechsim.subjects.key_kinds import Number
 from mechsim.subjects.toml_drivers import FileCoordinates
 from mechsim.subjects.toml_source import KeyPath

@@ -6,7 +6,7 @@ from typing import Any
 
 from mechsim import files
 from mechsim.errors import InputError
-from mechsim.model.joints import KINDS, KindName, kinds_that
+from mechsim.model.joint_kinds import KINDS, KindName, kinds_that
 from mechsim.subjects.checked_values import Values
 from mechsim.subjects.key_kinds import Number
 from mechsim.subjects.program_text import Program, Start, program

@@ -4,9 +4,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Place, Spring, located
-from mechsim.model.joints import KINDS, KindName
+from mechsim.model.joint_kinds import KINDS, KindName
+from mechsim.model.links import ORIGIN
 from mechsim.model.load_profile import LoadProfile
-from mechsim.model.mechanism import ORIGIN, Mechanism
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor, TorqueSpeedLine
 from mechsim.subjects.checked_values import Values
 from mechsim.subjects.force_keys import MOTORS

@@ -1,6 +1,6 @@
 """The keys of a mechanism in TOML: what the reader checks by and `mechsim schema` is made from."""
 
-from mechsim.model.joints import KINDS
+from mechsim.model.joint_kinds import KINDS
 from mechsim.subjects.force_keys import FORCES
 from mechsim.subjects.key_kinds import (
     Amount,

@@ -11,7 +11,9 @@ import numpy as np
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.inertia import Inertia
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.checked_values import Values
 from mechsim.subjects.key_kinds import Keys
 from mechsim.subjects.parameter_units import parameter_units, require_kinds

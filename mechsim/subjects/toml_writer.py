@@ -6,7 +6,9 @@ import numpy as np
 
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.model.couplings import Coupling, Gear
-from mechsim.model.mechanism import End, Joint, Link, Mechanism, Pose
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import Link, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.toml_driving import driving_lines
 from mechsim.subjects.toml_text import key, listed, number, quoted
 

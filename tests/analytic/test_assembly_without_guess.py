@@ -10,7 +10,9 @@ from mechsim.analytic.closure import drawn_poses
 from mechsim.analytic.closure.start_values import start_poses
 from mechsim.analytic.closure.tree_assembly import assembled
 from mechsim.errors import AssemblyError
-from mechsim.model.mechanism import End, Joint, Link, Mechanism
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import Link
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses
 
 

@@ -10,7 +10,7 @@ from strategies import CLOSED, EPS, bennetts, longest
 from mechsim import closure
 from mechsim.analytic.catalog.bennett import Bennett
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.mechanism import Pose
+from mechsim.model.links import Pose
 from mechsim.simulation import simulate
 from mechsim.studies.validate import case_of
 from mechsim.theory import structure

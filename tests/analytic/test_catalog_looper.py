@@ -13,7 +13,8 @@ from mechsim import catalog, closure
 from mechsim.analytic.catalog.looper import Looper
 from mechsim.analytic.vector_method import trig_quartic
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.mechanism import EX, EZ, GROUND, End, Joint, Pose
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import EX, EZ, GROUND, Pose
 
 TABLE = Path(__file__).parents[2] / "validation" / "papers" / "looper_table.py"
 # four roots of the quartic are real at this crank angle of the default linkage

@@ -12,7 +12,7 @@ from mechsim import catalog, closure
 from mechsim.analytic.catalog.warp_knitter import WarpKnitter
 from mechsim.analytic.vector_method import triad_assemblies
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.mechanism import Pose
+from mechsim.model.links import Pose
 
 TURN = 2 * np.pi
 # a longer crank 1 cannot turn fully

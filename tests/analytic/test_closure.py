@@ -9,7 +9,9 @@ from mechsim import catalog, closure
 from mechsim.analytic.vector_method.vectors import rotation
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.couplings import Gear
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link, Pose
+from mechsim.model.mechanism import Mechanism
 
 # one of every kind of joint, slanted, and a gear: not to be assembled, only to be differentiated
 EVERYTHING = Mechanism(

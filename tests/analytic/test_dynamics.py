@@ -13,7 +13,9 @@ from mechsim.analytic.dynamics.reduced_equation import kinetic_energy
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
 from mechsim.model.inertia import Inertia
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.rod_inertia import slender_rod, with_inertia
 
 GRAVITY = (0.3, -9.81, 2.1)
@@ -316,7 +318,7 @@ def test_viscous_friction_in_a_universal_joint_takes_the_power_of_both_its_angle
     machine = dynamics.machine(drive, Forces(friction=(Friction("P2", 1e-3),)))
     f, w, h = np.array([0.6, 3.1]), 20.0, 1e-4
     study = dynamics.prescribed(machine, f, w)
-    from mechsim.model.mechanism import joint_coordinate
+    from mechsim.model.joints import joint_coordinate
 
     def angles(at):
         poses = machine.unit_motion(at).poses()

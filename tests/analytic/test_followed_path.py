@@ -13,7 +13,9 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.closure.loop_solver import Linearised, loop_solver
 from mechsim.analytic.closure.whole_motion import followed
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.programs import programs, steady
 
 ANGLES = np.unique(

@@ -10,7 +10,9 @@ from mechsim import catalog, closure, course, dynamics, motors
 from mechsim.analytic.dynamics.crank_table import CrankTable, columns
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load
 from mechsim.model.inertia import Inertia
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link
+from mechsim.model.mechanism import Mechanism
 
 DOWN = (0.0, -9.81, 0.0)
 PERIOD = 2.367841947576237  # IFToMM benchmark A01: 1 m, released level, g = 9.81

@@ -10,7 +10,9 @@ from mechsim import catalog
 from mechsim.analytic.closure.checked_start import checked_start
 from mechsim.analytic.closure.loop_solver import LoopSolver, loop_solver
 from mechsim.analytic.closure.tree_loops import tree_loops
-from mechsim.model.mechanism import GROUND, Joint, Link, Mechanism, Pose
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND, Link, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.subject import load
 
 # differences of the fourth order

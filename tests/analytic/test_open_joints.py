@@ -11,7 +11,9 @@ from mechsim.analytic.closure.generic_pose import held
 from mechsim.analytic.closure.settled import settled
 from mechsim.errors import MobilityError
 from mechsim.model.couplings import Gear
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link, Pose
+from mechsim.model.mechanism import Mechanism
 
 LINKS = {"a": (0.0, 0.0), "b": (0.03, 0.0), "c": (0.1, 0.05), "d": (0.1, 0.0)}
 

@@ -10,7 +10,9 @@ from mechanisms import at
 from mechsim import closure
 from mechsim.errors import InputError
 from mechsim.model.couplings import Coupling, Gear
-from mechsim.model.mechanism import GROUND, Joint, Link, Mechanism, Pose
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND, Link, Pose
+from mechsim.model.mechanism import Mechanism
 
 SPEED, ACCELERATION, STEP = 1.3, -2.1, 2e-3
 # eighth-order differences

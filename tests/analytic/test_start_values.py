@@ -8,7 +8,9 @@ import pytest
 from mechsim import closure, simulate
 from mechsim.analytic.closure.start_values import start_poses, with_closed_guess
 from mechsim.errors import InputError
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.subject import load
 from mechsim.subjects.toml_reader import read_toml
 from mechsim.subjects.toml_writer import toml_of

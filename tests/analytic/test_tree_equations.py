@@ -12,7 +12,9 @@ from mechsim.analytic.closure.tree_joints import Fixed
 from mechsim.analytic.closure.tree_layout import MOST, in_a_row
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, drifts, placed, twists
-from mechsim.model.mechanism import GROUND, Joint, Link, Mechanism
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND, Link
+from mechsim.model.mechanism import Mechanism
 
 STEP, MIDDLE = 2e-3, 4
 FIRST = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / STEP

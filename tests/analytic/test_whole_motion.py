@@ -12,7 +12,9 @@ from mechsim.analytic import closure
 from mechsim.analytic.closure.whole_motion import followed, moved_along
 from mechsim.errors import AssemblyError
 from mechsim.model.couplings import Coupling
-from mechsim.model.mechanism import GROUND, Joint, Link, Mechanism, Pose
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND, Link, Pose
+from mechsim.model.mechanism import Mechanism
 
 TURN = 2.0 * np.pi
 # the crank swings about its start by less than half a radian either way

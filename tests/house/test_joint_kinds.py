@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from mechsim.analytic import closure
-from mechsim.model.joints import KINDS, displaced
-from mechsim.model.mechanism import GROUND, IDENTITY, End, Joint, Link, Mechanism, Pose
+from mechsim.model.joint_kinds import KINDS, displaced
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, IDENTITY, Link, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.shapes import link_shapes
 from mechsim.shapes.joints import DRAW
@@ -20,7 +22,7 @@ FILES = house.modules()
 # where a kind has its row, its equations, its place in MuJoCo, what of a file is read as it, and its picture;
 # a mechanism of the catalogue names those of its own joints
 HOME = {
-    "mechsim.model.joints",
+    "mechsim.model.joint_kinds",
     "mechsim.analytic.closure.joint_rows",
     "mechsim.simulation.mjcf.joints",
     "mechsim.simulation.mjcf_reader.kinds",

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from strategies import EPS, offsets, turns
 
-from mechsim.model.joints import KINDS, coordinates, displaced, kinds_that
+from mechsim.model.joint_kinds import KINDS, coordinates, displaced, kinds_that
 
 CROSS_ANGLE = 1.1
 

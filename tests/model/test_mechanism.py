@@ -5,21 +5,11 @@ from strategies import EPS, offsets, turns
 
 from mechsim.analytic.vector_method.vectors import rotation, turn
 from mechsim.errors import InputError
-from mechsim.model.joints import crossed_at_zero
-from mechsim.model.mechanism import (
-    EX,
-    EY,
-    EZ,
-    GROUND,
-    IDENTITY,
-    End,
-    Gear,
-    Joint,
-    Link,
-    Mechanism,
-    Pose,
-    joint_coordinate,
-)
+from mechsim.model.couplings import Gear
+from mechsim.model.joint_kinds import crossed_at_zero
+from mechsim.model.joints import End, Joint, joint_coordinate
+from mechsim.model.links import EX, EY, EZ, GROUND, IDENTITY, Link, Pose
+from mechsim.model.mechanism import Mechanism
 
 
 def joint(kind, a=GROUND, b="arm", **more):

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import plane_normals
 
 

@@ -4,7 +4,9 @@ import pytest
 from mechsim import catalog
 from mechsim.errors import InputError
 from mechsim.model.inertia import Inertia
-from mechsim.model.mechanism import EY, GROUND, End, Joint, Link, Mechanism
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import EY, GROUND, Link
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.rod_inertia import STEEL, THICKNESS, round_rod, slender_rod, with_inertia
 
 

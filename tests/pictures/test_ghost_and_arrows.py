@@ -6,7 +6,7 @@ from drawing import draws
 
 from mechsim import catalog
 from mechsim.errors import InputError
-from mechsim.model.mechanism import Pose
+from mechsim.model.links import Pose
 from mechsim.model.motion import Motion
 from mechsim.pictures import render
 from mechsim.pictures.number_text import prefixed

@@ -11,7 +11,9 @@ from colours import coloured, hues
 
 from mechsim import catalog, load
 from mechsim.errors import InputError, MissingToolError, OutputError
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion, Motion
 from mechsim.pictures import render
 from mechsim.pictures.render import gl_backend, lines, video

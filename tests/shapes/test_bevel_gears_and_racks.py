@@ -7,8 +7,10 @@ import pytest
 
 from mechsim import closure, load
 from mechsim.model.couplings import Coupling, Gear
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose
-from mechsim.model.mechanism import IDENTITY as STANDING
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link, Pose
+from mechsim.model.links import IDENTITY as STANDING
+from mechsim.model.mechanism import Mechanism
 from mechsim.shapes import link_shapes
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 25)

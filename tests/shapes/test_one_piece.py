@@ -6,7 +6,9 @@ import pytest
 
 from mechsim import catalog, load
 from mechsim.model.couplings import Coupling, Gear
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link
+from mechsim.model.mechanism import Mechanism
 from mechsim.pictures.render import scenery
 from mechsim.shapes import link_shapes, planar_normals, rod_radius, walls
 from mechsim.shapes.body import edges

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, closure, load
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism, Pose, joint_coordinate
-from mechsim.model.mechanism import IDENTITY as STANDING
+from mechsim.model.joints import End, Joint, joint_coordinate
+from mechsim.model.links import GROUND, Link, Pose
+from mechsim.model.links import IDENTITY as STANDING
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import hinged_normals
 from mechsim.shapes import (
     PALETTE,

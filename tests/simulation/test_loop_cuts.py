@@ -4,7 +4,9 @@ from driven import press
 
 from mechsim import catalog, simulate
 from mechsim.errors import InputError
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link
+from mechsim.model.mechanism import Mechanism
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 
 

@@ -7,7 +7,9 @@ import pytest
 
 from mechsim import catalog, closure
 from mechsim.errors import AssemblyError
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.simulation import mjcf
 from mechsim.simulation.closed_model import assembled

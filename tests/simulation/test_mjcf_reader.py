@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.model.mechanism import GROUND, IDENTITY, UNSEEN, joint_coordinate
+from mechsim.model.joints import joint_coordinate
+from mechsim.model.links import GROUND, IDENTITY, UNSEEN
 from mechsim.simulation.mjcf_reader import read_model
 from mechsim.simulation.mjcf_reader.joint_chains import chains, poses
 from mechsim.simulation.mjcf_reader.parsed_file import DEEPEST

@@ -5,7 +5,9 @@ import pytest
 
 from mechsim import simulate
 from mechsim.errors import AssemblyError, InputError, MobilityError
-from mechsim.model.mechanism import GROUND, End, Joint, Link, Mechanism
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.programs import Programs, programs, steady
 from mechsim.simulation.settings import Settings
 

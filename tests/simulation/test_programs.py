@@ -19,7 +19,8 @@ from driven import (
 from mechsim import crosscheck, simulate
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError, MobilityError
-from mechsim.model.mechanism import GROUND, End
+from mechsim.model.joints import End
+from mechsim.model.links import GROUND
 from mechsim.model.programs import programs, steady
 from mechsim.simulation.settings import Settings
 

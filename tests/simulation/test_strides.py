@@ -2,7 +2,9 @@ import numpy as np
 
 from mechsim.analytic.closure.start_values import with_closed_guess
 from mechsim.model.couplings import Gear
-from mechsim.model.mechanism import End, Joint, Link, Mechanism
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import Link
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.simulation.closed_model import guessed
 from mechsim.simulation.poses.strides import LONGEST, walk

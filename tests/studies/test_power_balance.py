@@ -13,7 +13,7 @@ from mechsim import load
 from mechsim.analytic import dynamics
 from mechsim.model import load_profile as course
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Spring, located
-from mechsim.model.mechanism import GROUND
+from mechsim.model.links import GROUND
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.simulation.dynamics.prescribed_motion import driven
 

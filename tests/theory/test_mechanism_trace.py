@@ -14,7 +14,10 @@ from mechsim.analytic.catalog.slider_crank import SliderCrank
 from mechsim.analytic.closure import random_starts
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.maths.roots import root
-from mechsim.model.mechanism import End, Gear, Joint, Link, Mechanism
+from mechsim.model.couplings import Gear
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import Link
+from mechsim.model.mechanism import Mechanism
 from mechsim.theory.continuation import (
     cells,
     crank_way,

@@ -14,7 +14,9 @@ from mechsim.analytic.closure import assemble, residual_norms, turned_by
 from mechsim.analytic.vector_method.vectors import rotation
 from mechsim.errors import InputError
 from mechsim.model.couplings import Gear
-from mechsim.model.mechanism import EX, EZ, GROUND, IDENTITY, End, Joint, Link, Mechanism, Pose
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import EX, EZ, GROUND, IDENTITY, Link, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.theory.structure import assur_groups, mobility, plane_normal
 
 Places = Mapping[str, tuple[str, str, tuple[float, float]]]

@@ -12,7 +12,8 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.model.crank_profile import constant, within_range
 from mechsim.model.forces import Forces, Friction, Load
 from mechsim.model.inertia import Inertia
-from mechsim.model.mechanism import End, Joint, Link
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import Link
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.simulation import Settings
 from mechsim.simulation.dynamics.free_running import AGREEING, REDUNDANT, free_run

@@ -7,7 +7,8 @@ import pytest
 
 from mechsim import catalog
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.model.mechanism import EX, EY, EZ, Mechanism
+from mechsim.model.links import EX, EY, EZ
+from mechsim.model.mechanism import Mechanism
 from mechsim.simulation import simulate
 from mechsim.studies.validate import case_of
 from mechsim.verdict.judge import crosscheck

@@ -13,7 +13,9 @@ from mechsim.analytic.vector_method.triad_legs import carried
 from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, End, Mechanism, Pose
+from mechsim.model.joints import End
+from mechsim.model.links import GROUND, Pose
+from mechsim.model.mechanism import Mechanism
 
 
 def velocities(

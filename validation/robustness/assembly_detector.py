@@ -148,7 +148,7 @@ def _closest(drive: TwoBranchForm) -> float:
 
 def _started(drive: TwoBranchForm, angle: float):
     """Return the mechanism with its start at a crank angle."""
-    from mechsim.model.mechanism import Pose
+    from mechsim.model.links import Pose
 
     motion = drive.solve([angle])
     guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in motion.links.items()}

@@ -20,7 +20,9 @@ from mechsim.analytic.vector_method.vectors import Sign
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, Motion, Through, join
 
 # parameters that say which assembly is meant

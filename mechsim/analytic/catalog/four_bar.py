@@ -14,7 +14,9 @@ from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, dot, spun
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import EX, EY, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link
+from mechsim.model.mechanism import Mechanism
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,9 @@ from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, 
 from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import EX, EY, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link
+from mechsim.model.mechanism import Mechanism
 
 Side = int
 # in nine hundred random linkages the highest number met was five

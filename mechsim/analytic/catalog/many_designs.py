@@ -16,8 +16,8 @@ from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, TrigPolyn
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.design_arrays import DesignArrays, Ends, StartedDesigns
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, ORIGIN, Pose
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.links import GROUND, ORIGIN, Pose
 from mechsim.model.motion import JointMotion, Motion, PointMotion
 
 AXES = "xyz"

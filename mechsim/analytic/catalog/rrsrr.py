@@ -25,7 +25,9 @@ from mechsim.analytic.vector_method.vectors import (
 )
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import EX, EY, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism, Pose
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 
 # cosine of v2 below which the rocker angle counts as lost: its acceleration grows as 1/cos2 and a

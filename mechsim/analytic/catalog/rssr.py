@@ -24,7 +24,9 @@ from mechsim.analytic.vector_method.vectors import (
     unit_at_angles,
 )
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import EX, EY, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link
+from mechsim.model.mechanism import Mechanism
 
 
 @dataclass(frozen=True, kw_only=True)

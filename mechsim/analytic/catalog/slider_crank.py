@@ -13,7 +13,9 @@ from mechsim.analytic.vector_method.jets import Values
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import Sign, column, sine_of, spun
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import EX, EY, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link
+from mechsim.model.mechanism import Mechanism
 
 
 @dataclass(frozen=True, kw_only=True)

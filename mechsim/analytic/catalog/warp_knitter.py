@@ -23,7 +23,9 @@ from mechsim.analytic.vector_method.vectors import column, spun
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.couplings import Gear
-from mechsim.model.mechanism import EX, EZ, GROUND, ORIGIN, End, Joint, Link, Mechanism, Pose, Vector
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import EX, EZ, GROUND, ORIGIN, Link, Pose, Vector
+from mechsim.model.mechanism import Mechanism
 
 # gears have hardly more teeth than this
 MOST_TEETH = 1000

@@ -20,7 +20,7 @@ from mechsim.analytic.closure.rank import (
 from mechsim.analytic.closure.telling import RANK_TOLERANCE
 from mechsim.analytic.closure.whole_motion import follow, solve
 from mechsim.analytic.vector_method.rotations import turned_by
-from mechsim.model.mechanism import Pose
+from mechsim.model.links import Pose
 from mechsim.model.rough_poses import rough_poses
 
 __all__ = [

@@ -9,8 +9,9 @@ from mechsim.analytic.vector_method.rotations import dot, turned_by
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import numbers
-from mechsim.model.joints import KINDS, opposed
-from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose, described
+from mechsim.model.joint_kinds import KINDS, opposed
+from mechsim.model.links import GROUND, IDENTITY, Pose
+from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.rough_poses import rough_poses
 
 # a gap this small is rounding; polishing on would chase it down to the denormal numbers

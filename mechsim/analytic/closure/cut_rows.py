@@ -14,8 +14,9 @@ from mechsim.analytic.closure.spanning_tree import SpanningTree
 from mechsim.analytic.closure.tree_layout import Some, in_a_row
 from mechsim.analytic.closure.tree_motion import Placed, carried_frame, carried_point, cross, on_ground
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import COLUMN, KINDS
-from mechsim.model.mechanism import GROUND, Joint
+from mechsim.model.joint_kinds import COLUMN, KINDS
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,8 @@ import numpy as np
 
 from mechsim.analytic.closure.assembly import LONGEST_TURN, moved_poses
 from mechsim.analytic.closure.loop_equations import equations, row_units, scaled
-from mechsim.model.mechanism import Mechanism, Pose
+from mechsim.model.links import Pose
+from mechsim.model.mechanism import Mechanism
 
 # steps of Newton's method, which need not close anything; one so short that no more is gained, in [rad] and
 # parts of the size; and singular values that are left out of them

@@ -18,8 +18,10 @@ from mechsim.analytic.closure.tree_loops import TreeLoops, tree_loops
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import End, Joint, Mechanism, Vector
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import Vector
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses, starts
 
 # dimensions are taken to be known to this part of the size, and axes to as many radians: files with six

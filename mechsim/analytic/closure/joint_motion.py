@@ -10,8 +10,10 @@ from mechsim.analytic.vector_method.rotations import cross, dot
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.maths.complex_step import unwrapped
-from mechsim.model.joints import COLUMN, KINDS
-from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, joint_coordinate
+from mechsim.model.joint_kinds import COLUMN, KINDS
+from mechsim.model.joints import Joint, joint_coordinate
+from mechsim.model.links import GROUND, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 
 

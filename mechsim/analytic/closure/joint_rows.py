@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.vector_method.rotations import cross, dot, skew
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import COLUMN, KINDS
-from mechsim.model.mechanism import Joint, Pose
+from mechsim.model.joint_kinds import COLUMN, KINDS
+from mechsim.model.joints import Joint
+from mechsim.model.links import Pose
 
 
 @dataclass(frozen=True, slots=True)

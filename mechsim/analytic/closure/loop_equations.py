@@ -9,7 +9,9 @@ from mechsim.analytic.closure.joint_rows import Moved, Rows, Side, Stack, add_jo
 from mechsim.analytic.vector_method.rotations import wrap
 from mechsim.maths.arrays import Array
 from mechsim.model.couplings import Coupling
-from mechsim.model.mechanism import GROUND, Joint, Mechanism, Pose, joint_coordinate
+from mechsim.model.joints import Joint, joint_coordinate
+from mechsim.model.links import GROUND, Pose
+from mechsim.model.mechanism import Mechanism
 
 Poses = Mapping[str, Pose]
 # crank angle, or driver -> value; None where drivers are free

@@ -19,7 +19,8 @@ from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import numbers
 from mechsim.model.forces import Forces
-from mechsim.model.mechanism import Mechanism, Pose
+from mechsim.model.links import Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, Through
 from mechsim.model.programs import Programs
 

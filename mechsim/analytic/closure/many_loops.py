@@ -14,8 +14,8 @@ from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.design_arrays import DesignArrays, StartedDesigns
-from mechsim.model.joints import coordinates
-from mechsim.model.mechanism import GROUND, IDENTITY
+from mechsim.model.joint_kinds import coordinates
+from mechsim.model.links import GROUND, IDENTITY
 from mechsim.model.rough_poses import turned
 
 Rows = NDArray[np.intp]

@@ -15,8 +15,10 @@ from mechsim.analytic.closure.tree_motion import Coordinates, cross
 from mechsim.analytic.closure.tree_rates import ClosedPart, rated
 from mechsim.maths.arrays import Array
 from mechsim.model.design_arrays import StartedDesigns
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, Joint, Mechanism
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, Motion, PointMotion
 from mechsim.model.programs import Programs
 

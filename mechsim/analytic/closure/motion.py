@@ -9,7 +9,8 @@ from mechsim.analytic.closure.rank import least_norm
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import numbers
-from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion, Motion
 
 

@@ -11,8 +11,8 @@ from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, Placed, placed
 from mechsim.errors import MobilityError
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.links import GROUND
 
 # displacement along a freedom, in radians or parts of the size; a residual that is closed; and the part of
 # the displacement by which a joint or a point is seen to move

@@ -9,7 +9,7 @@ from mechsim.analytic.closure.telling import least_part, telling
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, placed
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS
+from mechsim.model.joint_kinds import KINDS
 
 # damped steps, the longest of them in radians or parts of the size, and polishing steps after them
 STEPS, LONGEST, POLISH = 80, 0.7, 4

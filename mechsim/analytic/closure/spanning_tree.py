@@ -11,8 +11,10 @@ from mechsim.analytic.closure.tree_joints import Fixed, TreeJoint
 from mechsim.analytic.closure.tree_layout import Layout, layout
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, Joint, Mechanism
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.split_joints import split
 
 

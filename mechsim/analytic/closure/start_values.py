@@ -8,7 +8,9 @@ import numpy as np
 from mechsim.analytic.closure.tree_assembly import assembled
 from mechsim.analytic.closure.tree_motion import placed
 from mechsim.errors import AssemblyError
-from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose, joint_coordinate
+from mechsim.model.joints import joint_coordinate
+from mechsim.model.links import GROUND, IDENTITY, Pose
+from mechsim.model.mechanism import Mechanism
 
 # poses nearer to each other, in sizes and as matrices, are one
 SAME = 1e-9

@@ -11,8 +11,9 @@ from mechsim.analytic.closure.tree_loops import TreeLoops, tree_loops
 from mechsim.analytic.closure.tree_motion import Coordinates, placed
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS, opposed
-from mechsim.model.mechanism import Mechanism, Pose
+from mechsim.model.joint_kinds import KINDS, opposed
+from mechsim.model.links import Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses, starts
 
 # Newton steps before giving up, the longest turn of one in [rad], and a gap that is closed

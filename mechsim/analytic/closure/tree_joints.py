@@ -6,8 +6,8 @@ from functools import cached_property
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import COLUMN, KINDS, Axis, Kind, crossed_at_zero
-from mechsim.model.mechanism import Joint
+from mechsim.model.joint_kinds import COLUMN, KINDS, Axis, Kind, crossed_at_zero
+from mechsim.model.joints import Joint
 
 # a turn about the third axis is the sum of these times 1, the cosine and the sine of its angle
 ABOUT_Z = np.array(

@@ -17,8 +17,9 @@ from mechsim.analytic.closure.spanning_tree import SpanningTree, spanning_tree
 from mechsim.analytic.closure.tree_motion import Coordinates, Placed, cross, placed, product
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import coordinates
-from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
+from mechsim.model.joint_kinds import coordinates
+from mechsim.model.links import GROUND, IDENTITY, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.split_joints import with_stand_ins
 
 

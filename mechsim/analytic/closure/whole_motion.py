@@ -18,8 +18,9 @@ from mechsim.analytic.closure.tree_rates import Instants, LoopMotion, loop_motio
 from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN, other_laps
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, Mechanism, Pose, described
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.links import GROUND, Pose
+from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.motion import JointMotion, Motion, Through
 
 # part of the quickest turn of any link along an idle freedom at which another turns with it

@@ -16,8 +16,10 @@ from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
 from mechsim.analytic.forms import Form
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, IDENTITY, End, Joint, Mechanism, Vector
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, IDENTITY, Vector
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses
 
 AXES = "xyz"

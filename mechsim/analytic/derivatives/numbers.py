@@ -8,7 +8,9 @@ import numpy as np
 from mechsim.maths.arrays import Array
 from mechsim.model.couplings import Coupling
 from mechsim.model.inertia import Inertia
-from mechsim.model.mechanism import End, Joint, Link, Mechanism
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import Link
+from mechsim.model.mechanism import Mechanism
 
 
 class Unchecked:

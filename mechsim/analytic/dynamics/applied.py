@@ -16,8 +16,9 @@ from mechsim.analytic.vector_method.rotations import cross, dot, wrap
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.forces import Spring
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import IDENTITY, Joint, joint_coordinate
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint, joint_coordinate
+from mechsim.model.links import IDENTITY
 
 Stack = NDArray[np.float64]
 

@@ -11,7 +11,8 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.model.display import short_repr
 from mechsim.model.forces import Forces
-from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, at_unit_speed
 from mechsim.model.programs import Programs
 from mechsim.model.rod_inertia import STEEL, with_inertia

@@ -14,8 +14,9 @@ from mechsim.analytic.vector_method.rotations import cross
 from mechsim.maths.arrays import Array
 from mechsim.maths.complex_step import least_norm, null_space
 from mechsim.model.efforts import Reaction
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import Joint, Mechanism
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint
+from mechsim.model.mechanism import Mechanism
 
 # part of a self-stress below which a joint takes no part in it
 SETTLED = 1e-9

@@ -18,7 +18,9 @@ from mechsim.maths.arrays import Array
 from mechsim.maths.complex_step import least_norm, null_space
 from mechsim.model.display import short_repr
 from mechsim.model.forces import Place, located
-from mechsim.model.mechanism import GROUND, End, Joint, Mechanism, Pose, Vector
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Pose, Vector
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 
 # parts of a link's size and inertia by which an idle link may miss being round about its line

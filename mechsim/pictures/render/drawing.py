@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.pictures.render import gl_backend as backends
 from mechsim.pictures.render.drawn_model import CAMERA, DrawnModel

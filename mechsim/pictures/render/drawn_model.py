@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.links import GROUND, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import hinged_normals
 from mechsim.pictures.render import scenery
 from mechsim.pictures.render.arrows import Arrows, arrows

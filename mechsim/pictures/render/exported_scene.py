@@ -3,7 +3,8 @@
 import mujoco
 import numpy as np
 
-from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import hinged_normals
 from mechsim.model.scene import Scene
 from mechsim.pictures.render import scenery

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import Pose
+from mechsim.model.links import Pose
 from mechsim.shapes import Facets, Kind, Rgba, Shape
 from mechsim.shapes.camera import Y, Z
 from mechsim.shapes.shape import vector

@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.links import GROUND, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.model.unseen_links import moved_links
 

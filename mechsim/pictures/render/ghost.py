@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import Mechanism, Pose, Vector
+from mechsim.model.links import Pose, Vector
+from mechsim.model.mechanism import Mechanism
 from mechsim.pictures.number_text import power_of_ten
 from mechsim.shapes import span
 

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, Motion
 from mechsim.model.unseen_links import moved_links
 from mechsim.pictures.render.frame_poses import comes_round

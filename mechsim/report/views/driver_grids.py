@@ -13,7 +13,8 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.closure.programmed_motion import followed_under, solve_programmed
 from mechsim.errors import AssemblyError, MechsimError
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.model.programs import programs, steady
 from mechsim.pictures.view import (

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
-from mechsim.model.mechanism import GROUND, Joint, Mechanism
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.model.scene import Scene
 from mechsim.model.split_joints import stand_in

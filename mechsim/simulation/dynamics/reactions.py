@@ -6,8 +6,8 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Reaction
-from mechsim.model.joints import COLUMN, KINDS
-from mechsim.model.mechanism import Joint
+from mechsim.model.joint_kinds import COLUMN, KINDS
+from mechsim.model.joints import Joint
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 
 

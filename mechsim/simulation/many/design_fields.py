@@ -8,8 +8,9 @@ from mujoco import batch
 
 from mechsim.maths.arrays import Array
 from mechsim.model.design_arrays import DesignArrays
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.links import GROUND, IDENTITY, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.simulation.mjcf.body_inertia import PLACEHOLDER, placeholder, principal
 from mechsim.simulation.mjcf.generator import FLYWHEEL
 from mechsim.simulation.mjcf.joints import CRANK, Branch, EndArrays, meeting_points, model_joints, seated_pose

@@ -11,7 +11,8 @@ from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.forces import Forces
-from mechsim.model.mechanism import Mechanism, Pose, Vector
+from mechsim.model.links import Pose, Vector
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.model.scene import Scene
 from mechsim.simulation import closed_model

@@ -7,8 +7,9 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import plane_normals
 from mechsim.simulation.mjcf.generator import FLYWHEEL
 from mechsim.simulation.mjcf.loop_cuts import cut_loops, joints_of

@@ -13,8 +13,10 @@ import mujoco
 import numpy as np
 
 from mechsim.model.forces import Forces, Friction, JointSpring, Place, located
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import ORIGIN, End, Joint, Mechanism
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import ORIGIN
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import plane_normals
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor
 from mechsim.simulation.mjcf.body_inertia import quaternion

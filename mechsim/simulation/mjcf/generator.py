@@ -8,8 +8,10 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
 from mechsim.model.couplings import Coupling
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, IDENTITY, Joint, Mechanism, Pose
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND, IDENTITY, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import plane_normals
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.model.rough_poses import starts

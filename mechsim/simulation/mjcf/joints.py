@@ -10,8 +10,10 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import COLUMN, KINDS, Axis, Kind, KindName, coordinates, displaced
-from mechsim.model.mechanism import EZ, End, Joint, Mechanism, Pose, Vector
+from mechsim.model.joint_kinds import COLUMN, KINDS, Axis, Kind, KindName, coordinates, displaced
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import EZ, Pose, Vector
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import turned
 
 FREE, BALL = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL

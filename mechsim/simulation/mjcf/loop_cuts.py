@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.joints import KINDS, Kind, kinds_that
-from mechsim.model.mechanism import GROUND, End, Joint, Mechanism
+from mechsim.model.joint_kinds import KINDS, Kind, kinds_that
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import plane_normals
 from mechsim.model.split_joints import split, stand_in
 from mechsim.simulation.mjcf.joints import Branch, EndArrays, meeting_points

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.couplings import Coupling
-from mechsim.model.mechanism import End, Joint
+from mechsim.model.joints import End, Joint
 from mechsim.simulation.mjcf_reader.kinds import FRAMES, POINTS
 from mechsim.simulation.mjcf_reader.link_places import Carrier, rotation
 

@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, IDENTITY, Joint, Link, Pose, Vector
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND, IDENTITY, Link, Pose, Vector
 from mechsim.simulation.mjcf_reader.driven_joints import acted_on
 from mechsim.simulation.mjcf_reader.joint_chains import Chains
 from mechsim.simulation.mjcf_reader.kinds import DRIVABLE

@@ -9,8 +9,9 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS, displaced
-from mechsim.model.mechanism import EX, EZ, GROUND, IDENTITY, ORIGIN, UNSEEN, End, Joint, Link, Pose, Vector
+from mechsim.model.joint_kinds import KINDS, displaced
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import EX, EZ, GROUND, IDENTITY, ORIGIN, UNSEEN, Link, Pose, Vector
 from mechsim.simulation.mjcf_reader.kinds import OF_JOINT
 from mechsim.simulation.mjcf_reader.link_places import Carrier, carriers, link_name, rotation, shifted, vector
 

@@ -2,7 +2,7 @@
 
 import mujoco
 
-from mechsim.model.joints import KindName
+from mechsim.model.joint_kinds import KindName
 
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, IDENTITY, Pose, Vector
+from mechsim.model.links import GROUND, IDENTITY, Pose, Vector
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from typing import Any
 
 import mujoco
 
-from mechsim.model.mechanism import GROUND
+from mechsim.model.links import GROUND
 
 
 def name_parts(spec: mujoco.MjSpec) -> None:

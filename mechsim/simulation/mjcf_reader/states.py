@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND
+from mechsim.model.links import GROUND
 from mechsim.model.motion import Motion
 from mechsim.simulation.mjcf_reader.joint_chains import chains
 from mechsim.simulation.mjcf_reader.kinds import DRIVABLE, FREE

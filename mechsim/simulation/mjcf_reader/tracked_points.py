@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND
+from mechsim.model.links import GROUND
 from mechsim.simulation.mjcf_reader.driven_joints import listed
 from mechsim.simulation.mjcf_reader.link_places import Carrier
 

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces, Friction, JointSpring
 from mechsim.model.inertia import Inertia
-from mechsim.model.mechanism import GROUND, Link
+from mechsim.model.links import GROUND, Link
 from mechsim.simulation.mjcf_reader.kinds import DRIVABLE
 from mechsim.simulation.mjcf_reader.link_places import Carrier, rotation, vector
 

@@ -4,7 +4,8 @@ import numpy as np
 
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, IDENTITY, Mechanism, Pose
+from mechsim.model.links import GROUND, IDENTITY, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.simulation.closed_model import guessed, link_poses
 from mechsim.simulation.model_loops import ModelLoops

@@ -10,8 +10,9 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import FIXED, KINDS
-from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.joint_kinds import FIXED, KINDS
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import plane_normals
 
 Kind = Literal[

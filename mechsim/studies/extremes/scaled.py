@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.model.joints import KINDS
+from mechsim.model.joint_kinds import KINDS
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings
 from mechsim.simulation.closed_model import assembled

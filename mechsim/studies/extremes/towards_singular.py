@@ -7,7 +7,8 @@ import numpy as np
 from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
 from mechsim.errors import AssemblyError
 from mechsim.model.crank_profile import CrankProfile, swing
-from mechsim.model.mechanism import Mechanism, Pose
+from mechsim.model.links import Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.simulation import Settings
 from mechsim.studies.extremes.trial import Trial, attempt
 

@@ -20,8 +20,9 @@ from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, placed
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, Mechanism, Vector
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.links import GROUND, Vector
+from mechsim.model.mechanism import Mechanism
 
 # Newton steps taken at the most, the longest of one in [rad] or sizes, and a gap that is rounding
 MOST_STEPS, LONGEST, ROUNDING = 30, 0.3, 1e-14

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, Mechanism, Vector
+from mechsim.model.links import GROUND, Vector
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.programs import State
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.generator import FLYWHEEL

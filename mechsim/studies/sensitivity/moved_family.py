@@ -19,7 +19,7 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
-from mechsim.model.joints import KINDS
+from mechsim.model.joint_kinds import KINDS
 from mechsim.model.motion import Motion
 from mechsim.model.rod_inertia import STEEL, with_inertia
 from mechsim.studies.sensitivity.quantities import columns_of, is_effort

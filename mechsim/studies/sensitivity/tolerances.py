@@ -12,8 +12,9 @@ import numpy as np
 from mechsim import units
 from mechsim.analytic.derivatives import Dimension
 from mechsim.errors import InputError
-from mechsim.model.joints import KINDS, kinds_that
-from mechsim.model.mechanism import Joint, Mechanism
+from mechsim.model.joint_kinds import KINDS, kinds_that
+from mechsim.model.joints import Joint
+from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.toml_source import nearest
 from mechsim.units import Unit
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import FIXED, KINDS
+from mechsim.model.joint_kinds import FIXED, KINDS
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.subjects.toml_source import nearest

@@ -12,7 +12,8 @@ from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import numbers
 from mechsim.model.display import short_repr
-from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.links import GROUND, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.theory.continuation.cells import CLEAR, Walked
 from mechsim.theory.continuation.curve_joints import CurveJoints, JointColumn, posed, read_joints
 from mechsim.theory.continuation.free_loops import FreeLoops

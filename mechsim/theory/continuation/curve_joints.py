@@ -11,8 +11,9 @@ from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.maths.polynomials import derivative
 from mechsim.maths.roots import root
-from mechsim.model.joints import KINDS, coordinates
-from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.joint_kinds import KINDS, coordinates
+from mechsim.model.links import GROUND, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.theory.continuation.cells import NODES, Walked
 
 # a coordinate that moves less than this part of a radian or of the size stands still

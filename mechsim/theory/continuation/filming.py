@@ -6,7 +6,7 @@ from mechsim.analytic.closure.joint_motion import point_on
 from mechsim.analytic.closure.tree_motion import placed
 from mechsim.maths.arrays import Array
 from mechsim.maths.polynomials import derivative
-from mechsim.model.mechanism import GROUND, Pose
+from mechsim.model.links import GROUND, Pose
 from mechsim.model.motion import LinkMotion, Motion
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve
 

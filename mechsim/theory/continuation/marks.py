@@ -10,7 +10,7 @@ from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Placed, cross, twists
 from mechsim.errors import MobilityError
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND
+from mechsim.model.links import GROUND
 
 # parts of a unit motion below which a coordinate or a point is at rest
 REST = 1e-6

@@ -3,7 +3,8 @@
 from collections.abc import Iterable, Sequence
 
 from mechsim.errors import InputError
-from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
 from mechsim.theory.structure.planar import Pairs
 
 

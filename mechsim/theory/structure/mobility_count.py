@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 from mechsim.analytic.closure import Freedom, assemble, freedom
 from mechsim.errors import AssemblyError
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import Mechanism, Pose
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.links import Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.theory.structure.passive_freedoms import FreeMotion, free_motions
 from mechsim.theory.structure.planar import plane_normal
 

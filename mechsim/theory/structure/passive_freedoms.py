@@ -8,7 +8,8 @@ import numpy as np
 
 from mechsim.analytic.closure import equations
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, Mechanism, Pose, Vector
+from mechsim.model.links import GROUND, Pose, Vector
+from mechsim.model.mechanism import Mechanism
 from mechsim.theory.structure.twist import NOTHING, Twist, joints_of, motion_words
 
 

@@ -6,8 +6,10 @@ from itertools import combinations
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.joints import KINDS
-from mechsim.model.mechanism import GROUND, Joint, Mechanism
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import PARALLEL, plane_normals
 
 

@@ -14,7 +14,8 @@ from mechsim.analytic.closure.tree_motion import Coordinates, placed
 from mechsim.analytic.forms import Form
 from mechsim.errors import MechsimError
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, Mechanism, Pose
+from mechsim.model.links import GROUND, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses, starts
 from mechsim.studies.agreement.hypotheses.hypothesis import DISCRETE, Hypothesis
 from mechsim.studies.agreement.miss import Miss, Values

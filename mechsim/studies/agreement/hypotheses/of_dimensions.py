@@ -13,7 +13,8 @@ from mechsim.analytic.derivatives.joint_places import placed_family
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError, MechsimError
 from mechsim.maths.arrays import Array
-from mechsim.model.mechanism import GROUND, Mechanism
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.fitting import linearly_explains
 from mechsim.studies.agreement.hypotheses.hypothesis import DISCRETE, NAMED, PLACED, Hypothesis
