@@ -61,6 +61,17 @@ class DrivenRun:
     samples: int | None = None
     watch: Watch = unwatched
 
+    @property
+    def cycle(self) -> float:
+        """Turns over which steps are counted: one, or all of a motion to and fro that is shorter."""
+        return 1.0 if self.profile.steady else min(1.0, self.profile.turns)
+
+    @property
+    def fewest(self) -> int:
+        """Steps in a cycle of which fewer are taken as so many: for the motion's shape and its records."""
+        least = max(self.profile.least, self.samples or 0)
+        return int(np.ceil(least * self.cycle / self.profile.turns - 1e-9))
+
     def stepped(self, settings: Settings, tolerance: float | None = None) -> Run:
         """Return the motion stepped in time, and its outcome by a tolerance in [m]; None is `PLACE`."""
         steps, motion = self._stepped(settings)

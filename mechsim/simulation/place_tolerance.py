@@ -1,6 +1,7 @@
 """How many steps a tolerance of places needs: estimated from short trials, proved by the run itself.
 
-Measured in validation/choices/tolerance_study.py.
+Steps are counted over a turn, or over all of a shorter swing. Measured in
+validation/choices/tolerance_study.py.
 """
 
 from dataclasses import replace
@@ -10,12 +11,14 @@ import numpy as np
 from mechsim.maths.angles import TURN
 from mechsim.maths.convergence import believed_order
 from mechsim.simulation.driven_run import DrivenRun
-from mechsim.simulation.refine import AIM, MOST, Attempt, refine, rounded, steps_for
+from mechsim.simulation.refine import AIM, MOST, Attempt, Promise, refine, rounded, steps_for
 from mechsim.simulation.run_result import Run
 from mechsim.simulation.settings import Settings
 
-# steps a turn of the first trial, and the fewest of any run
+# steps of the first trial, and the fewest of any run
 TRIAL_STEPS, LEAST_STEPS = 100, 24
+# constraints this hard, where by softer ones the error falls no more
+HARDEST = 1e-12
 # the settings err as a power of the step (measured in validation/choices/constraint_settings.py)
 ORDER = 4.0
 # fewer steps than the first trial had are tried over this part of all turns, so many at least and most
@@ -32,9 +35,25 @@ TINY = 1e-300
 
 def within(drive: DrivenRun, settings: Settings, tolerance: float) -> Run:
     """Return a run whose number of steps was chosen for a tolerance in [m], and its outcome."""
+    first, spent = _steps(drive, settings, tolerance)
+    run, promise = _kept(drive, settings, tolerance, first, spent)
+    if run.outcome == "missed" and settings.hardness > HARDEST:
+        # constraints that give way leave an error that no number of steps takes away
+        spent = promise.trials + run.steps
+        harder = replace(settings, hardness=HARDEST)
+        other, again = _kept(drive, harder, tolerance, _per_cycle(drive, run), spent)
+        if again.estimate < promise.estimate:
+            run, promise = other, again
+    return replace(run, promise=promise)
+
+
+def _kept(
+    drive: DrivenRun, settings: Settings, tolerance: float, first: int, spent: int
+) -> tuple[Run, Promise]:
+    """Return the run that keeps a tolerance, or errs least, from so many steps on; and its promise."""
 
     def attempt(steps: int) -> Attempt[Run]:
-        run = drive.stepped(_with(settings, steps), tolerance)
+        run = drive.stepped(_with(drive, settings, steps), tolerance)
         final = run.outcome not in ("met", "missed", "diverged")
         return Attempt(
             run=run,
@@ -46,60 +65,67 @@ def within(drive: DrivenRun, settings: Settings, tolerance: float) -> Run:
         )
 
     def why(steps: int, estimate: float) -> str:
-        return f"{steps} steps a turn leave the places off by {estimate:.2g} m"
+        return f"{round(steps / drive.cycle)} steps a turn leave the places off by {estimate:.2g} m"
 
-    first, spent = _steps(drive, settings, tolerance)
-    run, promise = refine(attempt, tolerance, first, why, trials=spent, tried=TRIAL_STEPS)
-    return replace(run, promise=promise)
+    return refine(attempt, tolerance, first, why, trials=spent, tried=_trial(drive))
 
 
 def _steps(drive: DrivenRun, settings: Settings, tolerance: float) -> tuple[int, int]:
-    """Return the steps a turn that a tolerance needs, by trials over some of the turns; and steps spent."""
-    short = drive.first(1.0)
-    known = float(short.tried(_with(settings, TRIAL_STEPS)).max())
-    spent = round(TRIAL_STEPS * short.profile.turns)
+    """Return the steps a cycle that a tolerance needs, by trials over some of the turns; and steps spent."""
+    short, trial = drive.first(1.0), _trial(drive)
+    known = float(short.tried(_with(drive, settings, trial)).max())
+    spent = round(trial * short.profile.turns / drive.cycle)
     if not np.isfinite(known):
         return _after_diverging(drive, short, settings, tolerance, spent)
-    steps = _whole(steps_for(TRIAL_STEPS, known, AIM * tolerance, ORDER))
+    steps = _whole(drive, steps_for(trial, known, AIM * tolerance, ORDER))
     part = drive.first(np.round(float(np.clip(PART * drive.profile.turns, *TURNS))))
-    if steps >= ENOUGH * TRIAL_STEPS or part.profile.turns > 0.5 * drive.profile.turns:
+    if steps >= ENOUGH * trial or part.profile.turns > 0.5 * drive.profile.turns:
         return steps, spent
     # no trial has shown that so few steps have begun to converge, nor that errors do not grow
-    before, last = part.tried(_with(settings, steps))[-2:]
+    before, last = part.tried(_with(drive, settings, steps))[-2:]
     spent += round(steps * part.profile.turns)
     if not last <= GROWING * before:
-        return TRIAL_STEPS, spent
+        return trial, spent
     # what grew over the last turn goes on growing for a while
     whole = last * max(1.0, last / max(before, TINY)) ** 2
     if whole > tolerance:
-        order = believed_order(last, known, TRIAL_STEPS / steps)
-        steps = _whole(steps_for(steps, whole, tolerance, order))
-        steps = steps if steps <= WORTH * TRIAL_STEPS else TRIAL_STEPS
+        order = believed_order(last, known, trial / steps)
+        steps = _whole(drive, steps_for(steps, whole, tolerance, order))
+        steps = steps if steps <= WORTH * trial else trial
     return steps, spent
 
 
 def _after_diverging(
     drive: DrivenRun, short: DrivenRun, settings: Settings, tolerance: float, spent: int
 ) -> tuple[int, int]:
-    """Return the steps a turn by finer trials, where the first diverges; and steps spent.
+    """Return the steps a cycle by finer trials, where the first diverges; and steps spent.
 
     Of a file of one's own its own step is one of them.
     """
     finer = {settings.steps_per_turn}
     if drive.closed.own:
-        turn = TURN / drive.profile.fastest
-        finer.add(round(min(turn / float(drive.closed.model.opt.timestep), MOST)))
-    for trial in sorted(one for one in finer if one > TRIAL_STEPS):
-        known = float(short.tried(_with(settings, trial)).max())
-        spent += round(trial * short.profile.turns)
+        cycle = drive.cycle * TURN / drive.profile.fastest
+        finer.add(round(min(cycle / float(drive.closed.model.opt.timestep), MOST)))
+    for trial in sorted(one for one in finer if one > _trial(drive)):
+        known = float(short.tried(_with(drive, settings, trial)).max())
+        spent += round(trial * short.profile.turns / drive.cycle)
         if np.isfinite(known):
-            return max(trial, _whole(steps_for(trial, known, AIM * tolerance, ORDER))), spent
+            return max(trial, _whole(drive, steps_for(trial, known, AIM * tolerance, ORDER))), spent
     return settings.steps_per_turn, spent
 
 
-def _whole(steps: float) -> int:
-    return max(LEAST_STEPS, rounded(steps))
+def _trial(drive: DrivenRun) -> int:
+    """Return the steps a cycle of the first trial: those that it takes, however few are asked for."""
+    return max(TRIAL_STEPS, drive.fewest)
 
 
-def _with(settings: Settings, steps: int) -> Settings:
-    return replace(settings, steps_per_turn=steps)
+def _whole(drive: DrivenRun, steps: float) -> int:
+    return max(LEAST_STEPS, drive.fewest, rounded(steps))
+
+
+def _per_cycle(drive: DrivenRun, run: Run) -> int:
+    return rounded(run.steps * drive.cycle / drive.profile.turns)
+
+
+def _with(drive: DrivenRun, settings: Settings, steps: int) -> Settings:
+    return replace(settings, steps_per_turn=round(steps / drive.cycle))

@@ -8,6 +8,7 @@ import pytest
 from scene_texts import FINGER
 
 from mechsim import catalog, units
+from mechsim.model.crank_profile import swing, within_range
 from mechsim.simulation import Settings, driven_run, place_tolerance, simulate
 from mechsim.simulation.place_tolerance import TRIAL_STEPS
 from mechsim.subjects.subject import load
@@ -79,6 +80,7 @@ def test_a_short_run_is_not_tried_longer_than_it_is(stepped) -> None:
 def test_no_error_at_all_asks_for_the_fewest_steps() -> None:
     class Exact:
         profile = type("Profile", (), {"turns": TURNS})
+        cycle, fewest = 1.0, 1
 
         def first(self, turns):
             part = Exact()
@@ -89,6 +91,42 @@ def test_no_error_at_all_asks_for_the_fewest_steps() -> None:
             return np.zeros(max(1, round(self.profile.turns)))
 
     assert place_tolerance._steps(Exact(), Settings(), 1e-6)[0] == place_tolerance.LEAST_STEPS
+
+
+@pytest.mark.parametrize("reach", [0.1, 0.01])
+def test_a_swing_of_less_than_a_turn_is_stepped_finely_enough(reach) -> None:
+    drive = catalog.make("four_bar")
+    run = simulate(drive.mechanism, profile=swing(1.0, reach, 60.0), tolerance=4e-10 * reach)
+    assert run.outcome == "met"
+    assert error(drive, run.motion) <= run.tolerance
+
+
+def test_a_swing_of_all_the_little_that_a_crank_can_move_keeps_its_tolerance() -> None:
+    # over 0.0067 rad the follower leaves one dead centre and comes to the next
+    drive = catalog.Looper(
+        crank=0.0078268,
+        coupler=0.0197878,
+        arm=0.022136,
+        arm_angle=6.192851,
+        rocker=0.0332265,
+        frame=0.045795,
+        frame_angle=0.8204655,
+        follower=0.0147708,
+        axis_y=0.0196731,
+        axis_z=0.0089396,
+    )
+    profile = within_range(drive.mechanism, drive.crank_range(), SPEED)
+    run = simulate(drive.mechanism, profile=profile, tolerance=1e-11)
+    assert run.outcome == "met"
+    assert error(drive, run.motion) <= 1e-11
+    assert run.promise.trials < 2.0 * run.steps
+
+
+def test_records_closer_than_the_trial_steps_do_not_hide_that_finer_steps_help() -> None:
+    drive = catalog.make("rssr")
+    run = simulate(drive.mechanism, speed=SPEED, tolerance=1e-12, samples=1000)
+    assert run.outcome == "met"
+    assert run.steps % 1000 == 0
 
 
 def test_a_trial_that_diverges_is_followed_by_finer_ones(tmp_path):

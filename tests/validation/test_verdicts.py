@@ -18,7 +18,7 @@ def studies():
 def test_no_random_mechanism_is_refused_and_every_run_agrees_with_its_verdict():
     import verdicts
 
-    found = verdicts.study(4, seed=3)
+    found = verdicts.study(range(4), seed=3)
     assert found.faults == {}
     assert found.tried["validated"] == 4
     assert found.tried["0.1 % long, pose"] >= 2

@@ -23,12 +23,14 @@ KEPT = (*SELECTORS, "gear_ratio")
 
 def rough_drives(random: np.random.Generator, count: int) -> Iterator[ClosedForm]:
     """Yield mechanisms of each kind in turn that can be assembled and driven over most of their range."""
+    for number in range(count):
+        yield rough_drive(number, random)
+
+
+def rough_drive(number: int, random: np.random.Generator) -> ClosedForm:
+    """Return a mechanism whose kind follows from its number."""
     names = list(catalog.DRIVES)
-    for i in range(count):
-        yield _rough(names[i % len(names)], random)
-
-
-def _rough(name: str, random: np.random.Generator) -> ClosedForm:
+    name = names[number % len(names)]
     while True:
         try:
             drive = catalog.make(name, **_values(name, random))

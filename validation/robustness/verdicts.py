@@ -4,17 +4,20 @@ Each is validated, then put through a swing anywhere inside its range, on any la
 through one that ends close to a dead centre; every run's own outcome is held against its verdict. And each is
 shown to the judge with a link 0.1 % long.
 
-    python validation/robustness/verdicts.py --count 800
+    python validation/robustness/verdicts.py [--count 800] [--seed 1] [--part K N] [--case NUMBER]
+
+Each is drawn by its own number, so that `--part K N` runs every Nth and `--case` one alone.
 """
 
 import argparse
 import sys
 import time as clock
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
-from rough_drives import SPEED, close_swing, rough_drives, rough_swing
+from rough_drives import SPEED, close_swing, rough_drive, rough_swing
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import AssemblyError, MechsimError
@@ -39,20 +42,22 @@ class Found:
 
     tried: Counter[str] = field(default_factory=Counter)
     faults: dict[str, list[str]] = field(default_factory=dict)
+    number: int = 0
 
     def fault(self, kind: str, text: str) -> None:
-        print(f"FAULT {kind}: {text}", flush=True)
+        print(f"FAULT {self.number} {kind}: {text}", flush=True)
         self.faults.setdefault(kind, []).append(text)
 
 
-def study(count: int, seed: int = 1) -> Found:
-    """Return what came of so many random mechanisms."""
-    random = np.random.default_rng(seed)
+def study(numbers: Sequence[int], seed: int = 1) -> Found:
+    """Return what came of the random mechanisms of these numbers."""
     found = Found()
-    begin = clock.perf_counter()
-    for done, drive in enumerate(rough_drives(random, count)):
+    begin = clock.process_time()
+    for done, found.number in enumerate(numbers):
         if done and done % EVERY == 0:
-            print(f"{done} of {count} after {clock.perf_counter() - begin:.0f} s", file=sys.stderr)
+            print(f"{done} of {len(numbers)} after {clock.process_time() - begin:.0f} s", file=sys.stderr)
+        random = np.random.default_rng((seed, found.number))
+        drive = rough_drive(found.number, random)
         _validated(drive, found)
         for profile in (
             within_range(drive.mechanism, drive.crank_range(), SPEED),
@@ -121,8 +126,14 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description="Random mechanisms: runs and verdicts agree, none refused.")
     parser.add_argument("--count", type=int, default=800)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument(
+        "--part", type=int, nargs=2, metavar=("K", "N"), default=(0, 1), help="each Nth from K on"
+    )
+    parser.add_argument("--case", type=int, help="one of them")
     asked = parser.parse_args(arguments)
-    found = study(asked.count, asked.seed)
+    first, step = asked.part
+    numbers = range(first, asked.count, step) if asked.case is None else [asked.case]
+    found = study(numbers, asked.seed)
     print(f"{'tried':<18} {'times':>6} {'faults':>6}")
     for kind, times in found.tried.items():
         print(f"{kind:<18} {times:6} {len(found.faults.get(kind, [])):6}")
