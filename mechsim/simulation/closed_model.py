@@ -53,6 +53,7 @@ class ReadModel(Protocol):
 Model = Mechanism | mujoco.MjSpec | str | os.PathLike[str]
 Source = Model | Described | ReadModel
 
+NO_CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 # turn, in [rad], by which a freedom that the crank leaves is tried
 NUDGE = 1e-4
 
@@ -85,6 +86,17 @@ class ClosedModel:
     def angle(self) -> float:
         """Angle of the crank, or of the drivers' clock, in the closed state, in [rad]."""
         return float(self.closed[self.loops.crank_place])
+
+    @property
+    def touching(self) -> bool:
+        """Whether contacts act."""
+        return not self.model.opt.disableflags & NO_CONTACT
+
+    def untouched(self) -> "ClosedModel":
+        """Return the same without contacts."""
+        loops = self.loops.over_copy()
+        loops.model.opt.disableflags |= NO_CONTACT
+        return replace(self, loops=loops)
 
     def places(self, states: Array) -> Array:
         """Return the places of the tracked points at n states, (n, k, 3) in [m]."""

@@ -31,8 +31,9 @@ SAMPLES = 72
 # what stepping sets of a model that has settings of its own
 CHANGED = (
     "the model's own time step, integrator, solver and softness of constraints gave way to the settings of "
-    "the run, and its drivers carry flywheels; gravity, masses, contacts, friction and actuators are its own"
+    "the run, and its drivers carry flywheels; gravity, masses, friction and actuators are its own"
 )
+TOUCHING, UNTOUCHED = ", and so are contacts", ", and contacts do not act, for the drivers settle every place"
 # bytes held for each number that is recorded of an instant, with what is in between
 HELD = 32.0
 # crank angles at which a profile is probed, so that a crank that cannot go there is refused
@@ -126,7 +127,8 @@ class DrivenRun:
 
     def _note(self) -> str:
         """Return what is to be said of a stepped run, in sentences; nothing where there is nothing."""
-        said = (self.closed.note, CHANGED if self.closed.own else "", self._meetings())
+        changed = CHANGED + (TOUCHING if self.closed.touching else UNTOUCHED)
+        said = (self.closed.note, changed if self.closed.own else "", self._meetings())
         return "; ".join(one for one in said if one)
 
     def _meetings(self) -> str:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, MobilityError
 from mechsim.maths.arrays import Array
@@ -24,11 +25,13 @@ class Standing:
         open: joints and points that can still move; idle freedoms, such as a rod's spin, are none.
         locked: the drivers that cannot move by themselves though nothing is open.
         meeting: whether two assemblies meet in this very pose.
+        settled: whether no body's centre can move.
     """
 
     open: tuple[str, ...]
     locked: tuple[str, ...]
     meeting: bool
+    settled: bool
 
 
 def standing(closed: ClosedModel) -> Standing:
@@ -40,18 +43,19 @@ def standing(closed: ClosedModel) -> Standing:
     rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
     unmoved = stuck(loops, jacobian[0])
     names: list[str] = []
-    singular = False
+    singular, settled = False, True
     for freedom in freedoms[rank:]:
         moved = _moved(loops, closed.closed, freedom)
-        seen = _seen(
-            closed, closed.closed, moved if moved is not None else _nudged(loops, closed.closed, freedom)
-        )
+        there = moved if moved is not None else _nudged(loops, closed.closed, freedom)
+        seen = _seen(closed, closed.closed, there)
+        settled &= not _swings(loops, closed.closed, there).any()
         singular |= moved is None and bool(seen)
         names += seen if moved is not None else ()
     return Standing(
         tuple(dict.fromkeys(names)),
         locked=() if singular or names else unmoved,
         meeting=singular and not unmoved,
+        settled=settled,
     )
 
 
@@ -138,8 +142,7 @@ def _seen(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
     """Return the joints and tracked points that differ between two states."""
     model, loops = closed.model, closed.loops
     found: list[str] = []
-    centres = np.linalg.norm(np.diff(loops.centres(np.stack([state, moved])), axis=0)[0], axis=1)
-    swings = centres > MATTERS * NUDGE * loops.size
+    swings = _swings(loops, state, moved)
     for body in range(model.nbody - 1, 0, -1):
         swings[model.body_parentid[body]] |= swings[body]
     for i, (kind, place) in enumerate(zip(model.jnt_type, model.jnt_qposadr, strict=True)):
@@ -155,6 +158,12 @@ def _seen(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
         if far > MATTERS * NUDGE * loops.size and not _floats(loops, body):
             found.append(f"point {name}")
     return found
+
+
+def _swings(loops: ModelLoops, state: Array, moved: Array) -> NDArray[np.bool_]:
+    """Return whose centres differ between two states, (nbody,)."""
+    gone = np.diff(loops.centres(np.stack([state, moved])), axis=0)[0]
+    return np.linalg.norm(gone, axis=1) > MATTERS * NUDGE * loops.size
 
 
 def _floats(loops: ModelLoops, body: int) -> bool:

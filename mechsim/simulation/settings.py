@@ -185,6 +185,8 @@ class Settings:
             option.solver = int(getattr(mujoco.mjtSolver, f"mjSOL_{self.solver.upper()}"))
         option.iterations = option.iterations if self.iterations is None else int(self.iterations)
         option.ls_iterations = option.ls_iterations if self.ls_iterations is None else int(self.ls_iterations)
+        # this takes accelerations anew from the forces: their rounding, over the softness of hard loops
+        option.noslip_iterations = 0
         option.tolerance = option.tolerance if self.residual is None else self.residual
         _set(option, "disableflags", int(disable.mjDSBL_SENSOR), True)
         _set(option, "disableflags", int(disable.mjDSBL_ISLAND), not self.island)

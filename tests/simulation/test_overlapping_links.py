@@ -1,0 +1,54 @@
+"""Files as CAD exports them: links overlap where they are joined, and rows of their loops repeat others."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.simulation import simulate
+from mechsim.studies.validate import case_of
+
+# a five-bar whose pins are balls that overlap with those of the ground
+FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 -9.81 0" noslip_iterations="2"/>
+<default><joint axis="0 0 1" frictionloss=".05" armature=".002"/><geom size=".012"/></default>
+<worldbody><geom pos="-.031 0 .001"/><geom pos=".037 .004 -.001"/>
+<body name="left" pos="-.031 0 0"><joint name="left"/><geom/>
+ <body name="rod" pos="-.02 .06 0"><joint name="elbow"/><geom pos=".03 .02 0" size=".005"/>
+  <site name="P" pos=".055 .04 0"/></body></body>
+<body name="right" pos=".037 .004 0"><joint name="right"/><geom/>
+ <body name="bar" pos=".023 .056 0"><joint name="knee"/><geom pos="-.02 .02 0" size=".005"/>
+  <site name="Q" pos="-.056 .04 0"/></body></body>EXTRA
+</worldbody><equality><connect site1="P" site2="Q"/></equality></mujoco>"""
+SWINGS = {"left": "0.11*sin(2*pi*t)", "right": "0.13*sin(2*pi*t)"}
+BALL = """<body name="ball" pos="0 -.1 0"><freejoint/><geom size=".01"/></body>
+<geom type="plane" size="1 1 1" pos="0 -.12 0" zaxis="0 1 0"/>"""
+
+
+@pytest.fixture
+def form(tmp_path):
+    def made(extra=""):
+        path = tmp_path / "five_bar.xml"
+        path.write_text(FIVE_BAR.replace("EXTRA", extra))
+        return ms.load(str(path), drive=SWINGS)
+
+    return made
+
+
+def test_links_that_overlap_where_they_are_joined_brake_no_driver(form):
+    case = case_of(form())
+    assert case.passed, case.verdict.reason
+    # contacts as hard as the loops, and accelerations taken anew from forces, left far more
+    assert case.run.estimate < 1e-12
+    motion = case.run.motion
+    assert motion.time is not None
+    meant = case.drive.programs.state(motion.time)[0]
+    for name, value in zip(case.drive.programs.drivers, meant, strict=True):
+        assert motion.joints[name].value == pytest.approx(value, abs=1e-5)
+    assert "contacts do not act" in case.run.note
+
+
+def test_what_hangs_on_no_driver_is_still_stopped_by_a_contact(form):
+    run = simulate(form(BALL), method="step")
+    assert "so are contacts" in run.note
+    fallen = run.motion.links["ball"].position[-1]
+    assert fallen[1] == pytest.approx(-0.11, abs=2e-3)
+    assert np.isfinite(fallen).all()
