@@ -58,11 +58,17 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     },
     (POSED, "threads = 1 if n <= ONE_THREAD else 0", "..."): SPEED,
     (POSED, "ONE_THREAD = 4096", "..."): SPEED,
-    (
-        LOOPS,
-        "rank = int((values > np.maximum(RANK_TOLERANCE * values[:, :1], FLOOR)).sum(1).max())",
-        "rank = int((values > np.maximum(RANK_TOLERANCE / values[:, :1], FLOOR)).sum(1).max())",
-    ): NEAR_ONE,
+    **{
+        (
+            file,
+            f"return values > np.maximum({told} * values[..., :1], FLOOR)",
+            f"return values > np.maximum({told} / values[..., :1], FLOOR)",
+        ): NEAR_ONE
+        for file, told in (
+            ("simulation/telling.py", "RANK_TOLERANCE"),
+            ("analytic/closure/telling.py", "told"),
+        )
+    },
     (
         MOTION,
         "twist = least_norm(mechanism, rows.jacobian, asked).reshape(n, -1, 6)",

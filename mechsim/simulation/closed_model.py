@@ -20,11 +20,12 @@ from mechsim.simulation.drive import drive_of, with_clock
 from mechsim.simulation.mjcf import compiled, generate, quiet
 from mechsim.simulation.mjcf.changes import hold_joints, require_single
 from mechsim.simulation.mjcf.joints import CRANK, model_names
-from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
+from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.opposed_sides import require_alike
 from mechsim.simulation.overdriven import refusal, stuck
 from mechsim.simulation.recorded_motion import Track, add_sensors
 from mechsim.simulation.straight_way import brought
+from mechsim.simulation.telling import RANK_TOLERANCE
 
 
 class Described(Protocol):

@@ -20,6 +20,7 @@ from mechsim.simulation import followers
 from mechsim.simulation.drive import CLOCK, Drive, Law
 from mechsim.simulation.loop_constraints import Coupled, constraints
 from mechsim.simulation.posed_bodies import PosedBodies, carried
+from mechsim.simulation.telling import FLOOR, RANK_TOLERANCE, telling
 
 FREE, BALL, SLIDE, HINGE = (
     int(kind)
@@ -33,9 +34,6 @@ FREE, BALL, SLIDE, HINGE = (
 
 # closed to rounding: what Newton's method leaves on a well-conditioned loop, with a margin of a few
 CLOSED = 1e-14
-# singular values below this part of the largest count as zero; and slopes below this, in radians and sizes,
-# are rounding: a ball at the point through which all axes of its loop pass leaves rows of nothing else
-RANK_TOLERANCE, FLOOR = 1e-9, 1e-13
 
 
 class ModelLoops:
@@ -112,6 +110,11 @@ class ModelLoops:
         """Yardstick of lengths in the model, in [m], where all states share its fields."""
         (size,) = self.sizes.tolist()
         return size
+
+    @property
+    def units(self) -> Array:
+        """Units of the freedoms in [rad] and [m], (nv,): one, and the size."""
+        return np.where(self._angles, 1.0, self.size)
 
     @property
     def rounding(self) -> float:
@@ -372,14 +375,12 @@ class ModelLoops:
         values = np.linalg.svd(held, compute_uv=False).astype(np.float64, copy=False)
         if not values.size:
             return np.ones(len(held))
-        rank = int((values > np.maximum(RANK_TOLERANCE * values[:, :1], FLOOR)).sum(1).max())
+        rank = int(telling(values).sum(1).max())
         return values[:, rank - 1] if rank else np.ones(len(held))
 
     def fastest(self, rates: Array) -> float:
         """Return the largest of rates (n, nv), of angles in [rad] and of displacements in sizes."""
-        return float(
-            np.abs(rates / np.where(self._angles, 1.0, np.reshape(self.size, (-1, 1)))).max(initial=0.0)
-        )
+        return float(np.abs(rates / self.units).max(initial=0.0))
 
     def tangent(self, jacobian: Array) -> Array:
         """Return the rates of all freedoms per radian of the crank, (n, nv), that keep the loops closed."""

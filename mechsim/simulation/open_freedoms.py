@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from mechsim.errors import AssemblyError, MobilityError
 from mechsim.maths.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
-from mechsim.simulation.model_loops import HINGE, RANK_TOLERANCE, SLIDE, ModelLoops
+from mechsim.simulation.model_loops import HINGE, SLIDE, ModelLoops
 from mechsim.simulation.overdriven import refusal, stuck
+from mechsim.simulation.telling import RANK_TOLERANCE
 
 # displacement, in [rad] and in units of the size, by which a freedom is tried; part of it that stays where
 # there is one, and that a point or joint moves by which it matters

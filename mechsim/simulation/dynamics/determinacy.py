@@ -11,9 +11,9 @@ from mechsim.simulation.dynamics.applied import loop_forces
 from mechsim.simulation.dynamics.efforts import row_scale, situation
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
-from mechsim.simulation.model_loops import RANK_TOLERANCE
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recorded_motion import States
+from mechsim.simulation.telling import telling
 
 # joint -> whether fx, fy, fz, mx, my, mz is settled, (6,)
 Known = Mapping[str, NDArray[np.bool_]]
@@ -33,8 +33,8 @@ def settled(loaded: LoadedModel) -> Known:
     if not rows:
         return known
     scale = row_scale(loaded, rows)
-    left, values, _ = np.linalg.svd(jacobian * scale[:, None])
-    rank = int((values > RANK_TOLERANCE * values[:, :1]).sum(1).min())
+    left, values, _ = np.linalg.svd(jacobian * scale[:, None] * loaded.loops.units)
+    rank = int(telling(values).sum(1).min())
     if rank == rows:
         return known
     n = len(qpos)

@@ -15,13 +15,13 @@ from mechsim.simulation.dynamics.friction import oppose
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.dynamics.rigid_forces import rigid_forces, soften
-from mechsim.simulation.model_loops import RANK_TOLERANCE
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.meeting_motion import Near, held_off
 from mechsim.simulation.poses.meetings import Meeting, fitted
 from mechsim.simulation.recorded_motion import CHUNK, States, link_motions, opening
 from mechsim.simulation.settings import set_armature
 from mechsim.simulation.stepping import Watch, unwatched, weigh_sums
+from mechsim.simulation.telling import RANK_TOLERANCE, pseudo_inverse
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,10 +83,11 @@ def constrained(loaded: LoadedModel, at: Situation, fields: Fields) -> tuple[Arr
     forces, scale = fields["qfrc_constraint"], row_scale(loaded, at.jacobian.shape[1])
     # MuJoCo knows no rows for what programs drive: forces on these coordinates stand for them
     told = loaded.loops.driven_rows.start
-    turned = np.swapaxes(at.jacobian * scale[:, None], 1, 2)[..., :told]
+    units = loaded.loops.units
+    turned = np.swapaxes(at.jacobian * scale[:, None] * units, 1, 2)[..., :told]
     multipliers = np.zeros(scale.shape + forces.shape[:1]).T
     if told:
-        found = np.linalg.pinv(turned, rcond=RANK_TOLERANCE) @ forces[..., None]
+        found = pseudo_inverse(turned) @ (forces * units)[..., None]
         multipliers[:, :told] = scale[:told] * found[..., 0]
 
     def drive(dof: int) -> Array:
@@ -400,7 +401,7 @@ def _straightened(loaded: LoadedModel, states: States) -> States:
     opened = (rows @ states.qvel[..., None])[..., 0]
     kept = np.delete(np.arange(loaded.model.nv), [loops.crank, *loops.driven_dofs])
     qvel = states.qvel.copy()
-    qvel[:, kept] -= (np.linalg.pinv(rows[:, :, kept], rcond=RANK_TOLERANCE) @ opened[..., None])[..., 0]
+    qvel[:, kept] -= (pseudo_inverse(rows[:, :, kept]) @ opened[..., None])[..., 0]
     return replace(states, qpos=qpos, qvel=qvel)
 
 

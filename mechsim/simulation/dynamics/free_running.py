@@ -23,11 +23,12 @@ from mechsim.simulation.dynamics.expected_speed import expect_speed
 from mechsim.simulation.dynamics.free_steps import step_freely
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.model_loops import RANK_TOLERANCE, ModelLoops
+from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
 from mechsim.simulation.run_result import SteppedFreeRun
 from mechsim.simulation.settings import Settings, set_armature
 from mechsim.simulation.stepping import Watch, unwatched
+from mechsim.simulation.telling import RANK_TOLERANCE
 
 # turns of the crank at its expected speed after which a run for turns is given up
 PATIENCE = 20.0

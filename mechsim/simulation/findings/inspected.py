@@ -116,8 +116,11 @@ class Inspected:
         with quiet():
             mujoco.mj_fwdPosition(self.bare, data)
         rows = data.efc_type == EQUALITY
-        slope = dense_rows(data)[rows]
-        return data.efc_pos[rows].copy(), slope.copy(), data.efc_id[rows].copy()
+        return data.efc_pos[rows].copy(), self.telling(dense_rows(data)[rows]), data.efc_id[rows].copy()
+
+    def telling(self, slope: Array) -> Array:
+        """Return the Jacobian of the loops, (m, nv), nought where it is all rounding of the file."""
+        return slope * (np.abs(slope).max(initial=0.0) > RANK * min(1.0, self.size))
 
     @cached_property
     def closed(self) -> Array | None:

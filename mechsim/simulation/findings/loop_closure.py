@@ -109,7 +109,9 @@ def repeated(scene: Inspected) -> Iterator[Finding]:
     names = ", ".join(loop.name for loop in idle)
     flat = all(loop.kind == CONNECT for loop in kept if loop.closes)
     say = f"{len(slope)} rows of the loops have rank {len(slope) - extra}: {extra} of them repeat others"
-    if nought == extra:
+    if not slope.any():
+        say = f"{len(slope)} rows of the loops have rank 0: nothing that can move opens them"
+    elif nought == extra:
         say = (
             f"{len(slope)} rows of the loops have rank {len(slope) - extra}: the rest, across a plane, are 0"
         )

@@ -108,7 +108,10 @@ def timestep(scene: Inspected) -> Iterator[Finding]:
     grows = AMPLIFIED.get(int(model.opt.integrator))
     if not scene.loops or grows is None:
         return
-    matrix, loop = _stiffest(scene)
+    stiffest = _stiffest(scene)
+    if stiffest is None:
+        return
+    matrix, loop = stiffest
     step = float(model.opt.timestep)
     values = np.linalg.eigvals(grows(matrix, step))
     worst, turned = float(np.abs(values).max()), float(values.real.min())
@@ -137,15 +140,17 @@ class _Stiff:
     stiffness: Array
 
 
-def _stiffest(scene: Inspected) -> tuple[_Stiff, Loop]:
-    """Return what the loops' gaps do by themselves at the start, and the stiffest loop."""
+def _stiffest(scene: Inspected) -> tuple[_Stiff, Loop] | None:
+    """Return what the loops' gaps do by themselves at the start, and the stiffest loop; None if nothing."""
     model = scene.bare
     data = mujoco.MjData(model)
     data.qpos[:] = scene.read.qpos if scene.closed is None else scene.closed
     with quiet():
         mujoco.mj_forward(model, data)
     rows = data.efc_type == EQUALITY
-    slope = dense_rows(data)[rows]
+    slope = scene.telling(dense_rows(data)[rows])
+    if not slope.any():
+        return None
     inertia = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, inertia)
     light = slope @ np.linalg.solve(inertia, slope.T)

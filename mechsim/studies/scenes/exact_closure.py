@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mechsim.analytic.closure.cut_rows import cuts_of
 from mechsim.analytic.closure.settled import settled
 from mechsim.analytic.closure.spanning_tree import SpanningTree
-from mechsim.analytic.closure.telling import RANK_TOLERANCE
+from mechsim.analytic.closure.telling import least_part
 from mechsim.analytic.closure.tree_joints import TreeJoint
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, placed
@@ -110,7 +110,7 @@ class ExactClosure:
             matrix = np.where(going[:, None, None], matrix, 0.0)
             right = np.where(going, residual, 0.0).T[..., None]
             step = np.zeros((loops.tree.count, len(at)))
-            step[loops.unknown] = -(np.linalg.pinv(matrix, rcond=RANK_TOLERANCE) @ right)[..., 0].T
+            step[loops.unknown] = -(np.linalg.pinv(matrix, rcond=least_part(matrix)) @ right)[..., 0].T
             step *= LONGEST / np.maximum(LONGEST, np.abs(step).max(0))
             at = loops.moved(at, step)
         return at, np.abs(loops.linearise(at)[0]).max(0, initial=0.0)
@@ -184,7 +184,7 @@ class ExactClosure:
         for name, speed in speeds.items():
             rate[tree.places[name]] = speed / loops.units[tree.places[name]]
         matrix = slope[:, loops.unknown, 0]
-        rate[loops.unknown] = -np.linalg.pinv(matrix, rcond=RANK_TOLERANCE) @ (slope[..., 0] @ rate)
+        rate[loops.unknown] = -np.linalg.pinv(matrix, rcond=least_part(matrix)) @ (slope[..., 0] @ rate)
         rate, out, ball = rate * loops.units, np.zeros(nv), 0
         for branch, dof in zip(tree.branches, dofs, strict=True):
             count = branch.kind.freedoms

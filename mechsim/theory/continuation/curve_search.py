@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.closure.random_starts import poses_beside, taken
+from mechsim.analytic.closure.telling import telling
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import AssemblyError, MobilityError
 from mechsim.maths.arrays import Array
@@ -47,7 +48,7 @@ class CurveSearch:
         _, slope, here = self.loops.loops.linearise(poses)
         by_unknowns = slope[:, self.loops.loops.unknown].transpose(2, 0, 1)
         values = np.linalg.svd(by_unknowns, compute_uv=False)
-        rank = (values > NOUGHT * values.max(1, initial=0.0)[:, None]).sum(1)
+        rank = telling(values, NOUGHT).sum(1)
         self.at += [taken(poses, np.array([i])) for i in range(len(poses))]
         self.marks = np.concatenate([self.marks, self.loops.marks.at(here)])
         self.least = np.concatenate([self.least, self.loops.least(slope)])
