@@ -61,12 +61,12 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     **{
         (
             file,
-            f"return values > np.maximum({told} * values[..., :1], FLOOR)",
-            f"return values > np.maximum({told} / values[..., :1], FLOOR)",
+            f"return values > np.maximum({told} * values[..., :1], {floor})",
+            f"return values > np.maximum({told} / values[..., :1], {floor})",
         ): NEAR_ONE
-        for file, told in (
-            ("simulation/telling.py", "RANK_TOLERANCE"),
-            ("analytic/closure/telling.py", "told"),
+        for file, told, floor in (
+            ("simulation/telling.py", "RANK_TOLERANCE", "FLOOR"),
+            ("analytic/closure/telling.py", "told", "floor"),
         )
     },
     (

@@ -19,8 +19,9 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import FARTHEST, GROUND, IDENTITY, Link, Pose, Vector
 from mechsim.model.unmarked_slides import MEANT, guessed
 
-# joints of a link nearer to each other than this part of all that is known of the links lie in one place
-ONE_PLACE = 1e-9
+# joints of a link nearer to each other than this part of all that is known of the links lie in one place, but
+# for the digits of their file
+ONE_PLACE = 1e-5
 # points whose distances to all others are taken at once
 ROWS = 500
 

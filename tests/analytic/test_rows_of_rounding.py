@@ -1,14 +1,28 @@
 """Loops of which nothing but rounding is left: a ball where all axes meet, or on a shaft's own axis."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import mechsim as ms
 from mechsim.analytic.closure.settled import settled
+from mechsim.analytic.closure.tree_assembly import assembled
+from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import MobilityError
+from mechsim.model.forces import Forces
+from mechsim.model.scene import Scene
 from mechsim.simulation import closed_model, open_freedoms
+from mechsim.simulation.dynamics import determinacy
+from mechsim.simulation.dynamics.loaded_model import loaded_model
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.simulation.findings import findings
+from mechsim.simulation.mjcf import compiled, to_xml
+from mechsim.simulation.mjcf_reader import read_model
+from mechsim.studies.scenes.exact_closure import exact_closure
+from mechsim.theory.continuation.curve_search import CurveSearch
+from mechsim.theory.continuation.free_loops import free_loops
 
 AXES = {  # of each joint: on its first and on its second link, with their marks
     "crank": ((0.36, -0.48, 0.8), (0.8, 0.6, 0.0), (0.28, 0.0, 0.96), (0.0, 1.0, 0.0)),
@@ -108,9 +122,68 @@ def test_what_a_ball_where_all_axes_meet_leaves_open_is_named_by_both_roads(tmp_
     assert not standing.locked
 
 
-@pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_shaft_in_two_bearings_turns(method, tmp_path):
+@pytest.fixture
+def shaft(tmp_path):
     path = tmp_path / "shaft.toml"
     path.write_text(SHAFT)
-    run = ms.simulate(ms.load(str(path)), method=method, speed=6.0, turns=0.3, samples=5)
+    return ms.load(str(path))
+
+
+def written(linkage, tmp_path, *, exactly):
+    """A file of MJCF, with all digits or with MuJoCo's six."""
+    spec = closed_model.assembled(linkage.mechanism, Scene(level="motion"))
+    path = tmp_path / "written.xml"
+    path.write_text(to_xml(spec) if exactly else spec.to_xml())
+    return str(path)
+
+
+@pytest.mark.parametrize("method", ["pose", "step"])
+def test_a_shaft_in_two_bearings_turns(method, shaft):
+    run = ms.simulate(shaft, method=method, speed=6.0, turns=0.3, samples=5)
     assert run.outcome == "met"
+
+
+@pytest.mark.parametrize("method", ["pose", "step"])
+def test_a_bearing_that_nothing_can_open_is_pushed_by_nothing(method, shaft):
+    forces = Forces(gravity=(0.3, -9.81, 0.5))
+    run = driven(shaft.mechanism, forces, method=method, speed=6.0, turns=0.3, samples=5)
+    assert np.abs(run.efforts.reactions["bearing"].force).max() <= 1e-12
+
+
+def test_hinges_and_a_ball_where_all_axes_meet_may_push_against_each_other(tmp_path):
+    known = determinacy.settled(loaded_model(spherical(tmp_path, AXES).mechanism, Forces()))
+    assert not np.any([settles[:3] for settles in known.values()])
+
+
+@pytest.mark.parametrize("exactly", [True, False])
+def test_a_file_with_a_shaft_in_two_bearings_has_three_rows_that_say_nothing(exactly, shaft, tmp_path):
+    (found,) = findings(read_model(written(shaft, tmp_path, exactly=exactly)))
+    assert (found.kind, found.by) == ("redundant", 3)
+    assert "3 rows of the loops have rank 0" in found.say
+
+
+def test_a_spherical_linkage_of_six_digits_moves_as_it_means_to(tmp_path):
+    path = written(spherical(tmp_path, AXES), tmp_path, exactly=False)
+    moves = {"crank": "1.1rad/s", "A": "0.4rad + 0.7rad*sin(t)", "B": "-0.3rad - 0.9rad*t"}
+    model = ms.load(path, drive=moves)
+    assert settled(model.mechanism).freedoms == 3
+    motion = model.solve(model.programs.pace * np.linspace(0.0, 1.0, 7), model.programs.pace)
+    values = np.stack([motion.joints[name].value for name in AXES], 1)
+    for at, place in zip(values, motion.points["P"].position, strict=True):
+        np.testing.assert_allclose(place, truth(at), rtol=0, atol=1e-6)
+
+
+def test_what_no_row_holds_and_no_driver_moves_stays_at_rest(tmp_path):
+    path = written(spherical(tmp_path, AXES), tmp_path, exactly=True)
+    read = read_model(path, drivers=("crank", "A"))
+    model = compiled(read.spec)
+    closure = exact_closure(read.mechanism, model, {"P": ("rocker", TIP)})
+    rates = closure.rates(read.qpos, {"crank": 1.1, "A": -0.7}, model.jnt_dofadr.tolist(), model.nv)
+    assert rates.tolist() == [1.1, -0.7, 0.0]
+
+
+def test_a_shaft_that_two_bearings_hold_has_one_freedom_wherever_it_stands(shaft):
+    loops, own = assembled(shaft.mechanism)
+    search = CurveSearch(free_loops(replace(loops, driven=()), own), lambda *_: None)
+    search.take(Coordinates(own.values + np.linspace(0.0, 3.0, 7), np.repeat(own.turns, 7, -1)), counted=True)
+    assert search.freedoms.tolist() == [1] * 7

@@ -164,7 +164,9 @@ def test_bounds_lie_above_what_they_say_was_measured_and_at_most_a_hundredfold()
             if said:
                 unit = EPS if " eps" in bound.why else 1.0
                 stated += 1
-                assert 1.2 <= bound.fixed / (float(said["number"]) * unit) <= 100.01, (row.name, bound.why)
+                # of those by rounding all were measured over random drives, and none is far from that
+                low, high = (3.0, 30.0) if " eps" in bound.why else (1.2, 100.01)
+                assert low <= bound.fixed / (float(said["number"]) * unit) <= high, (row.name, bound.why)
     assert stated >= 10
 
 

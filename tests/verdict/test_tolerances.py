@@ -19,7 +19,7 @@ from mechsim.verdict.quantities import (
     stroke_of,
 )
 from mechsim.verdict.record_errors import of
-from mechsim.verdict.tolerances import EPS, SOUND, Asked, Bound, Tolerance
+from mechsim.verdict.tolerances import EPS, RATES, SOUND, Asked, Bound, Tolerance
 
 N = 5
 ANGLE = np.linspace(0.2, 3.0, N)
@@ -63,6 +63,12 @@ def test_bounds_widen_where_loops_are_poorly_conditioned_by_their_power_and_not_
         assert Tolerance(2.0, "m", "", power).widened(None, 3).tolist() == [2.0] * 3
     assert np.isfinite(Tolerance(2.0, "m", "", 1).widened(np.zeros(2), 2)).all()
     assert Tolerance(2.0, "m", "").power == 0
+
+
+def test_accelerations_keep_the_digits_that_rounding_over_the_square_of_the_conditioning_leaves():
+    poor = np.array([1e-2, 1e-3, 1e-6]) * SOUND
+    assert RATES.widened(poor, 3) == pytest.approx(EPS / poor**2, rel=1e-12, abs=0.0)
+    assert RATES.widened(np.ones(1), 1) == pytest.approx(100.0 * EPS, rel=1e-12, abs=0.0)
 
 
 # checks

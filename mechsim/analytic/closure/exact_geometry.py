@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.analytic.closure.generic_pose import generic_poses, idle_and_free, settled
-from mechsim.analytic.closure.telling import FLOOR, RANK_TOLERANCE, telling
+from mechsim.analytic.closure.telling import telling
 from mechsim.analytic.closure.tree_joints import TreeJoint
 from mechsim.analytic.closure.tree_loops import TreeLoops, tree_loops
 from mechsim.analytic.closure.tree_motion import Coordinates
@@ -25,7 +25,8 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses, starts
 
 # dimensions are taken to be known to this part of the size, and axes to as many radians: files with six
-# digits are off by 1e-6, and no linkage that was meant to be rigid moves for so little
+# digits are off by 1e-6, and no linkage that was meant to be rigid moves for so little. Rows below it at all,
+# of a ball at the point through which all axes of its loop pass, are such digits and nothing else
 DIGITS = 1e-5
 # no point is moved and no axis turned by more, in parts of the size and in [rad]
 FARTHEST = 1e-4
@@ -60,13 +61,13 @@ def corrected(mechanism: Mechanism) -> Corrected:
     What would have to be moved by more than `FARTHEST` is left as it is.
     """
     loops, rough = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
-    if not loops.rows or not _disagree(loops, poses := generic_poses(loops, rough, PROBES, DIGITS)):
+    if not loops.rows or not _disagree(loops, poses := generic_poses(loops, rough, PROBES, DIGITS, DIGITS)):
         return Corrected(mechanism)
-    poses += generic_poses(loops, poses[-1], POSES - PROBES, DIGITS)
+    poses += generic_poses(loops, poses[-1], POSES - PROBES, DIGITS, DIGITS)
     change = np.zeros((len(mechanism.joints), 2, 6))
     slopes = _slopes(mechanism, loops, poses, _concerned(loops, poses))
     for told in TOLD:
-        idle = [idle_and_free(loops, at, DIGITS)[0] for at in poses]
+        idle = [idle_and_free(loops, at, DIGITS, DIGITS)[0] for at in poses]
         opened = [part.T @ loops.linearise(at)[0][:, 0] for part, at in zip(idle, poses, strict=True)]
         slope = [np.tensordot(part.T, slopes[:, k], 1) for k, part in enumerate(idle)]
         matrix = np.concatenate(slope).reshape(-1, change.size)
@@ -76,7 +77,7 @@ def corrected(mechanism: Mechanism) -> Corrected:
             break
         trial = _changed(mechanism, change)
         loops = _loops(trial)
-        poses = [settled(loops, at, DIGITS) for at in poses]
+        poses = [settled(loops, at, DIGITS, DIGITS) for at in poses]
         if not _disagree(loops, poses):
             return Corrected(trial, *_sizes(mechanism, change))
     return Corrected(mechanism)
@@ -87,9 +88,8 @@ def _disagree(loops: TreeLoops, poses: Sequence[Coordinates]) -> bool:
     for at in poses:
         residual, slope, _ = loops.linearise(at)
         values = np.linalg.svd(slope[..., 0], compute_uv=False)
-        largest = values[:1].max(initial=0.0)
         opened = float(np.abs(residual).max(initial=0.0))
-        if opened > ROUNDING or (telling(values) & (values <= DIGITS * largest)).any():
+        if opened > ROUNDING or (telling(values) & ~telling(values, DIGITS, DIGITS)).any():
             return True
     return False
 
@@ -109,10 +109,9 @@ def _concerned(loops: TreeLoops, poses: Sequence[Coordinates]) -> set[str]:
     for at in poses:
         residual, slope, _ = loops.linearise(at)
         left, values, _ = np.linalg.svd(slope[..., 0])
-        told = np.zeros(loops.rows)
-        told[: len(values)] = values / max(float(values[0]), FLOOR)
+        values = np.pad(values, (0, loops.rows - len(values)))
         open_by = np.abs(left.T @ residual[:, 0])
-        off = (told <= DIGITS) & ((told > RANK_TOLERANCE) | (open_by > ROUNDING))
+        off = ~telling(values, DIGITS, DIGITS) & (telling(values) | (open_by > ROUNDING))
         share = np.abs(left[:, off]).max(1, initial=0.0)[: len(of)] > SHARE
         for cut in np.unique(of[share]):
             found |= around[cut]

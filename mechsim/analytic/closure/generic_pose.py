@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mechsim.analytic.closure.telling import least_part, telling
+from mechsim.analytic.closure.telling import FLOOR, least_part, telling
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.maths.arrays import Array
@@ -13,7 +13,9 @@ APART = 0.15
 MOST_STEPS, LONGEST, SHORT = 40, 0.3, 1e-9
 
 
-def generic_poses(loops: TreeLoops, start: Coordinates, count: int, told: float) -> list[Coordinates]:
+def generic_poses(
+    loops: TreeLoops, start: Coordinates, count: int, told: float, floor: float = FLOOR
+) -> list[Coordinates]:
     """Return poses near a start, one after the other, drivers and holds as free as the rest.
 
     Args:
@@ -21,26 +23,27 @@ def generic_poses(loops: TreeLoops, start: Coordinates, count: int, told: float)
         start: one set of coordinates, closed or nearly so.
         count: of poses.
         told: singular values below this part of the largest are nought.
+        floor: so are those below it.
     """
-    random, at = np.random.default_rng(7), settled(loops, start, told)
+    random, at = np.random.default_rng(7), settled(loops, start, told, floor)
     found: list[Coordinates] = []
     for _ in range(count):
-        free = idle_and_free(loops, at, told)[1]
+        free = idle_and_free(loops, at, told, floor)[1]
         step = free.T @ random.standard_normal(len(free))
         longest = float(np.abs(step).max(initial=0.0))
         if longest > 0.0:
-            at = settled(loops, loops.moved(at, (step * APART / longest)[:, None]), told)
+            at = settled(loops, loops.moved(at, (step * APART / longest)[:, None]), told, floor)
         found.append(at)
     return found
 
 
-def settled(loops: TreeLoops, at: Coordinates, told: float) -> Coordinates:
+def settled(loops: TreeLoops, at: Coordinates, told: float, floor: float = FLOOR) -> Coordinates:
     """Return where no step in what the rows tell makes the loops stand less open."""
     before = np.inf
     for _ in range(MOST_STEPS):
         residual, slope, _ = loops.linearise(at)
         matrix = slope[..., 0]
-        least = np.linalg.lstsq(matrix, residual[:, 0], rcond=float(least_part(matrix, told)))[0]
+        least = np.linalg.lstsq(matrix, residual[:, 0], rcond=float(least_part(matrix, told, floor)))[0]
         step = np.asarray(-least, dtype=np.float64)
         longest = float(np.abs(step).max(initial=0.0))
         if longest == 0.0 or (longest < SHORT and longest > 0.25 * before):
@@ -50,10 +53,12 @@ def settled(loops: TreeLoops, at: Coordinates, told: float) -> Coordinates:
     return at
 
 
-def idle_and_free(loops: TreeLoops, at: Coordinates, told: float) -> tuple[Array, Array]:
+def idle_and_free(
+    loops: TreeLoops, at: Coordinates, told: float, floor: float = FLOOR
+) -> tuple[Array, Array]:
     """Return sums of rows that tell nothing, (rows, m), and the freedoms of all coordinates, (f, count)."""
     left, values, right = np.linalg.svd(loops.linearise(at)[1][..., 0])
-    rank = int(telling(values, told).sum())
+    rank = int(telling(values, told, floor).sum())
     return left[:, rank:], right[rank:]
 
 

@@ -15,14 +15,17 @@ RANK_TOLERANCE = 1e-9
 FLOOR = 1e-13
 
 
-def telling(values: NDArray[np.floating[Any]], told: float = RANK_TOLERANCE) -> NDArray[np.bool_]:
+def telling(
+    values: NDArray[np.floating[Any]], told: float = RANK_TOLERANCE, floor: float = FLOOR
+) -> NDArray[np.bool_]:
     """Return which singular values, (..., k) falling, are more than nought.
 
     Args:
         values: of equations in units of the size.
         told: those below this part of the largest are nought.
+        floor: so are those below it.
     """
-    return values > np.maximum(told * values[..., :1], FLOOR)
+    return values > np.maximum(told * values[..., :1], floor)
 
 
 def rank(matrix: Array, told: float = RANK_TOLERANCE) -> int:
@@ -30,12 +33,13 @@ def rank(matrix: Array, told: float = RANK_TOLERANCE) -> int:
     return int(telling(np.linalg.svd(matrix, compute_uv=False), told).sum())
 
 
-def least_part(matrix: Array, told: float = RANK_TOLERANCE) -> Array:
+def least_part(matrix: Array, told: float = RANK_TOLERANCE, floor: float = FLOOR) -> Array:
     """Return below which part of the largest singular values of equations are left out of a solution, (...).
 
     Args:
         matrix: (..., rows, unknowns) in units of the size.
         told: what the part is where the equations are more than rounding.
+        floor: below which they are rounding.
     """
-    largest = np.abs(matrix).max((-2, -1), initial=FLOOR)
-    return np.maximum(told, FLOOR / largest)
+    largest = np.abs(matrix).max((-2, -1), initial=floor)
+    return np.maximum(told, floor / largest)
