@@ -88,7 +88,6 @@ def user_scene(path: str, asked: SceneOptions, held: HoldOptions = NOTHING_HELD)
         duration=lasting(asked.duration, None, states),
         points=points,
         key=asked.key,
-        base_held=held.hold_base,
     )
 
 

@@ -20,6 +20,7 @@ from mechsim.simulation.drive import drive_of, with_clock
 from mechsim.simulation.mjcf import compiled, generate, quiet
 from mechsim.simulation.mjcf.changes import hold_joints, require_single
 from mechsim.simulation.mjcf.joints import CRANK, model_names
+from mechsim.simulation.mjcf_reader.held_still import without_stilled
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.opposed_sides import require_alike
 from mechsim.simulation.overdriven import refusal, stuck
@@ -129,7 +130,7 @@ def of_source(
     scene: Scene | None = None,
     *,
     drivers: Sequence[str] | str | None = None,
-    holds: Mapping[str, float] | None = None,
+    holds: Mapping[str, float | None] | None = None,
     key: str | None = None,
 ) -> ClosedModel:
     """Return a mechanism, or a model of one's own, ready to be run.
@@ -140,7 +141,8 @@ def of_source(
         drivers: of a model of one's own: the hinge that is the crank, or a sequence of those joints that
             programs move; None for the hinge "crank". Of a mechanism a sequence says that programs move its
             crank, too; several drivers are under programs always.
-        holds: joints of a model of one's own -> value at which they are held, in [m] or [rad].
+        holds: joints of a model of one's own -> value at which they are held, in [m] or [rad]; None for where
+            they start, at which alone a ball or a free joint can be held.
         key: keyframe of a model of one's own in which it starts; None for its reference configuration.
 
     Raises:
@@ -156,7 +158,7 @@ def _of_source(
     source: Source,
     scene: Scene | None,
     drivers: Sequence[str] | str | None,
-    holds: Mapping[str, float] | None,
+    holds: Mapping[str, float | None] | None,
     key: str | None,
 ) -> ClosedModel:
     read = read_model(source)
@@ -202,21 +204,22 @@ def _own(
     spec: mujoco.MjSpec,
     points: tuple[str, ...],
     drivers: Sequence[str] | str,
-    holds: Mapping[str, float],
+    holds: Mapping[str, float | None],
     start: Array | None,
 ) -> ClosedModel:
     """Return a model of one's own, its joints held, in the closed state nearest to its start."""
+    spec, holds, start = without_stilled(spec, holds, start)
     if holds:
         require_single(spec, holds)
         moved = (drivers,) if isinstance(drivers, str) else tuple(drivers)
         loops = closed_loops(spec, (*moved, *(name for name in holds if name not in moved)))
         loops, begin = _begun_at(loops, _from(loops, start))
         assert loops.drive is not None
-        stands = zip(loops.drive.names, begin[loops.drive.places], strict=True)
-        there = [holds.get(name, value) for name, value in stands]
-        start = brought(loops, begin, np.array(there), "where joints are held")
+        stands = zip(loops.drive.names, begin[loops.drive.places].tolist(), strict=True)
+        there = {name: value if (asked := holds.get(name)) is None else asked for name, value in stands}
+        start = brought(loops, begin, np.array([*there.values()]), "where joints are held")
         start = np.delete(start, loops.crank_place)
-        hold_joints(spec, holds)
+        hold_joints(spec, {name: there[name] for name in holds})
     return replace(of_spec(spec, points, drivers, start=start), own=True)
 
 

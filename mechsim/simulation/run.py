@@ -36,7 +36,7 @@ def simulate(
     scene: Scene | None = None,
     programs: Programs | None = None,
     drive: str | None = None,
-    holds: Mapping[str, float] | None = None,
+    holds: Mapping[str, float | None] | None = None,
     key: str | None = None,
     watch: Watch | None = None,
 ) -> Run:
@@ -63,7 +63,8 @@ def simulate(
             They go straight from where the model has them to where their programs begin. In a model of one's
             own the joints of these names are driven.
         drive: the hinge that is the crank, in a model of one's own; None for that called "crank".
-        holds: joints of a model of one's own -> value at which they are held, in [m] or [rad].
+        holds: joints of a model of one's own -> value at which they are held, in [m] or [rad]; None for where
+            they start, at which alone a ball or a free joint can be held.
         key: keyframe of a model of one's own in which it starts.
         watch: told now and then how far the run has come, in words and as a part of the whole, 0 to 1.
 

@@ -10,9 +10,9 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import number
-from mechsim.model.joint_kinds import FIXED, FLOATING
+from mechsim.model.joint_kinds import FIXED, KINDS
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, ORIGIN, Vector
+from mechsim.model.links import GROUND, IDENTITY, ORIGIN, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.programs import Programs, State
 from mechsim.model.programs import programs as all_programs
@@ -33,7 +33,8 @@ class Prescription:
 
     Attributes:
         drive: coordinate -> its program, as text (see `program_text.program`) or a function of time.
-        hold: joint or coordinate -> where it is held, as text or in SI; None holds it where it starts.
+        hold: joint or coordinate -> where it is held, as text or in SI; None holds it where it starts, and
+            alone holds a ball.
         hold_base: whether what floats is held where it starts.
         key: name of a keyframe to start from.
         track: the only points that count, as `NAME` or `NAME,LINK@x,y,z`; empty for those there are.
@@ -75,8 +76,10 @@ def prescribed(
     mechanism = form.mechanism
     if asked.track:
         mechanism = replace(mechanism, points=dict(_tracked(mechanism, text) for text in asked.track))
-    if asked.hold_base:
-        mechanism = _base_held(mechanism)
+    still = _standing_still(mechanism, asked)
+    if still:
+        mechanism = _stilled(mechanism, still)
+        asked = replace(asked, hold={name: one for name, one in asked.hold.items() if name not in still})
     mechanism = _redriven(mechanism, asked)
     if mechanism is form.mechanism and not (asked.drive or programs) and asked.duration is None:
         return form
@@ -188,9 +191,17 @@ def _holds(
         name: (name,) for joint in mechanism.joints for name in joint.coordinates
     }
     known |= {joint.name: joint.coordinates for joint in mechanism.joints if joint.coordinates}
+    balls = _balls(mechanism)
     for name, value in hold.items():
+        if name in balls:
+            raise InputError(
+                f"joint {name!r} turns about every axis, and no one value says how far; give none, to hold "
+                "it where it starts"
+            )
         if name not in known:
-            raise InputError(f"{mechanism.name} has no coordinate {name!r} to hold{nearest(name, known)}")
+            raise InputError(
+                f"{mechanism.name} has no coordinate {name!r} to hold{nearest(name, [*known, *balls])}"
+            )
         first, *others = known[name]
         if value is None:
             holds |= {one: starts[one] for one in known[name]}
@@ -227,22 +238,46 @@ def _tracked(mechanism: Mechanism, text: str) -> tuple[str, tuple[str, Vector]]:
     return name, (link, (values[0], values[1], values[2]))
 
 
-def _base_held(mechanism: Mechanism) -> Mechanism:
-    """Return the mechanism with what floats against the ground fixed where it starts."""
-    poses, _ = start_poses(mechanism)
-    joints: list[Joint] = []
-    for joint in mechanism.joints:
-        a, b = joint.a, joint.b
-        if joint.kind == FLOATING and GROUND in (a.link, b.link):
-            far = b if a.link == GROUND else a
-            pose, frame = poses[far.link], poses[far.link].rotation @ far.frame
-            point = pose.point(far.point)
-            near = End(GROUND, _vector(point), _vector(frame[:, 2]), _vector(frame[:, 0]))
-            joint = Joint(joint.name, FIXED, near, far)
-        joints.append(joint)
-    if all(one is before for one, before in zip(joints, mechanism.joints, strict=True)):
+def _standing_still(mechanism: Mechanism, asked: Prescription) -> list[str]:
+    """Return the joints to be fixed where they start: what floats, or balls held without a value."""
+    floating = [
+        joint.name
+        for joint in mechanism.joints
+        if KINDS[joint.kind].floats and GROUND in (joint.a.link, joint.b.link)
+    ]
+    if asked.hold_base and not floating:
         raise InputError(f"{mechanism.name} has no link that floats; leave out --hold-base")
-    return replace(mechanism, joints=tuple(joints), guess=poses)
+    held = [name for name in _balls(mechanism) if asked.hold.get(name, "") is None]
+    return [*(floating if asked.hold_base else ()), *held]
+
+
+def _balls(mechanism: Mechanism) -> list[str]:
+    """Return the joints that turn about every axis."""
+    return [joint.name for joint in mechanism.joints if KINDS[joint.kind].ball]
+
+
+def _stilled(mechanism: Mechanism, names: list[str]) -> Mechanism:
+    """Return the mechanism with joints fixed where they start."""
+    poses, _ = start_poses(mechanism)
+    placed = {GROUND: IDENTITY, **poses}
+    joints = tuple(_fixed(one, placed) if one.name in names else one for one in mechanism.joints)
+    known = [name for joint in joints for name in joint.coordinates]
+    return replace(
+        mechanism,
+        joints=joints,
+        guess=poses,
+        holds={name: value for name, value in mechanism.holds.items() if name in known},
+        counted={name: value for name, value in mechanism.counted.items() if name in known},
+    )
+
+
+def _fixed(joint: Joint, poses: Mapping[str, Pose]) -> Joint:
+    """Return a joint that leaves its links as they stand."""
+    a, b = poses[joint.a.link], poses[joint.b.link]
+    frame = a.rotation.T @ b.rotation @ joint.b.frame
+    point = a.rotation.T @ (b.point(joint.b.point) - a.position)
+    near = End(joint.a.link, _vector(point), _vector(frame[:, 2]), _vector(frame[:, 0]))
+    return Joint(joint.name, FIXED, near, replace(joint.b, mark=_vector(joint.b.frame[:, 0])))
 
 
 def _vector(values: Array) -> Vector:

@@ -349,11 +349,11 @@ def test_a_file_may_be_as_deep_as_is_said_and_declare_its_kind(file):
     [
         ({"drivers": ["cranck"]}, "--drive names 'cranck'; hinges and slides of the model are first, second"),
         (
-            {"holds": {"socket": None}},
-            "--hold names 'socket', a ball joint, .*leave it out of the file to hold it",
+            {"holds": {"socket": 0.1}},
+            "--hold names 'socket', a ball joint, .*hold it where it starts with --hold socket",
         ),
         ({"drivers": ["socket"]}, "--drive names 'socket', a ball joint, .*three hinges across each other"),
-        ({"holds": {"loose_joint": 0.0}}, "--hold names 'loose_joint', a free joint, .* with --hold-base"),
+        ({"holds": {"loose_joint": 0.0}}, "--hold names 'loose_joint', a free joint, .* or --hold-base"),
         ({"key": "home"}, "there is no keyframe 'home'; there are none"),
         ({"track": ["nose"]}, "--track names 'nose'; sites and bodies"),
         ({"track": ["tip,nose@0,0,0"]}, "names body 'nose'"),

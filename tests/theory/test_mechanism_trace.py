@@ -283,6 +283,19 @@ def test_a_slide_that_runs_off_is_told_from_a_curve_that_closes_before_it_is_far
         trace(on_a_rail("slide"), starts=0)
 
 
+def test_what_is_held_stays_where_it_is_along_the_whole_curve():
+    rail = on_a_rail("slide")
+    arm = Joint("crank", "revolute", End("car", (0.01, 0.02, 0.0), (0.1, 0.3, 1.0)), End("arm"))
+    links, points = (*rail.links, Link("arm")), {"P": ("arm", (0.05, 0.0, 0.01))}
+    held = replace(
+        rail, links=links, joints=(*rail.joints, arm), driver="crank", points=points, holds={"rail": 0.013}
+    )
+    (curve,) = trace(held, starts=8).curves
+    assert curve.turns == 1
+    rails = curve.samples(30).joints["rail.q"]
+    assert (rails == 0.013).all()
+
+
 def test_a_screw_that_is_wound_for_ever_is_given_up_after_as_many_turns_as_are_stated(monkeypatch):
     monkeypatch.setattr(endless, "MOST_TURNS", 4)
     with pytest.raises(AssemblyError, match=r"press: .* never closes: thread\.turn has turned 4 times"):

@@ -10,7 +10,7 @@ from mechsim.model.finding import Finding
 from mechsim.simulation import closed_model
 from mechsim.simulation.findings.inspected import Inspected, null_space, rank
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.mjcf_reader.held_base import free_bodies
+from mechsim.simulation.mjcf_reader.held_still import free_bodies
 from mechsim.simulation.model_loops import BALL
 from mechsim.simulation.open_freedoms import standing
 

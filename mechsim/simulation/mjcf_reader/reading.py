@@ -15,9 +15,9 @@ from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import facts
 from mechsim.simulation.mjcf_reader.driven_joints import driven, listed, require_coordinate
 from mechsim.simulation.mjcf_reader.equality_rows import equalities
-from mechsim.simulation.mjcf_reader.held_base import free_bodies, hold_base
+from mechsim.simulation.mjcf_reader.held_still import free_bodies, free_joints, hold_still, turning_joints
 from mechsim.simulation.mjcf_reader.joint_chains import chains, poses
-from mechsim.simulation.mjcf_reader.kinds import SLIDE
+from mechsim.simulation.mjcf_reader.kinds import BALL, FREE, SLIDE
 from mechsim.simulation.mjcf_reader.named_parts import name_parts
 from mechsim.simulation.mjcf_reader.number_bounds import require_numbers
 from mechsim.simulation.mjcf_reader.parsed_file import compiled_whole, parsed
@@ -42,6 +42,7 @@ class MjcfModel:
         actuators: actuator -> the joints on which it acts.
         remarks: sentences on what was left out or changed.
         forces: gravity, and what acts in its hinges and slides.
+        stilled: the file's joints, by their numbers, that were taken away as they are held where they start.
     """
 
     path: str
@@ -53,6 +54,7 @@ class MjcfModel:
     actuators: Mapping[str, Sequence[str]]
     remarks: tuple[str, ...]
     forces: Forces = Forces()
+    stilled: tuple[int, ...] = ()
 
 
 @quiet()
@@ -72,7 +74,7 @@ def read_model(
         path: of a file that MuJoCo loads.
         drivers: joints that are driven; empty takes those of actuators, else a hinge called crank.
         holds: joint -> value at which it is held in [m] or [rad], or a function that has it from the unit;
-            None for that of the start.
+            None for that of the start, at which alone a ball or a free joint can be held.
         base_held: whether bodies with free joints stand still.
         key: keyframe to start from; None takes the reference configuration.
         track: points, as `tracked` reads them.
@@ -88,19 +90,19 @@ def read_model(
     start = _start(path, model, key)
     for one in list(spec.keys):  # they fit no model to which anything is added
         spec.delete(one)
-    if base_held:
-        free = free_bodies(model)
-        if not free:
-            raise InputError(f"{path}: no body has a free joint; leave out --hold-base")
-        start = hold_base(spec, model, start)
+    if base_held and not free_bodies(model):
+        raise InputError(f"{path}: no body has a free joint; leave out --hold-base")
+    stilled, holds = _stilled(model, holds or {}, base_held=base_held)
+    if stilled:
+        remarks += _told_still(model, stilled)
+        start = hold_still(spec, model, stilled, start)
         model, _ = compiled_whole(path, spec)
-        remarks.append(f"held where the model starts, without a free joint: {listed(free)}")
     require_numbers(path, spec, model, start)
     chained = chains(model)
     carried = chained.carriers
     said = equalities(model, carried)
     values = facts.coordinate_values(model, start)
-    fixed = _held(model, holds or {}, values)
+    fixed = _held(model, holds, values)
     drives = driven(model, drivers, list(fixed), still)
     points = tracked(model, carried, track)
     of = {model.body(b).name: carried[b] for b in range(model.nbody)}
@@ -129,7 +131,26 @@ def read_model(
         facts.actuators(model),
         (*remarks, *said.remarks),
         acting(model),
+        stilled,
     )
+
+
+def _stilled(
+    model: mujoco.MjModel, holds: Mapping[str, Held], *, base_held: bool
+) -> tuple[tuple[int, ...], dict[str, Held]]:
+    """Return the balls and free joints that are held where they start, by their numbers, and other holds."""
+    turning = turning_joints(model)
+    named = {turning[name] for name, value in holds.items() if name in turning and value is None}
+    found = tuple(sorted(named.union(free_joints(model) if base_held else ())))
+    return found, {name: value for name, value in holds.items() if turning.get(name) not in found}
+
+
+def _told_still(model: mujoco.MjModel, joints: tuple[int, ...]) -> list[str]:
+    """Say which bodies stand without their joints."""
+    free = [model.body(model.jnt_bodyid[j]).name for j in joints if int(model.jnt_type[j]) == FREE]
+    balls = [model.joint(j).name for j in joints if int(model.jnt_type[j]) == BALL]
+    said = (("a free joint", free), ("the ball", balls))
+    return [f"held where the model starts, without {what}: {listed(names)}" for what, names in said if names]
 
 
 def _start(path: str, model: mujoco.MjModel, key: str | None) -> Array:

@@ -17,7 +17,7 @@ from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.generator import FLYWHEEL
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
-from mechsim.simulation.mjcf_reader.held_base import HeldBase, hold_scene_base
+from mechsim.simulation.mjcf_reader.held_still import HeldStill, hold_in_scene
 from mechsim.simulation.mjcf_reader.link_places import carriers, link_name, vector
 from mechsim.simulation.mjcf_reader.parsed_file import parsed
 from mechsim.studies.scenes.exact_closure import ExactClosure, exact_closure
@@ -41,7 +41,7 @@ class UserScene:
         wheels: prescribed joint -> (inertia of its flywheel, its own armature), in [kg m2] or [kg].
         key: keyframe in which it starts; None for the reference configuration.
         lighter: mean inertia without flywheels over that with them.
-        base: free bodies that are held, which the file's own text does not; None where none is.
+        still: balls and free joints that are held, which the file's own text does not; None without any.
         free: what need not stay as it is, of `FREEABLE`.
         begins_closed: whether it begins in a closed state that is not the file's own.
     """
@@ -57,7 +57,7 @@ class UserScene:
     wheels: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
     key: str | None = None
     lighter: float = 1.0
-    base: HeldBase | None = None
+    still: HeldStill | None = None
     free: tuple[str, ...] = ()
     begins_closed: bool = False
 
@@ -164,7 +164,6 @@ def scene_of(
     points: Mapping[str, tuple[str, Vector]] | None = None,
     key: str | None = None,
     spec: mujoco.MjSpec | None = None,
-    base_held: bool = False,
 ) -> UserScene:
     """Return a scene and its motion.
 
@@ -180,8 +179,7 @@ def scene_of(
         duration: in [s].
         points: to track: name -> (link, place in its frame in [m]); None for body origins and ends of loops.
         key: keyframe to start from.
-        spec: of the scene, in place of the file; not changed.
-        base_held: whether bodies with free joints stand still, as in what was read.
+        spec: of the scene, in place of the file and without what is held in it; not changed.
 
     Raises:
         InputError: for an actuator or a joint that is not there, or programs that begin nowhere.
@@ -190,8 +188,13 @@ def scene_of(
     drive, ctrl = drive or {}, ctrl or {}
     if not 0.0 < duration < np.inf:
         raise InputError(f"the duration is {duration} s; give a finite time above 0")
-    spec = parsed(read.path)[0] if spec is None else spec.copy()
-    base = hold_scene_base(spec, plainly_compiled(spec), key) if base_held else None
+    still = None
+    if spec is not None:
+        spec = spec.copy()
+    else:
+        spec = parsed(read.path)[0]
+        if read.stilled:
+            still = hold_in_scene(spec, plainly_compiled(spec), read.stilled, key)
     plain = plainly_compiled(spec)
     _require_actuators(plain, ctrl)
     named = plainly_compiled(read.spec.copy())
@@ -221,15 +224,15 @@ def scene_of(
         wheels,
         key,
         lighter,
-        base,
+        still,
     )
 
 
 def spec_of(scene: UserScene) -> mujoco.MjSpec:
-    """Return the specification of a scene's file, without the free joints of what is held."""
+    """Return the specification of a scene's file, without the balls and free joints that are held."""
     spec = parsed(scene.path)[0]
-    if scene.base is not None:
-        hold_scene_base(spec, plainly_compiled(spec), scene.key)
+    if scene.still is not None:
+        hold_in_scene(spec, plainly_compiled(spec), scene.still.joints, scene.key)
     return spec
 
 

@@ -12,7 +12,7 @@ from mechsim.files import written_beside
 from mechsim.maths.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
-from mechsim.simulation.mjcf_reader.held_base import HeldBase
+from mechsim.simulation.mjcf_reader.held_still import HeldStill
 from mechsim.simulation.mjcf_reader.parsed_file import parsed
 from mechsim.simulation.mjcf_text.edited_text import EditedText
 from mechsim.simulation.mjcf_text.element_spans import Element
@@ -79,7 +79,7 @@ def tuned_text(scene: UserScene, settings: PlainSettings, comment: Sequence[str]
             (softness and sections & {"equality"})
             or ((options or flags) and "option" in sections)
             or joints & {*scene.drive}
-            or (scene.base and ("keyframe" in sections or _bodies(root, scene.base.places)))
+            or (scene.still and ("keyframe" in sections or _bodies(root, scene.still.places)))
         )
 
     before, put_in = with_included(read_text(scene.path), folder, concerned)
@@ -93,8 +93,8 @@ def tuned_text(scene: UserScene, settings: PlainSettings, comment: Sequence[str]
             )
         set_softness(edited, softness)
     set_options(edited, options, flags)
-    if scene.base is not None:
-        _hold_base(scene, edited, scene.base)
+    if scene.still is not None:
+        _hold_still(scene, edited, scene.still)
     for name, (inertia, _) in scene.wheels.items():
         edited.set(_joint(scene, edited.root, name), "armature", _word(inertia))
     if scene.own_start:
@@ -122,22 +122,23 @@ def _bodies(root: Element, names: Collection[str]) -> list[Element]:
     return [one for one in root.every("body") if one.attributes.get("name") in names]
 
 
-def _hold_base(scene: UserScene, edited: EditedText, base: HeldBase) -> None:
-    """Take away the free joints of a text, and what its keyframes say of them."""
-    for body in _bodies(edited.root, base.places):
+def _hold_still(scene: UserScene, edited: EditedText, still: HeldStill) -> None:
+    """Take away the balls and free joints that are held, and what keyframes say of them."""
+    for body in _bodies(edited.root, still.places):
         name = body.attributes["name"]
-        for one in body.children:
-            if one.tag == "freejoint" or (one.tag == "joint" and one.attributes.get("type") == "free"):
-                edited.take_away(one)
-        if name in base.moved:
+        joints = [one for one in body.children if one.tag in ("joint", "freejoint")]
+        if not still.order[name] < len(joints):
+            raise InputError(f"{scene.path}: the text of {name} does not hold its own joints; {WHOLE}")
+        edited.take_away(joints[still.order[name]])
+        if name in still.moved:
             turned = {"euler", "axisangle", "xyaxes", "zaxis"} & {*body.attributes}
-            if turned or body.within("frame") is not None:
+            if turned or still.order[name] or body.within("frame") is not None:
                 raise InputError(f"{scene.path}: {name} cannot be put elsewhere in its text; {WHOLE}")
-            edited.set(body, "pos", _numbers(base.places[name][:3].tolist()))
-            edited.set(body, "quat", _numbers(base.places[name][3:].tolist()))
+            edited.set(body, "pos", _numbers(still.places[name][:3].tolist()))
+            edited.set(body, "quat", _numbers(still.places[name][3:].tolist()))
     for section in edited.root.children:
         for one in section.children if section.tag == "keyframe" else ():
-            for what, kept in (("qpos", base.qpos), ("qvel", base.qvel)):
+            for what, kept in (("qpos", still.qpos), ("qvel", still.qvel)):
                 if what in one.attributes:
                     values = np.array(one.attributes[what].split(), dtype=np.float64)
                     edited.set(one, what, _numbers(values[kept].tolist()))
@@ -175,7 +176,7 @@ def written(scene: UserScene, settings: PlainSettings, text: str, place: Path) -
             raise InputError(
                 f"{scene.path}: read back, the tuned text differs in {', '.join(other[:3])}; {WHOLE}"
             )
-    return replace(scene, path=str(place), model=model, key=KEY if scene.own_start else scene.key)
+    return replace(scene, path=str(place), model=model, still=None, key=KEY if scene.own_start else scene.key)
 
 
 @quiet()

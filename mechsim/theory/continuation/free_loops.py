@@ -48,12 +48,14 @@ class FreeLoops:
     """A mechanism with one freedom as a curve to walk along.
 
     Attributes:
-        loops: its equations, no coordinate prescribed.
+        loops: its equations, no driver prescribed.
+        held: where the coordinates stand that are held, (holds,) in [m] or [rad].
         rank: how many of them are independent.
         marks: what tells poses apart.
     """
 
     loops: TreeLoops
+    held: Array
     rank: int
     marks: Marks
 
@@ -63,12 +65,17 @@ class FreeLoops:
         return np.concatenate([values, at.turns.reshape(-1, len(at)).T], 1)
 
     def unflat(self, rows: Array) -> Coordinates:
-        """Return coordinates from rows of numbers nearly right."""
+        """Return coordinates from rows of numbers nearly right, those that are held to the last bit.
+
+        No row of the loops would bring these back from what polynomials of one cell foretell for the next.
+        """
         k = self.loops.tree.count
+        values = rows[:, :k].T * self.loops.units[:, None]
+        values[[*self.loops.driven]] = self.held[:, None]
         turns = np.ascontiguousarray(rows[:, k:].T).reshape(-1, 3, 3, len(rows))
         if len(turns):
             turns = np.stack([orthogonal(orthogonal(turn)) for turn in turns])
-        return Coordinates(rows[:, :k].T * self.loops.units[:, None], turns)
+        return Coordinates(values, turns)
 
     def solver(self, at: Coordinates, along: Array | None) -> LoopSolver:
         """Return a solver about one set of coordinates: its first gauge leads along the curve."""
@@ -173,4 +180,6 @@ def free_loops(loops: TreeLoops, at: Coordinates) -> FreeLoops:
     _, values, right = np.linalg.svd(slope[:, loops.unknown, 0])
     rank = int(telling(values).sum())
     _, idle = split(loops, here, right[rank:])
-    return FreeLoops(loops, rank, marks_of(loops.tree, here, of_all(loops, idle)))
+    return FreeLoops(
+        loops, at.values[[*loops.driven], 0], rank, marks_of(loops.tree, here, of_all(loops, idle))
+    )

@@ -1,0 +1,121 @@
+"""Balls and free bodies that are held where they start: on every road they stand as MuJoCo has them there."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from mechsim import simulate
+from mechsim.cli.scene_options import HoldOptions, SceneOptions, user_scene
+from mechsim.errors import InputError
+from mechsim.studies.scenes.plain_settings import PlainSettings
+from mechsim.studies.scenes.user_scene import spec_of
+from mechsim.studies.tuning.tuned_file import tuned_text
+from mechsim.subjects.subject import load
+
+# a post on a hinge, a ball and a slide, all of them askew; an arm on it; and a body that floats beside
+BOOM = """
+<mujoco model="boom">
+  <worldbody>
+    <body name="post" pos="0.1 0.2 0.3" quat="0.9 0.1 -0.2 0.3">
+      <joint name="lift" axis="0.3 0.2 1" pos="0.02 0.01 0"/>
+      <joint name="neck" type="ball" pos="0.05 0.02 0.03"/><joint name="rail" type="slide" axis="1 0.2 0.1"/>
+      <geom size="0.01" pos="0.1 0.03 0.02"/>
+      <body name="arm" pos="0.2 0 0.05"><joint name="crank" axis="0.1 1 0.2"/><geom size="0.01"/>
+        <site name="tip" pos="0.15 0.02 0.01"/></body></body>
+    <body name="load" pos="1 0 0"><freejoint name="loose"/><geom size="0.01"/></body>
+  </worldbody>
+  <keyframe><key name="k" qpos="0.4 0.8 0.3 -0.4 0.2 0.05 0.7 1 2 3 0.5 0.5 0.5 0.5"/></keyframe>
+</mujoco>"""
+HELD = ("lift", "neck", "rail", "loose")
+
+
+@pytest.fixture
+def boom(tmp_path):
+    path = tmp_path / "boom.xml"
+    path.write_text(BOOM)
+    return str(path)
+
+
+def tip(key, turned):
+    """Return where MuJoCo's kinematics of the whole file have the tip, the crank turned from its start."""
+    model = mujoco.MjModel.from_xml_string(BOOM)
+    data = mujoco.MjData(model)
+    if key is not None:
+        mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
+    data.joint("crank").qpos += turned
+    mujoco.mj_kinematics(model, data)
+    return data.site("tip").xpos.copy()
+
+
+@pytest.mark.parametrize("key", [None, "k"])
+def test_what_a_ball_and_a_free_joint_carry_stands_as_it_starts_on_every_road(boom, key):
+    form = load(boom, drive={"crank": "0.5*t"}, hold=HELD, key=key)
+    begin = float(form.programs.first["crank"])
+    at = 0.0 if key is None else 0.7
+    poses = form.solve(form.programs.pace * np.array([0.0, 1.0]), form.programs.pace).points["tip"].position
+    for method in ("pose", "step"):
+        run = simulate(form, method=method)
+        assert run.outcome == "met"
+        np.testing.assert_allclose(run.motion.points["tip"].position[-1], poses[-1], atol=1e-7)
+        np.testing.assert_allclose(run.motion.points["tip"].position[0], poses[0], atol=1e-14)
+    for turned, place in ((0.0, poses[0]), (0.5, poses[1])):
+        np.testing.assert_allclose(place, tip(key, begin - at + turned), atol=1e-14)
+
+
+@pytest.mark.parametrize("key", [None, "k"])
+def test_a_specification_holds_them_where_it_starts(key):
+    spec = mujoco.MjSpec.from_string(BOOM)
+    run = simulate(spec, drive="crank", speed=1.0, turns=0.1, holds=dict.fromkeys(HELD), key=key)
+    place = run.motion.points["tip"].position
+    np.testing.assert_allclose(place[-1], tip(key, 0.2 * np.pi), atol=1e-13)
+    with pytest.raises(InputError, match="no hinge or slide called 'neck' to hold"):
+        simulate(spec, drive="crank", speed=1.0, holds={"neck": 0.1})
+
+
+def test_a_scene_and_its_tuned_text_lose_the_ball(boom):
+    held = HoldOptions(hold=(("neck", None), ("loose", None)))
+    scene = user_scene(boom, SceneOptions(drive=(("crank", "0.5*t"),)), held)
+    assert (scene.model.nq, spec_of(scene).compile().nq) == (3, 3)
+    text = tuned_text(scene, PlainSettings(), [], Path(boom).parent).after
+    assert "ball" not in text
+    assert "freejoint" not in text
+    model = mujoco.MjModel.from_xml_string(text)
+    assert model.key("k").qpos.tolist() == [0.4, 0.05, 0.7]
+
+
+ARM = """
+name = "arm"
+drivers = ["crank"]
+[links.rod]
+[joints.crank]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "wheel" }
+[joints.neck]
+kind = "spherical"
+a = { link = "wheel", at = [0.1, 0.02, 0] }
+b = { link = "rod", at = [0.01, 0, 0.02], axis = [1, 2, 3] }
+[points]
+tip = { link = "rod", at = [0.2, 0.1, 0.05] }
+[guess.rod]
+at = [0.1, 0.05, 0.03]
+turn = { axis = [1, 0.5, 0.2], angle = 0.7 }
+"""
+
+
+def test_a_ball_of_a_description_carries_its_link_round_with_the_crank(tmp_path):
+    path = tmp_path / "arm.toml"
+    path.write_text(ARM)
+    form = load(str(path), hold=["neck"])
+    place = form.positions([0.0, 1.2])["tip"]
+    c, s = np.cos(1.2), np.sin(1.2)
+    np.testing.assert_allclose(place[1], np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ place[0], atol=1e-14)
+    for method in ("pose", "step"):
+        run = simulate(form, speed=1.0, turns=0.25, method=method)
+        assert run.outcome == "met"
+        np.testing.assert_allclose(run.motion.points["tip"].position[0], place[0], atol=1e-13)
+        assert np.ptp(np.linalg.norm(run.motion.points["tip"].position, axis=1)) < 1e-9
+    with pytest.raises(InputError, match="'neck' turns about every axis, and no one value says how far"):
+        load(str(path), hold={"neck": "10deg"})
