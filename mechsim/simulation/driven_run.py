@@ -15,7 +15,7 @@ from mechsim.model.outcome import PLACE, Outcome
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.divergence_cause import STIFF, met_last, near_singular
 from mechsim.simulation.model_loops import CLOSED, ModelLoops
-from mechsim.simulation.open_freedoms import require_within_limits
+from mechsim.simulation.open_freedoms import require_within_limits, told_floating
 from mechsim.simulation.passed_meetings import passed, undecided, where
 from mechsim.simulation.pose_errors import in_another_assembly, pose_errors
 from mechsim.simulation.poses import follow
@@ -260,7 +260,7 @@ def solved(
         seconds=seconds,
         settings=None,
         method="pose",
-        note=closed.note,
+        note="; ".join(filter(None, (closed.note, told_floating(closed)))),
     )
 
 

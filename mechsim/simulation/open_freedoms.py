@@ -8,14 +8,17 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, MobilityError
 from mechsim.maths.arrays import Array
+from mechsim.model.joint_ranges import require_within
 from mechsim.simulation.closed_model import ClosedModel
-from mechsim.simulation.model_loops import HINGE, SLIDE, ModelLoops
+from mechsim.simulation.model_loops import FREE, HINGE, SLIDE, ModelLoops
 from mechsim.simulation.overdriven import refusal, stuck
 from mechsim.simulation.telling import RANK_TOLERANCE
 
 # displacement, in [rad] and in units of the size, by which a freedom is tried; part of it that stays where
 # there is one, and that a point or joint moves by which it matters
 NUDGE, STAYS, MATTERS = 1e-3, 0.5, 1e-2
+# bodies that a note lists
+LISTED = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,20 +102,18 @@ def require_within_limits(closed: ClosedModel, states: Array) -> None:
         AssemblyError: with the joint, its value, its bound and the crank angle or the time.
     """
     model = closed.model
-    for i in np.flatnonzero(model.jnt_limited):
-        if model.jnt_type[i] not in (HINGE, SLIDE):
-            continue
-        values, (low, high) = states[:, model.jnt_qposadr[i]], model.jnt_range[i]
-        beyond = np.maximum(low - values, values - high)
-        worst = int(np.argmax(beyond))
-        if beyond[worst] > 1e-9 * max(1.0, high - low):
-            unit = "rad" if model.jnt_type[i] == HINGE else "m"
-            raise AssemblyError(
-                f"{closed.loops.name}: joint {model.joint(i).name!r} would stand at {values[worst]:.6g} "
-                f"{unit}, beyond its range of {low:.6g} to {high:.6g}, at "
-                f"{closed.loops.said(float(states[worst, closed.loops.crank_place]))}; "
-                f"widen the range or {_less(closed)}"
-            )
+    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT):
+        return
+    limited = [i for i in np.flatnonzero(model.jnt_limited).tolist() if model.jnt_type[i] in (HINGE, SLIDE)]
+    names = {i: str(model.joint(i).name or i) for i in limited}
+    require_within(
+        closed.loops.name,
+        {name: (float(model.jnt_range[i, 0]), float(model.jnt_range[i, 1])) for i, name in names.items()},
+        {name: states[:, model.jnt_qposadr[i]] for i, name in names.items()},
+        {name: "rad" if model.jnt_type[i] == HINGE else "m" for i, name in names.items()},
+        lambda worst: closed.loops.said(float(states[worst, closed.loops.crank_place])),
+        _less(closed),
+    )
 
 
 def _drivers(closed: ClosedModel) -> str:
@@ -169,9 +170,30 @@ def _swings(loops: ModelLoops, state: Array, moved: Array) -> NDArray[np.bool_]:
 
 def _floats(loops: ModelLoops, body: int) -> bool:
     """Say whether a body hangs on nothing: free, and in no loop."""
+    return int(loops.model.body_rootid[body]) in _floating(loops)
+
+
+def _floating(loops: ModelLoops) -> list[int]:
+    """Return the bodies with free joints of which nothing is in a loop."""
     model = loops.model
-    root = int(model.body_rootid[body])
-    joint = int(model.body_jntadr[root])
-    free = joint >= 0 and model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_FREE)
-    in_loop = any(int(model.body_rootid[of]) == root for pair in loops.pairs for of, _ in pair.ends)
-    return bool(free and not in_loop)
+    free = model.jnt_bodyid[model.jnt_type == FREE].tolist()
+    closing = {int(model.body_rootid[body]) for pair in (*loops.pairs, *loops.frames) for body in pair.bodies}
+    return [body for body in free if body not in closing]
+
+
+def told_floating(closed: ClosedModel) -> str:
+    """Return in one sentence which bodies poses leave where they start, hanging on nothing; else none."""
+    model, bodies = closed.model, _floating(closed.loops)
+    if not bodies:
+        return ""
+    names = [str(model.body(body).name or f"body {body}") for body in bodies[:LISTED]]
+    more = f" and {len(bodies) - LISTED} more" if len(bodies) > LISTED else ""
+    floats, stands, them = (
+        ("floats", "it stands where it starts", "it")
+        if len(bodies) == 1
+        else ("float", "they stand where they start", "them")
+    )
+    return (
+        f"{', '.join(names)}{more} {floats} beside what is driven, and poses say nothing of that: {stands}; "
+        f"hold {them} (--hold-base), or run it with --method step"
+    )

@@ -15,7 +15,12 @@ from mechsim.simulation.begun import begun, clock_of
 from mechsim.simulation.closed_model import ClosedModel, Source
 from mechsim.simulation.driven_run import DrivenRun, check_records, first_state, solved
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.open_freedoms import require_determined, require_movable, standing
+from mechsim.simulation.open_freedoms import (
+    require_determined,
+    require_movable,
+    require_within_limits,
+    standing,
+)
 from mechsim.simulation.place_tolerance import within
 from mechsim.simulation.run_result import Method, Run
 from mechsim.simulation.settings import Settings
@@ -103,7 +108,9 @@ def simulate(
     closed, method = _movable(closed, method, programs)
     if method == "pose":
         return solved(closed, profile, samples, tolerance, watch or unwatched)
-    run = DrivenRun(closed, profile, first_state(closed, profile), samples, watch or unwatched)
+    start = first_state(closed, profile)
+    require_within_limits(closed, start[0][None])
+    run = DrivenRun(closed, profile, start, samples, watch or unwatched)
     run.require_smooth()
     settings = settings or Settings()
     return run.stepped(settings) if tolerance is None else within(run, settings, tolerance)

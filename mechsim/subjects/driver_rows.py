@@ -56,11 +56,13 @@ def poses_at(form: Form, table: Mapping[str, Array], source: str) -> Poses:
 
     Raises:
         InputError: as `rows_of`.
-        AssemblyError: where the loops cannot close; names the rows.
+        AssemblyError: where the loops cannot close, or a joint would leave its range; names the rows.
     """
     rows = rows_of(form, table, source)
     still = np.zeros_like(rows.times)
-    motion = LoopForm(form.mechanism, programs=rows.programs).solve(rows.times, still, still)
+    ranges = form.ranges if isinstance(form, LoopForm) else {}
+    loops = LoopForm(form.mechanism, programs=rows.programs, ranges=ranges)
+    motion = loops.within_ranges(loops.solve(rows.times, still, still))
     return Poses(replace(motion, time=rows.times))
 
 

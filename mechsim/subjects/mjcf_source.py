@@ -36,8 +36,12 @@ class MjcfForm(LoopForm):
     corrected: tuple[float, float] = (0.0, 0.0)
 
     def solve(self, angles: ArrayLike, speed: ArrayLike = 1.0, acceleration: ArrayLike = 0.0) -> Motion:
-        """Return the motion at crank angles; links between several joints of one body are no part of it."""
-        return _seen(super().solve(angles, speed, acceleration))
+        """Return the motion at crank angles; links between several joints of one body are no part of it.
+
+        Raises:
+            AssemblyError: where the loops do not close, or a joint would leave its range.
+        """
+        return _seen(self.within_ranges(super().solve(angles, speed, acceleration)))
 
     def solve_as(self, found: Motion) -> Motion:
         """Return the motion where the drivers of another motion really were."""
@@ -92,6 +96,7 @@ def read_mjcf(
         _held(exact.mechanism),
         forces=read.forces,
         source=read,
+        ranges=read.limits,
         facts=(*read.remarks, *_gaps(read, exact)),
         corrected=(exact.moved, exact.turned),
     )

@@ -19,6 +19,7 @@ from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import numbers
 from mechsim.model.forces import Forces
+from mechsim.model.joint_ranges import Ranges, require_within
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, Through
@@ -39,6 +40,7 @@ class LoopForm:
         through: how it goes on where two assemblies meet.
         forces: what acts on it; None where that is not said.
         programs: of its drivers, where they are not one crank; angles are then those of their clock.
+        ranges: joint -> between which values it can stand, in [m] or [rad].
     """
 
     mechanism: Mechanism
@@ -47,6 +49,7 @@ class LoopForm:
     through: Through = "smooth"
     forces: Forces | None = None
     programs: Programs | None = None
+    ranges: Ranges = field(default_factory=dict[str, tuple[float, float]])
 
     @property
     def name(self) -> str:
@@ -98,6 +101,27 @@ class LoopForm:
             np.array([driver.acceleration for driver in drivers]),
         )
         return replace(solve_prescribed(self._path, self.programs, instants), origin=self)
+
+    def within_ranges(self, motion: Motion) -> Motion:
+        """Return a motion of it in which every joint stays in its range.
+
+        Raises:
+            AssemblyError: naming the joint that does not, and where.
+        """
+        programs = self.programs
+        require_within(
+            self.name,
+            self.ranges,
+            {name: joint.value for name, joint in motion.joints.items()},
+            {name: self.mechanism.unit(name) for name in self.ranges},
+            lambda at: (
+                f"crank angle {motion.angle[at]:.6g} rad"
+                if programs is None
+                else programs.called(float(motion.angle[at]))
+            ),
+            "turn the crank less" if programs is None else "move the drivers less",
+        )
+        return motion
 
     def positions(self, angles: ArrayLike) -> dict[str, Array]:
         """Return the tracked points at crank angles: name -> (n, 3) in [m].

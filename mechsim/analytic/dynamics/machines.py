@@ -34,22 +34,26 @@ class Machine:
 
     __repr__ = short_repr
 
-    def unit_motion(self, angles: ArrayLike, as_run: Motion | None = None) -> UnitMotion:
+    def unit_motion(
+        self, angles: ArrayLike, as_run: Motion | None = None, *, within: bool = False
+    ) -> UnitMotion:
         """Return poses, first and second derivatives by the crank angle, at crank angles (n,) in [rad].
 
         Under programs by the angle of their clock, where a motion under them is given at what its drivers
-        really did.
+        really did. Asked for poses `within` the joints' ranges, it refuses those beyond.
 
         Raises:
-            AssemblyError: where the loops do not close.
+            AssemblyError: where the loops do not close, or a joint would leave its range.
         """
         asked = np.atleast_1d(np.asarray(angles, dtype=np.float64))
         if not isinstance(self.drive, LoopForm):
             return from_motion(self.mechanism, self.drive.solve(asked, 1.0, 0.0))
         # as `LoopForm` has it: with the links that a record of a user's file leaves out
         if as_run is None or not as_run.drivers:
-            return from_motion(self.mechanism, LoopForm.solve(self.drive, asked, 1.0, 0.0))
-        return from_motion(self.mechanism, LoopForm.solve_as(self.drive, at_unit_speed(as_run)))
+            motion = LoopForm.solve(self.drive, asked, 1.0, 0.0)
+        else:
+            motion = LoopForm.solve_as(self.drive, at_unit_speed(as_run))
+        return from_motion(self.mechanism, self.drive.within_ranges(motion) if within else motion)
 
     def with_forces(self, forces: Forces) -> "Machine":
         """Return the same mechanism under other forces."""

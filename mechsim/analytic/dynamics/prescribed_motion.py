@@ -153,7 +153,7 @@ def _solved(
     as_run: Motion | None,
 ) -> InverseDynamics:
     """Return the inverse dynamics of some instants, all in one go."""
-    return moved_as(machine, machine.unit_motion(angle, as_run), w, e, at, standing)
+    return moved_as(machine, machine.unit_motion(angle, as_run, within=True), w, e, at, standing)
 
 
 def moved_as(

@@ -36,7 +36,8 @@ def crank_grids(form: Form, speed: float, limits: tuple[float, float] | None = N
         AssemblyError: where its own assembly can stand nowhere.
     """
     if not isinstance(form, ClosedForm):
-        return [crank_grid(form, "own assembly", speed, limits)]
+        # by hand it goes everywhere that the crank's own range lets it
+        return [crank_grid(replace(form, ranges={}), "own assembly", speed, limits)]
     return [crank_grid(one, _called(one), speed, limits) for one in (form, *_others(form))]
 
 

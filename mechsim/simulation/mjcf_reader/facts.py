@@ -50,7 +50,9 @@ def _corners(model: mujoco.MjModel, body: int) -> list[Array]:
 
 
 def limits(model: mujoco.MjModel) -> dict[str, tuple[float, float]]:
-    """Return the ranges of the limited hinges and slides, in [rad] or [m]."""
+    """Return the ranges of the limited hinges and slides, in [rad] or [m]; none where limits are off."""
+    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT):
+        return {}
     return {
         model.joint(j).name: (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
         for j in range(model.njnt)
