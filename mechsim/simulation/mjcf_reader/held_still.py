@@ -149,9 +149,9 @@ def without_stilled(
         return spec, holds, start
     for key in list(spec.keys):
         spec.delete(key)
-    start = model.qpos0.copy() if start is None else start
-    start = hold_still(spec, model, [turning[name] for name in names], start)
-    return spec, {name: value for name, value in holds.items() if name not in names}, start
+    here: Array = model.qpos0 if start is None else start
+    left = hold_still(spec, model, [turning[name] for name in names], here)
+    return spec, {name: value for name, value in holds.items() if name not in names}, left
 
 
 def _turn_back(joint: mujoco.MjsJoint, ball: mujoco.MjsJoint, turn: Array) -> None:
