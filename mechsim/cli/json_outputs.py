@@ -242,6 +242,7 @@ OUTPUTS: dict[str, Schema] = {
                     "against": TEXT,
                     "steps": WHOLE,
                     "seconds": NUMBER,
+                    "hardness": NUMBER,
                     "attribution": named(ANY),
                     "findings": many(FINDING),
                 },

@@ -20,6 +20,7 @@ from mechsim.cli.verdict_table import print_verdict
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.finding import Finding
 from mechsim.report.validation import write_validation_report
+from mechsim.simulation.settings import HARDNESS
 from mechsim.studies.validate import Case, validate_all
 from mechsim.subjects import gallery
 
@@ -133,6 +134,8 @@ def _print_cases(cases: Mapping[str, Case], scenes: Mapping[str, Sequence[Findin
     for name, case in cases.items():
         tell_findings(scenes[name])
         print_verdict(name, case.verdict)
+        if case.hardness not in (None, HARDNESS):
+            typer.echo(f"stepped with loops held by hardness {case.hardness:.2g}, not {HARDNESS:.2g}")
         for line in () if case.formula is None else explained(case.formula):
             typer.echo(line)
     good = sum(case.passed for case in cases.values())

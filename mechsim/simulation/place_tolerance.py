@@ -11,14 +11,13 @@ import numpy as np
 from mechsim.maths.angles import TURN
 from mechsim.maths.convergence import believed_order
 from mechsim.simulation.driven_run import DrivenRun
+from mechsim.simulation.other_hardness import less_left
 from mechsim.simulation.refine import AIM, MOST, Attempt, Promise, refine, rounded, steps_for
 from mechsim.simulation.run_result import Run
 from mechsim.simulation.settings import Settings
 
 # steps of the first trial, and the fewest of any run
 TRIAL_STEPS, LEAST_STEPS = 100, 24
-# constraints this hard, where by softer ones the error falls no more
-HARDEST = 1e-12
 # the settings err as a power of the step (measured in validation/choices/constraint_settings.py)
 ORDER = 4.0
 # fewer steps than the first trial had are tried over this part of all turns, so many at least and most
@@ -37,14 +36,40 @@ def within(drive: DrivenRun, settings: Settings, tolerance: float) -> Run:
     """Return a run whose number of steps was chosen for a tolerance in [m], and its outcome."""
     first, spent = _steps(drive, settings, tolerance)
     run, promise = _kept(drive, settings, tolerance, first, spent)
-    if run.outcome == "missed" and settings.hardness > HARDEST:
-        # constraints that give way leave an error that no number of steps takes away
-        spent = promise.trials + run.steps
-        harder = replace(settings, hardness=HARDEST)
-        other, again = _kept(drive, harder, tolerance, _per_cycle(drive, run), spent)
-        if again.estimate < promise.estimate:
-            run, promise = other, again
-    return replace(run, promise=promise)
+    return _told(run, promise) if run.outcome != "missed" else _held_otherwise(drive, settings, run, promise)
+
+
+def _held_otherwise(drive: DrivenRun, settings: Settings, run: Run, promise: Promise) -> Run:
+    """Return the run that keeps a tolerance by another hardness; where one was asked for it is only named."""
+    steps, tolerance, tried = _per_cycle(drive, run), promise.tolerance, list[Run]()
+
+    def error(hardness: float) -> float:
+        tried.append(drive.stepped(replace(_with(drive, settings, steps), hardness=hardness), tolerance))
+        return tried[-1].estimate
+
+    known = promise.estimate
+    found = less_left(error, settings.factor, known, tolerance)
+    spent = promise.trials + sum(one.steps for one in tried)
+    if found is None:
+        return _told(run, replace(promise, trials=spent))
+    hardness, left = found
+    if settings.hardness is not None:
+        reason = f"{promise.reason}, and by hardness {hardness:.2g} {left:.2g} m"
+        return _told(run, replace(promise, trials=spent, reason=reason))
+    how = (
+        f"loops are held by hardness {hardness:.2g}: {settings.factor:.2g} leaves places off by {known:.2g} m"
+    )
+    settings, spent = replace(settings, hardness=hardness), spent + run.steps
+    if tried[-1].outcome == "met":
+        kept = replace(promise, estimates={"place": left}, trials=spent - run.steps, reason="")
+        return _told(tried[-1], kept, how)
+    return _told(*_kept(drive, settings, tolerance, steps, spent), how)
+
+
+def _told(run: Run, promise: Promise, *said: str) -> Run:
+    """Return a run with its promise, and in its note what is said of it."""
+    note = "; ".join(one for one in (run.note, *said, promise.reason) if one)
+    return replace(run, promise=promise, note=note)
 
 
 def _kept(

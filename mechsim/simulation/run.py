@@ -57,7 +57,7 @@ def simulate(
             by trials and the result checked against it. None steps as the settings say and calls the
             run met within a ten-thousandth of the stroke.
         settings: how to step; with a tolerance their number of steps is replaced, and where no number keeps
-            it, their hardness.
+            it, their hardness, unless that is given.
         method: "step" integrates in time; "pose" solves each crank angle by itself, to rounding. None
             takes what is asked for: "step" where a tolerance or settings are given, or where the crank
             leaves the tracked points a freedom; else "pose". The run names it.

@@ -21,8 +21,14 @@ SOLVERS = ("PGS", "CG", "Newton")
 LEAST_CONSTANT = 10.0
 
 
+# factor on softness where none is asked for: measured in validation/choices/constraint_settings.py
+HARDNESS = 1e-8
 # steps of Newton's method where there is more than equalities, at least
 ITERATIONS = 100
+
+
+def _hardness(value: float | None) -> str:
+    return f"{HARDNESS if value is None else value:g} of MuJoCo's softness"
 
 
 def _steps(value: float | None) -> str:
@@ -77,11 +83,12 @@ class Settings:
         doc="Two to five numbers with commas, as MuJoCo takes them.",
         fewest=2,
     )
-    hardness: float = setting_fields.number(
-        1e-8,
-        "Factor on the inverse weights that scale a constraint's softness; 1 is MuJoCo's own.",
-        doc="Factor on constraint softness; 1 is MuJoCo's own.",
-        row=("constraint hardness", "{:g} of MuJoCo's softness".format),
+    hardness: float | None = setting_fields.number(
+        None,
+        "Factor on the inverse weights that scale a constraint's softness; 1 is MuJoCo's own. None takes "
+        "1e-8, and another where a tolerance of places asks for it.",
+        doc="Factor on constraint softness; 1 is MuJoCo's own. 1e-8 if left out, or what a tolerance needs.",
+        row=("constraint hardness", _hardness),
     )
     refsafe: bool = setting_fields.switch(
         False,
@@ -158,6 +165,11 @@ class Settings:
         """The time constant of the constraints in steps."""
         return self.constant_steps or max(LEAST_CONSTANT, self.steps_per_turn / 10.0)
 
+    @property
+    def factor(self) -> float:
+        """The hardness that is taken."""
+        return HARDNESS if self.hardness is None else self.hardness
+
     def apply(self, loops: ModelLoops, timestep: float, *, bending: bool = False) -> "Settings":
         """Set up a compiled model for a run; its own constraint and solver settings are replaced.
 
@@ -195,9 +207,9 @@ class Settings:
         _set(option, "enableflags", int(enable.mjENBL_DIAGEXACT), self.diagexact)
         model.eq_solref[:] = self.solref or self._solref(timestep, self.constant)
         model.eq_solimp[:] = self.solimp
-        model.body_invweight0[:] *= self.hardness
-        model.dof_invweight0[:] *= self.hardness
-        model.tendon_invweight0[_coupled_tendons(model, loops)] *= self.hardness
+        model.body_invweight0[:] *= self.factor
+        model.dof_invweight0[:] *= self.factor
+        model.tendon_invweight0[_coupled_tendons(model, loops)] *= self.factor
         if not bending:
             # a constraint leaves out the bend of a polynomial: the sooner it draws back the better
             bent = [one.number for one in loops.couplings if one.bends]
@@ -207,9 +219,9 @@ class Settings:
             np.array([loops.crank]),
             self.flywheel or flywheel(model.body_mass, model.body_inertia, loops.size),
         )
-        used = self
+        used = replace(self, hardness=self.factor)
         if self.jacobian == "auto":
-            used = replace(self, jacobian=quicker(model) if equalities else "dense")
+            used = replace(used, jacobian=quicker(model) if equalities else "dense")
         option.jacobian = KINDS["sparse" if used.jacobian == "sparse" else "dense"]
         return used
 

@@ -61,10 +61,16 @@ class Case:
         """Whether every quantity of every road is within its bound."""
         return self.verdict.passed
 
+    @property
+    def hardness(self) -> float | None:
+        """By which the loops were held where it was stepped."""
+        return None if self.run.settings is None else self.run.settings.hardness
+
     def as_dict(self) -> dict[str, Any]:
         """Return the case as `mechsim validate --json` prints it."""
         cost = {"steps": 0 if self.quick else self.run.steps, "seconds": self.seconds}
-        return self.verdict.as_dict() | cost | ({} if self.formula is None else self.formula.explained)
+        held = {} if self.hardness is None else {"hardness": self.hardness}
+        return self.verdict.as_dict() | cost | held | ({} if self.formula is None else self.formula.explained)
 
 
 def case_of(model: Form | DesignFamily, *, speed: float = 20.0 * np.pi, quick: bool = False) -> Case:

@@ -228,7 +228,7 @@ def _recorded(plan: _Plan, stepping: FreeStepping) -> SteppedFreeRun:
     kept = np.unique(np.append(np.arange(0, len(run.time), stepping.every), len(run.time) - 1))
     states = States(run.time[kept], run.qpos[kept], run.qvel[kept])
     work, lost = _work(loaded, States(run.time, run.qpos, run.qvel))
-    found = efforts_of(loaded, loops.model, stepping.settings.hardness, states)
+    found = efforts_of(loaded, loops.model, stepping.settings.factor, states)
     motion = evaluate(loaded.loops, loaded.track, states, "step", crank_acceleration=found.acceleration)
     return SteppedFreeRun(
         motion=motion,
@@ -249,7 +249,7 @@ def _recorded(plan: _Plan, stepping: FreeStepping) -> SteppedFreeRun:
         steps=run.steps,
         seconds=stepping.seconds,
         timestep=float(loops.model.opt.timestep),
-        settings=stepping.settings,
+        settings=replace(stepping.settings, hardness=stepping.settings.factor),
     )
 
 

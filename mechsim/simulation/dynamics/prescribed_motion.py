@@ -172,7 +172,7 @@ def _stepped(
     controls = loaded.controls(profile.state(time)[0], time) if model.nu else None
     steps = step(loops, settings, profile, started(loaded, first, speed), total, stride, controls, watch)
     states = steps.states
-    found = efforts_of(loaded, model, settings.hardness, states, steps.force)
+    found = efforts_of(loaded, model, settings.factor, states, steps.force)
     drivers = [*found.drive_accelerations.values()]
     motion = evaluate(
         loaded.loops,
@@ -191,7 +191,7 @@ def _stepped(
         method="step",
         steps=steps.count,
         seconds=steps.seconds,
-        settings=settings,
+        settings=replace(settings, hardness=settings.factor),
         timestep=steps.timestep,
         note=_barely_held(loaded, states),
     )

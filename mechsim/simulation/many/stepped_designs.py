@@ -110,8 +110,8 @@ def _hardened(models: DesignModels, loops: ModelLoops, settings: Settings) -> Fi
     count, crank = len(models.qpos), loops.crank
     for name in ("body_invweight0", "dof_invweight0", "dof_M0", "dof_armature"):
         fields[name] = fields.get(name, np.repeat(getattr(model, name)[None], count, 0)).copy()
-    fields["body_invweight0"] *= settings.hardness
-    fields["dof_invweight0"] *= settings.hardness
+    fields["body_invweight0"] *= settings.factor
+    fields["dof_invweight0"] *= settings.factor
     size = models.like.closed.loops.with_fields(fields).sizes
     heavy = settings.flywheel or flywheel(fields["body_mass"], fields["body_inertia"], size)
     fields["dof_M0"][:, crank] += heavy - fields["dof_armature"][:, crank]

@@ -62,7 +62,7 @@ def _solref(settings: Settings, speed: float) -> tuple[float, float]:
 def fragment(point: Point, speed: float) -> str | None:
     """Return the MJCF that says a point's settings; None where softness is scaled after compiling."""
     settings = point.settings
-    if settings.hardness != 1.0 or point.family.build != Build():
+    if settings.factor != 1.0 or point.family.build != Build():
         return None
     timestep = settings.timestep(speed)
     solref = _solref(settings, speed)

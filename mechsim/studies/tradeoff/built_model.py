@@ -70,7 +70,7 @@ class BuiltModel:
         controls = None
         if self.build.rod is not None:
             loops.model.eq_active0[:] = 1
-            loops.model.tendon_invweight0[:] *= settings.hardness
+            loops.model.tendon_invweight0[:] *= settings.factor
         if self.build.drive != "flywheel":
             settings = replace(settings, flywheel=NO_FLYWHEEL)
         if self.servo is not None:
