@@ -27,7 +27,7 @@ from mechsim.verdict.quantities import stroke_of
 
 # bound on places in a stepped run, in units of the stroke: at 1,000 steps a turn it is missed by no
 # catalogue mechanism (measured 2.6e-9 at the worst), and a link 0.1 % long exceeds it 1e5 times; one that by
-# its own account misses it, near a dead centre, is stepped with as many as keep it
+# its own account misses it or goes bad, near a dead centre, is stepped with as many as keep it
 STEP_PLACE = 1e-8
 STEPS = 1000
 
@@ -147,7 +147,8 @@ def _stepped(drive: Form, profile: CrankProfile, speed: float, place: float) -> 
     programmed = drive.programs is not None
     decided = profile if programmed else _decided(drive, profile, speed)
     run = simulated(drive, decided, settings=Settings(steps_per_turn=STEPS))
-    if run.outcome != "diverged" and run.estimate > place:
+    # of a run that went bad the estimate is infinite
+    if not run.estimate <= place:
         run = simulated(drive, decided, tolerance=place)
     wanted = speed if decided.steady and not programmed else None
     verdict = crosscheck(run.motion, drive, tolerance=place, speed=wanted)

@@ -69,6 +69,57 @@ def test_no_road_refuses_a_swing_inside_the_range_on_any_lap(name, data):
     assert crosscheck(again.motion, drive, tolerance=same).passed
 
 
+# cranks that turn by more than a turn from one dead centre to the other: an angle may stand for two poses
+KNITTER = catalog.WarpKnitter(
+    crank1=0.010266,
+    crank2=0.0039177,
+    rod3=0.0493218,
+    rod5=0.033015,
+    rocker=0.0282424,
+    pivot2=(0.0590929, 0.0306496),
+    pivot_rocker=(-0.0024103, 0.0644331),
+    base_c=(0.0569791, 0.0),
+    base_k=(0.0021124, 0.0320092),
+    phase=1.7064983,
+)
+LOOPER = catalog.Looper(
+    crank=0.0079922,
+    coupler=0.0333929,
+    arm=0.0334788,
+    arm_angle=5.380375,
+    rocker=0.02104,
+    frame=0.0317241,
+    frame_angle=0.675566,
+    follower=0.0086739,
+    axis_y=0.01995,
+    axis_z=0.0191851,
+    side=-1,
+)
+
+
+@pytest.mark.parametrize("drive", [KNITTER, LOOPER], ids=["warp_knitter", "looper"])
+def test_where_a_crank_turns_by_more_than_a_turn_all_roads_mean_the_same_pose_on_another_lap(drive):
+    low, high = arc_around(drive.crank_range(), drive.mechanism.start)
+    assert high - low > TURN
+    for middle, reach in ((low + 0.06, 0.05), (0.5 * (low + high), 0.49 * (high - low))):
+        profile = swing(middle + TURN, reach, 20.0)
+        poses = simulate(drive.mechanism, profile=profile, samples=12, method="pose").motion
+        own = closure.solve(drive.mechanism, poses.angle)
+        for point, place in drive.positions(poses.angle).items():
+            for road in (poses, own):
+                np.testing.assert_allclose(road.points[point].position, place, rtol=0, atol=1e-11)
+
+
+def test_no_road_goes_on_beyond_a_dead_centre_in_the_pose_of_a_turn_before():
+    high = LOOPER.crank_range().arcs[0][1]
+    angles = np.linspace(high - 0.4, high + 0.1, 9)
+    for lap in (-2, 0, 1):
+        with pytest.raises(AssemblyError, match="does not close"):
+            LOOPER.positions(angles + TURN * lap)
+    with pytest.raises(AssemblyError, match="cannot pass"):
+        closure.solve(LOOPER.mechanism, angles)
+
+
 def test_a_crank_whose_range_begins_beyond_half_a_turn_starts_there_and_says_so_in_its_model():
     drive = catalog.make(
         "rssr",

@@ -8,6 +8,7 @@ import pytest
 from mechsim import catalog, closure
 from mechsim.model.crank_profile import swing
 from mechsim.simulation import Settings, simulate
+from mechsim.studies import validate
 from mechsim.studies.validate import case_of
 from mechsim.verdict.checks import check_of
 from mechsim.verdict.judge import crosscheck
@@ -35,6 +36,16 @@ def test_a_sound_mechanism_of_small_transmission_angle_is_met():
     case = case_of(catalog.make("rrsrr", **FIVE_LINK))
     assert case.passed, case.verdict.reason
     assert any("where the loops' conditioning is" in check.why for check in case.verdict.checks)
+
+
+def test_a_sound_mechanism_that_goes_bad_by_the_first_steps_is_stepped_finer(monkeypatch):
+    # a random knitter near a dead centre does so by a thousand steps a turn, the plain one by four
+    monkeypatch.setattr(validate, "STEPS", 4)
+    drive = catalog.make("warp_knitter")
+    assert simulate(drive.mechanism, speed=60.0, settings=Settings(steps_per_turn=4)).outcome == "diverged"
+    case = case_of(drive)
+    assert case.passed, case.verdict.reason
+    assert case.run.steps > 4
 
 
 @pytest.mark.parametrize("name", SWINGING)

@@ -19,7 +19,7 @@ from mechsim.analytic.vector_method.trig_arcs import Arcs, reachable_arcs
 from mechsim.analytic.vector_method.trig_polynomial import sampled
 from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, cross, dot, norm, spun
 from mechsim.errors import InputError
-from mechsim.maths.angles import TURN
+from mechsim.maths.angles import TURN, turned_into
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link
@@ -54,7 +54,8 @@ class Looper(ClosedForm):
     centre. Two roots of the quartic can have the same sign: side 2 (-2), 3 (-3) are the further ones, as
     `assemblies` numbers them; 1 and -1 are those at crank angle zero nearest to the plane.
     A root may run on for more than a turn of the crank between its dead centres; crank angles then count
-    turns inside `crank_range`, and outside it are taken back into it by whole turns.
+    turns inside `crank_range`. Angles beyond it are taken back into it by whole turns, those asked for
+    together as of one motion by as many, and where none will do the loop does not close.
 
     Source: paper 004, eqs (2), (4)-(15), the cylinder along X as in (2) and (14), not along Z as printed in
     (6); defaults from papers.md section 4.
@@ -297,11 +298,21 @@ class Looper(ClosedForm):
         sheet, layer = self._sheet
         roots = trig_quartic.real_roots(polynomial)
         fits = np.sign(self.side) * trig_quartic.slope(polynomial, roots) > 0.0
-        away = np.abs(np.mod(roots - sheet.guide(sheet.unrolled(angles, layer)) + np.pi, 2.0 * np.pi) - np.pi)
+        unrolled = sheet.unrolled(self._together(angles), layer)
+        away = np.abs(np.mod(roots - sheet.guide(unrolled) + np.pi, 2.0 * np.pi) - np.pi)
         best = np.argmin(np.where(fits, away, np.inf), 0)
         columns = np.arange(len(angles))
         found = fits[best, columns] & ~np.isnan(away[best, columns])
         return np.where(found, roots[best, columns], np.nan)
+
+    def _together(self, angles: Array) -> Array:
+        """Return the crank angles of one motion inside a range of more than a turn, (n,); NaN outside it."""
+        arcs = self.crank_range()
+        if arcs.full or not arcs.arcs or np.ptp(arcs.arcs[0]) <= TURN:
+            return angles
+        low, high = arcs.arcs[0]
+        turned = turned_into(angles, (low, high), arcs.start())
+        return np.where((turned >= low) & (turned <= high), turned, np.nan)
 
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
         """The planar four-bar, then C on its circle about AB, turned by the cone angle from the plane."""

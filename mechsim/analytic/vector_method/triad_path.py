@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mechsim.analytic.vector_method.jets import Values
 from mechsim.analytic.vector_method.triad_legs import close, determinant, inverse, leg_vectors, moments
 from mechsim.errors import AssemblyError
+from mechsim.maths.angles import turned_into
 from mechsim.maths.arrays import Array
 
 Complex = NDArray[np.complex128]
@@ -164,7 +165,8 @@ class TriadPath:
         far = (1 + MOST_ROUNDS) * period
         low, high = self.end(-1, -far), self.end(1, far)
         if low is None or high is None or high - low >= period:
-            return angles  # without a gap between its ends the path would be left for another unseen
+            # without a gap between its ends the path would be left for another unseen
+            return angles if low is None or high is None else turned_into(angles, (low, high), 0.0, period)
         back = np.ceil(np.maximum(angles - high, 0.0) / period)
         return angles - period * (back - np.ceil(np.maximum(low - angles, 0.0) / period))
 

@@ -23,11 +23,16 @@ class Arcs:
     arcs: tuple[tuple[float, float], ...]
 
     def start(self) -> float:
-        """Return the angle to start from: 0 if the crank can stand there, else amid the longest arc."""
+        """Return the angle to start from: 0 if the crank can stand there, else amid the longest arc.
+
+        On an arc of more than a turn every lap is another pose: there it may be a whole turn.
+        """
         if self.full or not self.arcs:
             return 0.0
-        if any(low < turn < high for low, high in self.arcs for turn in (0.0, TURN)):
-            return 0.0
+        for low, high in self.arcs:
+            for turn in (0.0, TURN):
+                if low < turn < high:
+                    return turn if high - low > TURN else 0.0
         low, high = max(self.arcs, key=lambda arc: arc[1] - arc[0])
         return (low + high) / 2.0
 
