@@ -269,7 +269,10 @@ def test_a_way_longer_than_a_turn_is_never_left_for_another():
     here, there = long.positions([f]), long.positions([f + TURN])
     assert max(np.abs(here[name] - there[name]).max() for name in here) > 1e-3
     with pytest.raises(AssemblyError):
-        long.positions([high + 0.1])
+        long.positions([low + 0.05, high + 0.1])
+    # alone it is counted on the lap before, as on the other roads
+    alone, before = long.positions([high + 0.1]), long.positions([high + 0.1 - TURN])
+    assert max(np.abs(alone[name] - before[name]).max() for name in alone) <= 1e-15
 
 
 def test_transmission_angle_vanishes_at_a_dead_centre_and_nowhere_else():

@@ -135,7 +135,8 @@ class TriadPath:
     def poses(self, angles: Array) -> tuple[Complex, Complex]:
         """Return place and turn of the link at crank angles, (n,) each; NaN beyond a dead centre.
 
-        A crank angle beyond a dead centre that is within reach from the other side is taken so.
+        A crank angle beyond a dead centre that is within reach from the other side is taken so; where the
+        path is longer than the pivots' period, angles asked for together, as of one motion, are.
 
         Accuracy: Newton's method to rounding.
         """
