@@ -17,6 +17,10 @@ class AssemblyError(MechsimError, ValueError):
     """The loops cannot be closed at a crank angle that was asked for."""
 
 
+# what may be done where poses are not settled, whatever command was asked for them
+STEPPED = "let a run in time say (mechsim simulate --method step)"
+
+
 class MobilityError(MechsimError, ValueError):
     """A mechanism whose motion its drivers do not settle, or that has more drivers than freedoms.
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import AssemblyError, MobilityError
+from mechsim.errors import STEPPED, AssemblyError, MobilityError
 from mechsim.maths.arrays import Array
 from mechsim.model.joint_ranges import require_within
 from mechsim.simulation.closed_model import ClosedModel
@@ -73,7 +73,7 @@ def require_determined(closed: ClosedModel, found: Standing) -> None:
         raise MobilityError(
             f"{closed.loops.name}: undetermined: with the {_drivers(closed)} held "
             f"{', '.join(found.open)} can still move; "
-            "drive, hold or couple them, or run it with --method step",
+            f"drive, hold or couple them, or {STEPPED}",
             "undetermined",
         )
 
@@ -195,5 +195,5 @@ def told_floating(closed: ClosedModel) -> str:
     )
     return (
         f"{', '.join(names)}{more} {floats} beside what is driven, and poses say nothing of that: {stands}; "
-        f"hold {them} (--hold-base), or run it with --method step"
+        f"hold {them} (--hold-base), or {STEPPED}"
     )

@@ -9,7 +9,7 @@ from mechsim.analytic.closure.generic_pose import held
 from mechsim.analytic.closure.loop_solver import LoopSolver, loop_solver
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, Placed, placed
-from mechsim.errors import MobilityError
+from mechsim.errors import STEPPED, MobilityError
 from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND
@@ -35,7 +35,7 @@ def require_determined(loops: TreeLoops, start: Coordinates) -> None:
         raise MobilityError(
             f"{loops.tree.mechanism.name}: undetermined: with what is driven held, {listed} "
             f"{'are' if len(names) > 1 else 'is'} left open; drive, hold or couple "
-            f"{'them' if len(names) > 1 else 'it'}{base}, or run it with --method step",
+            f"{'them' if len(names) > 1 else 'it'}{base}, or {STEPPED}",
             "undetermined",
         )
 
