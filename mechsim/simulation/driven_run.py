@@ -16,7 +16,7 @@ from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.divergence_cause import STIFF, met_last, near_singular
 from mechsim.simulation.model_loops import CLOSED, ModelLoops
 from mechsim.simulation.open_freedoms import require_within_limits, told_floating
-from mechsim.simulation.passed_meetings import passed, undecided, where
+from mechsim.simulation.passed_meetings import passed, require_told, undecided, where
 from mechsim.simulation.pose_errors import in_another_assembly, pose_errors
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.meeting_motion import held_off, mended
@@ -135,11 +135,16 @@ class DrivenRun:
         """Return where two assemblies meet on the motion, in one sentence; nothing where none do."""
         return undecided(self.closed.loops, passed(self.closed, self.profile))
 
-    def require_smooth(self) -> None:
-        """Raise InputError where it is to fold: no dynamics do, for links would have to jump in speed."""
-        loops = self.closed.loops
-        met = passed(self.closed, self.profile) if loops.passing == "fold" else []
-        if met:
+    def require_decided(self) -> None:
+        """Refuse a motion of which no dynamics decide how it begins or goes on.
+
+        Raises:
+            InputError: where it is to fold, for links would have to jump in speed.
+            AssemblyError: where it begins at a pose in which two assemblies meet.
+        """
+        loops, met = self.closed.loops, passed(self.closed, self.profile)
+        require_told(loops, met, float(self.profile.state(np.zeros(1))[0][0]))
+        if met and loops.passing == "fold":
             raise InputError(
                 f"{loops.name} is to fold at {where(loops, met)}, where its links would jump "
                 "in speed, which no stepped motion does; run it by pose, or let it go on smoothly"

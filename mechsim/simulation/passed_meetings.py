@@ -57,8 +57,8 @@ def require_told(loops: ModelLoops, met: Sequence[float], start: float) -> None:
     """
     if any(abs(at - start) <= AT_START for at in met):
         raise AssemblyError(
-            f"{loops.name}: it starts at {loops.said(start)}, where two assemblies meet and none can be told "
-            "from the other; give a start at "
+            f"{loops.name}: it starts at {loops.said(start)}, where two assemblies meet and dynamics alone "
+            "cannot decide which one goes on; give a start at "
             f"{'another crank angle' if loops.drive is None else 'other values of the drivers'}, "
-            "or run it by pose"
+            "hold it by a second parallel crank, or run it by pose"
         )

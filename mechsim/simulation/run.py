@@ -111,7 +111,7 @@ def simulate(
     start = first_state(closed, profile)
     require_within_limits(closed, start[0][None])
     run = DrivenRun(closed, profile, start, samples, watch or unwatched)
-    run.require_smooth()
+    run.require_decided()
     settings = settings or Settings()
     return run.stepped(settings) if tolerance is None else within(run, settings, tolerance)
 

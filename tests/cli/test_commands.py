@@ -247,7 +247,8 @@ def test_a_fold_keeps_to_the_branch_and_a_stepped_run_says_where_it_is_not_decid
     assert refused.code == 2
     assert "smooth or fold" in refused.err
     told = mechsim("simulate", "four_bar", *PARALLELOGRAM, "--method", "step")
-    assert "rad two assemblies meet, and dynamics alone cannot decide" in told.out
+    assert told.code == 2
+    assert "it starts at crank angle 0 rad, where two assemblies meet and dynamics alone cannot" in told.err
 
 
 def test_simulate_by_poses_is_exact_to_rounding(mechsim: Call, tmp_path: Path) -> None:

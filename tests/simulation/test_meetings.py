@@ -100,6 +100,18 @@ def test_a_stepped_run_cannot_fold_and_one_that_meets_nothing_need_not():
     assert swing.outcome == "met"
 
 
+@pytest.mark.parametrize("start", [0.0, np.pi])
+def test_a_stepped_run_that_begins_where_assemblies_meet_is_told_how_to_be_held(start):
+    drive = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045)
+    with pytest.raises(
+        AssemblyError, match=r"starts at crank angle .* rad, .*cannot decide .* second parallel"
+    ):
+        simulate(drive, profile=constant(20.0, 0.1, start), method="step")
+    run = simulate(drive, profile=constant(20.0, 0.1, start + 0.5), method="step")
+    assert run.outcome == "met"
+    assert run.note == ""
+
+
 @pytest.mark.parametrize("lead", [0.05, 0.2])
 @pytest.mark.parametrize("over", [0.01, 0.05])
 def test_a_first_stride_past_a_meeting_does_not_end_in_the_other_assembly(lead, over):
