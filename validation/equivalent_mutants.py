@@ -191,6 +191,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "done = frozen | (worst == 0.0) | (worst < ROUNDING) & (worst > 0.1 * before)",
         "...",
     ): "a Newton step more or fewer once rounding is reached",
+    (
+        "verdict/other_assembly.py",
+        "pairs = np.unique(np.linspace(0, max(0, len(angle) - 2), MOST_PAIRS).astype(int))",
+        "pairs = np.unique(np.linspace(0, max(1, len(angle) - 2), MOST_PAIRS).astype(int))",
+    ): "of a single record the next is the same",
     (WHOLE, "SPINS = 1e-06", "..."): "links turn with an idle freedom by a part near one, or by rounding",
     (
         WHOLE,

@@ -40,6 +40,7 @@ LOOPS = [
     "simulation/test_recorded_motion.py",
     "simulation/test_programs.py",
     "simulation/test_many_designs.py",
+    "analytic/test_rows_of_rounding.py",
 ]
 # file of mechsim/ -> tests that are there to kill its mutants, quickest first
 KILLERS: dict[str, list[str]] = {

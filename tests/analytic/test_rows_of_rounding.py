@@ -56,9 +56,9 @@ P = { link = "shaft", at = [0.01, 0.02, 0.03] }
 """
 
 
-def spherical(tmp_path, drivers):
+def spherical(tmp_path, drivers, length="cm"):
     """Three hinges through one point and a ball there: the ball's rows hold nothing."""
-    lines = ['name = "spherical"', f"drivers = {[*drivers]}", 'units = { length = "cm", angle = "rad" }']
+    lines = ['name = "spherical"', f"drivers = {[*drivers]}", f'units = {{ length = "{length}", angle = "rad" }}']
     lines += ["[programs]", *(f'{name} = "{PROGRAMS[name]}"' for name in drivers)]
     for (name, (u, x, v, y)), a, b in zip(AXES.items(), CHAIN[:-1], CHAIN[1:], strict=True):
         lines += [f"[joints.{name}]", 'kind = "revolute"']
@@ -110,6 +110,20 @@ def test_a_ball_where_all_axes_meet_takes_no_freedom_on_any_road(method, tmp_pat
     t = np.linspace(0.0, 1.0, 9)
     meant = np.stack([1.1 * t, 0.4 + 0.7 * np.sin(t), -0.3 - 0.9 * t], 1)
     np.testing.assert_allclose(values, meant, rtol=0, atol=1e-5 if method == "step" else 1e-14)
+
+
+@pytest.mark.parametrize("method", ["closed", "pose"])
+def test_a_ball_where_all_axes_meet_takes_no_freedom_of_a_linkage_of_kilometres(method, tmp_path):
+    linkage = spherical(tmp_path, AXES, "km")
+    moves = linkage.programs
+    assert settled(linkage.mechanism).freedoms == 3
+    if method == "closed":
+        motion = linkage.solve(moves.pace * np.linspace(0.0, moves.duration, 9), moves.pace)
+    else:
+        motion = ms.simulate(linkage, method=method, samples=8).motion
+    values = np.stack([motion.joints[name].value for name in AXES], 1)
+    for at, place in zip(values, motion.points["P"].position, strict=True):
+        np.testing.assert_allclose(place, 1e5 * truth(at), rtol=0, atol=1e-10)
 
 
 def test_what_a_ball_where_all_axes_meet_leaves_open_is_named_by_both_roads(tmp_path):

@@ -70,6 +70,27 @@ def test_designs_in_other_sizes_stand_open_in_proportion_one_alone_and_many_toge
         assert own.gap(found) == pytest.approx(loops.gap(plain)[rows])
 
 
+def test_the_size_of_a_design_is_its_longest_step_from_body_to_body_or_to_a_point_that_closes_a_loop() -> None:
+    loops = loops_of(catalog.make("four_bar").mechanism)
+    sites, bodies = (np.repeat(one[None], 2, 0) for one in (loops.model.site_pos, loops.model.body_pos))
+    bodies[1, 1] = 0.3, -0.4, 1.2
+    assert loops.with_fields({"site_pos": sites, "body_pos": bodies}).sizes == pytest.approx([loops.size, 1.3])
+
+
+def test_only_loops_that_leave_a_link_to_turn_about_itself_spin() -> None:
+    for name, spins in (("four_bar", False), ("rssr", True)):
+        loops = loops_of(catalog.make(name).mechanism)
+        loops.tangent(loops.linearise(loops.model.qpos0[None])[1])
+        assert loops.spins == spins
+
+
+def test_rows_that_say_something_new_at_a_later_state_count_there() -> None:
+    loops = ModelLoops(user('<connect body1="b" body2="c" anchor=".2 .05 0"/>'))
+    slopes, right = np.zeros((2, 3, 3)), np.array([[2.0, 5.0, 0.0], [3.0, 0.0, 7.0]])[..., None]
+    slopes[:, 0, loops.free[0]] = slopes[0, 1, loops.free[1]] = slopes[1, 2, loops.free[1]] = 1.0
+    np.testing.assert_allclose(loops.solve(slopes, right)[..., 0], [[2.0, 5.0], [3.0, 7.0]], rtol=1e-14)
+
+
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
 def test_loops_opened_by_a_little_close_again_with_the_crank_held(mechanism: Mechanism) -> None:
     loops = loops_of(mechanism)

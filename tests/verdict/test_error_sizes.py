@@ -120,15 +120,15 @@ def test_a_field_is_off_by_its_difference_or_alone_by_what_it_is():
 
 
 def test_the_torque_counts_unless_dry_friction_has_no_direction_and_the_crank_stands():
-    found = efforts(torque=np.ones(N))
+    found, true = efforts(torque=np.full(N, -2.0)), np.full(N, -3.0)
     # a part of 1e-7 of the fastest counts as standing
     speed = np.full(N, 20.0)
     speed[:4] = 0.0, 1e-6, -1.9e-6, 2.1e-6
     standing = np.ones((N, 2))
     standing[[0, 1, 2, 3, 5], 1] = 0.0
-    exact = efforts(speed=speed, sliding=standing)
+    exact = efforts(torque=true, speed=speed, sliding=standing)
     assert errors.torque(found, exact, "").tolist() == [0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0]
-    assert errors.torque(found, efforts(speed=speed), "").tolist() == [1.0] * N
+    assert errors.torque(found, efforts(torque=true, speed=speed), "").tolist() == [1.0] * N
 
 
 def test_reactions_count_in_the_components_that_are_determined():
@@ -146,6 +146,20 @@ def test_reactions_count_in_the_components_that_are_determined():
     none = replace(exact.reactions["A"], determined=np.array([False] * 3 + [True] * 3))
     assert errors.of_reactions("force")(found, replace(exact, reactions={"A": none}), "A") is None
     assert errors.of_reactions("moment")(found, replace(exact, reactions={"A": none}), "A") is not None
+    for i, kind in enumerate(("force",) * 3 + ("moment",) * 3):
+        alone = replace(exact.reactions["A"], determined=np.arange(6) == i)
+        size = errors.of_reactions(kind)(found, replace(exact, reactions={"A": alone}), "A")
+        assert_allclose(size, np.abs(np.array([3.0, 100.0, 4.0, 7.0, 100.0, -2.0]))[i])
+
+
+def test_the_force_of_a_slide_or_rack_is_off_by_the_moment_it_has_at_the_mechanisms_size():
+    found, exact = (
+        efforts(gears={"a-b": np.full(N, one)}, drives={"ram": np.full(N, 2.0 * one)}) for one in (5.0, 2.0)
+    )
+    straight = replace(exact, straight=frozenset({"a-b", "ram"}))
+    for true, size in ((exact, 1.0), (straight, 0.1)):
+        assert_allclose(errors.gear_torque(found, true, "a-b"), 3.0 * size)
+        assert_allclose(errors.drive_effort(found, true, "ram"), 6.0 * size)
 
 
 def test_reactions_and_gears_say_nothing_where_a_dry_joint_turns_round():
