@@ -196,6 +196,14 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "pairs = np.unique(np.linspace(0, max(0, len(angle) - 2), MOST_PAIRS).astype(int))",
         "pairs = np.unique(np.linspace(0, max(1, len(angle) - 2), MOST_PAIRS).astype(int))",
     ): "of a single record the next is the same",
+    **{
+        (
+            LOOPS,
+            "return FLOOR * max(1.0, float(self.sizes.max()))",
+            f"return FLOOR * max({least}, float(self.sizes.max()))",
+        ): "rounding lies far below either"
+        for least in ("0.1", "10.0")
+    },
     (WHOLE, "SPINS = 1e-06", "..."): "links turn with an idle freedom by a part near one, or by rounding",
     (
         WHOLE,
