@@ -70,11 +70,15 @@ def test_designs_in_other_sizes_stand_open_in_proportion_one_alone_and_many_toge
         assert own.gap(found) == pytest.approx(loops.gap(plain)[rows])
 
 
-def test_the_size_of_a_design_is_its_longest_step_from_body_to_body_or_to_a_point_that_closes_a_loop() -> None:
+def test_the_size_of_a_design_is_its_longest_step_from_body_to_body_or_to_a_point_that_closes_a_loop() -> (
+    None
+):
     loops = loops_of(catalog.make("four_bar").mechanism)
     sites, bodies = (np.repeat(one[None], 2, 0) for one in (loops.model.site_pos, loops.model.body_pos))
     bodies[1, 1] = 0.3, -0.4, 1.2
-    assert loops.with_fields({"site_pos": sites, "body_pos": bodies}).sizes == pytest.approx([loops.size, 1.3])
+    assert loops.with_fields({"site_pos": sites, "body_pos": bodies}).sizes == pytest.approx(
+        [loops.size, 1.3]
+    )
 
 
 def test_only_loops_that_leave_a_link_to_turn_about_itself_spin() -> None:

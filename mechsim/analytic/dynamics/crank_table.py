@@ -25,9 +25,11 @@ SHORTEST = 1e-5
 # times arcs are halved when a whole turn is charted at once
 HALVINGS = 5
 # the last coefficients may be this part of the largest values: rounding of a closed form, and of poses
-# assembled by Newton's method; near a dead centre rounding grows, and an arc this many times shorter is
-# taken with less
+# assembled by Newton's method; near a dead centre rounding grows as the inverse square of the conditioning,
+# and an arc this many times shorter than the longest is taken with less, one that can hardly be halved again
+# with least: a crank passes dead centres that lie a part of 1e-9 of the size beside its path
 RESOLVED, ASSEMBLED, NOISY, SHORTER = 3e-14, 1e-12, 1e-11, 16.0
+ROUGH, HARDLY = 1e-8, 16.0
 
 _K = np.arange(POINTS)
 NODES = -np.cos(np.pi * _K / (POINTS - 1))
@@ -64,12 +66,14 @@ class CrankTable:
         arcs: those charted so far, by place.
         periodic: whether an arc was found to be the same one turn on; then one turn is enough.
         ahead: whether the arcs of a turn were tried to be charted all at once.
+        coarse: ends of arcs that must be shorter.
     """
 
     machine: Machine
     arcs: dict[int, list[Arc]] = field(default_factory=dict)
     periodic: bool = False
     ahead: bool = False
+    coarse: set[tuple[float, float]] = field(default_factory=set)
 
     def at(self, angle: float) -> Array:
         """Return all columns at a crank angle in [rad].
@@ -89,17 +93,19 @@ class CrankTable:
                 return arc.at(angle)
         low, high = place * ARC, (place + 1) * ARC
         while True:
-            arc = self._charted(low, high)
+            arc = None if (low, high) in self.coarse else self._charted(low, high)
             if arc is not None:
                 self.arcs[place].append(arc)
                 self._compare(place)
                 return arc.at(angle)
+            self.coarse.add((low, high))
             middle = 0.5 * (low + high)
             low, high = (low, middle) if angle <= middle else (middle, high)
             if high - low < SHORTEST:
                 raise AssemblyError(
                     f"{self.machine.mechanism.name}: the reduced equation has no smooth coefficients at "
-                    f"crank angle {angle:.6g} rad: a dead centre, or a spring whose joint passes half a turn"
+                    f"crank angle {angle:.6g} rad: a dead centre, or as near to one as rounding tells, or a "
+                    "spring whose joint passes half a turn"
                 )
 
     def _compare(self, place: int) -> None:
@@ -163,12 +169,12 @@ class CrankTable:
         """Return an arc with values at its points if they resolve every column."""
         tail = np.abs(_TRANSFORM[-3:] @ values).max(0)
         largest = np.abs(values).max(0)
-        # where a derivative passes through zero its rounding is that of its size elsewhere
-        largest[1] = max(largest[1], largest[0])
+        # what a slope is off by counts by what it adds up to over the arc, beside the inertia
+        largest[1] = max(largest[1], largest[0] / (high - low))
         largest[2:4] = largest[2:4].max()
         largest[2:] = np.maximum(largest[2:], _floors(self.machine, len(largest) - 2))
         exact = ASSEMBLED if isinstance(self.machine.drive, LoopForm) else RESOLVED
-        least = exact if high - low > ARC / SHORTER else NOISY
+        least = exact if high - low > ARC / SHORTER else NOISY if high - low > HARDLY * SHORTEST else ROUGH
         return Arc(low, high, values) if (tail <= least * largest).all() else None
 
 
