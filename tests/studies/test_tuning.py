@@ -43,6 +43,13 @@ def test_settings_are_what_a_model_has_and_those_it_has_are_idle(fed):
     assert fed.model.opt.timestep == 0.002  # the copy alone is changed
 
 
+def test_a_search_whose_time_is_up_tries_nothing_more(driven):
+    # what keeps no tolerance is looked for among loops harder than a file can say, as long as there is time
+    found = tuned(replace(driven, duration=0.05), 1e-14, seconds=1e-3)
+    assert found.chosen is None
+    assert len(found.tried) == 1
+
+
 @pytest.mark.parametrize("which", ["fed", "driven"])
 def test_a_tuned_file_is_what_was_run(which, request, tmp_path):
     one = request.getfixturevalue(which)

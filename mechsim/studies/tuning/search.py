@@ -111,12 +111,16 @@ class _SettingSearch:
     extra: bool = False
 
     @property
+    def spent(self) -> float:
+        return (perf_counter() - self.began) / self.seconds
+
+    @property
     def part(self) -> float:
-        return min(1.0, (perf_counter() - self.began) / self.seconds)
+        return min(1.0, self.spent)
 
     @property
     def late(self) -> bool:
-        return self.part > (1.0 if self.extra else TRIALS)
+        return self.spent > (1.0 if self.extra else TRIALS)
 
     def trial(self, settings: PlainSettings) -> SceneTrial:
         """Return what settings give, run once."""
@@ -228,7 +232,8 @@ def _near(search: _SettingSearch, steps: Sequence[float], few: Few) -> list[floa
     low, high = 0, len(steps)
     while low < high and not search.late:
         middle = (low + high) // 2
-        kept = any(search.kept(search.trial(one)) for one in few(search.scene, steps[middle]))
+        probed = few(search.scene, steps[middle])
+        kept = any(not search.late and search.kept(search.trial(one)) for one in probed)
         low, high = (low, middle) if kept else (middle + 1, high)
     return [*steps[max(0, low - LONGER) : low + 2]]
 
