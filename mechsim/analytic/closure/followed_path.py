@@ -9,14 +9,13 @@ two assemblies meet: the path is then followed up to that change point, which is
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.closure.loop_solver import FEW, TELLING, Linearised, LoopSolver, loop_solver
-from mechsim.analytic.closure.meeting_cells import folded, meeting_between, through
-from mechsim.analytic.closure.path_cells import CLOSED, Cell, Drive, PathRows, nodes_between
+from mechsim.analytic.closure.meeting_cells import folded, meeting_between, through, touched
+from mechsim.analytic.closure.path_cells import CLOSED, Cell, Drive, PathRows, nodes_between, roughness
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import AssemblyError, InputError
@@ -178,7 +177,7 @@ class FollowedPath(PathRows):
             found = self.closed(solver, nodes, found[0]) or found
         states, loops, moved = found
         cell = Cell(nodes, states, weights, solver)
-        rough = _roughness(states)
+        rough = float(roughness(states).max())
         if rough > ROUGH:
             return None, 0.5 * step
         cell, loops = self._told(cell, loops)
@@ -188,6 +187,8 @@ class FollowedPath(PathRows):
         flips = np.flatnonzero(np.sign(side[1:]) != np.sign(side[:-1]))
         if len(flips):
             return None, step if self._met(cell, int(flips[0]), sense) else 0.5 * step
+        if (behind := touched(loops.size)) is not None and self._met(cell, behind, sense):
+            return None, step
         middle, done = float(np.sign(side[NODES // 2])), self.cells[sense]
         if self._side * middle < 0.0 and cell.solver is done[-1].solver:
             # the change point lies where the last cell ends
@@ -372,18 +373,6 @@ class FollowedPath(PathRows):
     def _dot(self) -> Cell:
         """Return the cell of a path that has not begun: its start alone."""
         return Cell(np.array([self.begin]), self.flat(self.start), np.ones(1), self._solver(self.begin, 1))
-
-
-def _roughness(states: Array) -> float:
-    """Return by how much the states at odd nodes of a cell differ from what those at even nodes tell."""
-    return float(np.abs(_odd_from_even() @ states[::2] - states[1::2]).max())
-
-
-@cache
-def _odd_from_even() -> Array:
-    nodes, half = nodes_between(0.0, 1.0, NODES)[0], nodes_between(0.0, 1.0, NODES // 2 + 1)
-    part = half[1] / (nodes[1::2, None] - half[0])
-    return part / part.sum(1, keepdims=True)
 
 
 def _places(cells: list[Cell], s: Array) -> NDArray[np.intp]:

@@ -70,7 +70,18 @@ class Linearised:
         """The signed distance from a singular pose, (n,): two assemblies that meet differ in sign."""
         if not self.matrix.size:  # the drivers alone say where everything is
             return np.ones(len(self.matrix))
-        return np.linalg.slogdet(self.matrix)[0] * self.values[:, -1]
+        return self._determinant[0] * self.values[:, -1]
+
+    @property
+    def size(self) -> Array:
+        """The logarithm of the determinants' size, (n,)."""
+        return self._determinant[1]
+
+    @cached_property
+    def _determinant(self) -> tuple[Array, Array]:
+        """Signs, and logarithms of sizes, (n,) each."""
+        sign, size = np.linalg.slogdet(self.matrix)
+        return sign, size
 
 
 @dataclass(frozen=True)

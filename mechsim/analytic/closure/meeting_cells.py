@@ -5,12 +5,15 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.analytic.closure.loop_solver import FEW, Linearised
-from mechsim.analytic.closure.path_cells import Cell, PathRows, nodes_between
+from mechsim.analytic.closure.path_cells import Cell, PathRows, nodes_between, roughness
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.maths.arrays import Array
 
 # half the length of a cell about a change point, and the shortest, where the path bends sharply
 ABOUT, SHARPEST = 0.1, 5e-4
+# pairs of assemblies that may meet at once without a change of side; and part of its roughness as it stands
+# that a curve may keep where its sign is to change
+PAIRS, KINKED = (2, 4), 0.3
 # nodes of such a cell: an even number, so that none lies at it, where the loops hold nothing
 MANY = 24
 # what the last terms of its polynomial may be, in radians or parts of the size: rounding, where
@@ -24,32 +27,57 @@ FAR, NEAR = 1e-3, 3e-7
 APART, BENT, BESIDE, HALVINGS = 1e-4, 1e-6, 0.3, 6
 
 
+def touched(size: Array) -> int | None:
+    """Return behind which node of a cell pairs of assemblies may meet at once, an even number of them.
+
+    No side changes there. The determinant touches nought, and its root of that number is only smooth if
+    its sign changes. None where it is smooth as it stands.
+
+    Args:
+        size: logarithm of the determinant's size at the nodes, (k,).
+    """
+    signs = np.where(np.arange(len(size)) > np.arange(len(size) - 1)[:, None], -1.0, 1.0)
+    for pairs in PAIRS:
+        root = np.exp((size - size.max()) / pairs)
+        rough = roughness((signs * root).T)
+        behind = int(np.argmin(rough))
+        if rough[behind] < KINKED * roughness(root[:, None])[0]:
+            return behind
+    return None
+
+
 def meeting_between(path: PathRows, cell: Cell, a: float, b: float) -> float | None:
     """Return where two assemblies meet between two nodes; None where they only come near each other.
 
-    Or where no more than the rows that are solved repeat each other.
+    Or where no more than the rows that are solved repeat each other. Where the side is the same at both
+    nodes it is where it touches nought, as two pairs of assemblies meet at once.
     """
 
     def looked(s: Array) -> Linearised | None:
         found = path.closed(cell.solver, s, cell.at(s))
         return None if found is None else found[1]
 
-    def sides(s: Array) -> Array | None:
-        found = looked(s)
-        return None if found is None else found.side
-
     beside = looked(np.array([a, b])) if abs(b - a) > NEAR else None
     if beside is None:
         return None
     ends = beside.side
+    kept = bool(ends[0] * ends[1] > 0.0)
+
+    def across(found: Linearised, s: Array) -> Array:
+        return np.where(kept & ((s - at) * (b - a) > 0.0), -found.side, found.side)
+
+    ends = ends * np.array([1.0, -1.0 if kept else 1.0])
     at, rate = a - ends[0] * (b - a) / (ends[1] - ends[0]), 0.0
     for apart in (min(0.1 * abs(b - a), FAR), 0.03 * FAR):
         # a parabola through three points on either side of where the root is thought to be
         around = at + apart * np.array([-2.0, -1.0, 1.0, 2.0])
-        found = sides(around)
-        if found is None or not np.all(np.sign(found[[0, 1]]) == -np.sign(found[[2, 3]])):
+        found = looked(around)
+        if found is None:
             return None
-        parabola = np.polynomial.Polynomial.fit((around - at) / apart, found, 2)
+        side = across(found, around)
+        if not np.all(np.sign(side[[0, 1]]) == -np.sign(side[[2, 3]])):
+            return None
+        parabola = np.polynomial.Polynomial.fit((around - at) / apart, side, 2)
         roots = parabola.roots()
         real = roots[np.abs(roots.imag) < 1e-12].real
         if not len(real):
@@ -61,7 +89,7 @@ def meeting_between(path: PathRows, cell: Cell, a: float, b: float) -> float | N
     if there is None or cell.solver.share(there).min() < FEW * cell.solver.share(beside).max():
         return None
     meant = rate * (near - at)
-    return at if np.abs(there.side - meant).max() < 0.2 * abs(rate) * NEAR else None
+    return at if np.abs(across(there, near) - meant).max() < 0.2 * abs(rate) * NEAR else None
 
 
 def through(path: PathRows, cell: Cell, meeting: float, sense: int) -> tuple[Cell, float] | None:
@@ -81,12 +109,13 @@ def through(path: PathRows, cell: Cell, meeting: float, sense: int) -> tuple[Cel
             nodes, weights = nodes_between(meeting - sense * away, meeting + sense * away, MANY)
             found = path.closed(cell.solver, nodes, cell.at(nodes))
             if found is not None:
-                crossed = np.sign(found[1].side * (nodes - meeting))
+                side = np.sign(found[1].side)
+                kept = abs(side.sum()) == MANY
+                crossed = abs((side * np.sign(nodes - meeting)).sum()) == MANY
                 longer = Cell(nodes, found[0], weights, cell.solver)
-                if abs(crossed.sum()) == MANY and longer.left_out() < SMOOTH:
-                    return longer, _zero(
-                        replace(longer, states=np.linalg.det(found[1].matrix)[:, None]), meeting
-                    )
+                if (kept or crossed) and longer.left_out() < SMOOTH:
+                    heights = replace(longer, states=np.linalg.det(found[1].matrix)[:, None])
+                    return longer, _zero(heights.derivative() if kept else heights, meeting)
         away *= 0.5
     return None
 

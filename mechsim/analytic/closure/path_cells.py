@@ -90,6 +90,18 @@ def nodes_between(low: float, high: float, count: int) -> tuple[Array, Array]:
     return nodes, weights
 
 
+def roughness(states: Array) -> Array:
+    """Return by how much columns (k, w) at odd nodes of a cell differ from what those at even nodes tell, (w,)."""
+    return np.abs(_odd_from_even(len(states)) @ states[::2] - states[1::2]).max(0)
+
+
+@cache
+def _odd_from_even(count: int) -> Array:
+    nodes, half = nodes_between(0.0, 1.0, count)[0], nodes_between(0.0, 1.0, count // 2 + 1)
+    part = half[1] / (nodes[1::2, None] - half[0])
+    return part / part.sum(1, keepdims=True)
+
+
 @cache
 def _chebyshev(count: int) -> tuple[Array, Array]:
     weights = np.where(np.arange(count) % 2, -1.0, 1.0)
