@@ -91,7 +91,7 @@ def nodes_between(low: float, high: float, count: int) -> tuple[Array, Array]:
 
 
 def roughness(states: Array) -> Array:
-    """Return by how much columns (k, w) at odd nodes of a cell differ from what those at even nodes tell, (w,)."""
+    """Return by how much columns (k, w) at a cell's odd nodes differ from what even nodes tell, (w,)."""
     return np.abs(_odd_from_even(len(states)) @ states[::2] - states[1::2]).max(0)
 
 

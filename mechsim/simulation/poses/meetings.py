@@ -21,6 +21,8 @@ SMOOTH = 1e-12
 # distances at which it is looked whether the determinant passes zero in a straight line, near last, and
 # by what part of its slope it may bend there
 SPREADS, BENT = (1e-2, 1e-4, 3e-7), 0.2
+# pairs of assemblies that may meet at once, with the side changed and without
+ODD, EVEN = (1, 3, 5), (2, 4)
 # by how much a path is known farther each time where it bends too sharply to be foretold at once
 WIDER = 3.0
 
@@ -33,11 +35,13 @@ class Meeting:
         angle: of the crank, in [rad].
         nodes: crank angles on both sides, (k,).
         states: closed there, (k, nq).
+        pairs: of assemblies that meet at once; an odd number of them changes the side.
     """
 
     angle: float
     nodes: Array
     states: Array
+    pairs: int = 1
 
     @property
     def reach(self) -> float:
@@ -92,9 +96,10 @@ def determinant(loops: ModelLoops, states: Array) -> Array:
 
 
 def meeting_between(loops: ModelLoops, before: Array, beyond: Array) -> Meeting | None:
-    """Return where two assemblies meet between two closed states, (nq,), of one smooth path.
+    """Return where two assemblies, or several pairs of them, meet between two closed states of a smooth path.
 
-    None where they only come near each other: there the determinant bends away from zero.
+    States are (nq,). None where assemblies only come near each other: there the determinant bends away from
+    zero. Where several pairs meet at once, its root of their number passes zero in a straight line.
     """
     place = loops.crank_place
     low, high = before[place], beyond[place]
@@ -102,28 +107,45 @@ def meeting_between(loops: ModelLoops, before: Array, beyond: Array) -> Meeting 
     first = chord.closed(low + (high - low) * np.array([0.0, 0.21, 0.83, 1.0]))
     if first is None:
         return None
-    chord = _Chord(loops, first)
     heights = determinant(loops, first)
-    if heights[0] * heights[-1] >= 0.0:
-        return None
-    at = _zero(first[:, place], heights)
+    kept = bool(heights[0] * heights[-1] > 0.0)
+    for pairs in EVEN if kept else ODD:
+        found = _met(loops, _Chord(loops, first), heights, pairs)
+        if found is not None:
+            return found
+    return None
+
+
+def _met(loops: ModelLoops, chord: "_Chord", heights: Array, pairs: int) -> Meeting | None:
+    """Return the meeting of so many pairs of assemblies between four closed states, or None."""
+    angles = chord.states[:, loops.crank_place]
+    low, high = angles[[0, -1]]
+    ends = np.abs(heights[[0, -1]]) ** (1.0 / pairs)
+    at = float(low + (high - low) * ends[0] / ends.sum()) if pairs > 1 else _zero(angles, heights)
     slope, wide = 0.0, chord
     for spread in (*_widening(abs(high - low)), *SPREADS):
         around = at + spread * np.array([-2.0, -1.0, 1.0, 2.0])
         states = chord.closed(around)
         if states is None:
             return None
-        found = determinant(loops, states)
+        found = _root(determinant(loops, states), pairs, around < at)
         if not (np.sign(found[[0, 1]]) == -np.sign(found[[2, 3]])).all():
             return None
         steep = float(found[3] - found[0]) / (4.0 * spread)
         if spread == SPREADS[-1]:
             straight = np.abs(found - slope * (around - at)).max() < BENT * abs(slope) * spread
-            return _passed(loops, at, wide) if straight else None
+            return _passed(loops, at, wide, pairs) if straight else None
         at, chord = _zero(around, found), _Chord(loops, states)
         if spread == SPREADS[0]:
             slope, wide = steep, chord
     return None
+
+
+def _root(heights: Array, pairs: int, before: NDArray[np.bool_]) -> Array:
+    """Return the root that passes zero in a straight line where so many pairs of assemblies meet, (n,)."""
+    if pairs % 2:
+        return np.sign(heights) * np.abs(heights) ** (1.0 / pairs)
+    return np.where(before, 1.0, -1.0) * np.abs(heights) ** (1.0 / pairs)
 
 
 def _widening(known: float) -> list[float]:
@@ -165,7 +187,9 @@ def _zero(at: Array, heights: Array) -> float:
     return float(real[np.argmin(np.abs(real - line))]) if len(real) else middle
 
 
-def _passed(loops: ModelLoops, angle: float, chord: _Chord, window: float = WINDOW) -> Meeting | None:
+def _passed(
+    loops: ModelLoops, angle: float, chord: _Chord, pairs: int, window: float = WINDOW
+) -> Meeting | None:
     """Return the path through a meeting, closed at angles ever farther from it.
 
     The window is halved until a polynomial is the path.
@@ -191,5 +215,5 @@ def _passed(loops: ModelLoops, angle: float, chord: _Chord, window: float = WIND
     nodes = angle + np.array(offsets)[order]
     smooth = np.abs(fitted(nodes, angle, nodes) @ rows - rows)[np.abs(nodes - angle) > 0.3 * window].max()
     if smooth > SMOOTH and window > 4.0 * BLIND:
-        return _passed(loops, angle, chord, 0.5 * window)
-    return Meeting(angle, nodes, rows)
+        return _passed(loops, angle, chord, pairs, 0.5 * window)
+    return Meeting(angle, nodes, rows, pairs)

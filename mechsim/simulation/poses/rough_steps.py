@@ -20,6 +20,9 @@ CLOCK = TURN / STEPS
 # a pose farther than this from where it belongs may be about to leave the assembly; well above those, and
 # below any distance to another
 ASTRAY = 1e-3
+# part of what a determinant is two steps on either side below which it touches nought between: where it does,
+# by the square of the distance, it is a ninth at the most
+TOUCHED = 0.25
 # steps in one go: what their states need of memory
 MOST = 1_000_000
 
@@ -50,7 +53,13 @@ def sprint(loops: ModelLoops, start: Array, end: float, jacobian: Array) -> Arra
     states[:, loops.crank_place] = asked
     residual, jacobian = loops.linearise(states)
     stays = loops.gap(residual).max() < ASTRAY and (loops.side(jacobian) == side).all()
-    return states if stays else None
+    return states if stays and not _touched(np.abs(loops.determinant(jacobian))) else None
+
+
+def _touched(size: Array) -> bool:
+    """Say whether pairs of assemblies may meet between states: the determinant touches nought."""
+    beside = np.minimum(size[:-4], size[4:])
+    return bool((size[2:-2] < TOUCHED * beside).any())
 
 
 def _stepped(loops: ModelLoops, start: Array, rates: Array, count: int) -> Array:

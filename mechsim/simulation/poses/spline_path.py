@@ -31,7 +31,7 @@ class AssemblyPath:
         side: on which side of the dead centres its first knot lies, +1 or -1; 0 where that is not known.
         near: a correction of a pose up to this cannot lead into another assembly.
         far: a correction beyond this may, though the side be the same.
-        meetings: of assemblies, which the path passes smoothly, changing sides.
+        meetings: of assemblies, which the path passes smoothly.
     """
 
     loops: ModelLoops
@@ -77,7 +77,7 @@ class AssemblyPath:
     def sides(self, angles: Array) -> Array:
         """Return on which side of the dead centres the path lies at crank angles between the knots, (n,)."""
         first = float(self.knots[0, self.loops.crank_place])
-        passed = [(angles > m.angle) & (m.angle > first) for m in self.meetings]
+        passed = [m.pairs * ((angles > m.angle) & (m.angle > first)) for m in self.meetings]
         return self.side * (-1.0) ** np.sum(passed, axis=0)
 
     def _closed(self, guess: Array, turned: Array) -> tuple[Array, NDArray[np.bool_]]:

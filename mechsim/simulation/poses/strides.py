@@ -7,7 +7,7 @@ import numpy as np
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.poses.meetings import WINDOW, Meeting, determinant, meeting_between, settled
+from mechsim.simulation.poses.meetings import WINDOW, Meeting, meeting_between, settled
 
 # the crank's longest stride
 STRIDE = 2.0 * np.pi / 16
@@ -22,6 +22,9 @@ LOOSE, ROUNDING, MOST_STEPS = 0.05, 1e-13, 8
 SAFE = 0.25
 # a zero of the determinant this near, in [rad], is looked at: assemblies may meet there
 TRIED = 0.05
+# how many times as far as the determinant's tangent has its zero it is looked what lies beyond: where several
+# pairs of assemblies meet at once, so many times as far is the zero
+BEYOND = (3.0, 6.0)
 # step by which it is seen how the determinant sinks where a walk begins, in [rad]
 BEGUN = 1e-6
 
@@ -101,9 +104,13 @@ class _Walker:
         if ahead >= self.trial:
             return None
         self.trial = 0.03 * ahead
-        far = 3.0 * self.sense * ahead
-        beyond = self.loops.moved(self.here, far * self.slope + 0.5 * far**2 * self.bend)
-        return _tried(self.loops, self.here[0], beyond, self.angle + far)
+        for times in BEYOND:
+            far = times * self.sense * ahead
+            beyond = self.loops.moved(self.here, far * self.slope + 0.5 * far**2 * self.bend)
+            meeting = _tried(self.loops, self.here[0], beyond, self.angle + far)
+            if meeting is not None:
+                return meeting
+        return None
 
     def beyond(self, meeting: Meeting) -> Array:
         """Return the states of a meeting that are not behind, (k, nq)."""
@@ -173,8 +180,7 @@ def _tried(loops: ModelLoops, here: Array, beyond: Array, angle: float) -> Meeti
         return None
     if np.abs(closed - beyond).max() > SAFE * np.abs(here - beyond).max():
         return None
-    heights = determinant(loops, np.stack([here, closed[0]]))
-    return meeting_between(loops, here, closed[0]) if heights[0] * heights[1] < 0.0 else None
+    return meeting_between(loops, here, closed[0])
 
 
 def _within(loops: ModelLoops, meeting: Meeting, angle: float) -> Array:

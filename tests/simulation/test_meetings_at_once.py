@@ -1,0 +1,33 @@
+"""MuJoCo's poses of coupled wheels in a row, where several pairs of assemblies meet at once."""
+
+import numpy as np
+import pytest
+from coupled_wheels import assert_all_turn_alike, coupled_wheels
+
+from mechsim.simulation import closed_model, simulate
+from mechsim.simulation.poses import follow
+
+# as measured: 4e-14, 2e-12 and 1e-10 of a radius; with rods that lie flat 0.3 rad apart 1e-12, 1e-11, 1e-10
+BOUNDS = (1e-11, 1e-10, 3e-9)
+
+
+@pytest.mark.parametrize(("wheels", "lag"), [(3, 0.0), (4, 0.0), (5, 0.0), (3, 0.3)])
+def test_wheels_turn_alike_by_poses_where_all_rods_lie_flat(wheels, lag):
+    mechanism = coupled_wheels(wheels, lag)
+    run = simulate(mechanism, speed=3.0, turns=1, samples=72, method="pose")
+    assert run.outcome == "met"
+    assert_all_turn_alike(mechanism, run.motion, BOUNDS)
+
+
+@pytest.mark.parametrize("wheels", [3, 4])
+@pytest.mark.parametrize("samples", [17, 64, 73])
+def test_meetings_are_known_however_many_poses_are_asked_for(wheels, samples):
+    closed = closed_model.of_source(coupled_wheels(wheels))
+    _, path = follow.followed(closed.loops, closed.closed, np.linspace(0.2, 6.1, samples))
+    assert [m.angle for m in path.meetings] == pytest.approx([np.pi], abs=1e-9)
+    assert [m.pairs for m in path.meetings] == [wheels - 1]
+    # one side from end to end, or another beyond: so each pose is known to lie on the path
+    sides = closed.loops.side(
+        closed.loops.linearise(follow.follow(closed.loops, closed.closed, [0.5, 4.0]))[1]
+    )
+    assert sides[0] * sides[1] == (-1.0) ** (wheels - 1)
