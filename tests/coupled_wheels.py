@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from mechsim.model.mechanism import End, Joint, Link, Mechanism, Pose
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import Link, Pose
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 
 START = 0.9

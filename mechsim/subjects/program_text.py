@@ -18,8 +18,8 @@ Start = Callable[[], float]
 _QUANTITY = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*([^\d\W_°%][^*+()]*|[°%])?")
 _RATES: dict[str, Unit] = {"m": "m/s", "rad": "rad/s"}
 _EXAMPLES = {
-    "m": "20mm/s, 10mm*sin(2*pi*t) or FILE.csv",
-    "rad": "600rpm, 30deg*sin(2*pi*0.6*t) or FILE.csv",
+    "m": "20mm/s, 10mm*sin(2*pi*t), 15mm where it stands, or FILE.csv",
+    "rad": "600rpm, 30deg*sin(2*pi*0.6*t), 45deg where it stands, or FILE.csv",
 }
 
 

@@ -142,7 +142,8 @@ def _links(source: TomlSource, read: Mapping[str, Any]) -> Iterator[Link]:
         if count[link] == 1:
             known = dict.fromkeys(name for name in (GROUND, *declared, *count) if name != link)
             why = f"is {link!r}, which no other joint names and [links] does not hold"
-            raise source.refusal(("joints", joint, side, "link"), why + nearest(link, known))
+            table = f"; a link of one joint needs a table, [links.{link}]"
+            raise source.refusal(("joints", joint, side, "link"), why + nearest(link, known) + table)
     yield from (Link(name) for name in count if name not in declared and name != GROUND)
 
 

@@ -1,5 +1,6 @@
 """Assembly where the guess leaves links out: any pose that closes will do, but one must be found."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from mechsim.analytic.closure.start_values import start_poses
 from mechsim.analytic.closure.tree_assembly import assembled
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import Link
+from mechsim.model.links import Link, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses
 
@@ -50,6 +51,42 @@ def test_a_spherical_four_bar_closes_without_a_guess(seed):
 def test_what_closes_nowhere_is_refused_as_before():
     with pytest.raises(AssemblyError, match="the loops do not close at crank"):
         assembled(spherical(3, reach=0.01))
+
+
+def test_what_closes_elsewhere_says_where():
+    # a slide that starts out of the rod's reach, and a rod that is too short wherever the slide stands
+    def press(rod: float, start: float) -> Mechanism:
+        def joint(name: str, kind: str, *ends: tuple[str, tuple[float, float, float]], axis=(0.0, 0.0, 1.0)):
+            return Joint(name, kind, *(End(link, at, axis) for link, at in ends))
+
+        return Mechanism(
+            "press",
+            (Link("ram"), Link("rod"), Link("lever")),
+            (
+                joint(
+                    "drive", "prismatic", ("ground", (0.0,) * 3), ("ram", (0.0,) * 3), axis=(1.0, 0.0, 0.0)
+                ),
+                joint("pin", "revolute", ("ram", (0.0,) * 3), ("rod", (0.0,) * 3)),
+                joint("knee", "revolute", ("rod", (rod, 0.0, 0.0)), ("lever", (0.07, 0.0, 0.0))),
+                joint("pivot", "revolute", ("ground", (0.1, 0.3, 0.0)), ("lever", (0.0,) * 3)),
+            ),
+            "drive",
+            {"knee": ("lever", (0.07, 0.0, 0.0))},
+            guess={"ram": Pose(np.array([start, 0.0, 0.0]), np.eye(3))},
+            start=start,
+        )
+
+    with pytest.raises(
+        AssemblyError, match=r"drive = 0.9 m: .* from the guess they close at drive = "
+    ) as said:
+        assembled(press(0.35, 0.9))
+    value = float(re.search(r"close at drive = ([-\d.e]+) m: start there", str(said.value))[1])
+    loops, at = assembled(press(0.35, value))
+    assert np.abs(loops.linearise(at)[0]).max() < 1e-12
+    with pytest.raises(
+        AssemblyError, match=r"from the guess \w+ stays open wherever the drivers stand; change"
+    ):
+        assembled(press(0.2, 0.9))
 
 
 def test_a_universal_joint_begins_with_its_axes_crossed():

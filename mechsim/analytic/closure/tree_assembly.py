@@ -6,9 +6,9 @@ import numpy as np
 
 from mechsim.analytic.closure.drawn_poses import drawn_towards_guess
 from mechsim.analytic.closure.random_starts import random_poses, taken
-from mechsim.analytic.closure.telling import least_part
 from mechsim.analytic.closure.tree_loops import TreeLoops, tree_loops
 from mechsim.analytic.closure.tree_motion import Coordinates, placed
+from mechsim.analytic.closure.unclosed import CLOSED, drawn_together, why_unclosed
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS, opposed
@@ -16,10 +16,6 @@ from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses, starts
 
-# Newton steps before giving up, the longest turn of one in [rad], and a gap that is closed
-MOST_STEPS, LONGEST, CLOSED = 60, 0.5, 1e-12
-# a gap that is rounding
-ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 # how far a link may stray from its guess, in sizes and [rad], before another way to close the loops is tried
 NEAR = 0.5
 # random starts where a guess that leaves links out leads nowhere
@@ -30,7 +26,7 @@ def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
     """Return the loops of a mechanism and the coordinates in which they close nearest to its guess.
 
     Raises:
-        AssemblyError: where they do not close; names the gap that is left.
+        AssemblyError: where they do not close; names the gap that is left, and where they would.
     """
     rough, told = rough_poses(mechanism), starts(mechanism)
     found: list[tuple[float, TreeLoops, Coordinates]] = []
@@ -114,31 +110,12 @@ def closed(loops: TreeLoops, at: Coordinates) -> Coordinates:
     """Return the coordinates in which the loops close nearest to some, what is prescribed standing still.
 
     Raises:
-        AssemblyError: where they do not close; names the gap that is left.
+        AssemblyError: where they do not close; names the gap that is left, and where they would.
     """
-    before = gap = np.inf
-    for _ in range(MOST_STEPS):
-        residual, slope, _ = loops.linearise(at)
-        gap = float(np.abs(residual).max(initial=0.0))
-        if gap <= ROUNDING or (gap < CLOSED and gap > 0.25 * before):
-            return at
-        before = gap
-        step = np.zeros((loops.tree.count, 1))
-        if len(loops.unknown):
-            matrix = slope[:, loops.unknown, 0]
-            step[loops.unknown, 0] = -np.linalg.lstsq(
-                matrix, residual[:, 0], rcond=float(least_part(matrix))
-            )[0]
-        step *= LONGEST / max(LONGEST, float(np.abs(step).max(initial=0.0)))
-        at = loops.moved(at, step)
+    found, gap = drawn_together(loops, at)
     if gap < CLOSED:
-        return at
-    mechanism, places = loops.tree.mechanism, loops.tree.places
-    stands = ", ".join(f"{name} = {at.values[places[name], 0]:.6g}" for name in mechanism.drivers)
-    raise AssemblyError(
-        f"{mechanism.name}: the loops do not close at {stands}: a gap of {gap:.3g} of the longest link is "
-        f"left after {MOST_STEPS} Newton steps; change the dimensions, where the drivers start, or the guess"
-    )
+        return found
+    raise AssemblyError(why_unclosed(loops, at, found, gap))
 
 
 def _require_axes_alike(loops: TreeLoops, at: Coordinates) -> None:
