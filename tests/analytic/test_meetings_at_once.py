@@ -1,14 +1,20 @@
 """Assemblies that meet several pairs at once: coupled wheels in a row, whose rods all lie flat together."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from coupled_wheels import START, assert_all_turn_alike, coupled_wheels
 
+from mechsim import catalog
 from mechsim.analytic import closure
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.closure.meeting_cells import touched
 from mechsim.analytic.closure.whole_motion import followed
 from mechsim.errors import AssemblyError
+from mechsim.model.joints import End
+from mechsim.model.links import Link
+from mechsim.model.mechanism import Mechanism
 
 # places, velocities and accelerations, in radii: about a change point they are read off polynomials. Measured
 # 1e-12, 1e-9 and 1e-8 at the most, the more the more wheels; another assembly is off by 0.1
@@ -38,6 +44,45 @@ def test_coupled_wheels_stand_as_before_after_one_turn_and_tell_their_change_poi
     assert form.period == 2.0 * np.pi
     # the signs tell a turn's half from its whole, wherever rounding puts the first
     assert sorted(np.cos(form.change_points())) == pytest.approx([-1.0, 1.0], abs=1e-15)
+
+
+def test_two_linkages_that_both_change_over_at_once_stand_as_before_after_two_turns():
+    # each is flat once a turn, and goes on in its other assembly
+    one = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
+    other = catalog.make("four_bar", ground=0.09, crank=0.03, coupler=0.11, rocker=0.05)
+    form = LoopForm(beside(one.mechanism, other.mechanism))
+    assert len(form.change_points()) == 1
+    assert form.period == LoopForm(one.mechanism).period == 4.0 * np.pi
+    angle = np.r_[form.change_points(), np.linspace(-1.0, 12.0, 60)]
+    found = form.solve(angle)
+    for drive in (one, other):
+        exact = drive.passing("smooth").solve(angle)
+        place = found.points["B" if drive is one else "B'"]
+        np.testing.assert_allclose(place.position, exact.points["B"].position, atol=1e-12)
+        np.testing.assert_allclose(place.velocity, exact.points["B"].velocity, atol=1e-10)
+
+
+def beside(one: Mechanism, other: Mechanism) -> Mechanism:
+    """Two linkages in one plane on one crank."""
+    called = {name: f"{name}'" for name in [link.name for link in other.links]} | {other.driver: one.driver}
+    crank = one.crank.b.link
+    called[other.crank.b.link] = crank
+
+    def moved(end: End) -> End:
+        return replace(end, link=called.get(end.link, end.link))
+
+    joints = [
+        replace(joint, name=f"{joint.name}'", a=moved(joint.a), b=moved(joint.b))
+        for joint in other.joints
+        if joint.name != other.driver
+    ]
+    return replace(
+        one,
+        links=(*one.links, *(Link(called[k.name]) for k in other.links if called[k.name] != crank)),
+        joints=(*one.joints, *joints),
+        points={"B": one.points["B"], "B'": (called[other.points["B"][0]], other.points["B"][1])},
+        guess={**one.guess, **{called[k]: v for k, v in other.guess.items() if called[k] != crank}},
+    )
 
 
 def test_rods_that_lie_flat_apart_are_passed_one_by_one_and_close_together_are_refused():

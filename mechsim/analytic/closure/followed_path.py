@@ -71,7 +71,7 @@ class FollowedPath(PathRows):
     """An assembly followed along a path of its drivers, as far as was asked.
 
     Attributes:
-        meetings: parameters at which two assemblies meet, as they were passed.
+        meetings: parameters at which assemblies meet, as they were passed.
         passing: how it goes on there.
         words: what moves, and what its parameter is called.
     """

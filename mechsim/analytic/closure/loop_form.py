@@ -27,6 +27,9 @@ from mechsim.model.programs import Programs
 
 # two crank angles nearer than this are one
 SAME = 1e-9
+# how far links may be from where they were a turn before, in sizes and parts of their axes; another assembly
+# is farther
+BACK = 1e-6
 
 
 @dataclass(frozen=True)
@@ -58,14 +61,25 @@ class LoopForm:
 
     @property
     def period(self) -> float:
-        """Crank angle in [rad] after which it stands as before: two turns past an odd number of meetings.
+        """Crank angle in [rad] after which it stands as before: two turns where meetings lead elsewhere.
 
         Under programs the clock's angle at their end.
         """
         if self.programs is not None:
             return self.programs.pace * self.programs.duration
-        odd = self.through == "smooth" and self._range.full and len(self.change_points()) % 2
-        return 2.0 * TURN if odd else TURN
+        if self.through != "smooth" or not self._range.full or not self._path.meetings:
+            return TURN
+        return TURN if self._back_after_a_turn() else 2.0 * TURN
+
+    def _back_after_a_turn(self) -> bool:
+        """Say whether all links stand as they did a turn before; with gears, whether sides changed evenly."""
+        if self.mechanism.laws:
+            return len(self.change_points()) % 2 == 0
+        start = self.mechanism.start
+        turn = self.solve([start, start + TURN])
+        links = [link for name, link in turn.links.items() if name not in turn.spinning]
+        gone = [np.ptp(link.position, axis=0).max() / self.mechanism.size for link in links]
+        return max(*gone, *(np.ptp(link.rotation, axis=0).max() for link in links)) < BACK
 
     def passing(self, through: Through) -> "LoopForm":
         """Return the mechanism that goes on so where assemblies meet."""
