@@ -6,6 +6,7 @@ import typer
 
 from mechsim.cli.declared_options import spread
 from mechsim.cli.options import (
+    SPEED,
     DriveOptions,
     File,
     Json,
@@ -20,7 +21,7 @@ from mechsim.cli.options import (
 from mechsim.cli.output import print_json, progress
 from mechsim.errors import InputError
 from mechsim.pictures import plots
-from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
+from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource, require_taken
 from mechsim.studies.sweep.drawing import drawn_sweep
 
 # the kinds that show a motion over time as well
@@ -35,7 +36,7 @@ def plot(
     kind: Annotated[
         str, typer.Option(help=f"One of {', '.join(PLOTS)}; of a sweep map, parallel or pareto.")
     ] = "motion",
-    speed: Speed = "600rpm",
+    speed: Speed = SPEED,
     *,
     driven: DriveOptions,
     sets: Sets = None,
@@ -51,12 +52,20 @@ def plot(
     plots.form_of(output)
     place = writable(output)
     if model.lower().endswith((".nc", ".zarr", ".parquet", ".csv")):
+        require_taken("of a sweep", ("of",), asked)
+        if sets or speed != SPEED or driven != DriveOptions():
+            raise InputError(
+                f"{model} is what a sweep wrote; leave out what sets, drives or holds a mechanism"
+            )
         plots.write(place, drawn_sweep(model, asked.of, None if kind == "motion" else kind))
         _tell(model, kind, output, as_json)
         return
     if kind not in PLOTS:
         raise InputError(f"there is no plot {kind!r}; known are {', '.join(PLOTS)}")
+    require_taken(kind, PLOTS[kind].takes, asked)
     drive = moving(form_of(model, sets, driven))
+    if drive.programs is not None and speed != SPEED:
+        raise InputError(f"--speed is of a crank without a program, and {drive.name} has one; leave it out")
     if drive.programs is not None and kind not in TIMED:
         raise InputError(
             f"plot {kind!r} is of a crank without a program; under programs known are {', '.join(TIMED)}"

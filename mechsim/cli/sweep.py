@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from mechsim.cli.options import DriveOptions, File, Json, Model, Sets, Speed, ch
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.errors import InputError, OutputError
 from mechsim.files import place_of
-from mechsim.simulation.dynamics.prescribed_motion import HARD
 from mechsim.simulation.settings import Settings
 from mechsim.studies.sweep.checking import CheckedDesigns, check_table
 from mechsim.studies.sweep.designs import parsed_range
@@ -108,7 +106,6 @@ def sweep(
         speed=speed_of(speed),
         settings=_settings(method, asked),
     )
-    task = task if "hardness" in asked else _held(task)
     with progress("sweep", None, quiet=as_json) as tick:
         found = run_sweep(task, output, resume=resume, scheduler=scheduler, watch=tick)
     seconds = time.perf_counter() - begun
@@ -137,17 +134,6 @@ def _settings(method: str | None, asked: Mapping[str, Any]) -> Settings | None:
     if method not in (None, "step"):
         raise InputError(f"there is no method {method!r} of a sweep; known is step, formulas without it")
     return Settings(**asked) if method == "step" or asked else None
-
-
-def _held(task: SweepTask) -> SweepTask:
-    """Return a sweep that reads forces of designs stepped by themselves off loops as hard as `dynamics` has.
-
-    Where designs are stepped together the loops stay as hard as places need: harder ones left 2e-5 of the
-    torque of a Bennett linkage, whose rows are redundant, and made no other better.
-    """
-    if task.settings is None or not task.loaded or task.like is not None:
-        return task
-    return replace(task, settings=replace(task.settings, hardness=HARD.hardness))
 
 
 def _told(

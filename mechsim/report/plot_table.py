@@ -5,8 +5,8 @@ its help and the page read the table.
 """
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 SAMPLES = 360
 # a run whose errors are drawn is recorded in fewer: they are smooth
 ERROR_SAMPLES = 180
+# what may be chosen of a plot of motions
+OF_MOTIONS = ("points", "road")
 # what a work-precision plot may take to measure, in [s]; `mechsim tradeoff --plot` takes a budget
 BUDGET = 20.0
 
@@ -101,12 +103,32 @@ class PlotKind:
         draw: from a source.
         on_page: whether the page of a validation shows it.
         closed: whether only a closed form gives it.
+        takes: which of `PlotOptions` say something of it.
     """
 
     about: str
     draw: Callable[[PlotSource], "Figure"]
+    takes: tuple[str, ...] = ()
     on_page: bool = False
     closed: bool = False
+
+
+def require_taken(kind: str, takes: Sequence[str], asked: PlotOptions) -> None:
+    """Refuse options of other kinds of plots, which would be passed over in silence.
+
+    Args:
+        kind: of plot.
+        takes: which of the options say something of it.
+        asked: what was chosen.
+
+    Raises:
+        InputError: naming the option, and the plots that take it.
+    """
+    for one in fields(PlotOptions):
+        if one.name not in takes and getattr(asked, one.name) != one.default:
+            of = ", ".join(name for name, row in PLOTS.items() if one.name in row.takes)
+            option = one.metadata["name"] or f"--{one.name}"
+            raise InputError(f"plot {kind!r} takes no {option}, which is of {of}; leave it out")
 
 
 def _errors(source: PlotSource, road: str) -> "Figure":
@@ -144,6 +166,8 @@ def _velocity_plan(source: PlotSource) -> "Figure":
 
 def _torque(source: PlotSource) -> "Figure":
     rings = None
+    if source.asked.road not in ("closed", "simulated"):
+        raise InputError(f"a torque plot is --from closed or simulated, not from {source.asked.road}")
     if source.asked.road == "simulated":
         rings = simulated_efforts(source.drive, profile_of(source.drive, source.speed, 1.0), SAMPLES)
     return plots.torque_plot(source.study(), rings)
@@ -173,21 +197,24 @@ PLOTS = {
     "motion": PlotKind(
         "displacement, velocity and acceleration",
         lambda source: plots.motion_plot(source.asked_motion, source.asked.points),
+        OF_MOTIONS,
         on_page=True,
     ),
     "curve": PlotKind(
         "paths of the tracked points",
         lambda source: plots.coupler_curve(source.drive.mechanism, source.asked_motion, source.asked.points),
+        OF_MOTIONS,
         on_page=True,
     ),
     "space": PlotKind(
         "paths of the tracked points in perspective",
         lambda source: plots.space_curve(source.drive.mechanism, source.asked_motion, source.asked.points),
+        OF_MOTIONS,
     ),
     "transmission": PlotKind("transmission angle", _transmission, on_page=True, closed=True),
-    "assemblies": PlotKind("all assemblies as curves", _assemblies),
-    "plan": PlotKind("velocity plan with one crank stopped", _velocity_plan),
-    "torque": PlotKind("drive torque and its parts; simulated: MuJoCo's as rings", _torque),
+    "assemblies": PlotKind("all assemblies as curves", _assemblies, ("of",)),
+    "plan": PlotKind("velocity plan with one crank stopped", _velocity_plan, ("angle", "stopped")),
+    "torque": PlotKind("drive torque and its parts; simulated: MuJoCo's as rings", _torque, ("road",)),
     "reactions": PlotKind(
         "force in each joint as a path", lambda source: plots.reaction_plot(source.study())
     ),

@@ -91,6 +91,29 @@ def test_every_kind_of_plot_in_the_table_is_drawn(mechsim, tmp_path, kind):
     assert ET.parse(tmp_path / "a.svg").getroot().tag.endswith("svg")
 
 
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (
+            ("--kind", "curve", "--angle", "30deg"),
+            "plot 'curve' takes no --angle, which is of plan; leave it",
+        ),
+        (("--kind", "motion", "--of", "A.x,A.y"), "takes no --of, which is of assemblies"),
+        (("--kind", "transmission", "--from", "simulated"), "takes no --from, which is of motion, curve, "),
+        (("--kind", "error", "--points", "A"), "takes no --points"),
+        (("--kind", "torque", "--stopped", "crank1"), "takes no --stopped, which is of plan"),
+        (("--kind", "torque", "--from", "posed"), "--from closed or simulated, not from posed"),
+        (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed is of a crank without a program"),
+    ],
+)
+def test_an_option_of_another_kind_of_plot_is_refused_in_one_line(mechsim, tmp_path, words, says):
+    code, _, err = mechsim("plot", "four_bar", *words, "-o", "a.png")
+    assert code == 2
+    assert says in err
+    assert len(err.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_torque_plot_carries_both_roads(mechsim, tmp_path):
     for road in ("closed", "simulated"):
         assert mechsim("plot", "four_bar", "--kind", "torque", "--from", road, "-o", f"{road}.svg")[0] == 0

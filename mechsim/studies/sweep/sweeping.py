@@ -12,6 +12,7 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.memory import require_room
 from mechsim.model.mechanism import Mechanism
+from mechsim.simulation.dynamics.prescribed_motion import HARD
 from mechsim.simulation.settings import Settings
 from mechsim.studies.sweep.chunks import bounds, run_parts
 from mechsim.studies.sweep.designs import Designs, grid, listed, parameter_units, read_designs, sampled
@@ -72,9 +73,9 @@ def sweep(
         samples: poses a turn, or over the programs of drivers; None for 72.
         speed: of the crank in [rad/s].
         settings: how designs are stepped in MuJoCo, in place of motions by formulas and loop equations.
-            Poses are then some of the steps, about 72 where `samples` does not say, and the steps of a turn
-            are made a multiple of them; an automatic `jacobian` is dense, so that numbers are the same
-            wherever they are made.
+            Without a hardness, loops are as hard as what is measured asks for. Poses are then some of the
+            steps, about 72 where `samples` does not say, and the steps of a turn are made a multiple of
+            them; an automatic `jacobian` is dense, so that numbers are the same wherever they are made.
         output: .nc, .zarr, .parquet or .csv to write, part by part.
         resume: whether a sweep that was stopped is to go on.
         scheduler: of Dask: None for its own in this process, an address tcp://..., or a Client.
@@ -142,9 +143,21 @@ def swept_task(
     asked_for = measures(texts, subject.form.mechanism)
     if settings is not None and settings.jacobian == "auto":
         settings = replace(settings, jacobian="dense")
-    task = SweepTask(subject, designs, asked_for, int(samples), float(speed), settings)
+    task = _hard_enough(SweepTask(subject, designs, asked_for, int(samples), float(speed), settings))
     require_measurable(task)
     return task
+
+
+def _hard_enough(task: SweepTask) -> SweepTask:
+    """Return a sweep that reads forces of designs stepped by themselves off loops as hard as `dynamics` has.
+
+    Where designs are stepped together the loops stay as hard as places need: harder ones left 2e-5 of the
+    torque of a Bennett linkage, whose rows are redundant, and made no other better.
+    """
+    settings = task.settings
+    if settings is None or settings.hardness is not None or not task.loaded or task.like is not None:
+        return task
+    return replace(task, settings=replace(settings, hardness=HARD.hardness))
 
 
 def _designs(
