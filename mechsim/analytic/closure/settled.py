@@ -6,7 +6,7 @@ import numpy as np
 
 from mechsim.analytic.closure.open_joints import open_names
 from mechsim.analytic.closure.telling import rank
-from mechsim.analytic.closure.tree_assembly import closed
+from mechsim.analytic.closure.tree_assembly import assembled, closed
 from mechsim.analytic.closure.tree_loops import TreeLoops, tree_loops
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import AssemblyError
@@ -50,7 +50,11 @@ def settled(mechanism: Mechanism) -> Settled:
     """
     asked, rough = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
     loops = replace(asked, driven=())
-    start = closed(loops, rough)
+    try:
+        start = closed(loops, rough)
+    except AssemblyError:  # from there; with the drivers where they start it closes, or is told why not
+        asked, start = assembled(mechanism)
+        loops = replace(asked, driven=())
     stands = [start, *_aside(loops, start)]
     slopes = [loops.linearise(at)[1][:, :, 0] for at in stands]
     best = int(np.argmax([rank(slope) for slope in slopes]))

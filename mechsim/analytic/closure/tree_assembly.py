@@ -1,6 +1,6 @@
 """Assembly in coordinates of the tree: the loops closed where what is prescribed stands at the start."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from mechsim.model.rough_poses import rough_poses, starts
 NEAR = 0.5
 # random starts where a guess that leaves links out leads nowhere
 STARTS = 48
+# coordinates that are named
+NAMED = 6
 
 
 def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
@@ -63,12 +65,13 @@ def _anywhere(
     """Return loops closed from random starts: nearest to a guess that leaves links out, then to nought.
 
     Raises:
-        AssemblyError: that which is given, where the guess names every link or none closes near it.
+        AssemblyError: where the guess names every link, saying where else they close; that which is given
+            where they close nowhere, or not near the guess.
     """
-    if len(mechanism.guess) == len(mechanism.links):
-        raise refused
     loops, own = tree_loops(mechanism, rough, starts(mechanism))
     batches = [many for _, many in random_poses(loops, own, STARTS, seed=1)]
+    if len(mechanism.guess) == len(mechanism.links):
+        raise _not_from_there(loops, own, batches) or refused
     best: tuple[float, float] = (NEAR, np.inf)
     chosen: Coordinates | None = None
     for at in (taken(many, np.array([i])) for many in batches for i in range(len(many))):
@@ -81,6 +84,29 @@ def _anywhere(
     if chosen is None:
         raise refused
     return loops, closed(loops, chosen)
+
+
+def _not_from_there(
+    loops: TreeLoops, own: Coordinates, batches: Iterable[Coordinates]
+) -> AssemblyError | None:
+    """Return the refusal of a guess from which loops do not close that close elsewhere; None for others."""
+    mechanism, places = loops.tree.mechanism, loops.tree.places
+    found = [(many.values - own.values) / loops.units[:, None] for many in batches]
+    away = np.concatenate([np.zeros((loops.tree.count, 0)), *found], 1)
+    if not away.shape[1]:
+        return None
+    nearest = own.values + (loops.units * away[:, np.abs(away).max(0).argmin()])[:, None]
+    prescribed = (*mechanism.drivers, *mechanism.holds)
+    named = [name for name in places if name not in prescribed][:NAMED]
+
+    def stand(names: Iterable[str]) -> str:
+        return ", ".join(f"{name} = {nearest[places[name], 0]:.4g}" for name in names)
+
+    return AssemblyError(
+        f"{mechanism.name}: {'at ' + stand(prescribed[:NAMED]) + ' ' if prescribed else ''}the loops do not "
+        f"close from where the other joints start, but with {stand(named)} they do; start near there, by a "
+        "keyframe, the places of the bodies, or the guess"
+    )
 
 
 def _strayed(mechanism: Mechanism, loops: TreeLoops, at: Coordinates) -> float:

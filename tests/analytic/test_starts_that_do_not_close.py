@@ -1,0 +1,87 @@
+"""Loops that do not close from where a file starts are told where they do; those that lock are named."""
+
+import re
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.closure.settled import settled
+from mechsim.analytic.closure.tree_assembly import assembled
+from mechsim.errors import AssemblyError, MobilityError
+from mechsim.subjects.mjcf_source import read_mjcf
+
+# all joints on one line, as hand-written files have it: the gap pulls along the line, and nothing turns
+IN_A_LINE = """<mujoco>
+  <default><geom contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body><joint name="crank" axis="0 0 1"/><geom type="capsule" fromto="0 0 0 .05 0 0" size=".004"/>
+      <body pos=".05 0 0"><joint name="rod" axis="0 0 1"/>
+        <geom type="capsule" fromto="0 0 0 {rod} 0 0" size=".004"/>
+        <site name="a" pos="{rod} 0 0"/></body></body>
+    <body pos=".09 0 0"><joint name="rocker" axis="0 0 1"/>
+      <geom type="capsule" fromto="0 0 0 -.08 0 0" size=".004"/><site name="b" pos="-.08 0 0"/></body>
+  </worldbody>
+  <equality><connect name="loop" site1="a" site2="b"/></equality>
+  <actuator><motor joint="crank"/></actuator>{more}
+</mujoco>"""
+
+
+def _line(folder, rod, more=""):
+    path = folder / "line.xml"
+    path.write_text(IN_A_LINE.format(rod=rod, more=more))
+    return path
+
+
+def test_a_start_from_which_no_step_closes_the_loops_is_told_where_they_close(tmp_path):
+    with pytest.raises(AssemblyError, match="do not close from where the other joints start") as told:
+        assembled(read_mjcf(str(_line(tmp_path, 0.07))).mechanism)
+    said = dict(re.findall(r"(crank|rod|rocker) = (-?[\d.]+)", str(told.value)))
+    key = f'<keyframe><key name="on" qpos="{said["crank"]} {said["rod"]} {said["rocker"]}"/></keyframe>'
+    loops, at = assembled(read_mjcf(str(_line(tmp_path, 0.07, key)), key="on").mechanism)
+    assert np.abs(loops.linearise(at)[0]).max() < 1e-12
+    # the triangle that is left where the crank stands on the line, by the law of cosines
+    angle = np.arccos((0.04**2 + 0.07**2 - 0.08**2) / (2 * 0.04 * 0.07))
+    assert abs(at.values[loops.tree.places["rod"], 0]) == pytest.approx(angle, abs=1e-12)
+
+
+def test_show_tells_the_same(tmp_path):
+    with pytest.raises(AssemblyError, match="do not close from where the other joints start"):
+        settled(read_mjcf(str(_line(tmp_path, 0.07))).mechanism)
+
+
+def test_loops_that_close_nowhere_are_still_told_to_change_dimensions(tmp_path):
+    with pytest.raises(AssemblyError, match=r"a gap of .* is left .* change the dimensions"):
+        assembled(read_mjcf(str(_line(tmp_path, 0.15))).mechanism)
+
+
+# two rods between arms on both sides of their pivots: with arms of unequal length nothing turns, and with
+# lengths 2 parts in 1,000 apart it stands open by no more than 1e-7 of the size
+TWO_RODS = """<mujoco>
+  <worldbody>
+    <body><joint name="crank" axis="0 0 1"/><geom type="capsule" fromto="-.01 -.02 0 .01 .02 0" size=".003"/>
+      <body pos=".01 .02 0"><joint name="one" axis="0 0 1"/>
+        <geom type="capsule" fromto="0 0 0 .1 0 0" size=".003"/>
+        <site name="a" pos=".100017996 .000041002 0"/></body>
+      <body pos="-.01 -.02 0"><joint name="two" axis="0 0 1"/>
+        <geom type="capsule" fromto="0 0 0 .1 0 0" size=".003"/>
+        <site name="b" pos=".099982004 -.000041002 0"/></body></body>
+    <body pos=".1 0 0"><joint name="arm" axis="0 0 1"/>
+      <geom type="capsule" fromto="-.01 -.02 0 .01 .02 0" size=".003"/>
+      <site name="c" pos=".010017996 .020041002 0"/><site name="d" pos="-.010017996 -.020041002 0"/></body>
+  </worldbody>
+  <equality><connect name="upper" site1="a" site2="c"/>
+    <connect name="lower" site1="b" site2="d" active="{active}"/></equality>
+  <actuator><motor joint="crank"/></actuator>
+</mujoco>"""
+
+
+def test_loops_that_lock_each_other_by_digits_are_named_and_move_with_one_left_out(tmp_path):
+    path = tmp_path / "rods.xml"
+    drive = {"crank": "0.3*sin(2*pi*t)"}
+    path.write_text(TWO_RODS.format(active="true"))
+    with pytest.raises(MobilityError, match=r"crank cannot move, for upper and lower .* lock"):
+        ms.load(path, drive=drive).solve(np.linspace(0.0, 1.0, 21))
+    path.write_text(TWO_RODS.format(active="false"))
+    motion = ms.load(path, drive=drive, hold={"two": None}).solve(np.linspace(0.0, 1.0, 21))
+    assert np.isfinite(motion.joints["arm"].value).all()
