@@ -10,6 +10,7 @@ import mechsim as ms
 from mechsim.pictures.render.drawing import Source, named
 from mechsim.pictures.render.file_bodies import drawn_as, file_bodies
 from mechsim.pictures.render.look import Look
+from mechsim.pictures.render.scenery import PAPER
 from mechsim.pictures.render.shadow import Shadow
 from mechsim.pictures.view import page
 from mechsim.report.views import mechanism_view
@@ -124,3 +125,20 @@ def test_a_part_too_small_to_be_seen_beside_the_rest_is_left_out(tmp_path, monke
     after = [shape for shapes in file_bodies(form.source).values() for shape in shapes]
     assert len(after) == len(before) - 1
     assert all(len(shape.facets.vertices) >= 4 for shape in after if shape.facets)
+
+
+def test_what_is_as_light_as_the_paper_is_drawn_darker_in_its_own_hue(tmp_path):
+    path = tmp_path / "white.xml"
+    path.write_text(
+        SCENE.replace('size="0.1 0.02 0.03"', 'size="0.1 0.02 0.03" rgba="0.9 1 0.8 0.5"').replace(
+            "0 0.5 0 1", "0.7 0.7 0.7 1"
+        )
+    )
+    bodies = file_bodies(ms.load(str(path)).source)
+    (box,) = bodies["ground"]
+    lit = np.array(box.rgba[:3])
+    assert lit / lit[1] == pytest.approx([0.9, 1.0, 0.8], abs=1e-6)
+    # an eye tells two greys apart by a tenth of their light
+    assert lit @ [0.2126, 0.7152, 0.0722] < 0.9 * min(PAPER)
+    assert box.rgba[3] == 0.5
+    assert bodies["arm"][1].rgba[:3] == pytest.approx((0.7, 0.7, 0.7))

@@ -30,6 +30,8 @@ BOX, BALL, MESH = (
 SHOWN = 2
 # more triangles than this are made fewer, by cells that grow from this part of the whole
 MOST, CELL = 60_000, 1.0 / 400.0
+# what is lighter is drawn as light as this: lit from the front it could not be told from the paper behind
+LIGHTEST, LIGHTNESS = 0.78, np.array([0.2126, 0.7152, 0.0722])
 # meridians and parallels of an ellipsoid
 ELLIPSOID = (24, 12)
 
@@ -125,7 +127,9 @@ def _colour(model: mujoco.MjModel, i: int) -> Rgba:
             count = int(model.tex_width[texture]) * int(model.tex_height[texture]) * channels
             texels = model.tex_data[first : first + count].reshape(-1, channels)
             rgba[:3] *= np.broadcast_to(texels.mean(0)[: min(3, channels)], 3) / 255.0
-    red, green, blue, alpha = np.clip(rgba, 0.0, 1.0).tolist()
+    rgba = np.clip(rgba, 0.0, 1.0)
+    rgba[:3] *= min(1.0, LIGHTEST / max(float(LIGHTNESS @ rgba[:3]), LIGHTEST))
+    red, green, blue, alpha = rgba.tolist()
     return (red, green, blue, alpha)
 
 
