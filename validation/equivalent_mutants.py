@@ -113,6 +113,24 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "HALF, TELLING, FEW = (0.4, 0.5, 0.2)",
         "HALF, TELLING, FEW = (0.4, 5.0, 0.2)",
     ): "the rows that tell most are then always taken",
+    (SOLVER, "SQUARE = 0.1", "SQUARE = 0.010000000000000002"): SPEED,
+    **{
+        (
+            SOLVER,
+            "return np.where(known, found.values[:, -1] / np.where(known, every, 1.0), 1.0)",
+            f"return np.where(known, found.values[:, -1] / np.where(known, every, {any_one}), 1.0)",
+        ): "what is divided by it is not taken"
+        for any_one in ("0.1", "10.0")
+    },
+    **{
+        (
+            LOOPS,
+            f"factor = np.where({short}, np.sin(half) / np.where({short}, angle, 1.0), 0.5)",
+            f"factor = np.where({short}, np.sin(half) / np.where({short}, angle, {any_one}), 0.5)",
+        ): "what is divided by it is not taken"
+        for short in ("angle > 1e-08",)
+        for any_one in ("0.1", "10.0")
+    },
     (SOLVER, "FAR = 0.3", "FAR = 0.03"): "a path is followed in shorter steps",
     (
         SOLVER,

@@ -1,6 +1,7 @@
 """Which rows close loops near a pose, and the gauge that keeps what they leave open."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from mechanisms import at as end
 
 from mechsim import catalog
 from mechsim.analytic.closure.checked_start import checked_start
-from mechsim.analytic.closure.loop_solver import LoopSolver, loop_solver
+from mechsim.analytic.closure.loop_solver import Linearised, LoopSolver, loop_solver
 from mechsim.analytic.closure.tree_loops import tree_loops
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Link, Pose
@@ -82,6 +83,30 @@ def test_what_no_loop_holds_is_kept_where_it_is_in_units_of_the_size():
         0.25 * mechanism.size
     )
     assert solver.linearise(moved).right[0] == pytest.approx([0.25])
+
+
+def test_an_open_freedom_is_kept_where_it_stood_when_the_solver_was_made():
+    loops, at = checked_start(catalog.make("rssr").mechanism)
+    loops = replace(loops, driven=())
+    here, _ = off(loops, at, 0.2)
+    assert np.abs(here.values).max() > 0.1
+    solver = loop_solver(loops, here)
+    assert solver.open == 2
+    assert np.abs(solver.linearise(here).right[0, len(solver.rows) :]).max() < 1e-15
+
+
+@pytest.mark.parametrize("part", [0.0, 0.19, 0.39, 0.41, 0.49, 0.51, 1.0])
+def test_rows_serve_that_tell_two_fifths_of_the_best_and_are_kept_that_tell_half_in_all(part):
+    # all rows have singular values of one; of the first two the second is only so much
+    slope = np.array([[1.0, 0.0], [0.0, part], [0.0, np.sqrt(1.0 - part**2)]])[..., None]
+    nothing = np.concatenate([slope, 0.0 * slope], -1)
+    matrix = nothing[:2].transpose(2, 0, 1)
+    found = Linearised(slope, nothing, None, matrix, slope, np.arange(2), np.array([2]))
+    solver = LoopSolver(SimpleNamespace(rows=3), np.arange(2), np.zeros((0, 2)), None)
+    told = [bool(one[0]) for one in solver.telling(found)]
+    assert told == [part > 0.4, part > 0.5]
+    # where no row tells anything none tells less than it should
+    assert solver.share(found) == pytest.approx([part, 1.0], abs=1e-15)
 
 
 def test_rows_that_repeat_each_other_do_not_serve_and_those_chosen_do():
