@@ -34,13 +34,13 @@ VERDICT = ["verdict/test_tolerances.py", "verdict/test_bounds.py", "verdict/test
 CLOSURE = ["analytic/test_rates_are_derivatives.py", "analytic/test_closure.py"]
 TREE = ["analytic/test_tree_equations.py", "analytic/test_rates_are_derivatives.py"]
 LOOPS = [
+    "simulation/test_model_loops.py",
+    "analytic/test_rows_of_rounding.py",
     "simulation/test_loop_constraints.py",
     "simulation/test_free_bodies.py",
-    "simulation/test_model_loops.py",
     "simulation/test_recorded_motion.py",
-    "simulation/test_programs.py",
     "simulation/test_many_designs.py",
-    "analytic/test_rows_of_rounding.py",
+    "simulation/test_programs.py",
 ]
 # file of mechsim/ -> tests that are there to kill its mutants, quickest first
 KILLERS: dict[str, list[str]] = {
@@ -74,7 +74,13 @@ KILLERS: dict[str, list[str]] = {
     ],
     "analytic/closure/followed_path.py": ["analytic/test_followed_path.py", "analytic/test_change_points.py"],
     "simulation/model_loops.py": [*LOOPS, "studies/test_driven_efforts.py"],
-    "simulation/posed_bodies.py": LOOPS,
+    "simulation/posed_bodies.py": [
+        "simulation/test_model_loops.py",
+        "simulation/test_recorded_motion.py",
+        "simulation/test_many_designs.py",
+    ],
+    "simulation/telling.py": ["analytic/test_telling.py", "analytic/test_rows_of_rounding.py"],
+    "analytic/closure/telling.py": ["analytic/test_telling.py", "analytic/test_rows_of_rounding.py"],
     "simulation/loop_constraints.py": [
         "simulation/test_loop_constraints.py",
         "simulation/test_recorded_motion.py",
