@@ -113,6 +113,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "HALF, TELLING, FEW = (0.4, 0.5, 0.2)",
         "HALF, TELLING, FEW = (0.4, 5.0, 0.2)",
     ): "the rows that tell most are then always taken",
+    (
+        SOLVER,
+        "known = every > RANK_TOLERANCE * every.max()",
+        "known = every > RANK_TOLERANCE / every.max()",
+    ): NEAR_ONE,
     (SOLVER, "SQUARE = 0.1", "SQUARE = 0.010000000000000002"): SPEED,
     **{
         (

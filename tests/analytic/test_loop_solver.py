@@ -82,7 +82,9 @@ def test_what_no_loop_holds_is_kept_where_it_is_in_units_of_the_size():
     assert moved.values[loops.unknown, 0] - at.values[loops.unknown, 0] == pytest.approx(
         0.25 * mechanism.size
     )
-    assert solver.linearise(moved).right[0] == pytest.approx([0.25])
+    found = solver.linearise(moved)
+    assert found.right[0] == pytest.approx([0.25])
+    assert solver.share(found).tolist() == [1.0]
 
 
 def test_an_open_freedom_is_kept_where_it_stood_when_the_solver_was_made():
@@ -97,12 +99,13 @@ def test_an_open_freedom_is_kept_where_it_stood_when_the_solver_was_made():
 
 @pytest.mark.parametrize("part", [0.0, 0.19, 0.39, 0.41, 0.49, 0.51, 1.0])
 def test_rows_serve_that_tell_two_fifths_of_the_best_and_are_kept_that_tell_half_in_all(part):
-    # all rows have singular values of one; of the first two the second is only so much
-    slope = np.array([[1.0, 0.0], [0.0, part], [0.0, np.sqrt(1.0 - part**2)]])[..., None]
+    # all rows have singular values of eight, four and two; of the first three the last is only so much of it
+    slope = np.eye(4, 3)[..., None] * np.array([[8.0], [4.0], [2.0]])
+    slope[2:, 2, 0] = 2.0 * part, 2.0 * np.sqrt(1.0 - part**2)
     nothing = np.concatenate([slope, 0.0 * slope], -1)
-    matrix = nothing[:2].transpose(2, 0, 1)
-    found = Linearised(slope, nothing, None, matrix, slope, np.arange(2), np.array([2]))
-    solver = LoopSolver(SimpleNamespace(rows=3), np.arange(2), np.zeros((0, 2)), None)
+    matrix = nothing[:3].transpose(2, 0, 1)
+    found = Linearised(slope, nothing, None, matrix, slope, np.arange(3), np.array([3]))
+    solver = LoopSolver(SimpleNamespace(rows=4), np.arange(3), np.zeros((0, 3)), None)
     told = [bool(one[0]) for one in solver.telling(found)]
     assert told == [part > 0.4, part > 0.5]
     # where no row tells anything none tells less than it should
