@@ -55,6 +55,21 @@ def test_loops_that_close_nowhere_are_still_told_to_change_dimensions(tmp_path):
         assembled(read_mjcf(str(_line(tmp_path, 0.15))).mechanism)
 
 
+def test_a_pin_that_stands_aside_of_the_plane_is_told_by_how_much(tmp_path):
+    path = _line(tmp_path, 0.07)
+    bent = path.read_text().replace('pos="-.08 0 0"', 'pos="0 .07 .002"')
+    path.write_text(bent)
+    with pytest.raises(
+        AssemblyError, match=r"loop stays open by .* m, where nothing in its loop moves"
+    ) as told:
+        assembled(read_mjcf(str(path)).mechanism)
+    way = [float(part) for part in re.findall(r"by \((.*)\) m", str(told.value))[0].split(",")]
+    np.testing.assert_allclose(np.abs(way), [0.0, 0.0, 0.002], atol=1e-9)
+    path.write_text(bent.replace(".002", "0"))
+    loops, at = assembled(read_mjcf(str(path)).mechanism)
+    assert np.abs(loops.linearise(at)[0]).max() < 1e-12
+
+
 # two rods between arms on both sides of their pivots: with arms of unequal length nothing turns, and with
 # lengths 2 parts in 1,000 apart it stands open by no more than 1e-7 of the size
 TWO_RODS = """<mujoco>

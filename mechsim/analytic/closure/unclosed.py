@@ -6,10 +6,13 @@ import numpy as np
 
 from mechsim.analytic.closure.telling import least_part
 from mechsim.analytic.closure.tree_loops import TreeLoops
-from mechsim.analytic.closure.tree_motion import Coordinates
+from mechsim.analytic.closure.tree_motion import Coordinates, placed
 
 # Newton steps before giving up, the longest turn of one in [rad], and a gap that is closed
 MOST_STEPS, LONGEST, CLOSED = 60, 0.5, 1e-12
+# by which part of a gap its loop moves that does not move that way at all; how far away another pose is,
+# in [rad] and parts of the size; and the part of a gap that is told
+STILL, ASIDE, SEEN = 1e-6, 0.3, 1e-3
 # a gap that is rounding
 ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 
@@ -56,6 +59,8 @@ def why_unclosed(loops: TreeLoops, begun: Coordinates, left: Coordinates, gap: f
     if open_by < CLOSED:
         near_by = f"from the guess they close at {_stands(loops, near)}"
         return f"{said}; {near_by}: start there, or change the dimensions"
+    if across := _across(freed, near):
+        return f"{said}, for {across}; move one of its points by that"
     return (
         f"{said}, and from the guess {_widest(freed, near)} stays open wherever the drivers stand; change "
         "the dimensions, where the drivers start, or the guess"
@@ -69,6 +74,27 @@ def _stands(loops: TreeLoops, at: Coordinates) -> str:
         f"{name} = {at.values[tree.places[name], 0]:.6g} {'m' if tree.slides[tree.places[name]] else 'rad'}"
         for name in names
     )
+
+
+def _across(loops: TreeLoops, at: Coordinates) -> str:
+    """Return which joint stands open most where nothing in its loop moves, and which way; empty for none."""
+    residual, slope, _ = loops.linearise(at)
+    # not in this pose alone, as all ways but one of a linkage that is stretched
+    aside = loops.moved(at, ASIDE * (1.0 + 0.3 * np.arange(loops.tree.count))[:, None] / loops.tree.count)
+    slopes = np.concatenate([slope, loops.linearise(aside)[1]], -1)
+    here, first, widest, said = placed(loops.tree, at), 0, CLOSED, ""
+    for cut in loops.cuts:
+        rows = slice(first, first + len(cut.lengths))
+        first += cut.rows
+        gap = residual[rows, 0]
+        far = float(np.linalg.norm(gap))
+        if far > widest and np.abs(np.tensordot(gap, slopes[rows], 1)).max(initial=0.0) < STILL * far:
+            way = cut.frames(here)[1][:, cut.lengths, 0] @ gap * cut.size
+            along = ", ".join(
+                f"{part:.3g}" for part in np.where(np.abs(way) < SEEN * np.abs(way).max(), 0.0, way)
+            )
+            widest, said = far, f"{cut.joint.name} stays open by ({along}) m, where nothing in its loop moves"
+    return said
 
 
 def _widest(loops: TreeLoops, at: Coordinates) -> str:
