@@ -22,6 +22,8 @@ from mechsim.verdict.tolerances import EPS, OF, Bound
 IDLE = 1e-3
 # of a crank that is placed
 PLACED_TO = 2000.0 * EPS
+# points that move by a smaller part of what they are from the origin stand still: it is rounding
+STILL = 1e-12
 # what errors of a stepped run look like beside the error of place, as multiples of place x speed^k:
 # measured 2 and 5 for the catalogue at 100 steps a turn or more (validation/choices/
 # constraint_settings.py), 12 and 69 for random mechanisms at 400 (validation/robustness/bounds.py)
@@ -348,7 +350,8 @@ def free_scales(exact: FreeRun) -> dict[str, float]:
 
 def stroke_of(motion: Motion) -> float:
     """Return half the largest extent of any point's path; where nothing moves, `reach_of` it, in [m]."""
-    return half_extent(point.position for point in motion.points.values()) or reach_of(motion)
+    extent, reach = half_extent(point.position for point in motion.points.values()), reach_of(motion)
+    return extent if extent > STILL * reach else reach
 
 
 def reach_of(motion: Motion) -> float:

@@ -20,6 +20,7 @@ from mechsim.verdict.quantities import (
     Quantity,
     efforts_scales,
     motion_scales,
+    stroke_of,
 )
 from mechsim.verdict.record_errors import of
 from mechsim.verdict.tolerances import Asked, Bound, Tolerance
@@ -45,6 +46,16 @@ def motion_of(name, speed=SPEED):
 def changed(mapping, name, **fields):
     """Return a mapping of records with one of them changed."""
     return {**mapping, name: replace(mapping[name], **fields)}
+
+
+def test_points_that_move_by_rounding_alone_have_no_stroke():
+    motion = motion_of("four_bar")
+    still = motion.points["A"].position[:1]
+    for part, alike in ((0.0, True), (1e-16, True), (1e-9, False)):
+        path = still * (1.0 + part * np.sin(ANGLES)[:, None])
+        stroke = stroke_of(replace(motion, points={"A": replace(motion.points["A"], position=path)}))
+        reach = max(np.abs(link.position).max() for link in motion.links.values())
+        assert (stroke >= 0.5 * reach) == alike
 
 
 def spoiled_motion(kind):
