@@ -27,6 +27,7 @@ from mechsim.simulation.overdriven import refusal, stuck
 from mechsim.simulation.recorded_motion import Track, add_sensors
 from mechsim.simulation.straight_way import brought
 from mechsim.simulation.telling import RANK_TOLERANCE
+from mechsim.simulation.untouching import leave_out
 
 
 class Described(Protocol):
@@ -94,10 +95,10 @@ class ClosedModel:
         """Whether contacts act."""
         return not self.model.opt.disableflags & NO_CONTACT
 
-    def untouched(self) -> "ClosedModel":
-        """Return the same without contacts."""
+    def untouched(self, settled: NDArray[np.bool_]) -> "ClosedModel":
+        """Return the same without contacts among some bodies, (nbody,)."""
         loops = self.loops.over_copy()
-        loops.model.opt.disableflags |= NO_CONTACT
+        leave_out(loops.model, settled)
         return replace(self, loops=loops)
 
     def places(self, states: Array) -> Array:

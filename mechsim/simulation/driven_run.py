@@ -33,7 +33,8 @@ CHANGED = (
     "the model's own time step, integrator, solver and softness of constraints gave way to the settings of "
     "the run, and its drivers carry flywheels; gravity, masses, friction and actuators are its own"
 )
-TOUCHING, UNTOUCHED = ", and so are contacts", ", and contacts do not act, for the drivers settle every place"
+TOUCHING = ", and so are contacts of what the drivers leave open"
+UNTOUCHED = ", and contacts do not act, for the drivers settle every place"
 # bytes held for each number that is recorded of an instant, with what is in between
 HELD = 32.0
 # crank angles at which a profile is probed, so that a crank that cannot go there is refused

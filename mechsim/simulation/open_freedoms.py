@@ -29,13 +29,13 @@ class Standing:
         open: joints and points that can still move; idle freedoms, such as a rod's spin, are none.
         locked: the drivers that cannot move by themselves though nothing is open.
         meeting: whether two assemblies meet in this very pose.
-        settled: whether no body's centre can move.
+        settled: the bodies whose centres cannot move, (nbody,).
     """
 
     open: tuple[str, ...]
     locked: tuple[str, ...]
     meeting: bool
-    settled: bool
+    settled: NDArray[np.bool_]
 
 
 def standing(closed: ClosedModel) -> Standing:
@@ -47,12 +47,12 @@ def standing(closed: ClosedModel) -> Standing:
     rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
     unmoved = stuck(loops, jacobian[0])
     names: list[str] = []
-    singular, settled = False, True
+    singular, settled = False, np.ones(loops.model.nbody, dtype=np.bool_)
     for freedom in freedoms[rank:]:
         moved = _moved(loops, closed.closed, freedom)
         there = moved if moved is not None else _nudged(loops, closed.closed, freedom)
         seen = _seen(closed, closed.closed, there)
-        settled &= not _swings(loops, closed.closed, there).any()
+        settled &= ~_swings(loops, closed.closed, there)
         singular |= moved is None and bool(seen)
         names += seen if moved is not None else ()
     return Standing(

@@ -140,9 +140,8 @@ def _movable(
     require_movable(closed, found)
     if method == "pose":
         require_determined(closed, found)
-    if found.settled:
-        # links that overlap where they are joined would brake the drivers, as hard as the loops are held
-        closed = closed.untouched()
+    if method == "step":
+        closed = closed.untouched(found.settled)
     return closed if programs is None else begun(closed, programs), method
 
 

@@ -1,20 +1,23 @@
 """Files as CAD exports them: links overlap where they are joined, and rows of their loops repeat others."""
 
+import mujoco
 import numpy as np
 import pytest
 
 import mechsim as ms
 from mechsim.simulation import simulate
+from mechsim.simulation.untouching import leave_out
 from mechsim.studies.validate import case_of
 
-# a five-bar whose pins are balls that overlap with those of the ground
+# a five-bar whose cranks overlap by a little with the plates on which they turn
 FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 -9.81 0" noslip_iterations="2"/>
 <default><joint axis="0 0 1" frictionloss=".05" armature=".002"/><geom size=".012"/></default>
-<worldbody><geom pos="-.031 0 .001"/><geom pos=".037 .004 -.001"/>
-<body name="left" pos="-.031 0 0"><joint name="left"/><geom/>
+<worldbody><geom type="box" size=".02 .02 .005" pos="-.031 0 -.0099999"/>
+<geom type="box" size=".02 .02 .005" pos=".037 .004 -.0099999"/>
+<body name="left" pos="-.031 0 0"><joint name="left"/><geom type="box" size=".01 .012 .005"/>
  <body name="rod" pos="-.02 .06 0"><joint name="elbow"/><geom pos=".03 .02 0" size=".005"/>
   <site name="P" pos=".055 .04 0"/></body></body>
-<body name="right" pos=".037 .004 0"><joint name="right"/><geom/>
+<body name="right" pos=".037 .004 0"><joint name="right"/><geom type="box" size=".011 .01 .005"/>
  <body name="bar" pos=".023 .056 0"><joint name="knee"/><geom pos="-.02 .02 0" size=".005"/>
   <site name="Q" pos="-.056 .04 0"/></body></body>EXTRA
 </worldbody><equality><connect site1="P" site2="Q"/></equality></mujoco>"""
@@ -33,22 +36,53 @@ def form(tmp_path):
     return made
 
 
+def follows(run, programs):
+    meant = programs.state(run.motion.time)[0]
+    for name, value in zip(programs.drivers, meant, strict=True):
+        assert run.motion.joints[name].value == pytest.approx(value, abs=1e-5)
+
+
 def test_links_that_overlap_where_they_are_joined_brake_no_driver(form):
     case = case_of(form())
     assert case.passed, case.verdict.reason
     # contacts as hard as the loops, and accelerations taken anew from forces, left far more
     assert case.run.estimate < 1e-12
-    motion = case.run.motion
-    assert motion.time is not None
-    meant = case.drive.programs.state(motion.time)[0]
-    for name, value in zip(case.drive.programs.drivers, meant, strict=True):
-        assert motion.joints[name].value == pytest.approx(value, abs=1e-5)
+    follows(case.run, case.drive.programs)
     assert "contacts do not act" in case.run.note
 
 
 def test_what_hangs_on_no_driver_is_still_stopped_by_a_contact(form):
     run = simulate(form(BALL), method="step")
     assert "so are contacts" in run.note
+    follows(run, form(BALL).programs)
     fallen = run.motion.links["ball"].position[-1]
     assert fallen[1] == pytest.approx(-0.11, abs=2e-3)
     assert np.isfinite(fallen).all()
+
+
+def test_only_contacts_among_settled_bodies_are_left_out():
+    random = np.random.default_rng(7)
+    bodies = "".join(
+        f'<body pos="{x} 0 0"><freejoint/><geom size=".1" contype="{random.integers(4)}" '
+        f'conaffinity="{random.integers(4)}"/><geom size=".2" contype="{random.integers(9)}"/></body>'
+        for x in range(12)
+    )
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+    settled = random.random(model.nbody) < 0.5
+
+    def meeting(kinds, affinities):
+        found = np.bitwise_and.outer(kinds, affinities) != 0
+        return found | found.T
+
+    def masks():
+        return meeting(model.geom_contype, model.geom_conaffinity)
+
+    before, of = masks(), settled[model.geom_bodyid]
+    leave_out(model, settled)
+    among = np.logical_and.outer(of, of)
+    assert before[among].any()
+    assert not masks()[among].any()
+    assert (masks() == before)[~among].all()
+    # the masks of whole bodies, at which MuJoCo looks first, let through what those of geoms do
+    whole = meeting(model.body_contype, model.body_conaffinity)
+    assert (whole[np.ix_(model.geom_bodyid, model.geom_bodyid)] | ~masks()).all()
