@@ -34,6 +34,10 @@ from mechsim.studies.tuning import turning_model
 from mechsim.subjects.toml_writer import toml_of
 
 
+# level of a model where none is asked for
+LEVEL = "motion"
+
+
 @spread
 def export(
     model: Annotated[
@@ -46,7 +50,7 @@ def export(
     every: Annotated[
         str | None, typer.Option("--all", metavar="DIR", help="Export every mechanism into this folder.")
     ] = None,
-    scene: Annotated[str, typer.Option(help="pose, motion, dynamics or picture.")] = "motion",
+    scene: Annotated[str, typer.Option(help="pose, motion, dynamics or picture.")] = LEVEL,
     cut: Annotated[str | None, typer.Option(help="Joints at which to cut the loops, with commas.")] = None,
     form: Annotated[
         str, typer.Option("--format", metavar="xml|toml", help="A MuJoCo model, or the mechanism itself.")
@@ -80,10 +84,10 @@ def export(
         raise InputError(f"there is no format {form!r}; known are xml, toml")
     turns = speed is not None or tolerance is not None
     told = bool(asked) or timestep is not None
-    if form == "toml" and (every is not None or cut is not None or turns or told):
+    if form == "toml" and (every is not None or cut is not None or turns or told or scene != LEVEL):
         raise InputError(
-            "--all, --cut, --speed, --tolerance and settings are for MuJoCo models; leave them out, or "
-            "--format toml"
+            "--all, --scene, --cut, --speed, --tolerance and settings are for MuJoCo models; leave them out, "
+            "or --format toml"
         )
     if tolerance is not None and told:
         raise InputError("--tolerance chooses the settings by itself; leave out the others")

@@ -106,8 +106,10 @@ def render(
     if film.trace:
         _tell(drive.name, output, _round(place, drive, film, look, picture), as_json)
         return
-    profile = profile_of(drive, film.speed, film.turns, at)
     programmed = drive.programs is not None
+    if programmed and film.speed != FilmOptions().speed:
+        raise InputError(f"--speed is of a crank without a program, and {drive.name} has one; leave it out")
+    profile = profile_of(drive, film.speed, film.turns, at)
     samples = film.samples(profile.duration, picture, look.overlay, timed=programmed)
     motion = motion_of(drive, "simulated" if film.road == "both" else film.road, profile, samples)
     beside: dict[str, Any] = {}
@@ -162,7 +164,17 @@ def _round(place: Path, drive: Form, film: FilmOptions, look: Look, picture: boo
 
 def _check(output: str, film: FilmOptions, look: Look) -> None:
     """Refuse what does not go together."""
-    if not output.endswith(".png"):
+    usual = FilmOptions()
+    if output.endswith(".png"):
+        for name, given in (("--fps", film.fps != usual.fps), ("--slow", film.slow is not None)):
+            if given:
+                raise InputError(f"{name} is of a film, and {output!r} is one picture; leave it out")
+        if look.overlay > 1 and film.angle is not None:
+            raise InputError(
+                f"{look.overlay} positions over one another show the whole motion; leave out --angle or "
+                "--positions"
+            )
+    else:
         if look.overlay > 1:
             raise InputError(
                 f"{look.overlay} positions over one another make a still picture; write it to a .png file"
@@ -175,6 +187,7 @@ def _check(output: str, film: FilmOptions, look: Look) -> None:
         apart = {
             "--from": film.road != "closed",
             "--angle": film.angle is not None,
+            "--speed": film.speed != usual.speed,
             "--turns": film.turns != 1.0,
             "--slow": film.slow is not None,
             "--sense": look.sense,

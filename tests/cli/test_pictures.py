@@ -75,6 +75,34 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(mechsim, tmp_path, words, s
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--fps", "20"), "--fps is of a film"),
+        (("--slow", "10"), "--slow is of a film"),
+        (("--positions", "3", "--angle", "20deg"), "leave out --angle or --positions"),
+        (
+            ("--trace", "--speed", "5rpm"),
+            "--trace goes once round the curve of assemblies; leave out --speed",
+        ),
+        (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed is of a crank without a program"),
+    ],
+)
+def test_what_says_nothing_of_a_picture_is_refused_in_one_line(mechsim, tmp_path, words, says):
+    code, _, err = mechsim("render", "rssr", "-o", "a.png", *words, *SMALL)
+    assert code == 2
+    assert says in err
+    assert len(err.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_mechanism_as_toml_has_no_scene(mechsim, tmp_path):
+    code, _, err = mechsim("export", "rssr", "--format", "toml", "--scene", "pose", "-o", "a.toml")
+    assert code == 2
+    assert "--scene, --cut, --speed, --tolerance and settings are for MuJoCo models" in err
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_video_of_a_size_that_no_codec_takes_is_refused(mechsim, tmp_path):
     code, _, err = mechsim("render", "rssr", "-o", "a.mp4", "--size", "321x241")
     assert code == 2
