@@ -33,7 +33,6 @@ from mechsim.simulation.mjcf.generator import CONSTANT
 from mechsim.studies.tuning import turning_model
 from mechsim.subjects.toml_writer import toml_of
 
-
 # level of a model where none is asked for
 LEVEL = "motion"
 
