@@ -1,6 +1,7 @@
 """Mobility and Assur groups: known mechanisms, laws on random chains, and a second road to the groups."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -307,6 +308,37 @@ def test_it_does_not_matter_which_of_three_links_on_a_pin_are_joined_in_the_desc
         places["B2"] = (second, other, (83.0, 61.0))
         answers.append(found(planar({**places, **dict((rod, slide))}, slides={"slide": 0.0})))
     assert answers == [[(2, 2, {"coupler", "rocker"}), (2, 2, {"rod", "slider"})]] * 3
+
+
+def test_links_that_are_welded_of_pieces_have_the_structure_of_whole_ones():
+    whole = catalog.make("warp_knitter").mechanism
+    # every joint's second side is carried by a piece of its own, welded to the link
+    welds = {joint.name: f"piece of {joint.name}" for joint in whole.joints if joint.name != whole.driver}
+    joints = [
+        replace(joint, b=replace(joint.b, link=welds.get(joint.name, joint.b.link))) for joint in whole.joints
+    ]
+    joints += [
+        Joint(f"weld of {joint.name}", "fixed", End(joint.b.link), End(welds[joint.name]))
+        for joint in whole.joints
+        if joint.name in welds
+    ]
+    # and a loose plate lies on the plane
+    joints.append(Joint("plate", "planar", End(GROUND), End("plate")))
+    links = (*whole.links, *(Link(piece) for piece in welds.values()), Link("plate"))
+    guess = {**whole.guess, "plate": IDENTITY}
+    guess |= {welds[j.name]: whole.guess[j.b.link] for j in whole.joints if j.name in welds}
+    pieces = replace(whole, links=links, joints=tuple(joints), guess=guess)
+    own, of_pieces = mobility(whole), mobility(pieces)
+    assert own.grubler is not None
+    assert of_pieces.grubler == own.grubler + 3
+    assert of_pieces.actual == own.actual + 3
+    assert of_pieces.redundant_in_plane == own.redundant_in_plane
+    # without the plate, which nothing drives
+    del guess["plate"]
+    pieces = replace(pieces, links=links[:-1], joints=tuple(joints[:-1]), guess=guess)
+    known = {link.name for link in whole.links}
+    groups = [(g.class_, g.order, known & {*g.links}) for g in assur_groups(pieces).groups]
+    assert groups == [(g.class_, g.order, {*g.links}) for g in assur_groups(whole).groups]
 
 
 def test_a_second_parallel_crank_moves_although_the_count_says_it_cannot():

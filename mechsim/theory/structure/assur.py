@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from mechsim.errors import InputError
+from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.theory.structure.assur_drivers import inputs
 from mechsim.theory.structure.assur_matching import Equation, Unit, blocks
-from mechsim.theory.structure.planar import planar_pairs, plane_normal
+from mechsim.theory.structure.planar import planar_pairs, plane_normal, rigid
 
 ROMAN = ("", "I", "II", "III", "IV", "V", "VI", "VII", "VIII", "IX", "X")
 
@@ -101,7 +102,7 @@ def assur_groups(
         )
     pairs = planar_pairs(mechanism)
     drivers, stopped = inputs(mechanism, pairs, driver, stopped)
-    order = [link.name for link in mechanism.links]
+    order = [name for name, first in rigid(mechanism).items() if name == first != GROUND]
     unknown = [link for link in order if link not in (*drivers, *stopped)]
     groups: list[AssurGroup] = []
     for equations, units in blocks(mechanism, pairs, unknown):

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from mechsim.errors import InputError
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.theory.structure.planar import Pairs
+from mechsim.theory.structure.planar import Pairs, rigid
 
 
 def inputs(
@@ -19,7 +19,11 @@ def inputs(
     wanted = () if driver is None else (driver,) if isinstance(driver, str) else tuple(driver)
     stopped = tuple(stopped)
     _require_links(mechanism, (*wanted, *stopped))
-    driven = driven_links(mechanism)
+    one = rigid(mechanism)
+    wanted, stopped, driven = (
+        tuple(dict.fromkeys(one[link] for link in links if one[link] != GROUND))
+        for links in (wanted, stopped, driven_links(mechanism))
+    )
     if not wanted:
         return tuple(link for link in driven if link not in stopped), stopped
     for link in wanted:
@@ -79,7 +83,7 @@ def neighbours(pairs: Iterable[Pairs], link: str) -> set[str]:
 def planar_freedoms(mechanism: Mechanism, pairs: Iterable[Pairs], stopped: Sequence[str]) -> int:
     """Return W = 3n - 2p of the lower pairs alone, stopped links counted as frame."""
     known = {GROUND, *stopped}
-    freedoms = 3 * len(mechanism.links) - 3 * len(stopped)
+    freedoms = 3 * (len({*rigid(mechanism).values()}) - 1 - len(stopped))
     for pair in pairs:
         unknown = sum(link not in known for link in pair.links)
         freedoms -= 2 * (unknown - (unknown == len(pair.links)))

@@ -49,10 +49,13 @@ class Mobility:
 
     @property
     def grubler(self) -> int | None:
-        """W = 3n - 2 p5 - gears, the count in a plane (Chebyshev, Grübler); None in space."""
+        """W = 3n - 2 p5 - gears, the count in a plane (Chebyshev, Grübler); None in space.
+
+        A joint that leaves nothing free takes three, one that leaves the plane free none.
+        """
         if not self.planar:
             return None
-        return 3 * self.links - 2 * sum(count for _, count in self.joints) - self.gears
+        return 3 * self.links - sum((taken - 3) * count for taken, count in self.joints) - self.gears
 
     @property
     def idle(self) -> tuple[FreeMotion, ...]:
@@ -73,8 +76,8 @@ class Mobility:
             f"Somov-Malyshev (space): W = 6*{self.links}{taken}{gears} = {self.somov_malyshev}",
         ]
         if self.grubler is not None:
-            pairs = sum(count for _, count in self.joints)
-            lines.append(f"Grübler (plane): W = 3*{self.links} - 2*{pairs}{gears} = {self.grubler}")
+            taken = "".join(f" - {taken - 3}*{count}" for taken, count in self.joints if taken > 3)
+            lines.append(f"Grübler (plane): W = 3*{self.links}{taken}{gears} = {self.grubler}")
         return lines + self._explanation()
 
     def _explanation(self) -> list[str]:

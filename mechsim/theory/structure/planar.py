@@ -40,9 +40,12 @@ def planar_pairs(mechanism: Mechanism) -> list[Pairs]:
     """Return the pairs of a planar chain, revolute joints on one pin put together.
 
     Which of three links on a pin a description joins to which is its author's whim; a structure
-    must not depend on it.
+    must not depend on it. Links that are fixed to each other are one; a joint that leaves the plane free
+    is no pair.
     """
     import networkx as nx
+
+    one = rigid(mechanism)
 
     hinges = [joint for joint in mechanism.joints if KINDS[joint.kind].hinge]
     pins: nx.Graph[str] = nx.Graph()
@@ -53,10 +56,23 @@ def planar_pairs(mechanism: Mechanism) -> list[Pairs]:
     order = [link.name for link in mechanism.links]
     pairs: list[Pairs] = []
     for pin in nx.connected_components(pins):
-        met = {end.link for name in pin for end in (mechanism.joint(name).a, mechanism.joint(name).b)}
+        met = {one[end.link] for name in pin for end in (mechanism.joint(name).a, mechanism.joint(name).b)}
         pairs.append(Pairs(tuple(sorted(met, key=[GROUND, *order].index)), True))
-    slides = (joint for joint in mechanism.joints if KINDS[joint.kind].slides)
-    return pairs + [Pairs((joint.a.link, joint.b.link), False) for joint in slides]
+    slides = (joint for joint in mechanism.joints if KINDS[joint.kind].slides and not KINDS[joint.kind].turns)
+    return pairs + [Pairs((one[joint.a.link], one[joint.b.link]), False) for joint in slides]
+
+
+def rigid(mechanism: Mechanism) -> dict[str, str]:
+    """Return of every link, the ground included, the first of those that are fixed to it."""
+    import networkx as nx
+
+    order = [GROUND, *(link.name for link in mechanism.links)]
+    fixed: nx.Graph[str] = nx.Graph()
+    fixed.add_nodes_from(order)
+    held = [joint for joint in mechanism.joints if not KINDS[joint.kind].freedoms]
+    fixed.add_edges_from((joint.a.link, joint.b.link) for joint in held)
+    first = {name: min(part, key=order.index) for part in nx.connected_components(fixed) for name in part}
+    return {name: first[name] for name in order}
 
 
 def _on_one_pin(first: Joint, second: Joint, near: float) -> bool:
