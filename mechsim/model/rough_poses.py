@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.errors import AssemblyError
+from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS, displaced
-from mechsim.model.joints import Joint
+from mechsim.model.joints import Joint, joint_coordinate
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 
@@ -96,11 +97,25 @@ def turned(rotation: Array, vector: Array) -> Array:
 
 
 def starts(mechanism: Mechanism) -> dict[str, float]:
-    """Return the values of coordinates at the guess that the description tells, in [m] and [rad]."""
-    told = {**mechanism.counted, **mechanism.holds}
+    """Return the values of coordinates at the guess that the description tells, in [m] and [rad].
+
+    Of a screw between guessed links the turns that lead to where these stand.
+    """
+    told = {**_wound(mechanism), **mechanism.counted, **mechanism.holds}
     if mechanism.has_crank:
         told[mechanism.crank.name] = mechanism.start
     return told
+
+
+def _wound(mechanism: Mechanism) -> dict[str, float]:
+    """Return by how much screws between guessed links have turned to stand as far out, in [rad]."""
+    placed = {GROUND: IDENTITY, **mechanism.guess}
+    found: dict[str, float] = {}
+    for joint in mechanism.joints:
+        if KINDS[joint.kind].led and joint.a.link in placed and joint.b.link in placed:
+            way = float(joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])[0])
+            found[joint.coordinates[1]] = TURN * way / joint.lead
+    return found
 
 
 def _displaced(

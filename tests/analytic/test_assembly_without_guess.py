@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
+from mechsim import closure, simulate
 from mechsim.analytic.closure import drawn_poses
 from mechsim.analytic.closure.start_values import start_poses
 from mechsim.analytic.closure.tree_assembly import assembled
@@ -87,6 +88,35 @@ def test_what_closes_elsewhere_says_where():
         AssemblyError, match=r"from the guess \w+ stays open wherever the drivers stand; change"
     ):
         assembled(press(0.2, 0.9))
+
+
+@pytest.mark.parametrize(
+    ("lead", "near", "stands"), [(0.008, 0.05, 0.048), (-0.008, 0.053, 0.056), (0.03, 0.001, 0.0)]
+)
+def test_a_nut_stands_at_the_turn_of_its_screw_that_its_guess_means(lead, near, stands):
+    ex = (1.0, 0.0, 0.0)
+    jack = Mechanism(
+        "jack",
+        (Link("spindle"), Link("nut")),
+        (
+            Joint("crank", "revolute", End("ground", axis=ex), End("spindle", axis=ex)),
+            Joint("thread", "screw", End("spindle", axis=ex), End("nut", axis=ex), lead=lead),
+            Joint(
+                "guide", "prismatic", End("ground", (0.0, 0.03, 0.0), ex), End("nut", (0.0, 0.03, 0.0), ex)
+            ),
+        ),
+        "crank",
+        {"P": ("nut", (0.0, 0.0, 0.0))},
+        guess={"spindle": Pose(np.zeros(3), np.eye(3)), "nut": Pose(np.array([near, 0.0, 0.0]), np.eye(3))},
+    )
+    angle = np.linspace(0.0, 20.0, 9)
+    exact = stands - lead * angle / (2.0 * np.pi)
+    place = closure.solve(jack, angle).points["P"].position[:, 0]
+    np.testing.assert_allclose(place, exact, atol=1e-15)
+    run = simulate(jack, speed=2.0, turns=2.0).motion
+    np.testing.assert_allclose(
+        run.points["P"].position[:, 0], stands - lead * run.angle / (2.0 * np.pi), atol=1e-14
+    )
 
 
 def test_a_universal_joint_begins_with_its_axes_crossed():

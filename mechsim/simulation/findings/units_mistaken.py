@@ -61,7 +61,8 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
     ]
     widths = {j: float(np.abs(model.jnt_range[j]).max()) for j in hinges}
     wide = [j for j, width in widths.items() if width > TURNS and _in_loop(scene, j)]
-    if wide:
+    # a range of several turns that a file has in degrees is meant so
+    if wide and not scene.read.spec.compiler.degree:
         names = ", ".join(str(model.joint(j).name) for j in wide)
         low, high = model.jnt_range[max(wide, key=lambda j: widths[j])]
         yield Finding(

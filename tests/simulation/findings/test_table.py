@@ -21,6 +21,14 @@ def test_a_sound_scene_is_not_accused(tmp_path):
     assert seeded(tmp_path) == {}
 
 
+def test_a_range_of_two_turns_in_degrees_is_meant_so(tmp_path):
+    degrees = ('angle="radian"', 'angle="degree"')
+    assert (
+        seeded(tmp_path, degrees, ('range="-3 3"', 'range="-720 720"'), ('range="-2 2"', 'range="-99 99"'))
+        == {}
+    )
+
+
 AGAIN = '<connect name="again" body1="coupler" body2="rocker" anchor="0.1 0 0"/>'
 FLAP = '<body name="flap"><joint name="flap"/><geom size="0.001" pos="0 0.3 0"/></body>'
 SOFT = 'solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"'
@@ -63,6 +71,10 @@ FAULTS = {
     "a link without mass": (('mass="0.06"', 'mass="0"'), ("inertia", "rocker", 'body name="rocker"')),
     "a mass in g": (('mass="0.06"', 'mass="60000"'), ("inertia", "rocker", 'body name="rocker"')),
     "a body in mm": (('pos="0.1 0 0.01"', 'pos="100 0 10"'), ("units", "lengths", None)),
+    "a range in degrees": (
+        ('range="-3 3"', 'range="-180 180"'),
+        ("units", "crank", 'joint name="crank"'),
+    ),
     "a second servo behind the loop": (
         ("  </actuator>", '    <position name="other" joint="rocker" kp="5"/>\n  </actuator>'),
         ("actuator", "other", 'name="other"'),
