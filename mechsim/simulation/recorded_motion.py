@@ -14,6 +14,9 @@ from mechsim.simulation.drive import CLOCK
 from mechsim.simulation.model_loops import HINGE, SLIDE, ModelLoops
 from mechsim.simulation.posed_bodies import ONE_THREAD, carried
 
+OFF = mujoco.mjtDisableBit
+# forces that may be any size
+PUSHING = int(OFF.mjDSBL_ACTUATION) | int(OFF.mjDSBL_SPRING) | int(OFF.mjDSBL_DAMPER)
 # states evaluated in one go, so that a long run needs little memory
 CHUNK = 2048
 RATES = {
@@ -139,7 +142,8 @@ def _evaluated(
     driver_acceleration: Array | None,
     force: Array | None,
 ) -> Motion:
-    # where the loops settle the accelerations, MuJoCo's soft constraints need not be solved first
+    # where the loops settle the accelerations, MuJoCo's soft constraints need not be solved first; nor may
+    # servos that fight a drive, springs and dampers throw light links about, whose digits would be lost
     model = _with_sensors(loops.model, constrained=crank_acceleration is None)
     n = len(states.time)
     sims = loops.posed.simulations(model, n, 1 if n <= ONE_THREAD else 0)
@@ -225,7 +229,7 @@ def _with_sensors(model: mujoco.MjModel, *, constrained: bool) -> mujoco.MjModel
     seeing = copy.copy(model)
     seeing.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
     if not constrained:
-        seeing.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        seeing.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT) | PUSHING
     return seeing
 
 
