@@ -9,7 +9,8 @@ from driven import five_bar, waving, where_circles_meet
 from mechsim import catalog
 from mechsim.analytic import closure
 from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.tree_rates import CHUNK, _regular
+from mechsim.analytic.closure.tree_rates import CHUNK, _along, _regular
+from mechsim.analytic.closure.whole_motion import followed, moved_along
 from mechsim.errors import AssemblyError
 from mechsim.model.motion import JointMotion
 from mechsim.model.programs import programs
@@ -72,6 +73,17 @@ def test_conditioning_is_the_least_singular_value_in_units_of_the_size():
     # of two unit vectors side by side
     exact = 0.09 / five_bar().size * np.sqrt(1.0 - np.abs(cosine))
     np.testing.assert_allclose(motion.conditioning, exact, rtol=1e-12)
+
+
+def test_rates_read_off_a_paths_polynomials_are_those_of_its_loops_turns_of_balls_too():
+    path = followed(catalog.make("rssr").mechanism)
+    angle = path.begin + np.linspace(0.1, 2.0, 7)
+    _, motion = moved_along(path, angle, np.ones(7), np.zeros(7))
+    assert len(path.loops.tree.balls) == 1
+    first, second = (rates.T * path.loops.units for rates in _along(path, path.loops.tree, angle))
+    # measured 3.5e-9 and 2.8e-7
+    np.testing.assert_allclose(first, motion.rates, rtol=0, atol=4e-8)
+    np.testing.assert_allclose(second, motion.second, rtol=0, atol=3e-6)
 
 
 def test_where_the_loops_tell_nothing_their_matrix_is_one_that_can_be_solved():
