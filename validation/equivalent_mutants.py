@@ -233,6 +233,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "found |= {name for name, i in tree.links.items() if turning[i] > SPINS * turning.max()}",
         "found |= {name for name, i in tree.links.items() if turning[i] > SPINS / turning.max()}",
     ): "idle freedoms are of unit length, their largest turn is near one",
+    (
+        WHOLE,
+        "rates = np.zeros((tree.count, 1))",
+        "rates = np.zeros((tree.count, 2))",
+    ): "what does not move has no part in the largest",
     (WHOLE, "WHOLE = 1e-12", "..."): "ratios are whole numbers to rounding, or far from it",
     (
         LAYOUT,

@@ -75,11 +75,31 @@ def test_conditioning_is_the_least_singular_value_in_units_of_the_size():
     np.testing.assert_allclose(motion.conditioning, exact, rtol=1e-12)
 
 
+def twice(mechanism):
+    """A mechanism whose crank moves all the rest twice over."""
+    crank = mechanism.crank.b.link
+    names = {link.name: f"{link.name}2" for link in mechanism.links if link.name != crank}
+    links = [replace(link, name=names[link.name]) for link in mechanism.links if link.name in names]
+    joints = [
+        replace(
+            joint,
+            name=f"{joint.name}2",
+            a=replace(joint.a, link=names.get(joint.a.link, joint.a.link)),
+            b=replace(joint.b, link=names.get(joint.b.link, joint.b.link)),
+        )
+        for joint in mechanism.joints
+        if joint is not mechanism.crank
+    ]
+    guess = {names[name]: pose for name, pose in mechanism.guess.items() if name in names}
+    both = replace(mechanism, links=(*mechanism.links, *links), joints=(*mechanism.joints, *joints))
+    return both.with_guess({**mechanism.guess, **guess}, mechanism.start)
+
+
 def test_rates_read_off_a_paths_polynomials_are_those_of_its_loops_turns_of_balls_too():
-    path = followed(catalog.make("rssr").mechanism)
+    path = followed(twice(catalog.make("rssr").mechanism))
     angle = path.begin + np.linspace(0.1, 2.0, 7)
     _, motion = moved_along(path, angle, np.ones(7), np.zeros(7))
-    assert len(path.loops.tree.balls) == 1
+    assert len(path.loops.tree.balls) == 2
     first, second = (rates.T * path.loops.units for rates in _along(path, path.loops.tree, angle))
     # measured 3.5e-9 and 2.8e-7
     np.testing.assert_allclose(first, motion.rates, rtol=0, atol=4e-8)

@@ -283,7 +283,7 @@ def _along(path: Blind, tree: SpanningTree, angle: Array) -> tuple[Array, Array]
         turn = here.turns[i]
         spin, bend = (np.ascontiguousarray(rows[:, part].T).reshape(3, 3, -1) for rows in (first, second))
         turning = product(spin, turn.transpose(1, 0, 2))
-        changing = product(bend, turn.transpose(1, 0, 2)) + product(spin, spin.transpose(1, 0, 2))
+        changing = product(bend, turn.transpose(1, 0, 2))
         for rows, matrix in ((once, turning), (twice, changing)):
             rows[ball.turning : ball.turning + 3] = (
                 0.5 * (matrix - matrix.transpose(1, 0, 2))[[2, 0, 1], [1, 2, 0]]
