@@ -11,6 +11,7 @@ from mechsim.analytic import closure
 from mechsim.analytic.closure.followed_path import AIM, AIMED, GROWTH, NODES
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.closure.loop_solver import Linearised, loop_solver
+from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.whole_motion import followed
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joints import End, Joint
@@ -41,6 +42,25 @@ def test_a_smooth_path_takes_few_cells_and_none_that_is_tried_fails(name, most):
     # a tangent foretells the first cell, and that one a longer one the other way
     first, other = (np.ptp(path.cells[sense][0].nodes) for sense in (1, -1))
     assert 2.0 * first < other
+
+
+@pytest.mark.parametrize(("name", "most"), [("four_bar", 31), ("rssr", 44)])
+def test_a_turn_told_from_the_description_on_looks_at_the_loops_few_times(name, most, monkeypatch):
+    looks, look = [], TreeLoops.linearise
+    monkeypatch.setattr(TreeLoops, "linearise", lambda loops, at: looks.append(len(at)) or look(loops, at))
+    mechanism = catalog.make(name).mechanism
+    closure.solve(mechanism, mechanism.start + np.linspace(0.0, 2 * np.pi, 100))
+    # measured 28 and 43: of one pose at the start, of all of them at the end, else two or three a cell
+    assert len(looks) <= most
+
+
+def test_behind_a_start_is_looked_only_where_a_change_point_there_could_blur_it():
+    held = followed(catalog.make("four_bar").mechanism)
+    held.extend(held.begin)
+    assert not held.cells[-1]
+    blurred = followed(three_cranks((0.04, 0.0), start=0.02))
+    blurred.extend(blurred.begin)
+    assert blurred.meetings == pytest.approx([0.0], abs=1e-9)
 
 
 def test_a_way_of_too_many_cells_is_refused_before_it_is_begun_with_what_would_fit():

@@ -22,11 +22,13 @@ WEIGHTS, STEP = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0, 1e-3
 
 def rssr():
     """The loops of a spatial four-bar, whose coupler may spin, and where they are closed."""
-    return checked_start(catalog.make("rssr").mechanism)
+    first = checked_start(catalog.make("rssr").mechanism)
+    return first.loops, first.pinned
 
 
 def six_bar():
-    return checked_start(load("watt_six_bar").mechanism)
+    first = checked_start(load("watt_six_bar").mechanism)
+    return first.loops, first.pinned
 
 
 def off(loops, at, far):

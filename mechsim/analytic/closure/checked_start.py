@@ -1,17 +1,17 @@
 """Where a motion begins: put together, and with as many drivers as it has freedoms that count."""
 
+from mechsim.analytic.closure.loop_solver import LoopSolver, loop_solver
 from mechsim.analytic.closure.open_joints import require_determined
 from mechsim.analytic.closure.superfluous_drivers import require_drivable
 from mechsim.analytic.closure.tree_assembly import assembled
-from mechsim.analytic.closure.tree_loops import TreeLoops, tree_loops
-from mechsim.analytic.closure.tree_motion import Coordinates
+from mechsim.analytic.closure.tree_loops import tree_loops
 from mechsim.errors import AssemblyError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses, starts
 
 
-def checked_start(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
-    """Return the loops of a mechanism, and the coordinates in which it begins to move.
+def checked_start(mechanism: Mechanism) -> LoopSolver:
+    """Return what solves the loops of a mechanism about the coordinates in which it begins to move.
 
     Raises:
         AssemblyError: where the loops do not close at the start.
@@ -21,8 +21,9 @@ def checked_start(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
         loops, start = assembled(mechanism)
     except AssemblyError:
         # drivers that are too many seldom agree to the last digit
-        require_drivable(*tree_loops(mechanism, rough_poses(mechanism), starts(mechanism)))
+        require_drivable(loop_solver(*tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))))
         raise
-    require_drivable(loops, start)
-    require_determined(loops, start)
-    return loops, start
+    solver = loop_solver(loops, start)
+    require_drivable(solver)
+    require_determined(solver)
+    return solver

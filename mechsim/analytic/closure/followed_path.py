@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.closure.loop_solver import FEW, TELLING, Linearised, LoopSolver, loop_solver
 from mechsim.analytic.closure.meeting_cells import folded, meeting_between, through, touched
-from mechsim.analytic.closure.path_cells import CLOSED, Cell, Drive, PathRows, nodes_between, roughness
-from mechsim.analytic.closure.tree_loops import TreeLoops
+from mechsim.analytic.closure.path_cells import Cell, Drive, PathRows, nodes_between, roughness
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
@@ -24,7 +23,7 @@ from mechsim.model.motion import Through
 
 # nodes of a cell, its first length and its longest, in radians of the drivers' motion, and how many times as
 # long as the one before it may be at the most
-NODES, FIRST, LONGEST, GROWTH = 9, 0.1, 1.2, 3.0
+NODES, FIRST, LONGEST, GROWTH = 9, 0.2, 1.2, 3.0
 # a cell shorter than this ends at a singular pose
 SHORTEST = 1e-13
 # cells that are begun at the most: about a millisecond and two kilobytes each
@@ -39,8 +38,9 @@ AIM, AIMED = 1e-5, 5e-3
 BLIND, CLEAR = 0.05, 1e-5
 # a path that ends so near to its start may end because that is singular
 AT_START = 1e-3
-# so near to a singular pose what closed poses still stand open by would be taken for the path's bend
-BARELY = 1e-4
+# what the poses of a cell may stand open by: a tenth of what polynomials through them leave out; and so near
+# to a singular pose that this would be taken for the path's bend
+ENOUGH, BARELY = 1e-10, 1e-2
 # what is taken for this where it is less
 TINY = 1e-300
 # two parameters nearer than this are one
@@ -51,6 +51,9 @@ STRAIGHT = 1e-5
 AFTER = 0.3
 # to this a change point is known: rates where a path folds are those beyond it
 JOINT = 1e-12
+# at a start so far from a singular pose rounding leaves more of accelerations than a cell about a change
+# point behind it would tell
+WELL = 0.05
 # how far beyond what was asked a path is followed: no round number, where change points like to lie
 BEYOND = 0.2137
 
@@ -71,6 +74,9 @@ class FollowedPath(PathRows):
     """An assembly followed along a path of its drivers, as far as was asked.
 
     Attributes:
+        first: what solves the loops about the start.
+        start: where the path begins, one set of coordinates.
+        begin: its parameter there.
         meetings: parameters at which assemblies meet, as they were passed.
         passing: how it goes on there.
         words: what moves, and what its parameter is called.
@@ -78,15 +84,14 @@ class FollowedPath(PathRows):
 
     def __init__(
         self,
-        loops: TreeLoops,
+        first: LoopSolver,
         drive: Drive,
-        start: Coordinates,
         at: float,
         passing: Through = "smooth",
         words: Words = CRANK,
     ):
-        super().__init__(loops, drive)
-        self.start, self.begin = start, at
+        super().__init__(first.loops, drive)
+        self.first, self.start, self.begin = first, first.pinned, at
         self.passing: Through = passing
         self.words = words
         self.cells: dict[int, list[Cell]] = {1: [], -1: []}
@@ -100,11 +105,13 @@ class FollowedPath(PathRows):
     def extend(self, to: float) -> None:
         """Follow the assembly as far as a parameter, and a little beyond where it goes on.
 
-        A change point is known for one only from beyond.
+        A change point is known for one only from beyond, and one behind the start blurs what is near it.
 
         Raises:
             AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
         """
+        if to == self.begin and abs(self.first.there.side[0]) > WELL:
+            return
         sense = 1 if to > self.begin else -1
         with suppress(AssemblyError):
             self.reach(to + sense * BEYOND, sense)
@@ -157,9 +164,9 @@ class FollowedPath(PathRows):
 
     def _singular_start(self) -> bool:
         """Say whether the loops hold less at the start than beside it."""
-        solver, step = loop_solver(self.loops, self.start), np.zeros((self.loops.tree.count, 1))
-        step[self.loops.unknown, 0] = AT_START * solver.gauge.sum(0)
-        return loop_solver(self.loops, self.loops.moved(self.start, step)).open < solver.open
+        step = np.zeros((self.loops.tree.count, 1))
+        step[self.loops.unknown, 0] = AT_START * self.first.gauge.sum(0)
+        return loop_solver(self.loops, self.loops.moved(self.start, step)).open < self.first.open
 
     def _next(self, here: float, sense: int, step: float) -> tuple[Cell | None, float]:
         """Return the next cell, None where a shorter one must be tried, and the length to try next."""
@@ -170,26 +177,28 @@ class FollowedPath(PathRows):
             step = min(step, left)
         solver = self._solver(here, sense)
         nodes, weights = nodes_between(here, here + sense * step, NODES)
-        found = self.closed(solver, nodes, self._foretold(here, sense, solver, nodes), CLOSED)
+        found = self.closed(solver, nodes, self._foretold(here, sense, solver, nodes), ENOUGH)
         if found is None:
             return None, 0.5 * step
         if (np.abs(found[1].side) < BARELY).any():
             found = self.closed(solver, nodes, found[0]) or found
         states, loops, moved = found
-        cell = Cell(nodes, states, weights, solver)
         rough = float(roughness(states).max())
         if rough > ROUGH:
             return None, 0.5 * step
-        cell, loops = self._told(cell, loops)
-        side, share = loops.side, cell.solver.share(loops)
+        serves, whole = solver.telling(loops)
+        cell = Cell(nodes, states, weights, solver, serves)
+        if not whole.all():
+            cell, loops = self._told(cell, loops, whole)
+        share, signs = cell.solver.share(loops), np.sign(loops.side)
         if share.min() < FEW * share.max():
             return None, 0.5 * step
-        flips = np.flatnonzero(np.sign(side[1:]) != np.sign(side[:-1]))
+        flips = np.flatnonzero(signs[1:] != signs[:-1])
         if len(flips):
             return None, step if self._met(cell, int(flips[0]), sense) else 0.5 * step
         if (behind := touched(loops.size)) is not None and self._met(cell, behind, sense):
             return None, step
-        middle, done = float(np.sign(side[NODES // 2])), self.cells[sense]
+        middle, done = float(signs[NODES // 2]), self.cells[sense]
         if self._side * middle < 0.0 and cell.solver is done[-1].solver:
             # the change point lies where the last cell ends
             length = done[-1].length
@@ -206,16 +215,17 @@ class FollowedPath(PathRows):
         before = self.cells[sense][-1].length
         return min(growth, (1.0 + 0.5 * before / step) * (AIMED / max(moved, TINY)) ** (1.0 / NODES) - 0.5)
 
-    def _told(self, cell: Cell, closed: Linearised) -> tuple[Cell, Linearised]:
+    def _told(self, cell: Cell, closed: Linearised, whole: NDArray[np.bool_]) -> tuple[Cell, Linearised]:
         """Return a cell solved by rows that tell enough where it is near a singular pose, and its loops.
 
         Rows that repeat others elsewhere may be the ones that count there.
+
+        Args:
+            cell: solved by rows that do not tell the whole everywhere.
+            closed: its loops.
+            whole: at which nodes they do.
         """
         old = cell.solver
-        serves, whole = old.telling(closed)
-        cell = replace(cell, serves=serves)
-        if whole.all():
-            return cell, closed
         # the nearest node may be the singular pose itself
         beside = np.argsort(np.abs(closed.side))[1:2]
         if whole[beside[0]]:
@@ -296,7 +306,7 @@ class FollowedPath(PathRows):
     def _solver(self, here: float, sense: int) -> LoopSolver:
         done = self.cells[sense] or self.cells[-sense]
         if not done:
-            return loop_solver(self.loops, self.start)
+            return self.first
         cell, end = (done[-1], -1) if self.cells[sense] else (done[0], 0)
         if cell.serves is not None and cell.serves[end]:
             return cell.solver
@@ -316,7 +326,7 @@ class FollowedPath(PathRows):
         ahead = np.zeros((self.loops.tree.count, len(s)))
         ahead[driven] = (self.drive(s) - self.drive(np.array([here]))) / self.loops.units[driven, None]
         last = self.unflat(done[-1].states[[-1]], np.array([here])) if done else self.start
-        found = solver.linearise(last)
+        found = solver.linearise(last) if done else solver.there
         opened = np.zeros((len(s), len(solver.loops.unknown)))
         opened[:, : len(solver.rows)] = (found.slope[solver.rows, :, 0] @ ahead).T
         start = Coordinates(np.repeat(last.values, len(s), 1), np.repeat(last.turns, len(s), -1))

@@ -110,6 +110,11 @@ class LoopSolver:
         """Indices of the rows that are not solved."""
         return np.delete(np.arange(self.loops.rows), self.rows)
 
+    @cached_property
+    def there(self) -> Linearised:
+        """The loops about the pinned coordinates."""
+        return self.linearise(self.pinned)
+
     @property
     def open(self) -> int:
         """Freedoms that neither drivers nor loops determine."""
@@ -125,16 +130,20 @@ class LoopSolver:
 
         In the direction that is held least; and by the determinant, of which no choice of rows has more.
         """
-        if self.whole or not len(self.rows):
+        if self._alone(found):
             everywhere = np.ones(len(found.matrix), dtype=np.bool_)
             return everywhere, everywhere
         every = found.every[:, : len(self.rows)]
         least = found.values[:, -1] > HALF * every[:, -1]
         return least, found.values.prod(1) > TELLING * every.prod(1)
 
+    def _alone(self, found: Linearised) -> bool:
+        """Say whether no other rows tell anything there, or none do."""
+        return self.whole or not len(self.rows) or found.every is found.values
+
     def share(self, found: Linearised) -> Array:
         """Return how much of what all rows tell it does where held least, (n,); 1 where none tell."""
-        if self.whole or not len(self.rows):
+        if self._alone(found):
             return np.ones(len(found.matrix))
         every = found.every[:, len(self.rows) - 1]
         known = every > RANK_TOLERANCE * every.max()
@@ -192,11 +201,12 @@ class LoopSolver:
             if worst <= enough or (worst < ROUNDING and worst > 0.1 * before):
                 break
             step = self.step(found.matrix, found.right)
-            gone += np.abs(step).max(0)
+            size = np.abs(step)
+            gone += size.max(0)
             if not gone.max() < most:
                 break
             at = self.loops.moved(at, step)
-            if float(np.abs(step).sum(0).max()) ** 2 < SQUARE * enough:
+            if float(size.sum(0).max()) ** 2 < SQUARE * enough:
                 left = found.residual + np.einsum("rkn,kn->rn", found.slope, step)
                 return at, replace(found, residual=left), gone
             found = self.linearise(at)

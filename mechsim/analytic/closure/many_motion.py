@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.analytic.closure.checked_start import checked_start
-from mechsim.analytic.closure.loop_solver import loop_solver
+from mechsim.analytic.closure.loop_solver import LoopSolver
 from mechsim.analytic.closure.many_loops import Bools, ManyLoops, Rows, put_together, rough_coordinates
 from mechsim.analytic.closure.many_paths import Law, ManyPaths
 from mechsim.analytic.closure.tree_assembly import held_values, with_holds
-from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, cross
 from mechsim.analytic.closure.tree_rates import ClosedPart, rated
 from mechsim.maths.arrays import Array
@@ -49,14 +48,12 @@ class LikeLoops:
     """What designs that can be followed together have in common.
 
     Attributes:
-        loops: of one of them.
-        start: where that one begins, one set of coordinates.
+        solver: of one of them, about where that one begins.
         law: parameters of the path -> what is prescribed, and its first two derivatives.
         begin: parameter at which the motion begins.
     """
 
-    loops: TreeLoops
-    start: Coordinates
+    solver: LoopSolver
     law: Law
     begin: float
 
@@ -75,7 +72,8 @@ def can_be_followed_together(
     """
     if programs is None and not mechanism.has_crank:
         return None
-    loops, start = checked_start(mechanism)
+    solver = checked_start(mechanism)
+    loops = solver.loops
     if not len(loops.unknown) or loops.tree.mechanism is not mechanism:
         return None
     for name in joints:
@@ -88,13 +86,13 @@ def can_be_followed_together(
         return with_holds(angle[None], held), with_holds(one, 0.0 * held), with_holds(none, 0.0 * held)
 
     if programs is None:
-        return LikeLoops(loops, start, turned, float(start.values[loops.driven[0], 0]))
+        return LikeLoops(solver, turned, float(solver.pinned.values[loops.driven[0], 0]))
 
     def moved(clock: Array) -> tuple[Array, Array, Array]:
         value, first, second = programs.by_clock(clock)
         return with_holds(value, held), with_holds(first, 0.0 * held), with_holds(second, 0.0 * held)
 
-    return LikeLoops(loops, start, moved, 0.0)
+    return LikeLoops(solver, moved, 0.0)
 
 
 def many_motion(
@@ -122,12 +120,13 @@ def many_motion(
 
     Accuracy: as `closure.solve`, of which the assembly too is kept: each step is certified for each design.
     """
-    d, p, tree = started.arrays.count, len(angles), like.loops.tree
-    many = ManyLoops(like.loops, started.arrays)
+    loops, one = like.solver.loops, like.solver.pinned
+    d, p, tree = started.arrays.count, len(angles), loops.tree
+    many = ManyLoops(loops, started.arrays)
     rough, winds = rough_coordinates(many, started)
-    at, closed = put_together(many, rough, len(loop_solver(like.loops, like.start).rows))
-    driven = list(like.loops.driven)
-    good = winds & closed & (at.values[driven] == like.start.values[driven]).all(0)
+    at, closed = put_together(many, rough, len(like.solver.rows))
+    driven = list(loops.driven)
+    good = winds & closed & (at.values[driven] == one.values[driven]).all(0)
     links = len(tree.branches)
     shapes = [(tree.count,)] * 3 + [(links, 3), (links, 3, 3), (links, 6), (links, 6)]
     found = LinkRows(*(np.zeros((*shape, d, p)) for shape in shapes))
@@ -146,9 +145,10 @@ def many_motion(
 
 def _begun(like: LikeLoops, many: ManyLoops, rows: Rows, at: Coordinates) -> tuple[Rows, Coordinates]:
     """Return the designs whose drivers can go straight to where the path begins, and where they are then."""
-    driven = list(like.loops.driven)
-    here, there = like.start.values[driven], like.law(np.array([like.begin]))[0]
-    far = float(np.abs((there - here) / like.loops.units[driven, None]).max())
+    loops = like.solver.loops
+    driven = list(loops.driven)
+    here, there = like.solver.pinned.values[driven], like.law(np.array([like.begin]))[0]
+    far = float(np.abs((there - here) / loops.units[driven, None]).max())
     if far == 0.0 or not len(rows):
         return rows, at
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.analytic.closure.generic_pose import held
-from mechsim.analytic.closure.loop_solver import LoopSolver, loop_solver
+from mechsim.analytic.closure.loop_solver import LoopSolver
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates, Placed, placed
 from mechsim.errors import STEPPED, MobilityError
@@ -21,13 +21,16 @@ NUDGE, CLOSED, SEEN = 1e-3, 1e-10, 1e-2
 PART, LISTED = 1e-6, 12
 
 
-def require_determined(loops: TreeLoops, start: Coordinates) -> None:
+def require_determined(solver: LoopSolver) -> None:
     """Refuse a mechanism whose drivers do not settle it; idle freedoms, such as a rod's spin, are none.
+
+    Args:
+        solver: of its loops, about a pose that is no special one.
 
     Raises:
         MobilityError: with the joints and points left open, no more of them than there are freedoms.
     """
-    names = open_names(loops, start)
+    loops, names = solver.loops, open_names(solver)
     floating = {joint.name for joint in loops.tree.mechanism.joints if KINDS[joint.kind].floats}
     if names:
         listed = " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
@@ -40,25 +43,25 @@ def require_determined(loops: TreeLoops, start: Coordinates) -> None:
         )
 
 
-def open_names(loops: TreeLoops, start: Coordinates) -> list[str]:
+def open_names(solver: LoopSolver) -> list[str]:
     """Return what can move though all that is prescribed is held, no more of it than there are freedoms."""
-    solver = loop_solver(loops, start)
     names: list[str] = []
-    for name in _open(loops, solver, start) if solver.open else ():
+    for name in _open(solver) if solver.open else ():
         if len(names) == LISTED:
             return [*names, "others"]
         names += [name] if name not in names else []
     return names
 
 
-def _open(loops: TreeLoops, solver: LoopSolver, start: Coordinates) -> Iterator[str]:
+def _open(solver: LoopSolver) -> Iterator[str]:
     """Yield what can move, one name for each freedom: with all before it held, it still can."""
-    tree, gauge = loops.tree, solver.gauge
+    loops, gauge = solver.loops, solver.gauge
+    tree = loops.tree
     columns = {name: int(np.searchsorted(loops.unknown, place)) for name, place in tree.places.items()}
     free = [name for name, place in tree.places.items() if place in loops.unknown]
     joints = {name: joint for joint in tree.mechanism.joints for name in joint.coordinates}
     for name in free:
-        moves = _nudged(loops, solver, start, gauge, columns[name])
+        moves = _nudged(solver, gauge, columns[name])
         if moves and name in moves:
             yield joints[name].name if KINDS[joints[name].kind].floats else name
             gauge = held(gauge, columns[name])
@@ -66,21 +69,21 @@ def _open(loops: TreeLoops, solver: LoopSolver, start: Coordinates) -> Iterator[
     for ball in tree.balls:
         for turn in range(ball.turning, ball.turning + 3):
             column = int(np.searchsorted(loops.unknown, turn))
-            moves = _nudged(loops, solver, start, gauge, column)
+            moves = _nudged(solver, gauge, column)
             if moves:
                 yield ball.joint.name if ball.kind.floats else moves[0]
                 gauge = held(gauge, column)
 
 
-def _nudged(loops: TreeLoops, solver: LoopSolver, start: Coordinates, gauge: Array, column: int) -> list[str]:
+def _nudged(solver: LoopSolver, gauge: Array, column: int) -> list[str]:
     """Return what is seen to move in the freedoms in which a coordinate takes part; empty for an idle one."""
-    part = gauge[:, column]
+    loops, part = solver.loops, gauge[:, column]
     size = float(np.linalg.norm(part))
     if size < PART:
         return []
     step = np.zeros((loops.tree.count, 1))
     step[loops.unknown, 0] = NUDGE * (part / size) @ gauge
-    nudged = loops.moved(start, step)
+    nudged = loops.moved(solver.pinned, step)
     try:
         there, found, _ = replace(solver, pinned=nudged).close(nudged)
     except np.linalg.LinAlgError:
@@ -88,7 +91,7 @@ def _nudged(loops: TreeLoops, solver: LoopSolver, start: Coordinates, gauge: Arr
     # at a singular pose the loops draw it back
     if np.abs(found.residual).max(initial=0.0) >= CLOSED:
         return []
-    return _seen(loops, start, there)
+    return _seen(loops, solver.pinned, there)
 
 
 def _seen(loops: TreeLoops, before: Coordinates, after: Coordinates) -> list[str]:

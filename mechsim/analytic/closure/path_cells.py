@@ -46,7 +46,7 @@ class Cell:
     @property
     def length(self) -> float:
         """How much of the path's parameter it spans."""
-        return float(np.ptp(self.nodes))
+        return abs(float(self.nodes[-1] - self.nodes[0]))
 
     def at(self, s: Array) -> Array:
         """Return the polynomial at parameters (n,), (n, w)."""
@@ -146,6 +146,6 @@ class PathRows:
             at, found, moved = solver.close(self.unflat(rows, s), enough, ASTRAY)
         except np.linalg.LinAlgError:
             return None
-        if not (np.abs(found.residual).max(initial=0.0) < CLOSED and moved.max() < ASTRAY):
+        if not (np.abs(found.residual).max(initial=0.0) <= max(CLOSED, enough) and moved.max() < ASTRAY):
             return None
         return self.flat(at), found, float(moved.max())

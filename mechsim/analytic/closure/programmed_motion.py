@@ -6,9 +6,8 @@ import numpy as np
 
 from mechsim.analytic.closure.checked_start import checked_start
 from mechsim.analytic.closure.followed_path import FollowedPath, Words
+from mechsim.analytic.closure.loop_solver import LoopSolver, loop_solver
 from mechsim.analytic.closure.tree_assembly import held_values, with_holds
-from mechsim.analytic.closure.tree_loops import TreeLoops
-from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.analytic.closure.tree_rates import Instants, loop_motion
 from mechsim.analytic.closure.whole_motion import recorded
 from mechsim.maths.arrays import Array
@@ -30,24 +29,24 @@ def followed_under(mechanism: Mechanism, programs: Programs, through: Through = 
         AssemblyError: where the loops do not close at the guess or on the way to where the programs begin.
         MobilityError: where the drivers leave joints or tracked points open, or are too many.
     """
-    loops, start = checked_start(mechanism)
+    first = checked_start(mechanism)
     held = held_values(mechanism)
 
     def drive(clock: Array) -> Array:
         return with_holds(programs.by_clock(clock)[0], held)
 
-    start = _begun(loops, start, drive(np.zeros(1)), through)
+    first = _begun(first, drive(np.zeros(1)), through)
     words = Words("the drivers", programs.called, lambda clock: f"{programs.called(clock)} of the programs")
-    return FollowedPath(loops, drive, start, 0.0, through, words)
+    return FollowedPath(first, drive, 0.0, through, words)
 
 
-def _begun(loops: TreeLoops, start: Coordinates, there: Array, through: Through) -> Coordinates:
-    """Return the coordinates where all that is prescribed, (driven, 1), has gone straight to its place."""
-    driven = list(loops.driven)
-    here = start.values[driven]
+def _begun(first: LoopSolver, there: Array, through: Through) -> LoopSolver:
+    """Return what solves the loops where what is prescribed, (driven, 1), has gone straight to its place."""
+    loops, driven = first.loops, list(first.loops.driven)
+    here = first.pinned.values[driven]
     far = float(np.abs((there - here) / loops.units[driven, None]).max())
     if far == 0.0:
-        return start
+        return first
 
     def straight(s: Array) -> Array:
         return here + (there - here) * (s / far)
@@ -58,9 +57,9 @@ def _begun(loops: TreeLoops, start: Coordinates, there: Array, through: Through)
         return ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, values, strict=True))
 
     words = Words("the drivers on their way to where the programs begin", place, place)
-    way = FollowedPath(loops, straight, start, 0.0, through, words)
+    way = FollowedPath(first, straight, 0.0, through, words)
     way.reach(far, 1)
-    return way.unflat(way.cells[1][-1].states[-1:], np.array([far]), there)
+    return loop_solver(loops, way.unflat(way.cells[1][-1].states[-1:], np.array([far]), there))
 
 
 def solve_programmed(

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mechsim.analytic.closure.loop_solver import loop_solver
 from mechsim.analytic.closure.open_joints import open_names
 from mechsim.analytic.closure.telling import rank
 from mechsim.analytic.closure.tree_assembly import assembled, closed
@@ -73,7 +74,7 @@ def settled(mechanism: Mechanism) -> Settled:
     return Settled(
         freedoms=loops.tree.count - rank(slope) - held,
         drivers=mechanism.drivers,
-        open=tuple(open_names(asked, stands[best])),
+        open=tuple(open_names(loop_solver(asked, stands[best]))),
         superfluous=tuple(superfluous),
         redundant=len(slope) - rank(slope),
     )

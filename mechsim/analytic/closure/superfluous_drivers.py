@@ -4,6 +4,7 @@ import numpy as np
 
 from mechsim.analytic.closure.exact_geometry import DIGITS
 from mechsim.analytic.closure.generic_pose import generic_poses, held, idle_and_free
+from mechsim.analytic.closure.loop_solver import LoopSolver
 from mechsim.analytic.closure.telling import RANK_TOLERANCE, rank, telling
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates
@@ -16,18 +17,18 @@ PART, CLOSED = 1e-7, 1e-10
 LISTED, NAMED = 12, 0.1
 
 
-def require_drivable(loops: TreeLoops, start: Coordinates) -> None:
+def require_drivable(solver: LoopSolver) -> None:
     """Refuse drivers and holds that those before them settle already.
 
     Args:
-        loops: of the mechanism.
-        start: its coordinates, closed or nearly so; what cannot be closed at all is left to others.
+        solver: of the mechanism's loops, about coordinates closed or nearly so; what cannot be closed at all
+            is left to others.
 
     Raises:
         MobilityError: naming them.
     """
-    slope = loops.linearise(start)[1][..., 0]
-    if rank(slope) == rank(slope[:, loops.unknown]):
+    loops, start = solver.loops, solver.pinned
+    if rank(solver.there.slope[..., 0]) == len(solver.rows):
         return
     # at a dead centre a lone crank cannot move either: another pose tells
     (at,) = generic_poses(loops, start, 1, RANK_TOLERANCE)

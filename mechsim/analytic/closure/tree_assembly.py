@@ -7,7 +7,7 @@ import numpy as np
 from mechsim.analytic.closure.drawn_poses import drawn_towards_guess
 from mechsim.analytic.closure.random_starts import random_poses, taken
 from mechsim.analytic.closure.tree_loops import TreeLoops, tree_loops
-from mechsim.analytic.closure.tree_motion import Coordinates, placed
+from mechsim.analytic.closure.tree_motion import Coordinates, Placed, placed
 from mechsim.analytic.closure.unclosed import CLOSED, drawn_together, why_unclosed
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
@@ -37,8 +37,9 @@ def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
         try:
             loops, begun = tree_loops(mechanism, poses, told)
             at = closed(loops, begun)
-            _require_axes_alike(loops, at)
-            found.append((_strayed(mechanism, loops, at), loops, at))
+            here = placed(loops.tree, at)
+            _require_axes_alike(loops, here)
+            found.append((_strayed(mechanism, loops, here), loops, at))
         except AssemblyError as error:
             refused = refused or error
         if found and found[-1][0] < NEAR:
@@ -76,7 +77,7 @@ def _anywhere(
     chosen: Coordinates | None = None
     for at in (taken(many, np.array([i])) for many in batches for i in range(len(many))):
         rank = (
-            _strayed(mechanism, loops, at),
+            _strayed(mechanism, loops, placed(loops.tree, at)),
             float(np.abs(at.values / loops.units[:, None]).max(initial=0.0)),
         )
         if rank[0] < NEAR and rank < best:
@@ -109,9 +110,9 @@ def _not_from_there(
     )
 
 
-def _strayed(mechanism: Mechanism, loops: TreeLoops, at: Coordinates) -> float:
+def _strayed(mechanism: Mechanism, loops: TreeLoops, here: Placed) -> float:
     """Return how far links of the guess are from it, in units of the size and in [rad], the worst."""
-    here, worst = placed(loops.tree, at), 0.0
+    worst = 0.0
     for name, pose in mechanism.guess.items():
         i = loops.tree.links[name]
         gone = float(np.linalg.norm(here.position[i, :, 0] - pose.position)) / loops.tree.size
@@ -144,9 +145,8 @@ def closed(loops: TreeLoops, at: Coordinates) -> Coordinates:
     raise AssemblyError(why_unclosed(loops, at, found, gap))
 
 
-def _require_axes_alike(loops: TreeLoops, at: Coordinates) -> None:
+def _require_axes_alike(loops: TreeLoops, here: Placed) -> None:
     """Refuse cuts put together with axes or marks opposed: the rows say parallel, not in which sense."""
-    here = placed(loops.tree, at)
     for cut in loops.cuts:
         _, frame_a, _, frame_b = cut.frames(here)
         for i in KINDS[cut.joint.kind].alike:

@@ -76,8 +76,9 @@ def layout(branches: Sequence[TreeJoint], constants: Mapping[int, Fixed]) -> Lay
 
 def in_a_row(indices: Indices) -> Some:
     """Return indices as a slice where each is one more than that before: no copy is then made."""
-    row = len(indices) > 0 and bool((np.diff(indices) == 1).all())
-    return slice(int(indices[0]), int(indices[-1]) + 1) if row else indices
+    places = indices.tolist()
+    row = len(places) > 0 and places == [*range(places[0], places[0] + len(places))]
+    return slice(places[0], places[-1] + 1) if row else indices
 
 
 def block(rows: Indices, columns: Indices) -> tuple[Some, ...]:

@@ -10,10 +10,9 @@ from mechsim.analytic.closure.assembly import crank_angles
 from mechsim.analytic.closure.checked_start import checked_start
 from mechsim.analytic.closure.followed_path import FollowedPath
 from mechsim.analytic.closure.joint_motion import joint_motions, point_on
-from mechsim.analytic.closure.loop_solver import loop_solver
 from mechsim.analytic.closure.motion import crank_rate
 from mechsim.analytic.closure.tree_assembly import held_values, with_holds
-from mechsim.analytic.closure.tree_motion import placed, twists
+from mechsim.analytic.closure.tree_motion import twists
 from mechsim.analytic.closure.tree_rates import Instants, LoopMotion, loop_motion
 from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN, other_laps
@@ -43,10 +42,10 @@ def followed(mechanism: Mechanism, through: Through = "smooth") -> FollowedPath:
     """
     mechanism = described(mechanism)
     crank = mechanism.crank.name
-    loops, start = checked_start(mechanism)
-    begin = float(start.values[loops.tree.places[crank], 0])
+    first = checked_start(mechanism)
+    begin = float(first.pinned.values[first.loops.tree.places[crank], 0])
     held = held_values(mechanism)
-    return FollowedPath(loops, lambda angle: with_holds(angle[None], held), start, begin, through)
+    return FollowedPath(first, lambda angle: with_holds(angle[None], held), begin, through)
 
 
 def follow(mechanism: Mechanism, angles: ArrayLike) -> dict[str, Pose]:
@@ -146,21 +145,21 @@ def _counted(path: FollowedPath, laps: int) -> FollowedPath | None:
     start = path.start.values.copy()
     start[crank] += laps * TURN
     loops = replace(path.loops, winds=tuple(winds))
-    begin = path.begin + laps * TURN
-    return FollowedPath(loops, path.drive, replace(path.start, values=start), begin, path.passing)
+    first = replace(path.first, loops=loops, pinned=replace(path.start, values=start))
+    return FollowedPath(first, path.drive, path.begin + laps * TURN, path.passing)
 
 
 def spinning(path: FollowedPath) -> frozenset[str]:
     """Return the links that turn while all that is driven, and every tracked point, stands: as rods spin."""
     tree = path.loops.tree
     solvers = [cell.solver for cells in path.cells.values() for cell in cells]
-    solver = min(solvers or [loop_solver(path.loops, path.start)], key=lambda one: one.open)
-    here = placed(tree, solver.pinned)
+    solver = min(solvers or [path.first], key=lambda one: one.open)
     found: set[str] = set()
     for freedom in solver.gauge:
         rates = np.zeros((tree.count, 1))
         rates[path.loops.unknown, 0] = freedom
-        turning = np.abs(twists(tree, here, rates * path.loops.units[:, None])[:, 3:]).max((1, 2))
+        moved = twists(tree, solver.there.here, rates * path.loops.units[:, None])
+        turning = np.abs(moved[:, 3:]).max((1, 2))
         found |= {name for name, i in tree.links.items() if turning[i] > SPINS * turning.max()}
     return frozenset(found)
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mechsim.analytic.closure.loop_solver import loop_solver
 from mechsim.analytic.closure.open_joints import require_determined
 from mechsim.analytic.closure.random_starts import poses_beside, random_poses, taken
 from mechsim.analytic.closure.tree_assembly import assembled
@@ -98,7 +99,7 @@ def trace(
             raise InputError(f"{name} of a trace: {value!r}; give a whole number from 0 to {most}")
     mechanism = described(model)
     loops, own = assembled(mechanism)
-    require_determined(loops, own)
+    require_determined(loop_solver(loops, own))
     # holds stay, drivers are let go
     loops = replace(loops, driven=loops.driven[len(mechanism.drivers) :])
     free, begin = _ready(loops, own)
