@@ -97,8 +97,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "only the first of them counts",
     (
         PATH,
-        "flips = np.flatnonzero(np.sign(side[1:]) != np.sign(side[:-1]))",
-        "flips = np.flatnonzero(np.sign(side[1:]) != np.sign(side[:+1]))",
+        "flips = np.flatnonzero(signs[1:] != signs[:-1])",
+        "flips = np.flatnonzero(signs[1:] != signs[:+1])",
     ): "only the first flip counts: there the side is first another than at the first node",
     (
         PATH,

@@ -44,13 +44,13 @@ def test_a_smooth_path_takes_few_cells_and_none_that_is_tried_fails(name, most):
     assert 2.0 * first < other
 
 
-@pytest.mark.parametrize(("name", "most"), [("four_bar", 31), ("rssr", 44)])
+@pytest.mark.parametrize(("name", "most"), [("four_bar", 31), ("rssr", 46)])
 def test_a_turn_told_from_the_description_on_looks_at_the_loops_few_times(name, most, monkeypatch):
     looks, look = [], TreeLoops.linearise
     monkeypatch.setattr(TreeLoops, "linearise", lambda loops, at: looks.append(len(at)) or look(loops, at))
     mechanism = catalog.make(name).mechanism
     closure.solve(mechanism, mechanism.start + np.linspace(0.0, 2 * np.pi, 100))
-    # measured 28 and 43: of one pose at the start, of all of them at the end, else two or three a cell
+    # measured 29 and 44: of one pose at the start, of all of them at the end, else two or three a cell
     assert len(looks) <= most
 
 

@@ -23,7 +23,7 @@ from mechsim.model.motion import Through
 
 # nodes of a cell, its first length and its longest, in radians of the drivers' motion, and how many times as
 # long as the one before it may be at the most
-NODES, FIRST, LONGEST, GROWTH = 9, 0.2, 1.2, 3.0
+NODES, FIRST, LONGEST, GROWTH = 9, 0.1, 1.2, 3.0
 # a cell shorter than this ends at a singular pose
 SHORTEST = 1e-13
 # cells that are begun at the most: about a millisecond and two kilobytes each
