@@ -118,7 +118,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "known = every > RANK_TOLERANCE * every.max()",
         "known = every > RANK_TOLERANCE / every.max()",
     ): NEAR_ONE,
-    (SOLVER, "SQUARE = 0.1", "SQUARE = 0.010000000000000002"): SPEED,
+    (SOLVER, "SQUARE = 1.0", "SQUARE = 0.1"): SPEED,
     **{
         (
             SOLVER,

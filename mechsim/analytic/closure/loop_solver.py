@@ -17,8 +17,8 @@ from mechsim.maths.arrays import Array
 MOST_STEPS, ROUNDING = 8, 1e-13
 # slopes below this are rounding
 IDLE = 1e-14
-# a step leaves its own square open, times no more than the inverse of this
-SQUARE = 0.1
+# a step leaves no more open than its own square, times the inverse of this: turns bend by half of it
+SQUARE = 1.0
 # steps, in radians or units of the size, that are too long for the linear model
 FAR = 0.3
 # part of the best that rows and gauge may tell before others are picked, by singular value and determinant;
