@@ -38,8 +38,8 @@ AIM, AIMED = 1e-5, 5e-3
 BLIND, CLEAR = 0.05, 1e-5
 # a path that ends so near to its start may end because that is singular
 AT_START = 1e-3
-# what the poses of a cell may stand open by: a hundredth of what polynomials through them leave out; and so near
-# to a singular pose that this would be taken for the path's bend
+# what the poses of a cell may stand open by: a hundredth of what polynomials through them leave out; and so
+# near to a singular pose that this would be taken for the path's bend
 ENOUGH, BARELY = 1e-11, 1e-4
 # what is taken for this where it is less
 TINY = 1e-300
