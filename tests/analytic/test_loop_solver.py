@@ -90,7 +90,7 @@ def test_what_no_loop_holds_is_kept_where_it_is_in_units_of_the_size():
 
 
 def test_an_open_freedom_is_kept_where_it_stood_when_the_solver_was_made():
-    loops, at = checked_start(catalog.make("rssr").mechanism)
+    loops, at = rssr()
     loops = replace(loops, driven=())
     here, _ = off(loops, at, 0.2)
     assert np.abs(here.values).max() > 0.1
