@@ -13,6 +13,9 @@ from mechsim.cli.scene_findings import found_in, in_json, print_findings
 from mechsim.cli.slips import asked_angle
 from mechsim.report.facts import OWN, facts
 
+# part of the largest coordinate of a place below which one is rounding, and is printed as 0
+ROUNDING = 1e-13
+
 
 @spread
 def show(
@@ -87,10 +90,12 @@ def _print_crank(found: dict[str, Any]) -> None:
 
 def _print_assemblies(found: dict[str, Any]) -> None:
     rows: list[tuple[str, ...]] = []
+    places = [place for assembly in found["assemblies"] for place in assembly["points"].values()]
+    least = ROUNDING * max((abs(value) for place in places for value in place), default=0.0)
     for assembly in found["assemblies"]:
         names = ", ".join(f"{k} {v:+d}" for k, v in assembly.items() if isinstance(v, int))
         for point, place in assembly["points"].items():
-            rows.append((names, point, *(f"{value:.9g}" for value in place)))
+            rows.append((names, point, *(f"{value if abs(value) > least else 0.0:.9g}" for value in place)))
     at = f"{math.degrees(found['angle']):.6g} deg"
     if not rows:
         passes = any(low <= found["angle"] <= high for low, high in found["crank_ranges"])
@@ -108,7 +113,7 @@ def _print_assemblies(found: dict[str, Any]) -> None:
 def _print_change_points(found: dict[str, Any]) -> None:
     at = ", ".join(f"{math.degrees(a):.4f} deg" for a in found["change_points"])
     typer.echo(
-        f"change points of the crank: {at}: there two assemblies meet and bars lie on each other; the motion "
+        f"change points of the crank: {at}: there assemblies meet and bars lie on each other; the motion "
         "goes on smoothly, or back with --through fold; a real one needs a second crank or a flywheel"
     )
     if found["turns_to_come_round"] > 1:
@@ -116,7 +121,8 @@ def _print_change_points(found: dict[str, Any]) -> None:
 
 
 def _sum(terms: dict[str, float]) -> str:
-    return " + ".join(name if weight == 1.0 else f"{weight:.9g} {name}" for name, weight in terms.items())
+    signs = {1.0: "", -1.0: "-"}
+    return _added([f"{signs.get(weight, f'{weight:.9g} ')}{name}" for name, weight in terms.items()])
 
 
 def _polynomial(coupling: dict[str, Any]) -> str:
@@ -124,7 +130,11 @@ def _polynomial(coupling: dict[str, Any]) -> str:
     x = _sum(coupling["driver"])
     powers = ["", *(f" ({x})" if k == 1 else f" ({x})^{k}" for k in range(1, 6))]
     parts = zip(coupling["coefficients"], powers, strict=False)
-    return " + ".join(f"{value:.9g}{power}" for value, power in parts if value) or "0"
+    return _added([f"{value:.9g}{power}" for value, power in parts if value]) or "0"
+
+
+def _added(terms: list[str]) -> str:
+    return " + ".join(terms).replace(" + -", " - ")
 
 
 def _number(value: Any) -> str:

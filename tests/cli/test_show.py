@@ -1,0 +1,33 @@
+"""What `mechsim show` prints of a mechanism of one's own."""
+
+# a parallelogram that stands flat where it is looked at, and couplings that hold it there
+CAMS = """name = "cams"
+units = { length = "mm" }
+start = 0.9
+[joints]
+crank = { kind = "revolute", a = { link = "ground" }, b = { link = "crank" } }
+A = { kind = "revolute", a = { link = "crank", at = [31, 0, 0] }, b = { link = "rod" } }
+B = { kind = "revolute", a = { link = "rod", at = [120, 0, 0] }, b = { link = "lever", at = [31, 0, 0] } }
+O4 = { kind = "revolute", a = { link = "ground", at = [120, 0, 0] }, b = { link = "lever" } }
+cam = { kind = "revolute", a = { link = "ground", at = [50, -70, 0] }, b = { link = "cam" } }
+[links]
+cam = { outline = [[0, 0, 0], [12, 0, 0]] }
+[couplings]
+lift = { driver = "crank", driven = "cam", coefficients = [0, 0.3, -0.02] }
+sum = { driver = "crank", driven = { cam = 1, O4 = -1 }, coefficients = [0, -0.7, -0.02] }
+[points]
+B = { link = "lever", at = [31, 0, 0] }
+[guess]
+rod = { at = [20, 24, 0] }
+lever = { at = [120, 0, 0], turn = { axis = [0, 0, 1], angle = 0.9 } }
+"""
+
+
+def test_rounding_is_nought_and_what_is_taken_off_has_a_minus(mechsim, tmp_path):
+    (tmp_path / "cams.toml").write_text(CAMS)
+    said = mechsim("show", "cams.toml")
+    assert said.code == 0, said.err
+    assert "0.3 (crank) - 0.02 (crank)^2" in said.out
+    assert "cam - O4" in said.out
+    row = next(line for line in said.out.splitlines() if " B " in line and "0.151" in line)
+    assert [cell.strip() for cell in row.split("│")[3:6]] == ["0.151", "0", "0"]
