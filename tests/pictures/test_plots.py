@@ -15,6 +15,7 @@ from mechsim.errors import InputError, OutputError
 from mechsim.model.forces import Forces
 from mechsim.pictures import plots
 from mechsim.pictures.number_text import readable
+from mechsim.pictures.plots.agreement import TwoCurves, agreement_plot
 from mechsim.pictures.plots.figure import round_numbers
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
 from mechsim.subjects.subject import load
@@ -230,3 +231,42 @@ def test_a_force_s_rounding_is_not_drawn_as_a_force():
     figure = plots.reaction_plot(SimpleNamespace(efforts=efforts))
     for ax in figure.axes:
         assert tuple(ax.dataLim.intervalx) == (0.0, 0.0)
+
+
+def test_what_stands_still_to_rounding_is_drawn_flat_and_says_so(drive, motion):
+    """A pin on the frame, whose coordinates and rates are left by a solver at 1e-17 of the linkage."""
+    noise = 1e-17 * np.random.default_rng(3).normal(size=(3, len(motion), 3))
+    place = np.array([0.03, -0.02, 0.01])
+    pin = replace(
+        next(iter(motion.points.values())),
+        position=place + noise[0],
+        velocity=100.0 * noise[1],
+        acceleration=1e4 * noise[2],
+    )
+    name, moving = next(iter(motion.points.items()))
+    both = replace(motion, points={"pin": pin, name: moving})
+    figure = plots.motion_plot(both)
+    for row in range(3):
+        flat, signal = figure.axes[2 * row : 2 * row + 2]
+        drawn = max(float(np.ptp(line.get_ydata())) for line in flat.get_lines())
+        low, high = flat.get_ylim()
+        assert high - low > 1e6 * drawn
+        assert any("rounding" in text.get_text() for text in flat.texts) or row == 0
+        assert not signal.texts
+    still = replace(motion, points={next(iter(drive.mechanism.points)): pin})
+    for figure in (plots.coupler_curve(drive.mechanism, still), plots.space_curve(drive.mechanism, still)):
+        low, high = figure.axes[0].get_xlim()
+        assert high - low > 1.0
+    assert "stands still within" in plots.coupler_curve(drive.mechanism, still).axes[0].get_title("left")
+
+
+def test_a_difference_of_rounding_is_drawn_as_none():
+    exact = 0.1 + 0.02 * np.sin(np.linspace(0.0, 6.0, 50))[:, None]
+    told = {"name": "P.x", "unit": "m", "at": np.linspace(0.0, 6.0, 50), "timed": False, "exact": exact}
+    told |= {"parts": "x", "bound": 1e-9, "source": "own.py", "shares": {}}
+    for gap, drawn, says in ((1e-17, 0.0, "rounding, below"), (1e-11, 1e-11, "at most")):
+        claimed = exact + gap * np.cos(np.linspace(0.0, 6.0, 50))[:, None]
+        ax = agreement_plot(TwoCurves(claimed=claimed, **told)).axes[1]
+        largest = np.abs(ax.get_lines()[0].get_ydata()).max()
+        assert largest == pytest.approx(drawn / 1e-6, rel=1e-2)
+        assert says in ax.get_title("left")

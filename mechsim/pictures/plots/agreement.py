@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.pictures.number_text import prefixed, readable
-from mechsim.pictures.plots.figure import COLOURS, along_axis, blank, styled
+from mechsim.pictures.plots.figure import COLOURS, ROUNDED, along_axis, blank, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -88,15 +88,25 @@ def _difference(ax: "Axes", x: Array, told: TwoCurves) -> None:
     gap = told.claimed - told.exact
     if told.unit == "rad":
         gap = gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi))
-    factor, unit = _readable(gap, told.unit)
+    floor = ROUNDED * float(np.nanmax(np.abs(told.exact), initial=0.0))
+    rounding = float(np.nanmax(np.abs(gap), initial=0.0)) < floor
+    factor, unit = _readable(np.array([max(floor, told.bound)]) if rounding else gap, told.unit)
+    if rounding:
+        gap = 0.0 * gap
     for i in range(gap.shape[1]):
         ax.plot(x, gap[:, i] / factor, color=COLOURS[i], label=told.parts[i : i + 1])
     largest = float(np.abs(gap).max(initial=0.0))
+    if rounding:
+        far = 1.3 * max(told.bound, floor) / factor
+        ax.set_ylim(-far, far)
     if told.bound > 0.05 * largest:
         for sense in (1.0, -1.0):
             ax.axhline(sense * told.bound / factor, color="#5b6470", lw=0.8, ls="--")
     ax.set_ylabel(f"difference [{unit}]")
-    said = f"at most {prefixed(largest, told.unit)}, bound {prefixed(told.bound, told.unit)}"
+    most = (
+        f"rounding, below {floor:.1g} {told.unit}" if rounding else f"at most {prefixed(largest, told.unit)}"
+    )
+    said = f"{most}, bound {prefixed(told.bound, told.unit)}"
     ax.set_title(f"the difference: {said}")
 
 

@@ -8,7 +8,16 @@ import numpy as np
 from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Efforts, Fluctuation, FreeRun
 from mechsim.pictures.number_text import readable
-from mechsim.pictures.plots.figure import BESIDE, COLOURS, STYLES, along_axis, angle_axis, blank, styled
+from mechsim.pictures.plots.figure import (
+    BESIDE,
+    COLOURS,
+    STYLES,
+    along_axis,
+    angle_axis,
+    blank,
+    flattened,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,9 +110,11 @@ def free_plot(run: FreeRun) -> "Figure":
     time = run.time / factor
     axes[0, 0].plot(time, run.speed, color=COLOURS[0])
     axes[0, 0].set_ylabel("crank speed [rad/s]")
+    flattened(axes[0, 0], float(np.abs(run.speed).max(initial=0.0)), "rad/s")
     torque, newton = readable(run.motor, "N m")
     axes[1, 0].plot(time, run.motor / torque, color=COLOURS[1])
     axes[1, 0].set_ylabel(f"motor torque [{newton}]")
+    flattened(axes[1, 0], float(np.abs(run.motor).max(initial=0.0)) / torque, newton)
     parts = {
         "kinetic": run.kinetic,
         "potential": run.potential - run.potential[0],
@@ -158,6 +169,7 @@ def _torque(ax: "Axes", study: Prescribed, simulated: Efforts | None) -> None:
         x, y = np.rad2deg(simulated.angle[::every]), simulated.torque[::every] / factor
         ax.plot(x, y, "o", ms=3.5, mfc="none", mew=0.7, color=RINGS, label="MuJoCo")
     ax.set_ylabel(f"torque [{unit}]")
+    flattened(ax, max(float(np.abs(values).max(initial=0.0)) for values in lines.values()) / factor, unit)
     angle_axis(ax)
     ax.legend(**BESIDE)
 
@@ -229,6 +241,7 @@ def _speeds(ax: "Axes", turn: Fluctuation, even: Fluctuation | None) -> None:
         label = f"flywheel {one.flywheel:.3g} kg m², δ = {one.coefficient:.3g}"
         ax.plot(np.rad2deg(one.angle), one.speed, color=COLOURS[i], ls=STYLES[i], label=label)
     ax.axhline(turn.mean, color=RINGS, lw=0.8)
+    flattened(ax, abs(float(turn.mean)), "rad/s")
     ax.set_ylabel("crank speed [rad/s]")
     angle_axis(ax)
     ax.legend(**BESIDE)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError, needs
 from mechsim.files import written_beside
@@ -25,6 +25,8 @@ Format = Literal["svg", "png", "pdf"]
 FORMATS: tuple[Format, ...] = ("svg", "png", "pdf")
 COLOURS = [colour[:3] for colour in PALETTE[:6]]
 STYLES = ("-", "--", ":")
+# what varies by less than this part of its scale is rounding
+ROUNDED = 1e-12
 # a legend beside axes that curves may fill
 BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
 
@@ -155,6 +157,30 @@ def angle_axis(ax: "Axes") -> None:
     low, high = ax.get_xlim()
     if high - low < 800.0:
         ax.xaxis.set_major_locator(locator(60.0 if high - low < 450.0 else 180.0))
+
+
+def still(values: ArrayLike, scale: float) -> bool:
+    """Say whether values vary by no more than the rounding of their scale."""
+    known = np.asarray(values, dtype=np.float64)
+    known = known[np.isfinite(known)]
+    return bool(len(known)) and scale > 0.0 and float(np.ptp(known)) < ROUNDED * scale
+
+
+def flattened(ax: "Axes", scale: float, unit: str) -> None:
+    """Show curves that vary by no more than the rounding of their scale as flat, and say below what.
+
+    Args:
+        ax: with the curves.
+        scale: of them, in the axis's own numbers; 0 where it is not known.
+        unit: of these.
+    """
+    values = np.concatenate([np.zeros(0), *(np.asarray(line.get_ydata(), float) for line in ax.get_lines())])
+    if not still(values, scale):
+        return
+    middle = 0.5 * float(np.nanmin(values) + np.nanmax(values))
+    ax.set_ylim(middle - 0.5 * scale, middle + 0.5 * scale)
+    said = f"varies by less than {ROUNDED * scale:.1g} {unit}: rounding"
+    ax.annotate(said, (0.03, 0.05), xycoords="axes fraction", fontsize=6.5, color="#5b6470")
 
 
 def locator(step: float) -> Any:

@@ -18,6 +18,7 @@ from mechsim.pictures.plots.figure import (
     blank,
     chosen,
     decades,
+    flattened,
     styled,
 )
 
@@ -38,6 +39,7 @@ def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> "Figure"
     """
     names = chosen(motion, points)
     rows = (("position", "position"), ("velocity", "velocity"), ("acceleration", "acceleration"))
+    scales = _scales(motion)
     figure, axes = blank(3, len(names), (3.0 * len(names) + 0.6, 6.0), sharex=True)
     for column, name in enumerate(names):
         for row, (attribute, label) in enumerate(rows):
@@ -46,6 +48,7 @@ def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> "Figure"
             for i, part in enumerate("xyz"):
                 ax.plot(abscissa(motion), values[:, i] / factor, color=COLOURS[i], ls=STYLES[i], label=part)
             ax.set_ylabel(f"{label} [{unit}]")
+            flattened(ax, scales[row] / factor, unit)
             # one line for all labels of a column; finding the line costs a third of the plot
             ax.yaxis.set_label_coords(-0.19, 0.5)
         axes[0, column].set_title(name)
@@ -53,6 +56,20 @@ def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> "Figure"
     lines = axes[0, 0].get_lines()
     figure.legend(handles=lines, ncols=3, loc="outside upper right", handlelength=1.6)
     return figure
+
+
+def _scales(motion: Motion) -> list[float]:
+    """Return how large places, velocities and accelerations are where something moves, in SI.
+
+    The rates are those of a point so far out that turns with the crank, where those of all points are less.
+    """
+    reach = max(float(np.abs(point.position).max(initial=0.0)) for point in motion.points.values())
+    speed = float(np.abs(motion.speed).max(initial=0.0))
+    found = [reach, reach * speed, reach * speed**2]
+    for i, rate in ((1, "velocity"), (2, "acceleration")):
+        sizes = [np.abs(getattr(point, rate)).max(initial=0.0) for point in motion.points.values()]
+        found[i] = max(found[i], float(np.nanmax(sizes)))
+    return found
 
 
 @styled()

@@ -9,7 +9,7 @@ from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.pictures.number_text import readable
-from mechsim.pictures.plots.figure import COLOURS, blank, chosen, styled
+from mechsim.pictures.plots.figure import COLOURS, ROUNDED, blank, chosen, styled
 from mechsim.shapes import point_colours
 
 if TYPE_CHECKING:
@@ -49,7 +49,8 @@ def coupler_curve(
     places = {name: motion.points[name].position for name in names}
     everything = np.vstack(list(places.values()))
     factor, unit = readable(everything, "m")
-    flat = np.ptp(everything[:, 2]) <= 1e-9 * np.ptp(everything, axis=0).max()
+    spread, scale = float(np.ptp(everything, axis=0).max()), float(np.abs(everything).max())
+    flat = np.ptp(everything[:, 2]) <= max(1e-9 * spread, ROUNDED * scale)
     views = [(0, 1)] if flat else [(0, 1), (2, 1), (0, 2)]
     figure, axes = blank(1, len(views), (3.6 * len(views) + 0.4, 3.4))
     for ax, (i, j) in zip(axes[0], views, strict=True):
@@ -62,6 +63,13 @@ def coupler_curve(
                 ax.plot(*rings.T, "o", ms=3.5, mfc="none", mew=0.7, color="#222831")
         ax.set_xlabel(f"{'xyz'[i]} [{unit}]")
         ax.set_ylabel(f"{'xyz'[j]} [{unit}]")
+        if spread < ROUNDED * scale:
+            # what stands still is a point, not a path of rounding
+            for middle, limits in zip(
+                everything[0, [i, j]] / factor, (ax.set_xlim, ax.set_ylim), strict=True
+            ):
+                limits(middle - 0.5 * scale / factor, middle + 0.5 * scale / factor)
+            ax.set_title(f"stands still within {ROUNDED * scale:.1g} m")
         ax.set_aspect("equal", adjustable="datalim")
     axes[0, 0].legend(loc="best")
     return figure
@@ -76,7 +84,8 @@ def space_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | No
     factor, unit = readable(everything, "m")
     # a cube that holds everything, so that lengths compare across axes
     middle = (everything.min(0) + everything.max(0)) / 2.0 / factor
-    half = 0.55 * float(np.ptp(everything, axis=0).max()) / factor
+    spread, scale = float(np.ptp(everything, axis=0).max()), float(np.abs(everything).max())
+    half = (0.55 * spread if spread >= ROUNDED * scale else 0.5 * scale) / factor
     figure, axes = blank(1, 1, (4.6, 4.4), subplot_kw={"projection": "3d"})
     ax = axes[0, 0]
     for name, place in places.items():
