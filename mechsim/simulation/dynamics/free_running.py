@@ -26,7 +26,7 @@ from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
 from mechsim.simulation.run_result import SteppedFreeRun
-from mechsim.simulation.settings import Settings, set_armature
+from mechsim.simulation.settings import HARDNESS, Settings, set_armature
 from mechsim.simulation.stepping import Watch, unwatched
 from mechsim.simulation.telling import RANK_TOLERANCE
 
@@ -37,7 +37,7 @@ PATIENCE = 20.0
 # energy best (Bennett, 3e-7)
 REDUNDANT = Settings(hardness=100.0, constant_steps=5.0, steps_per_turn=4000)
 # the same where they agree
-AGREEING = Settings(steps_per_turn=4000)
+AGREEING = Settings(steps_per_turn=4000, hardness=HARDNESS)
 # records over which the work is summed up, at least
 FINEST = 10_000
 # instants at which the energy of a trial is looked at
