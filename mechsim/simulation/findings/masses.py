@@ -26,6 +26,7 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
     moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
     heaviest = max((float(model.body_mass[b]) for b in moving), default=0.0)
     parts = {body.name: body for body in scene.read.spec.bodies}
+    carried = _carried(scene)
     for b in moving:
         name = str(model.body(b).name)
         mass, moments = float(model.body_mass[b]), np.sort(model.body_inertia[b])
@@ -35,8 +36,8 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
             said = float(part.mass), f"has a mass of {part.mass:g} kg", "no body has it: weigh it"
         if not said and mass > WEIGHTLESS * heaviest:
             said = _spread(scene, mass, moments, float(np.linalg.norm(model.body_ipos[b])))
-        if not said and model.body_jntnum[b] and _carried(scene, b) <= WEIGHTLESS * heaviest:
-            by = _carried(scene, b)
+        by = float(carried[b])
+        if not said and model.body_jntnum[b] and by <= WEIGHTLESS * heaviest:
             said = by, f"with all it carries weighs {by:.2g} kg, nothing beside {heaviest:.2g} kg", "weigh it"
         if said:
             by, what, remedy = said
@@ -51,17 +52,20 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
             )
 
 
-def _carried(scene: Inspected, b: int) -> float:
-    """Return the mass of a body and of all it carries, in [kg], as the file has it where it says."""
-    model, total = scene.model, 0.0
+def _carried(scene: Inspected) -> Array:
+    """Return the masses of bodies with all they carry, (nbody,) in [kg], the file's own where it says."""
+    model = scene.model
     parts = {body.name: body for body in scene.read.spec.bodies}
-    for other in range(b, model.nbody):
-        above = other
-        while above > b:
-            above = int(model.body_parentid[above])
-        if above == b:
-            part = parts[str(model.body(other).name)]
-            total += float(part.mass if part.explicitinertial else model.body_mass[other])
+    told = [parts.get(str(model.body(b).name)) for b in range(model.nbody)]
+    total = np.array(
+        [
+            part.mass if part is not None and part.explicitinertial else mass
+            for part, mass in zip(told, model.body_mass.tolist(), strict=True)
+        ]
+    )
+    # a body stands behind the one it hangs on
+    for b in range(model.nbody - 1, 0, -1):
+        total[model.body_parentid[b]] += total[b]
     return total
 
 

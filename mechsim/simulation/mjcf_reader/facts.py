@@ -24,8 +24,11 @@ def coordinate_values(model: mujoco.MjModel, qpos: Array) -> dict[str, float]:
 
 def outlined(model: mujoco.MjModel, chained: Chains) -> tuple[Link, ...]:
     """Return the moving links; with their masses and geoms where all joints of each lie in one place."""
-    ends = [end for joint in chained.joints for end in (joint.a, joint.b)]
-    places = {link.name: {end.point for end in ends if end.link == link.name} for link in chained.links}
+    places = {link.name: set[Vector]() for link in chained.links}
+    for joint in chained.joints:
+        for end in (joint.a, joint.b):
+            places.setdefault(end.link, set()).add(end.point)
+    places.pop(GROUND, None)
     if any(len(points) > 1 for points in places.values()):
         return chained.links
     held = {link.name: list[Vector]() for link in chained.links}

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces, Friction, JointSpring
 from mechsim.model.inertia import Inertia
-from mechsim.model.links import GROUND, Link
+from mechsim.model.links import Link
 from mechsim.simulation.mjcf_reader.kinds import DRIVABLE
 from mechsim.simulation.mjcf_reader.link_places import Carrier, rotation, vector
 
@@ -28,7 +28,11 @@ def weighed(
         carriers: of each body, the world first.
         size: of the mechanism in [m], by which a link without mass gets moments.
     """
-    found = {link.name: _together(model, link.name, carriers) for link in links}
+    bodies = {link.name: list[int]() for link in links}
+    for i, carrier in enumerate(carriers):
+        if carrier.link in bodies:
+            bodies[carrier.link].append(i)
+    found = {name: _together(model, of, carriers) for name, of in bodies.items()}
     heaviest = max((mass for mass, _, _ in found.values()), default=0.0)
     if not heaviest > 0.0:
         return tuple(links)
@@ -46,9 +50,10 @@ def weighed(
     return tuple(replace(link, inertia=inertia(*found[link.name])) for link in links)
 
 
-def _together(model: mujoco.MjModel, link: str, carriers: Sequence[Carrier]) -> tuple[float, Array, Array]:
-    """Return mass, centre (3,) and moments about it (3, 3) of all bodies on a link, in its frame."""
-    bodies = [i for i, carrier in enumerate(carriers) if carrier.link == link and link != GROUND]
+def _together(
+    model: mujoco.MjModel, bodies: Sequence[int], carriers: Sequence[Carrier]
+) -> tuple[float, Array, Array]:
+    """Return mass, centre (3,) and moments about it (3, 3) of the bodies on one link, in its frame."""
     masses = np.array([model.body_mass[i] for i in bodies])
     centres = np.array([carriers[i].point(model.body_ipos[i]) for i in bodies]).reshape(-1, 3)
     whole = float(masses.sum())

@@ -1,0 +1,37 @@
+"""Bodies nested deep: what each carries is added up once, and no work grows with the square of the depth."""
+
+import time
+
+import numpy as np
+
+from mechsim.simulation.findings import masses
+from mechsim.simulation.findings.inspected import Inspected
+from mechsim.simulation.mjcf_reader import read_model
+
+
+def nested(tmp_path, depth):
+    bodies = "".join(
+        f'<body pos="0.01 0 0.001"><joint axis="0 1 0"/><geom size="0.00{1 + i % 5}"/>' for i in range(depth)
+    )
+    path = tmp_path / f"deep{depth}.xml"
+    path.write_text(f'<mujoco><worldbody>{bodies}<site name="tip"/>{"</body>" * depth}</worldbody></mujoco>')
+    read = read_model(str(path), still=True)
+    scene = Inspected(read)
+    assert scene.model.nbody == depth + 1
+    return scene
+
+
+def test_what_a_body_carries_is_what_mujoco_adds_up(tmp_path):
+    scene = nested(tmp_path, 60)
+    np.testing.assert_allclose(masses._carried(scene), scene.model.body_subtreemass, rtol=1e-13)
+
+
+def test_weighing_nested_bodies_takes_time_in_proportion_to_their_number(tmp_path):
+    def seconds(scene):
+        begin = time.process_time()
+        assert list(masses.impossible(scene)) == []
+        return time.process_time() - begin
+
+    few, many = nested(tmp_path, 60), nested(tmp_path, 360)
+    # six times the bodies; the square would be 36 times
+    assert min(seconds(many) for _ in range(3)) < 18.0 * min(seconds(few) for _ in range(3))
