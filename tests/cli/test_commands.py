@@ -351,6 +351,10 @@ def test_help_loads_nothing_heavy() -> None:
     assert not loaded_by("--help") & (HEAVY | {"numpy", "mujoco"})
 
 
+def test_a_run_of_the_catalogue_by_its_defaults_loads_neither_scipy_nor_pictures() -> None:
+    assert not loaded_by("simulate four_bar") & {"scipy", "matplotlib", "mediapy"}
+
+
 def test_usual_units_load_no_unit_library_and_what_is_no_scene_no_simulator() -> None:
     usual = loaded_by("show four_bar", "solve four_bar --set crank=41mm --speed 300rpm --angles 0:360:45deg")
     assert not usual & {"pint", "dask", "scipy", "matplotlib", "mediapy", "mujoco"}

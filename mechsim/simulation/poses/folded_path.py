@@ -11,8 +11,8 @@ from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.poses.assembly_path import AssemblyPath, walked_path
 from mechsim.simulation.poses.meetings import BLIND, Meeting, determinant
-from mechsim.simulation.poses.spline_path import AssemblyPath, walked_path
 from mechsim.simulation.poses.strides import SHORTEST, walk
 
 # turn by which it is seen how the loops bend at a meeting; what of that must be left if the other assembly

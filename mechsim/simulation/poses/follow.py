@@ -11,11 +11,11 @@ from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.poses.assembly_path import AssemblyPath, walked_path
 from mechsim.simulation.poses.folded_path import FoldedPath, folded
 from mechsim.simulation.poses.laps import on_other_laps
 from mechsim.simulation.poses.meetings import Meeting
 from mechsim.simulation.poses.rough_steps import ASTRAY, sprint
-from mechsim.simulation.poses.spline_path import AssemblyPath, walked_path
 from mechsim.simulation.poses.strides import SHORTEST, STRIDE, Strides, walk
 
 # from a closed state to a crank angle: states on the path, or None where it is not certain

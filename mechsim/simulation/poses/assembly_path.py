@@ -1,8 +1,8 @@
-"""The states of an assembly as a function of the crank angle, by splines through some of them."""
+"""The states of an assembly as a function of the crank angle, by polynomials through some of them."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,9 @@ from mechsim.simulation.poses.meetings import Meeting, settled
 # a correction of a pose interpolated between closed ones that cannot lead into another assembly, and one
 # that may though the side be the same: measured 2e-7 and 1e-2 at most
 SURE, DOUBT = 1e-6, 5e-2
-# knots nearer than this to each other in crank angle are too many for a spline, in [rad]
-CROWDED = 1e-2
+# knots nearer than this to each other in crank angle are too many for a polynomial, in [rad]; and knots in a
+# row that tell the states between them
+CROWDED, TELLING = 1e-2, 10
 
 
 @dataclass(frozen=True)
@@ -109,15 +110,8 @@ class AssemblyPath:
 
     @cached_property
     def _guess(self) -> Callable[[Array], Array]:
-        from scipy.interpolate import make_interp_spline
-
-        if len(self.knots) == 1:
-            return lambda at: np.repeat(self.knots, len(at), 0)
-        knots = _spread(self.knots, self.loops.crank_place)
-        degree = min(7, len(knots) - 1)
-        degree -= 1 - degree % 2
-        at = knots[:, self.loops.crank_place]
-        return make_interp_spline(at, _same_sign_quaternions(self.loops, knots), k=degree)
+        knots = _spread(self.knots, self.loops.crank_place) if len(self.knots) > 1 else self.knots
+        return partial(_between, knots[:, self.loops.crank_place], _same_sign_quaternions(self.loops, knots))
 
 
 def walked_path(
@@ -130,8 +124,27 @@ def walked_path(
     return replace(path, side=float(np.sign(sides.sum())))
 
 
+def _between(places: Array, states: Array, at: Array) -> Array:
+    """Return what the polynomials through the nearest knots tell between them, (n, nq).
+
+    Args:
+        places: of the knots, rising, (k,).
+        states: there, (k, nq).
+        at: places, (n,).
+    """
+    count = min(TELLING, len(places))
+    first = np.clip(np.searchsorted(places, at) - count // 2, 0, len(places) - count)
+    found = np.zeros((len(at), states.shape[1]))
+    for i in range(count):
+        others = [j for j in range(count) if j != i]
+        near = places[first[:, None] + others]
+        weight = ((at[:, None] - near) / (places[first + i][:, None] - near)).prod(1)
+        found += weight[:, None] * states[first + i]
+    return found
+
+
 def _spread(knots: Array, place: int) -> Array:
-    """Return the knots without those that crowd at a dead centre, where a spline through all is noise."""
+    """Return the knots without those that crowd at a dead centre, where a polynomial through all is noise."""
     kept = [0]
     for i in range(1, len(knots)):
         if knots[i, place] - knots[kept[-1], place] > CROWDED:
