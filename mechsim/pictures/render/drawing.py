@@ -154,7 +154,7 @@ def named(drawn: DrawnModel, frame: int) -> dict[str, Array]:
     A pivot at which a tracked point always stands goes by the point's name.
     """
     points = drawn.frames.points
-    places = {name: path[frame] for name, path in points.items()}
+    places = {name: path[frame] for name, path in points.items() if name not in drawn.far.names}
     for joint in drawn.mechanism.joints if not drawn.look.bodies else ():
         for end in (joint.a, joint.b):
             at = np.array(end.point)
@@ -168,6 +168,8 @@ def named(drawn: DrawnModel, frame: int) -> dict[str, Array]:
 def _legend(drawn: DrawnModel) -> tuple[tuple[str, Ink], ...]:
     """The lines at the foot of a picture: what the caller says, the ghost, the arrows."""
     lines: list[tuple[str, Ink]] = [(drawn.look.caption, INK)] if drawn.look.caption else []
+    if drawn.far.told:
+        lines.append((drawn.far.told, INK))
     if drawn.ghost:
         lines.append((drawn.ghost.legend, INK))
     lines += [one.legend for one in drawn.arrows]

@@ -15,6 +15,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import hinged_normals
 from mechsim.pictures.render import scenery
 from mechsim.pictures.render.arrows import Arrows, arrows
+from mechsim.pictures.render.far_paths import far_paths
 from mechsim.pictures.render.frame_poses import FramePoses
 from mechsim.pictures.render.ghost import Ghost
 from mechsim.pictures.render.labels import foot
@@ -45,6 +46,7 @@ class DrawnModel:
         upright: the coordinate that stands upright.
         normals: of links that all move in one plane; None where they do not.
         arrows: arrows of each kind asked for.
+        far: the paths that go far beyond the links, which are cut.
     """
 
     def __init__(self, mechanism: Mechanism, frames: FramePoses, look: Look, ghost: Ghost | None = None):
@@ -53,6 +55,11 @@ class DrawnModel:
         self.forward = bool(frames.angle[-1] >= frames.angle[0])
         self.shapes = self._shapes()
         balls, radii = self._extent()
+        self.far = far_paths(frames, balls, radii)
+        self.frames = frames = self.far.cut(frames)
+        paths = [path for name, path in frames.paths.items() if name not in self.far.names]
+        balls = np.vstack([balls, *paths])
+        radii = np.append(radii, np.zeros(len(balls) - len(radii)))
         self.low, self.high = (balls - radii[:, None]).min(0), (balls + radii[:, None]).max(0)
         self.upright = cameras.upright(mechanism, look.upright)
         self.normals = hinged_normals(mechanism)
@@ -67,7 +74,7 @@ class DrawnModel:
         if look.projections:
             corners = np.array(np.meshgrid(*zip(self.low, self.high, strict=True))).reshape(3, -1).T
             balls, radii = np.vstack([balls, corners]), np.append(radii, np.zeros(len(corners)))
-        lines = bool(look.caption) + (ghost is not None) + len(self.arrows)
+        lines = bool(look.caption) + bool(self.far.told) + (ghost is not None) + len(self.arrows)
         free = foot(look.size, lines) if look.notes else 0.0
         self.camera = cameras.framed(back, up, balls, radii, look.size, foot=free)
         self.cell = cameras.nice(self.camera.height / 9.0)
@@ -84,8 +91,8 @@ class DrawnModel:
 
     def show(self, frames: FramePoses, ghost: Ghost | None) -> None:
         """Take other frames of the same motion; camera and scales stay."""
-        self.frames, self.ghost = frames, ghost
-        self.arrows = [replace(one, vectors=frames.vectors[one.kind]) for one in self.arrows]
+        self.frames, self.ghost = self.far.cut(frames), ghost
+        self.arrows = [replace(one, vectors=self.frames.vectors[one.kind]) for one in self.arrows]
 
     def place(self, frame: int) -> None:
         """Put the links where they stand in a frame; overlaid positions where they always stand."""
@@ -145,11 +152,9 @@ class DrawnModel:
         """Balls that hold all shapes over all frames: centres (k, 3) and radii (k,)."""
         step = slice(None, None, max(1, len(self.frames) // 180))
         poses = [*self.frames.poses.items(), *(self.ghost.poses.items() if self.ghost else ())]
-        centres, radii = extent(
+        return extent(
             (pose if pose.position.ndim == 1 else pose.at(step), self.shapes[link]) for link, pose in poses
         )
-        paths = np.vstack([np.empty((0, 3)), *self.frames.paths.values()])
-        return np.vstack([centres, paths]), np.append(radii, np.zeros(len(paths)))
 
     def _add_stands(self, balls: Array, radii: Array) -> tuple[Array, Array]:
         """Carry every bearing by a post on the floor; return the balls with those of the posts."""

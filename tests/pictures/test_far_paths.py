@@ -1,0 +1,37 @@
+"""A point far beyond the links does not make them invisible: its path is cut, and the picture says so."""
+
+import numpy as np
+import pytest
+
+from mechsim.pictures.render import Look
+from mechsim.pictures.render.drawing import Source, _legend, named
+from mechsim.pictures.render.file_bodies import drawn_as
+from mechsim.subjects.subject import load
+
+ARM = """
+<mujoco model="arm">
+  <worldbody>
+    <body name="a"><joint name="crank" axis="0 0 1"/>
+      <geom type="capsule" fromto="0 0 0 0.1 0 0" size="0.01" mass="0.1"/>
+      <site name="far" pos="FAR 0 0"/><site name="near" pos="0.1 0 0"/></body>
+  </worldbody>
+</mujoco>"""
+
+
+@pytest.mark.parametrize("far", [100.0, 0.3])
+def test_a_picture_is_framed_on_the_links_and_says_which_path_is_cut(tmp_path, far):
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM.replace("FAR", str(far)))
+    form = load(str(path), drive={"crank": "t"})
+    motion = form.solve(form.programs.pace * np.linspace(0.0, 1.0, 20), form.programs.pace)
+    drawn = Source(form.mechanism, motion).drawn(Look(**drawn_as(form), arrows=("velocity",)))
+    cut = far > 1.0
+    assert drawn.camera.height < 2.0 * max(0.2, 0.0 if cut else far)
+    assert drawn.camera.height > 0.1
+    assert ("far" in named(drawn, 0)) == (not cut)
+    assert "near" in named(drawn, 0)
+    said = [line for line, _ in _legend(drawn) if "framed on the links; cut: the path of far" in line]
+    assert len(said) == cut
+    # what is left of it lies outside the picture
+    gone = np.abs(drawn.frames.paths["far"] - drawn.frames.paths["near"]).max()
+    assert not cut or gone > 0.5 * drawn.camera.height
