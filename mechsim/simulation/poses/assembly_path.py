@@ -136,7 +136,7 @@ def _between(places: Array, states: Array, at: Array) -> Array:
     first = np.clip(np.searchsorted(places, at) - count // 2, 0, len(places) - count)
     found = np.zeros((len(at), states.shape[1]))
     for i in range(count):
-        others = [j for j in range(count) if j != i]
+        others = np.delete(np.arange(count), i)
         near = places[first[:, None] + others]
         weight = ((at[:, None] - near) / (places[first + i][:, None] - near)).prod(1)
         found += weight[:, None] * states[first + i]
