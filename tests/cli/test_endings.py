@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,16 @@ MECHSIM = [sys.executable, "-m", "mechsim"]
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(cli.__file__).parents[2])}
 RENDER = ["render", "rssr", "-o", "film.mp4", "--frames-per-turn", "2000", "--size", "640x480"]
 SOLVE = ["solve", "rssr", "--angles", "0:3600:0.01deg", "-o", "out.csv"]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def heard() -> Iterator[None]:
+    """Let commands hear signals that the tests are run without, as in the background or under nohup."""
+    handlers = {signal.SIGINT: signal.default_int_handler, signal.SIGHUP: lambda *_: None}
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 def run(words: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
