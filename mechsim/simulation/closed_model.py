@@ -330,6 +330,7 @@ def _called(mechanism: Mechanism, *, programmed: bool) -> dict[str, tuple[str, i
         of[name]: (name, i if len(joint.coordinates) > 1 else None)
         for joint in mechanism.joints
         for i, name in enumerate(joint.coordinates)
+        if name in of
     }
     return called if programmed else called | {CRANK: (CRANK, None)}
 

@@ -111,7 +111,8 @@ def _gaps(read: "MjcfModel", exact: Corrected) -> list[str]:
     said: list[str] = []
     if read.gap > 1e-12 * exact.mechanism.size:
         said.append(
-            f"the loops stand open by {read.gap:.2g} m where the file starts, and are closed exactly here"
+            f"the loops stand open by {read.gap:.2g} m where the file starts; "
+            "what is solved closes them exactly"
         )
     if exact.moved or exact.turned:
         said.append(

@@ -104,7 +104,9 @@ def judged(made: Drawn, number: int, keep: str, only: list[str]) -> list[tuple[s
                 table = np.genfromtxt(
                     place / words[words.index("-o") + 1], delimiter=",", names=True, deletechars=""
                 )
-                why = compared(made, table, truth, times, command)
+                # of points that a rod's idle spin moves no pose tells: such runs are stepped
+                stepped = "by step" in (place.parent / "out").read_text() and not command.endswith("step")
+                why = compared(made, table, truth, times, command + " by step" * stepped)
         except WrongError as error:
             outcome, why = "wrong", str(error)
         except TooNearError:

@@ -110,8 +110,8 @@ def counted(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tu
     kind = KINDS[joint.kind]
     if kind.floats:
         raise InputError(
-            f"{mechanism.name}: joint {joint.name!r} floats, for which no MuJoCo model is made; leave it "
-            "out where other joints hold its links, or hold it by --hold-base"
+            f"{mechanism.name}: joint {joint.name!r} floats and nothing else holds its link, for which no "
+            "MuJoCo model is made; hold it by --hold-base, or leave the link out"
         )
     slides = len(kind.slides)
     return tuple(

@@ -69,10 +69,14 @@ class ModelJoint:
 
 
 def part_names(mechanism: Mechanism, joint: Joint) -> list[str]:
-    """Return the names of the model's joints that make up a joint, in the order of its coordinates."""
+    """Return the names of the model's joints that make up a joint, in the order of its coordinates.
+
+    None makes up one that floats: what other joints hold hangs on those.
+    """
     if mechanism.has_crank and joint.name == mechanism.crank.name:
         return [CRANK]
-    return [joint.name] if KINDS[joint.kind].ball else list(joint.coordinates)
+    kind = KINDS[joint.kind]
+    return [] if kind.floats else [joint.name] if kind.ball else list(joint.coordinates)
 
 
 def model_names(mechanism: Mechanism) -> dict[str, str]:
@@ -90,6 +94,8 @@ def meeting_points(kind: Kind) -> list[float] | None:
     A joint can be cut where they do: MuJoCo has an equality that closes it exactly, point on point. None
     if no points say what the joint says.
     """
+    if kind.floats:
+        return []
     if kind.slides:
         return None
     return [0.0] if kind.ball else [0.0, 1.0] if kind.hinge else None

@@ -80,7 +80,7 @@ def cut_loops(
         return cut_loops(split(mechanism, names), whole, keep=keep, splits=True)
     if refused:
         raise InputError(f"{mechanism.name}: {_why_refused(refused[0], needed)}")
-    if cut is not None and {joint.name for joint in cuts} != asked:
+    if cut is not None and {joint.name for joint in cuts if not KINDS[joint.kind].floats} != asked:
         raise InputError(
             f"{mechanism.name}: cutting {', '.join(sorted(asked)) or 'no joint'} does not leave a tree; "
             f"as many joints as there are loops ({len(cuts)}) must be named, one in each"
