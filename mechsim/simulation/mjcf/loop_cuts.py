@@ -134,7 +134,7 @@ def _why_refused(joint: Joint, needed: set[str]) -> str:
         )
     return (
         f"a loop would have to be cut at {joint.kind} joint {joint.name!r}, which no MuJoCo constraint "
-        f"closes; have a {kinds_that(_cuttable)} joint in every loop"
+        f"closes; have a {kinds_that(lambda kind: bool(meeting_points(kind)))} joint in every loop"
     )
 
 
