@@ -181,7 +181,7 @@ class Mechanism:
     @property
     def straight(self) -> frozenset[str]:
         """Names of those drivers, holds and couplings whose effort is a force."""
-        named = [*((law.label, next(iter(law.left_terms))) for law in self.laws)]
+        named = [*((name, next(iter(law.left_terms))) for name, law in self.named_laws.items())]
         named += [(name, name) for name in (*self.drivers, *self.holds)]
         return frozenset(called for called, of in named if self.unit(of) == "m")
 
@@ -198,6 +198,15 @@ class Mechanism:
             if KINDS[joint.kind].led
         )
         return gears + screws + tuple(self.couplings)
+
+    @property
+    def named_laws(self) -> dict[str, Coupling]:
+        """All couplings by the names of their efforts: both sides in words, numbered where these repeat."""
+        named: dict[str, Coupling] = {}
+        for law in self.laws:
+            times = sum(law.label == other.label for other in named.values())
+            named[f"{law.label} {times + 1}" if times else law.label] = law
+        return named
 
     def joint(self, name: str) -> Joint:
         """Return the joint of that name."""

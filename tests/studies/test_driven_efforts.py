@@ -160,3 +160,20 @@ def test_a_flywheel_under_programs_is_refused():
     machine = held_rack()
     with pytest.raises(InputError, match=r"flywheel.*programs"):
         machine.with_forces(Forces(flywheel=1.0))
+
+
+def test_two_couplings_of_the_same_coordinates_share_what_one_alone_carries():
+    alone = machines.press()
+    again = Coupling("again", "thread.way", "thread.turn", (0.0, 0.005 / (2.0 * np.pi)))
+    twice = replace(alone, couplings=(again,))
+    name = "thread.turn-thread.way"
+    weight = Forces(gravity=(0.0, 0.0, -9.81))
+    runs = [driven(one, weight, speed=2.0, samples=6, method="pose").efforts for one in (alone, twice)]
+    studies = [
+        dynamics.prescribed(dynamics.machine(LoopForm(one), weight), runs[0].angle, 2.0).efforts
+        for one in (alone, twice)
+    ]
+    for one, two in (runs, studies):
+        assert [*two.gears] == [name, f"{name} 2"]
+        assert np.abs(one.gears[name]).min() > 1e-3
+        np.testing.assert_allclose(two.gears[name] + two.gears[f"{name} 2"], one.gears[name], rtol=1e-9)

@@ -76,7 +76,7 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
             joint.name: _reaction(unit, joint, span, multipliers, slack * rows[:, None], sound)
             for joint, span in zip(mechanism.joints, _spans(mechanism), strict=True)
         },
-        {law.label: told[law.label] for law in mechanism.laws},
+        {name: told[name] for name in mechanism.named_laws},
         left / size,
         slack.shape[-1],
         ~sound,
@@ -159,6 +159,6 @@ def _wrench(unit: UnitMotion, joint: Joint, span: slice, multipliers: Array) -> 
 
 def _named(mechanism: Mechanism, multipliers: Array) -> dict[str, Array]:
     """Return the multipliers of couplings, holds and drivers, which are the last rows, by name."""
-    names = [*(law.label for law in mechanism.laws), *mechanism.holds, *mechanism.drivers]
+    names = [*mechanism.named_laws, *mechanism.holds, *mechanism.drivers]
     first = multipliers.shape[1] - len(names)
     return {name: multipliers[:, first + i] for i, name in enumerate(names)}

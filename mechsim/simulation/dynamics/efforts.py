@@ -134,7 +134,7 @@ def efforts(loaded: LoadedModel, at: Situation, qacc: Array, multipliers: Array,
         reactions={
             joint.name: transmitted(loaded, joint, fields, multipliers) for joint in loaded.mechanism.joints
         },
-        gears=_coupled(loaded, multipliers, [law.label for law in loaded.mechanism.laws], 0),
+        gears=_coupled(loaded, multipliers, [*loaded.mechanism.named_laws], 0),
         drives=_drives(loaded, multipliers),
         drive_accelerations=_drive_accelerations(loaded, qacc),
         straight=loaded.mechanism.straight,

@@ -171,7 +171,7 @@ def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
     A side that is no single coordinate is a fixed tendon, and so is then the other.
     """
     of = model_names(mechanism)
-    for law in mechanism.laws:
+    for called, law in mechanism.named_laws.items():
         sides = [{of[name]: weight for name, weight in terms.items()} for terms in _sides(law)]
         zeros = [
             zero - sum(weight * float(spec.joint(name).ref) for name, weight in side.items())
@@ -191,7 +191,7 @@ def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
         if any(list(side.values()) != [1.0] for side in sides):
             kind, object_kind = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
             names = [_tendon(spec, f"{law.name} {i}", side) for i, side in enumerate(sides)]
-        made = _add_equality(spec, law.label, kind, object_kind, [*names, ""][:2])
+        made = _add_equality(spec, called, kind, object_kind, [*names, ""][:2])
         made.data[:5] = shifted
     for name, value in mechanism.holds.items():
         hold(spec, of[name], value - float(spec.joint(of[name]).ref))

@@ -158,7 +158,8 @@ def _distance_from_crank(mechanism: Mechanism) -> dict[str, int]:
 
     driver = mechanism.driven_joints[0]
     driven = driver.b.link if driver.a.link == GROUND else driver.a.link
-    graph = nx.Graph([(joint.a.link, joint.b.link) for joint in mechanism.joints])
+    graph: nx.Graph[str] = nx.Graph()
+    graph.add_edges_from((joint.a.link, joint.b.link) for joint in mechanism.joints)
     far = len(mechanism.links) + 1
     if GROUND in graph:
         graph.remove_node(GROUND)
