@@ -118,7 +118,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "known = every > RANK_TOLERANCE * every.max()",
         "known = every > RANK_TOLERANCE / every.max()",
     ): NEAR_ONE,
-    (SOLVER, "SQUARE = 1.0", "SQUARE = 0.1"): SPEED,
     **{
         (
             SOLVER,

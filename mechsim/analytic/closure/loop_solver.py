@@ -17,8 +17,6 @@ from mechsim.maths.arrays import Array
 MOST_STEPS, ROUNDING = 8, 1e-13
 # slopes below this are rounding
 IDLE = 1e-14
-# a step leaves no more open than its own square, times the inverse of this: turns bend by half of it
-SQUARE = 1.0
 # steps, in radians or units of the size, that are too long for the linear model
 FAR = 0.3
 # part of the best that rows and gauge may tell before others are picked, by singular value and determinant;
@@ -206,7 +204,8 @@ class LoopSolver:
             if not gone.max() < most:
                 break
             at = self.loops.moved(at, step)
-            if float(size.sum(0).max()) ** 2 < SQUARE * enough:
+            # turns bend by half the square of a step: it leaves no more open than that
+            if float(size.sum(0).max()) ** 2 < enough:
                 left = found.residual + np.einsum("rkn,kn->rn", found.slope, step)
                 return at, replace(found, residual=left), gone
             found = self.linearise(at)
