@@ -75,6 +75,7 @@ def close_swing(drive: ClosedForm, random: np.random.Generator, nearest: float) 
     if arcs.full or around is None:
         return None
     low, high = around
-    off = nearest * (0.1 / nearest) ** random.random()
     reach = min(0.25 * (high - low), 0.5)
+    # a range may be shorter than that
+    off = min(nearest * (0.1 / nearest) ** random.random(), reach)
     return swing(high - off - reach if random.random() < 0.5 else low + off + reach, reach, SPEED)

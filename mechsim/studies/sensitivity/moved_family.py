@@ -311,6 +311,9 @@ def instants_of(form: Form) -> Array:
 
     A crank that only swings keeps away from its dead centres, and any from where two assemblies meet:
     derivatives have no bound there.
+
+    Raises:
+        AssemblyError: if the loops close at no crank angle.
     """
     programs = form.programs
     if programs is not None:
@@ -318,6 +321,8 @@ def instants_of(form: Form) -> Array:
     elif (arcs := form.crank_range()).full:
         low, high, turn = 0.0, TURN, TURN
     else:
+        if not arcs.arcs:
+            raise AssemblyError(f"{form.name}: the loops close at no crank angle; change the dimensions")
         low, high = max(arcs.arcs, key=lambda arc: arc[1] - arc[0])
         clear = CLEAR * (high - low)
         low, high, turn = low + clear, high - clear, TURN

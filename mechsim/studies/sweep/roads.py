@@ -226,7 +226,7 @@ def alone(task: SweepTask, form: Form, facts: Mapping[str, float]) -> tuple[dict
     angles = task.angles
     if not len(angles):
         if not form.crank_range().arcs:
-            raise AssemblyError(f"{form.name}: the loops close at no crank angle")
+            raise AssemblyError(f"{form.name}: the loops close at no crank angle; change the dimensions")
         return {one.name: facts[one.kind] for one in task.measures}, "met", ""
     if form.programs is None and isinstance(form, ClosedForm):
         arcs = form.crank_range()

@@ -1,0 +1,36 @@
+"""A mechanism whose loops close at no crank angle is refused in one line, whatever is asked of it."""
+
+import pytest
+
+MEASURED = "angle,C.x,C.y\n0,0.1,0.1\n1,0.1,0.12\n"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("show",),
+        ("solve", "--angles", "0"),
+        ("simulate", "--method", "pose"),
+        ("dynamics",),
+        ("validate",),
+        ("validate", "--against", "measured.csv"),
+        ("sensitivity", "--of", "C", "--to", "rocker"),
+        ("sweep", "--vary", "rocker=70mm:78mm:3", "--measure", "range:rocker", "-o", "out.csv"),
+        ("trace",),
+        ("fit", "--to", "measured.csv", "--vary", "coupler", "-o", "out.json"),
+        ("tradeoff",),
+        ("plot", "-o", "out.svg"),
+        ("render", "-o", "out.png"),
+        ("view", "-o", "out.html"),
+        ("export", "-o", "out.xml"),
+    ],
+    ids=" ".join,
+)
+def test_it_is_refused_with_the_remedy(words, mechsim, tmp_path):
+    (tmp_path / "measured.csv").write_text(MEASURED)
+    answer = mechsim(words[0], "four_bar", *words[1:], "--set", "crank=1")
+    assert (answer.code, answer.out) == (2, "")
+    assert answer.err.count("\n") == 1
+    assert "close" in answer.err
+    assert "change the dimensions" in answer.err
+    assert [one.name for one in tmp_path.iterdir()] == ["measured.csv"]
