@@ -33,6 +33,8 @@ AGAIN = 0.05
 typed_at = time.perf_counter()
 # what there is to say beside a result; a refusal says all by itself
 notes: list[str] = []
+# what is asked back of what was typed: beside a result in lines of their own, in a refusal's line otherwise
+questions: list[str] = []
 SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
@@ -49,11 +51,13 @@ def ended(command: Callable[[], Any]) -> int:
     global typed_at
     typed_at = time.perf_counter()
     notes.clear()
+    questions.clear()
     opened_streams()
     with _listening() as came:
         code = _outcome(command, came)
-    for note in notes if code in (0, 1) else ():
-        tell(note)
+    if code in (0, 1):
+        for line in (*(f"mechsim: {question}" for question in questions), *notes):
+            tell(line)
     return _flushed(code)
 
 
@@ -110,7 +114,7 @@ def _failed(error: BaseException) -> int:
 
 
 def _refused(message: str) -> int:
-    tell(f"mechsim: {message}")
+    tell(f"mechsim: {'; '.join([message, *questions])}")
     return REFUSED
 
 

@@ -1,4 +1,4 @@
-"""Numbers without a unit that were probably meant in another: asked back in a line, and taken as they are."""
+"""Numbers without a unit that were probably meant in another: asked back at the end, and taken as they are."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -6,17 +6,17 @@ from math import pi
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
-from mechsim.cli.endings import tell
+from mechsim.cli.endings import questions
 
 # angles beyond a turn in radians are rare, in degrees usual; lengths so many times the usual are millimetres
 TURN, TOO_LONG = 2.0 * pi, 100.0
 
 
 def asked_angle(what: str, text: str) -> None:
-    """Ask back on stderr where an angle without a unit was probably meant in degrees."""
+    """Ask back where an angle without a unit was probably meant in degrees."""
     value = _bare(text)
     if value is not None and abs(value) > TURN:
-        tell(f"mechsim: {what} {text} is {value:g} rad, {value / TURN:.3g} turns; was {text}deg meant?")
+        questions.append(f"{what} {text} is {value:g} rad, {value / TURN:.3g} turns; was {text}deg meant?")
 
 
 def asked_angles(what: str, text: str) -> None:
@@ -24,7 +24,7 @@ def asked_angles(what: str, text: str) -> None:
     parts = text.split(":")
     values = [value for part in parts if (value := _bare(part)) is not None]
     if len(values) == len(parts) and max(map(abs, values)) > 10.0 * TURN:
-        tell(f"mechsim: {what} {text} goes to {max(values):g} rad; was {text}deg meant?")
+        questions.append(f"{what} {text} goes to {max(values):g} rad; was {text}deg meant?")
 
 
 def asked_parameters(form: Form, given: Mapping[str, str]) -> None:
@@ -38,9 +38,9 @@ def asked_parameters(form: Form, given: Mapping[str, str]) -> None:
             continue
         unit, usual = field.metadata["unit"], field.default
         if unit == "rad" and abs(value) > TURN:
-            tell(f"mechsim: --set {name}={text} is {value:g} rad; was {name}={text}deg meant?")
+            questions.append(f"--set {name}={text} is {value:g} rad; was {name}={text}deg meant?")
         if unit == "m" and isinstance(usual, float) and abs(value) > TOO_LONG * abs(usual) > 0.0:
-            tell(f"mechsim: --set {name}={text} is {value:g} m; was {name}={text}mm meant?")
+            questions.append(f"--set {name}={text} is {value:g} m; was {name}={text}mm meant?")
 
 
 def _bare(text: str) -> float | None:

@@ -28,6 +28,9 @@ GROWING = 3.5
 # with more than this part of the first trial's steps all mechanisms of the study have begun to converge;
 # beyond the lower one a second guess saves less than a lost run would cost
 ENOUGH, WORTH = 0.75, 0.6
+# steps of a whole motion up to which more than the most in a turn are spent: a linkage that whips past a nearly
+# singular pose, 450 times as fast as its crank, needs 1.1 million (validation/robustness/verdicts.py, 235)
+SHORT = 2_000_000
 # an error below this, in [m], is none
 TINY = 1e-300
 
@@ -92,7 +95,8 @@ def _kept(
     def why(steps: int, estimate: float) -> str:
         return f"{round(steps / drive.cycle)} steps a turn leave the places off by {estimate:.2g} m"
 
-    return refine(attempt, tolerance, first, why, trials=spent, tried=_trial(drive))
+    most = max(MOST, int(SHORT * drive.cycle / drive.profile.turns))
+    return refine(attempt, tolerance, first, why, trials=spent, tried=_trial(drive), most=most)
 
 
 def _steps(drive: DrivenRun, settings: Settings, tolerance: float) -> tuple[int, int]:
@@ -149,7 +153,7 @@ def _whole(drive: DrivenRun, steps: float) -> int:
 
 
 def _per_cycle(drive: DrivenRun, run: Run) -> int:
-    return rounded(run.steps * drive.cycle / drive.profile.turns)
+    return round(run.steps * drive.cycle / drive.profile.turns)
 
 
 def _with(drive: DrivenRun, settings: Settings, steps: int) -> Settings:

@@ -12,7 +12,8 @@ R = TypeVar("R")
 
 # part of the tolerance aimed at, for what trials do not see
 AIM = 0.5
-# times as many steps as before, at least and at most; and the most in a turn that are spent
+# times as many steps as before, at least and at most; and the most in a turn that are spent, but for a short
+# motion that more of them are foretold to settle
 LEAST, FURTHEST, MOST = 1.5, 4.0, 100_000
 # steps in a turn up to which a run that diverges is followed by a finer one
 LOST = 25_000
@@ -98,6 +99,7 @@ def refine(
     trials: int = 0,
     tried: int = 0,
     multiple: int = 1,
+    most: int = 0,
 ) -> tuple[R, Promise]:
     """Return a run that keeps a tolerance, or the best there is, and its promise.
 
@@ -110,6 +112,7 @@ def refine(
         tried: steps in a turn of the finest trial: an attempt with fewer has not begun to converge, and is
             followed by one with as many, whatever its estimate foretells.
         multiple: of which numbers of steps are taken.
+        most: steps in a turn that are spent where fewer than these, and more than `MOST`, are foretold to do.
     """
     steps, spent, left, best = first, trials, np.inf, None
     while True:
@@ -119,11 +122,12 @@ def refine(
         gained = best is None or now.left < GAIN * left or lost
         if best is None or now.estimate < best.estimate:
             best = now
-        if now.estimate <= tolerance or now.final or not gained or steps >= MOST:
+        more = max(steps_for(steps, now.estimate, AIM * tolerance, now.order), LEAST * steps)
+        enough = most if MOST < more <= most else MOST
+        if now.estimate <= tolerance or now.final or not gained or steps >= enough:
             break
         left = now.left
-        more = max(steps_for(steps, now.estimate, AIM * tolerance, now.order), LEAST * steps)
-        steps = rounded(min(more, tried if steps < tried else FURTHEST * steps), multiple)
+        steps = rounded(min(more, tried if steps < tried else FURTHEST * steps), multiple, enough)
     reason = "" if best.estimate <= tolerance else why(steps, best.estimate)
     promise = Promise(
         tolerance=tolerance,
@@ -140,6 +144,6 @@ def steps_for(steps: int, error: float, goal: float, order: float) -> float:
     return steps * ((error / goal) ** (1.0 / order) if np.isfinite(error) else FURTHEST)
 
 
-def rounded(steps: float, multiple: int = 1) -> int:
+def rounded(steps: float, multiple: int = 1, most: int = MOST) -> int:
     """Return the next multiple of a number, one at least, and no more than the most steps that are spent."""
-    return multiple * max(1, int(np.ceil(min(steps, MOST) / multiple - 1e-9)))
+    return multiple * max(1, int(np.ceil(min(steps, most) / multiple - 1e-9)))

@@ -1,34 +1,50 @@
 import pytest
 
 from mechsim import catalog
+from mechsim.cli import endings
 from mechsim.cli.slips import asked_angle, asked_angles, asked_parameters
 
 
-def told(capsys):
-    return capsys.readouterr().err.splitlines()
+@pytest.fixture(autouse=True)
+def questions():
+    endings.questions.clear()
+    yield endings.questions
+    endings.questions.clear()
 
 
 @pytest.mark.parametrize(
     ("text", "asks"), [("90", True), ("-45", True), ("1.57", False), ("90deg", False), ("", False)]
 )
-def test_an_angle_that_is_probably_in_degrees_is_asked_back(text, asks, capsys):
+def test_an_angle_that_is_probably_in_degrees_is_asked_back(text, asks, questions):
     asked_angle("--angle", text)
-    said = told(capsys)
-    assert len(said) == asks
-    assert not asks or f"was {text}deg meant?" in said[0]
+    assert len(questions) == asks
+    assert not asks or f"was {text}deg meant?" in questions[0]
 
 
 @pytest.mark.parametrize(("text", "asks"), [("0:360:5", True), ("0:6.28:0.1", False), ("0:360:5deg", False)])
-def test_a_range_of_angles_likewise(text, asks, capsys):
+def test_a_range_of_angles_likewise(text, asks, questions):
     asked_angles("--angles", text)
-    assert len(told(capsys)) == asks
+    assert len(questions) == asks
 
 
-def test_parameters_far_from_what_is_usual_are_asked_back(capsys):
+def test_parameters_far_from_what_is_usual_are_asked_back(questions):
     drive = catalog.make("four_bar")
     asked_parameters(
         drive, {"arm_angle": "45", "crank": "40", "rocker": "60mm", "ground": "0.2", "branch": "-1"}
     )
-    first, second = told(capsys)
+    first, second = questions
     assert "arm_angle=45deg" in first
     assert "crank=40mm" in second
+
+
+def test_they_stand_beside_a_result_and_in_the_one_line_of_a_refusal(mechsim):
+    said = mechsim("solve", "four_bar", "--angles", "0:1:0.5", "--set", "arm_angle=45")
+    assert said.code == 0
+    assert said.err.splitlines() == ["mechsim: --set arm_angle=45 is 45 rad; was arm_angle=45deg meant?"]
+    refused = mechsim(
+        "solve", "four_bar", "--angles", "0:1:0.5", "--set", "crank=40", "--set", "arm_angle=45"
+    )
+    assert refused.code == 2
+    assert refused.err.count("\n") == 1
+    assert "was crank=40mm meant?" in refused.err
+    assert "change the dimensions" in refused.err

@@ -77,6 +77,15 @@ def test_no_more_steps_than_the_most_are_spent(monkeypatch):
     assert not promise.met
 
 
+@pytest.mark.parametrize(("needed", "last"), [(1900, 1900), (2100, 500)])
+def test_more_than_the_most_are_spent_only_where_they_are_foretold_to_be_enough(needed, last, monkeypatch):
+    monkeypatch.setattr(refine, "MOST", 500)
+    attempt, asked = attempts(lambda n: n**-4.0)
+    _, promise = refine.refine(attempt, needed**-4.0 / refine.AIM, 490, why, most=2000)
+    assert asked[-1] == pytest.approx(last, rel=1e-3)
+    assert promise.met == (last > 500)
+
+
 def test_an_attempt_coarser_than_the_trials_is_followed_by_one_as_fine():
     attempt, asked = attempts(lambda n: 1.0 if n < 100 else 0.0)
     refine.refine(attempt, 1e-9, 30, why, tried=100)
