@@ -1,4 +1,4 @@
-"""Numbers without a unit that were probably meant in another: asked back at the end, and taken as they are."""
+"""Numbers without a unit, probably meant in another: taken as they are, and asked back at the end."""
 
 from collections.abc import Mapping
 from dataclasses import fields

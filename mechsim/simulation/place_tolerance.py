@@ -28,8 +28,8 @@ GROWING = 3.5
 # with more than this part of the first trial's steps all mechanisms of the study have begun to converge;
 # beyond the lower one a second guess saves less than a lost run would cost
 ENOUGH, WORTH = 0.75, 0.6
-# steps of a whole motion up to which more than the most in a turn are spent: a linkage that whips past a nearly
-# singular pose, 450 times as fast as its crank, needs 1.1 million (validation/robustness/verdicts.py, 235)
+# steps of a whole motion up to which more than the most in a turn are spent: a linkage that whips past a
+# nearly singular pose, 450 times as fast as its crank, needs a million (verdicts.py --case 235)
 SHORT = 2_000_000
 # an error below this, in [m], is none
 TINY = 1e-300

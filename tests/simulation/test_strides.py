@@ -1,12 +1,15 @@
 import numpy as np
 
+from mechsim import catalog
 from mechsim.analytic.closure.start_values import with_closed_guess
 from mechsim.model.couplings import Gear
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
+from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import guessed
+from mechsim.simulation.poses.follow import follow
 from mechsim.simulation.poses.strides import LONGEST, walk
 
 
@@ -28,3 +31,15 @@ def test_no_stride_leads_a_joint_farther_than_a_correction_can_be_told_from_a_le
     start = loops.close(rough[None])[0]
     states = np.array([start, *walk(loops, start, float(start[loops.crank_place]) + 0.4).states])
     assert np.abs(np.diff(states, axis=0)).max() < 1.5 * LONGEST
+
+
+def test_a_stride_of_rounding_s_length_is_gone_close_to_a_dead_centre_too():
+    """A recorded crank angle 50 units of rounding beside a knot of the path once ended in a refusal."""
+    drive = catalog.make("four_bar", **catalog.DRIVES["four_bar"].swinging)
+    closed = closed_model.of_source(drive)
+    (_, high), place = drive.crank_range().arcs[0], closed.loops.crank_place
+    there = follow(closed.loops, closed.closed, np.array([high - 1e-5]))[0]
+    for off in np.geomspace(1.01e-14, 1e-12, 40):
+        ends = walk(closed.loops, there, float(there[place]) - off).states
+        assert abs(ends[-1][place] - there[place]) > 0.9 * off
+        assert np.abs(ends[-1] - there).max() < 1e-8

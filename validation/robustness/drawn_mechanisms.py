@@ -25,6 +25,7 @@ class Drawn:
     machine: Machine
     pose: np.ndarray
     names: list[str]  # of all coordinates
+    units: list[str]  # of these: r or m
     columns: list[str]  # their columns in a table, with * for q, v or a
     drivers: list[int]
     swings: list[float]
@@ -187,7 +188,7 @@ def drawn(seed: int) -> Drawn | None:
     reach = [1.0 if units[i] == "r" else 0.4 * sketch.size for i in drivers]
     kinds = "".join(KIND_LETTERS[one.kind] for one in sketch.joints)
     what = f"{sketch.mode} {kinds}{f' {len(couplings)} coupled' if couplings else ''} of {len(drivers)}"
-    return Drawn(text, machine, pose, names, columns, drivers, reach, guess, what)
+    return Drawn(text, machine, pose, names, units, columns, drivers, reach, guess, what)
 
 
 KIND_LETTERS = {

@@ -18,8 +18,9 @@ SHORTEST = 1e-14
 # opening of the loops, in units of the stride squared, from which one Newton step leaves an opening
 # far below what the next stride is judged by
 LOOSE, ROUNDING, MOST_STEPS = 0.05, 1e-13, 8
-# a correction longer than this part of the stride may have fallen into the other assembly
-SAFE = 0.25
+# a correction longer than this part of the stride may have fallen into the other assembly; one that is such
+# a part of a fine stride is rounding: 1e-14 rad from a dead centre the other assembly is 1e-7 rad away
+SAFE, FINE = 0.25, 1e-11
 # a zero of the determinant this near, in [rad], is looked at: assemblies may meet there
 TRIED = 0.05
 # how many times as far as the determinant's tangent has its zero it is looked what lies beyond: where several
@@ -201,7 +202,7 @@ def _landed(loops: ModelLoops, here: Array, guess: Array, side: Array) -> tuple[
         except (np.linalg.LinAlgError, FloatingPointError):
             return None
         there = loops.moved(there, step)
-        if np.abs(there - guess).max() > SAFE * np.abs(here - guess).max():
+        if np.abs(there - guess).max() > SAFE * max(np.abs(here - guess).max(), FINE):
             return None
         if loops.gap(residual)[0] < max(LOOSE * step_of_crank**2, ROUNDING):
             # the last step may have crossed over, too
