@@ -217,7 +217,7 @@ class Settings:
         set_armature(
             model,
             np.array([loops.crank]),
-            self.flywheel or flywheel(model.body_mass, model.body_inertia, loops.size),
+            self.flywheel or flywheel(model.body_mass, model.body_inertia, loops.size, self.factor),
         )
         used = replace(self, hardness=self.factor)
         if self.jacobian == "auto":
@@ -251,17 +251,20 @@ def set_armature(model: mujoco.MjModel, dofs: NDArray[np.int64], armature: float
     model.dof_armature[dofs] = armature
 
 
-def flywheel(mass: Array, inertia: Array, size: Any) -> Any:
+def flywheel(mass: Array, inertia: Array, size: Any, hardness: float) -> Any:
     """Return the inertia that holds a crank's speed, in [kg m2], or (d,) of d designs.
 
-    It is so many times that of all links about a point as far off as the longest of them.
+    It is so many times that of all links about a point as far off as the longest of them, and as much more as
+    loops are held harder than usual: in that proportion redundant constraints fight, which at hardness 1e-10
+    made the crank of a Bennett linkage 7e-8 faster.
 
     Args:
         mass: of the bodies, (..., nbody) in [kg].
         inertia: their principal moments, (..., nbody, 3) in [kg m2].
         size: yardstick of lengths, in [m], or (d,).
+        hardness: of the loops, as in `Settings`.
     """
-    return FLYWHEEL * (mass.sum(-1) * size**2 + inertia.max(-1).sum(-1))
+    return FLYWHEEL * max(1.0, HARDNESS / hardness) * (mass.sum(-1) * size**2 + inertia.max(-1).sum(-1))
 
 
 def _coupled_tendons(model: mujoco.MjModel, loops: ModelLoops) -> list[int]:

@@ -113,7 +113,7 @@ def _hardened(models: DesignModels, loops: ModelLoops, settings: Settings) -> Fi
     fields["body_invweight0"] *= settings.factor
     fields["dof_invweight0"] *= settings.factor
     size = models.like.closed.loops.with_fields(fields).sizes
-    heavy = settings.flywheel or flywheel(fields["body_mass"], fields["body_inertia"], size)
+    heavy = settings.flywheel or flywheel(fields["body_mass"], fields["body_inertia"], size, settings.factor)
     fields["dof_M0"][:, crank] += heavy - fields["dof_armature"][:, crank]
     fields["dof_armature"][:, crank] = heavy
     return fields
