@@ -331,36 +331,56 @@ class ModelLoops:
         It is the sign of the Jacobian's determinant with the crank held: two assemblies that meet at a
         dead centre have opposite signs, and from one dead centre to the next it stays.
         """
-        square = self._square(jacobian)
-        return np.zeros(len(jacobian)) if square is None else np.linalg.slogdet(square)[0]
+        held = self.held(jacobian)
+        rows = self._independent(held)
+        return np.zeros(len(held)) if rows is None else np.linalg.slogdet(self._square(held, rows))[0]
+
+    def crossed(self, before: Array, beyond: Array) -> NDArray[np.bool_]:
+        """Return whether states lie on other sides than those near by from which they were reached, (n,).
+
+        Where which rows say something changes with the pose, in the rows that do so before.
+
+        Args:
+            before, beyond: Jacobians, (n, m, nv).
+        """
+        sides = self.side(before) * self.side(beyond)
+        for i in np.flatnonzero(sides == 0.0):
+            sides[i] = self.determinant(np.stack([before[i], beyond[i]]))[1]
+        return sides < 0.0
 
     def determinant(self, jacobian: Array) -> Array:
-        """Return the determinant whose sign is the side, (n,), in a unit of its own; 1 where not known."""
-        square = self._square(jacobian)
-        if square is None:
-            return np.ones(len(jacobian))
-        side, size = np.linalg.slogdet(square)
+        """Return the determinant whose sign is the side, (n,), in a unit of its own.
+
+        Where which rows say something changes with the pose, it is that of the rows that do so in the first
+        state, and positive there: states in one call are then on the same side, or not.
+        """
+        held = self.held(jacobian)
+        rows = self._independent(held)
+        turned = 1.0
+        if rows is None:
+            assert self._basis is not None
+            rows = np.linalg.svd(held[0], full_matrices=False)[0][:, : len(self._basis[2])]
+            turned = np.linalg.slogdet(self._square(held[:1], rows))[0]
+        side, size = np.linalg.slogdet(self._square(held, rows))
         if self._level is None:
             self._level = float(size[0]) if np.isfinite(size[0]) else 0.0
-        return side * np.exp(np.minimum(size - self._level, 300.0))
+        return turned * side * np.exp(np.minimum(size - self._level, 300.0))
 
     def loosest(self, jacobian: Array) -> Array:
         """Return the direction in which the loops of one state, (1, m, nv), hold it least, (nv,).
 
         The crank is held; of freedoms that no row holds there is no part in it.
         """
-        square = self._square(jacobian)
-        assert square is not None
-        assert self._basis is not None
-        return self._spread(np.linalg.svd(square)[2][:, -1] @ self._basis[2], 0.0)[0]
-
-    def _square(self, jacobian: Array) -> Array | None:
         held = self.held(jacobian)
-        rows = self._independent(held)
-        if rows is None or self._basis is None:
-            return None
+        self._independent(held)
+        assert self._basis is not None
+        told = self._basis[2]
+        return self._spread(np.linalg.svd(held @ told.T)[2][:, len(told) - 1] @ told, 0.0)[0]
+
+    def _square(self, held: Array, rows: Array) -> Array:
         # freedoms that no row holds (a passive spin) are left out: as rows of their own they would stand for
         # themselves, and change no determinant
+        assert self._basis is not None
         return (rows.T @ held) @ self._basis[2].T
 
     def conditioning(self, jacobian: Array) -> Array:

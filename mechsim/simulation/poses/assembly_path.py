@@ -75,11 +75,11 @@ class AssemblyPath:
             if len(close):
                 yield meeting, close, turned[close]
 
-    def sides(self, angles: Array) -> Array:
-        """Return on which side of the dead centres the path lies at crank angles between the knots, (n,)."""
+    def changes(self, angles: Array) -> Array:
+        """Return +1 where the path lies on its first knot's side, -1 where it has changed it, (n,)."""
         first = float(self.knots[0, self.loops.crank_place])
         passed = [m.pairs * ((angles > m.angle) & (m.angle > first)) for m in self.meetings]
-        return self.side * (-1.0) ** np.sum(passed, axis=0)
+        return (-1.0) ** np.sum(passed, axis=0)
 
     def _closed(self, guess: Array, turned: Array) -> tuple[Array, NDArray[np.bool_]]:
         try:
@@ -92,9 +92,18 @@ class AssemblyPath:
         if len(doubtful):
             if jacobian is None:
                 jacobian = self.loops.linearise(states)[1]
-            side = self.loops.side(jacobian[doubtful])
-            sure[doubtful] = (moved[doubtful] < self.far) & (side * self.sides(turned[doubtful]) >= 0.0)
+            sure[doubtful] = (moved[doubtful] < self.far) & self._kept(jacobian[doubtful], turned[doubtful])
         return states, sure
+
+    def _kept(self, jacobian: Array, turned: Array) -> NDArray[np.bool_]:
+        """Return whether states with Jacobians (n, m, nv) lie on the path's side at crank angles, (n,)."""
+        if self.side != 0.0:
+            return self.loops.side(jacobian) * self.side * self.changes(turned) >= 0.0
+        places = self.knots[:, self.loops.crank_place]
+        nearest = np.abs(turned[:, None] - places).argmin(1)
+        changed = self.changes(turned) * self.changes(places[nearest]) < 0.0
+        before = self.loops.linearise(self.knots[nearest])[1]
+        return self.loops.crossed(before, jacobian) == changed
 
     def laps(self, angles: Array) -> Array:
         """Return the whole turns to take off crank angles so that they lie between the knots, (n,)."""
@@ -120,7 +129,7 @@ def walked_path(
     """Return the path through nearly closed states by rising crank angle, (k, nq), that were walked."""
     path = AssemblyPath(loops, loops.close(knots), gain, 1.0, meetings=tuple(meetings))
     # most of the knots: at a dead centre, where a path may begin or end, rounding settles the sign
-    sides = loops.side(loops.linearise(path.knots)[1]) * path.sides(path.knots[:, loops.crank_place])
+    sides = loops.side(loops.linearise(path.knots)[1]) * path.changes(path.knots[:, loops.crank_place])
     return replace(path, side=float(np.sign(sides.sum())))
 
 

@@ -125,18 +125,18 @@ def _beside(loops: ModelLoops, meeting: Meeting, sense: float) -> Array:
     at = np.array([meeting.angle])
     here = meeting.at(at)
     free = loops.loosest(loops.linearise(here)[1])
-    a = _rise(determinant(loops, meeting.at(at + APART * np.array([-1.0, 1.0]))))
-    b = 0.5 * _rise(
-        determinant(loops, loops.moved(here.repeat(2, 0), APART * np.array([[-1.0], [1.0]]) * free))
-    )
+    along = meeting.at(at + APART * np.array([-1.0, 1.0]))
+    aside = loops.moved(here.repeat(2, 0), APART * np.array([[-1.0], [1.0]]) * free)
+    heights = determinant(loops, np.concatenate([along, aside]))
+    a, b = heights[1] - heights[0], 0.5 * (heights[3] - heights[2])
     away = meeting.reach / 2.0 if abs(b) > BENT * abs(a) else 0.0
     for _ in range(HALVINGS if away else 0):
         beyond = meeting.at(at + sense * away)
         beyond[:, loops.crank_place] = at + sense * away
-        aside = -a / b * sense * away * free
-        guess = loops.moved(beyond, aside[None])
+        step = -a / b * sense * away * free
+        guess = loops.moved(beyond, step[None])
         found = _closed(loops, guess)
-        if found is not None and np.abs(found - guess).max() < BESIDE * np.abs(aside).max():
+        if found is not None and np.abs(found - guess).max() < BESIDE * np.abs(step).max():
             sides = determinant(loops, np.concatenate([beyond, found]))
             if sides[0] * sides[1] < 0.0:
                 return found[0]
@@ -146,10 +146,6 @@ def _beside(loops: ModelLoops, meeting: Meeting, sense: float) -> Array:
         f"{loops.name}: {who} cannot pass {loops.said(meeting.angle)} by folding, for it does not turn in "
         "the assembly that is met there; go on smoothly"
     )
-
-
-def _rise(heights: Array) -> float:
-    return float(heights[1] - heights[0])
 
 
 def _closed(loops: ModelLoops, guess: Array) -> Array | None:

@@ -206,6 +206,10 @@ def _landed(loops: ModelLoops, here: Array, guess: Array, side: Array) -> tuple[
             return None
         if loops.gap(residual)[0] < max(LOOSE * step_of_crank**2, ROUNDING):
             # the last step may have crossed over, too
-            landed = loops.side(loops.linearise(there)[1])
-            return None if min(loops.side(jacobian) * side, landed * side) < 0.0 else (there, slope)
+            reached = np.concatenate([jacobian, loops.linearise(there)[1]])
+            sides = loops.side(reached) * side
+            if not sides.all():
+                before = loops.linearise(here)[1].repeat(2, 0)
+                sides = np.where(loops.crossed(before, reached), -1.0, 1.0)
+            return None if sides.min() < 0.0 else (there, slope)
     return None
