@@ -19,7 +19,8 @@ SPEED, TURNS, WEIGHT = 60.0, (10, 100), (0.0, -9.81, 0.0)
 
 
 def main(names: list[str]) -> None:
-    print("| mechanism | energy, 100 turns | angle, 10 turns [rad] | angle, 100 turns [rad] |\n|---|---|---|---|")
+    print("| mechanism | energy, 100 turns | angle, 10 turns [rad] | angle, 100 turns [rad] |")
+    print("|---|---|---|---|")
     for name in names:
         machine = dynamics.machine(catalog.make(name), Forces(gravity=WEIGHT))
         run = free_run(machine.mechanism, machine.forces, speed=SPEED, turns=TURNS[-1]).free
