@@ -1,10 +1,10 @@
 import os
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from counted_calls import calls
 
 from mechsim import catalog, files
 from mechsim.errors import InputError, OutputError
@@ -37,11 +37,9 @@ def test_a_table_of_one_row_keeps_its_shape(tmp_path):
     assert files.read(tmp_path / "one.csv")["angle"].shape == (1,)
 
 
-def test_a_hundred_thousand_rows_take_seconds(tmp_path):
+def test_a_hundred_thousand_rows_are_written_without_a_loop_over_rows(tmp_path):
     motion = catalog.make("slider_crank").solve(np.linspace(0.0, 6.0, 100_000), links=False)
-    began = time.process_time()
-    files.write(tmp_path / "long.csv", motion)
-    assert time.process_time() - began < 10.0  # about 0.5 s here; a loop over rows in Python takes longer
+    assert calls(lambda: files.write(tmp_path / "long.csv", motion)) < 100_000
 
 
 @pytest.mark.parametrize("name", ["table.txt", "table"])

@@ -1,8 +1,9 @@
 """Bodies nested deep: what each carries is added up once."""
 
-import sys
+from functools import partial
 
 import numpy as np
+from counted_calls import calls
 
 from mechsim.simulation.findings import masses
 from mechsim.simulation.findings.inspected import Inspected
@@ -27,15 +28,9 @@ def test_what_a_body_carries_is_what_mujoco_adds_up(tmp_path):
 
 
 def test_weighing_nested_bodies_takes_calls_in_proportion_to_their_number(tmp_path):
-    def calls(scene):
-        counted, before = [], sys.getprofile()
-        sys.setprofile(lambda frame, event, arg: counted.append(event))
-        try:
-            assert list(masses.impossible(scene)) == []
-        finally:
-            sys.setprofile(before)
-        return len(counted)
+    def weigh(scene):
+        assert list(masses.impossible(scene)) == []
 
-    few, many = (calls(nested(tmp_path, depth)) for depth in (60, 360))
+    few, many = (calls(partial(weigh, nested(tmp_path, depth))) for depth in (60, 360))
     # six times the bodies; the square would be 36 times
     assert many < 7 * few
