@@ -1,5 +1,10 @@
 """What all tests share: floating-point trouble is an error, random mechanisms are the same every time."""
 
+import os
+
+# as the command line has it, and read when numpy is loaded: threads of linear algebra that wait for work spin
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -132,26 +132,24 @@ def test_keys_move_the_slider_and_choose_what_is_seen(window, place_of):
     assert window.complaints == []
 
 
+NAMES = "[...document.querySelectorAll('#labels text')].map(one => one.getBoundingClientRect().toJSON())"
+
+
 @shown
-@pytest.mark.parametrize("width", [400, 1280])
-def test_nothing_runs_over_the_edge_in_either_scheme(window, place_of, width):
+@pytest.mark.parametrize(("width", "angles"), [(400, (0, 75)), (1280, (180, 200))])
+def test_nothing_runs_over_the_edge_in_either_scheme_and_no_name_covers_another(
+    window, place_of, width, angles
+):
     ground = []
-    for scheme in ("light", "dark"):
-        fresh(window, place_of, "#crank=200", width, scheme)
+    for scheme, degrees in zip(("light", "dark"), angles, strict=True):
+        fresh(window, place_of, f"#crank={degrees}", width, scheme)
         assert window.run("document.documentElement.scrollWidth") <= width
         ground.append(float(np.median(window.look())))
         assert window.complaints == []
-    assert ground[0] > 200.0 > 60.0 > ground[1]
-
-
-@shown
-def test_no_name_covers_another(window, place_of):
-    boxes = "[...document.querySelectorAll('#labels text')].map(one => one.getBoundingClientRect().toJSON())"
-    for width, degrees in ((400, 0), (400, 75), (1280, 180)):
-        fresh(window, place_of, f"#crank={degrees}", width)
-        found = window.run(boxes)
+        found = window.run(NAMES)
         assert len(found) >= 5  # three points, a pivot, the scale
         for i, a in enumerate(found):
             for b in found[:i]:
                 apart = a["right"] <= b["left"] or b["right"] <= a["left"]
                 assert apart or a["bottom"] <= b["top"] + 3 or b["bottom"] <= a["top"] + 3
+    assert ground[0] > 200.0 > 60.0 > ground[1]
