@@ -2,6 +2,7 @@ import json
 import shutil
 import sys
 import xml.etree.ElementTree as ET
+from functools import partial
 
 import jsonschema
 import pytest
@@ -10,6 +11,7 @@ from drawing import draws
 from mechsim.cli.json_outputs import output_schema
 from mechsim.report import plot_table
 from mechsim.studies.extremes import scaled, stability_map
+from mechsim.theory.continuation import trace
 
 SMALL = ("--size", "96x72")
 
@@ -114,7 +116,9 @@ def test_a_video_of_a_size_that_no_codec_takes_is_refused(mechsim, tmp_path):
 @pytest.mark.parametrize(
     "kind", [kind for kind in plot_table.PLOTS if kind not in ("precision", "stability")]
 )
-def test_every_kind_of_plot_in_the_table_is_drawn(mechsim, tmp_path, kind):
+def test_every_kind_of_plot_in_the_table_is_drawn(mechsim, tmp_path, monkeypatch, kind):
+    for name, few in (("SAMPLES", 36), ("ERROR_SAMPLES", 36), ("trace", partial(trace, starts=20))):
+        monkeypatch.setattr(plot_table, name, few)
     assert mechsim("plot", "warp_knitter", "--kind", kind, "-o", "a.svg")[0] == 0
     assert ET.parse(tmp_path / "a.svg").getroot().tag.endswith("svg")
 

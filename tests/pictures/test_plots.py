@@ -17,6 +17,7 @@ from mechsim.pictures import plots
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.agreement import TwoCurves, agreement_plot
 from mechsim.pictures.plots.figure import round_numbers
+from mechsim.report import plot_table
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
 from mechsim.subjects.subject import load
 
@@ -164,7 +165,8 @@ def test_curves_of_assemblies_are_cut_at_a_turn_unless_they_swing_over_more_than
         plots.assembly_plot(table, ("turn",))
 
 
-def test_efforts_of_programs_are_drawn_over_time_by_both_roads_and_balance():
+def test_efforts_of_programs_are_drawn_over_time_by_both_roads_and_balance(monkeypatch):
+    monkeypatch.setattr(plot_table, "SAMPLES", 36)
     source = PlotSource(drive=load("five_bar"), speed=1.0, asked=PlotOptions(road="simulated"))
     (ax,) = PLOTS["torque"].draw(source).axes
     assert ax.get_xlabel() == "time [s]"
@@ -179,7 +181,8 @@ def test_efforts_of_programs_are_drawn_over_time_by_both_roads_and_balance():
         assert plots.drawn(PLOTS[kind].draw(source)).startswith(b"<?xml")
 
 
-def test_what_a_file_says_acts_on_a_mechanism_is_in_its_plots():
+def test_what_a_file_says_acts_on_a_mechanism_is_in_its_plots(monkeypatch):
+    monkeypatch.setattr(plot_table, "SAMPLES", 36)
     drive = load("quick_return")
     pulled = replace(drive, forces=Forces(gravity=(0.0, 0.0, 0.0), crank_torque=course.constant(-0.5)))
     study = PlotSource(drive=pulled, speed=1e-3).study()
@@ -211,7 +214,8 @@ def test_derivatives_of_small_torques_are_drawn_in_a_readable_unit():
 
 
 @pytest.mark.parametrize(("name", "across", "planes"), [("stewart_gough", 6, 6), ("jansen", 6, 2)])
-def test_reactions_of_many_joints_fit_a_page_in_the_plane_they_lie_in(name, across, planes):
+def test_reactions_of_many_joints_fit_a_page_in_the_plane_they_lie_in(monkeypatch, name, across, planes):
+    monkeypatch.setattr(plot_table, "SAMPLES", 24)
     source = PlotSource(drive=load(name), speed=1.0)
     figure = PLOTS["reactions"].draw(source)
     forces = source.study().efforts.reactions

@@ -78,8 +78,8 @@ def bad():
     return {"passed": False, "outcome": "diverged", "reason": "MuJoCo warned", "checks": checks}
 
 
-@pytest.fixture
-def section(tmp_path):
+@pytest.fixture(scope="module")
+def section():
     drive = catalog.make("rssr")
     motion = drive.solve(TURN, 60.0)
     return report.Section(

@@ -69,6 +69,7 @@ def test_a_scene_of_ones_own_is_drawn_as_its_file_draws_it(monkeypatch, tmp_path
 
 def test_without_opengl_validation_passes_and_one_line_names_the_package(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(gl_backend, "probe", lambda name: None)
+    monkeypatch.setattr(validation, "_plots", lambda case: {})
     code, said = validated(monkeypatch, tmp_path, capsys, "four_bar", "slider_crank", "--report", "out")
     assert not code, said.err
     lines = [line for line in said.err.splitlines() if "libegl1" in line or "libosmesa6" in line]
@@ -112,7 +113,8 @@ def test_a_case_without_steps_is_told_by_a_still_its_paths_and_what_its_formula_
     assert "what explains the difference" in page
 
 
-def test_the_page_tells_of_several_drivers(tmp_path):
+def test_the_page_tells_of_several_drivers(monkeypatch, tmp_path):
+    monkeypatch.setattr(render, "write_video", lambda path, *_, **__: path.touch())
     from mechsim.report.validation import write_validation_report
     from mechsim.studies.validate import case_of
     from mechsim.subjects.subject import load

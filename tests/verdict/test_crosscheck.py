@@ -1,5 +1,6 @@
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -36,6 +37,12 @@ def motion_of(mechanism: Mechanism, road: str = "step", speed: float = SPEED, **
     return simulate(mechanism, speed=speed, method=road, **{"samples": 72, **options}).motion
 
 
+@cache
+def turned(name: str, road: str = "step") -> Motion:
+    """A turn of a right mechanism, which several tests look at."""
+    return motion_of(DRIVES[name].mechanism, road)
+
+
 def named_as_the_points(drive: ClosedForm):
     return lambda angles: drive.positions(angles)
 
@@ -47,7 +54,7 @@ def named_as_the_points(drive: ClosedForm):
 @pytest.mark.parametrize("road", ROADS)
 def test_a_right_mechanism_passes_by_either_road(name: str, road: str) -> None:
     drive = DRIVES[name]
-    verdict = crosscheck(motion_of(drive.mechanism, road), drive, speed=SPEED)
+    verdict = crosscheck(turned(name, road), drive, speed=SPEED)
     assert verdict.passed, verdict
     assert verdict.outcome == "met"
     assert all(check.worst <= check.bound for check in verdict.checks)
@@ -58,7 +65,7 @@ def test_a_right_mechanism_passes_by_either_road(name: str, road: str) -> None:
 @pytest.mark.parametrize("road", ROADS)
 def test_a_function_is_an_analytic_side(name: str, road: str) -> None:
     drive = DRIVES[name]
-    verdict = crosscheck(motion_of(drive.mechanism, road), named_as_the_points(drive))
+    verdict = crosscheck(turned(name, road), named_as_the_points(drive))
     assert verdict.passed, verdict
     assert {check.quantity.split()[0] for check in verdict.checks} >= {"position", "velocity", "acceleration"}
 
@@ -84,7 +91,7 @@ def test_a_motion_at_other_angles_is_solved_again_at_the_simulated_ones() -> Non
 def test_the_package_itself_is_called_by_the_modules_name() -> None:
     drive = DRIVES["four_bar"]
     for _ in range(2):
-        assert ms.crosscheck(motion_of(drive.mechanism, "pose"), drive).passed
+        assert ms.crosscheck(turned("four_bar", "pose"), drive).passed
 
 
 # wrong things are refused
@@ -168,7 +175,7 @@ def test_a_crank_whose_angle_counts_the_wrong_way_is_refused(name: str) -> None:
 )
 def test_two_points_swapped_are_refused(name: str, points: tuple[str, str]) -> None:
     drive = DRIVES[name]
-    motion = motion_of(drive.mechanism)
+    motion = turned(name)
     one, other = points
     swapped = dict(motion.points) | {one: motion.points[other], other: motion.points[one]}
     assert not crosscheck(replace(motion, points=swapped), drive).passed
@@ -177,7 +184,7 @@ def test_two_points_swapped_are_refused(name: str, points: tuple[str, str]) -> N
 @pytest.mark.parametrize("kind", ["position", "velocity", "acceleration"])
 def test_one_number_that_is_none_is_a_diverged_run(kind: str) -> None:
     drive = DRIVES["rssr"]
-    motion = motion_of(drive.mechanism)
+    motion = turned("rssr")
     values = getattr(motion.points["P3"], kind).copy()
     values[17, 1] = np.nan
     bad = replace(motion, points={**motion.points, "P3": replace(motion.points["P3"], **{kind: values})})
@@ -186,7 +193,7 @@ def test_one_number_that_is_none_is_a_diverged_run(kind: str) -> None:
 
 def test_a_number_that_is_none_in_a_joint_or_a_loop_is_not_passed_over() -> None:
     drive = DRIVES["four_bar"]
-    motion = motion_of(drive.mechanism)
+    motion = turned("four_bar")
     values = motion.joints["rocker"].value.copy()
     values[3] = np.nan
     joints = {**motion.joints, "rocker": replace(motion.joints["rocker"], value=values)}
@@ -231,7 +238,7 @@ def test_a_crank_a_thousandth_too_fast_is_refused_by_its_drive_only() -> None:
 
 def test_a_closed_form_that_cannot_stand_where_the_simulation_did_says_so() -> None:
     swinging = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
-    refused(crosscheck(motion_of(DRIVES["four_bar"].mechanism), swinging), "cannot assemble")
+    refused(crosscheck(turned("four_bar"), swinging), "cannot assemble")
 
 
 def test_bounds_given_replace_the_usual_ones() -> None:
@@ -274,13 +281,13 @@ def function(shape: str):
 )
 def test_a_function_of_the_wrong_kind_is_refused_in_one_sentence(shape: str, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence) as told:
-        crosscheck(motion_of(DRIVES["four_bar"].mechanism, samples=72), function(shape))
+        crosscheck(turned("four_bar"), function(shape))
     assert "\n" not in str(told.value)
 
 
 def test_a_simulation_without_one_of_the_points_is_told_which() -> None:
     drive = DRIVES["rssr"]
-    motion = motion_of(drive.mechanism)
+    motion = turned("rssr")
     with pytest.raises(InputError, match=r"has no point P3 \(it has P2\)"):
         crosscheck(replace(motion, points={"P2": motion.points["P2"]}), drive)
 
@@ -289,12 +296,12 @@ def test_a_motion_that_nothing_can_solve_again_must_stand_at_the_same_angles() -
     drive = DRIVES["rssr"]
     exact = replace(drive.solve(np.linspace(0.0, 1.0, 73), SPEED), origin=None)
     with pytest.raises(InputError, match="stands at other crank angles"):
-        crosscheck(motion_of(drive.mechanism), exact)
+        crosscheck(turned("rssr"), exact)
 
 
 def test_a_verdict_prints_a_line_for_each_quantity_and_reads_as_plain_data() -> None:
     drive = DRIVES["four_bar"]
-    verdict = crosscheck(motion_of(drive.mechanism), drive)
+    verdict = crosscheck(turned("four_bar"), drive)
     lines = str(verdict).splitlines()
     assert lines[0] == "met"
     assert len(lines) == 1 + len(verdict.checks)

@@ -158,11 +158,13 @@ class _Trials:
         points = list(self.points.values())
         costs = np.array([point.cost for point in points])
         errors = np.array([point.errors["position"] for point in points])
+        rising = np.argsort(errors)
+        as_good = np.searchsorted(errors[rising], errors, side="right") - 1
+        least = np.minimum.accumulate(costs[rising])[as_good]
         return [
             point
-            for point, cost, error in zip(points, costs, errors, strict=True)
-            if np.isfinite(error)
-            and (point.family.rank == 0 or cost <= NEAR * costs[errors <= error].min(initial=np.inf))
+            for point, cost, error, best in zip(points, costs, errors, least, strict=True)
+            if np.isfinite(error) and (point.family.rank == 0 or cost <= NEAR * best)
         ]
 
     def _expected(self, point: Point) -> float:
