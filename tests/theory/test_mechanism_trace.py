@@ -37,7 +37,7 @@ FORMS |= {
 }
 TRACES = {}
 # enough for every curve here: the rarest takes a tenth of them
-STARTS = 80
+STARTS = 30
 
 
 def traced(name):

@@ -111,12 +111,12 @@ def frictionless(machine: dynamics.Machine) -> dynamics.Machine:
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
-@pytest.mark.parametrize("wrong", [heavier, turned, upside_down, load_next_door, frictionless])
 @pytest.mark.parametrize("name", ["four_bar", "rssr"])
-def test_a_wrong_machine_is_condemned(name, wrong, method):
+def test_each_wrong_machine_is_condemned(name, method):
     machine = of(name, everything(name))
     run = driven(machine.mechanism, machine.forces, speed=SPEED, method=method, samples=24)
-    assert crosscheck_driven(run, wrong(machine)).outcome == "missed"
+    for wrong in (heavier, turned, upside_down, load_next_door, frictionless):
+        assert crosscheck_driven(run, wrong(machine)).outcome == "missed", wrong
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
@@ -132,9 +132,9 @@ def test_a_torque_of_the_wrong_sign_and_one_that_is_no_number_are_condemned(meth
 
 
 @pytest.mark.parametrize("name", ["four_bar", "rssr"])
-def test_a_free_run_without_friction_follows_the_reduced_equation_over_ten_turns(name):
+def test_a_free_run_without_friction_follows_the_reduced_equation_over_four_turns(name):
     machine = of(name, Forces(gravity=GRAVITY))
-    run = free_run(machine.mechanism, machine.forces, speed=60.0, turns=10.0)
+    run = free_run(machine.mechanism, machine.forces, speed=60.0, turns=4.0)
     assert run.free.outcome == "done"
     verdict = crosscheck_free(run, machine)
     assert verdict.passed, verdict
@@ -147,18 +147,18 @@ def test_a_free_run_without_friction_follows_the_reduced_equation_over_ten_turns
 )
 def test_a_motor_starts_the_machine_as_the_reduced_equation_says(motor):
     machine = of("four_bar", Forces(gravity=GRAVITY, motor=motor, friction=(Friction("crank", 1e-3),)))
-    run = free_run(machine.mechanism, machine.forces, turns=2.0)
+    run = free_run(machine.mechanism, machine.forces, turns=1.0)
     assert run.free.outcome == "done"
     verdict = crosscheck_free(run, machine)
     assert verdict.passed, verdict
 
 
-@pytest.mark.parametrize("wrong", [heavier, upside_down, frictionless])
-def test_a_wrong_machine_is_condemned_by_its_free_run(wrong):
+def test_each_wrong_machine_is_condemned_by_its_free_run():
     forces = Forces(gravity=GRAVITY, motor=TorqueSpeedLine(5.0, 100.0), friction=(Friction("crank", 1e-3),))
     machine = of("four_bar", forces)
     run = free_run(machine.mechanism, machine.forces, turns=1.0)
-    assert crosscheck_free(run, wrong(machine)).outcome == "missed"
+    for wrong in (heavier, upside_down, frictionless):
+        assert crosscheck_free(run, wrong(machine)).outcome == "missed", wrong
 
 
 def test_a_load_over_the_crank_angle_acts_at_every_stage_of_every_step():
