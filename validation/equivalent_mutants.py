@@ -17,6 +17,7 @@ JUDGE = "verdict/judge.py"
 
 EQUIVALENT: dict[tuple[str, str, str], str] = {
     ("simulation/recorded_motion.py", "CHUNK = 2048", "..."): SPEED,
+    ("simulation/mjcf/loop_cuts.py", "if TYPE_CHECKING:", "if not TYPE_CHECKING:"): SPEED,
     (
         POSED,
         "return (data.xpos[None], data.xmat.reshape(1, -1, 3, 3), slope)",

@@ -1,18 +1,17 @@
 """Do the tests bite? Change one operator, sign or number of a core file at a time, and see that a test fails.
 
-`python validation/mutation.py [PART ...] [--most 40] [--seed 0] [--all]`: files whose path contains a PART.
+`python validation/mutation.py [PART ...] [--most 40] [--seed 0] [--all] [--lines 150:]`: files whose path
+contains a PART.
 
-Nothing is written: each mutant is a forked process that imports the changed file from memory and runs
-the tests named for it, up to the first failure. One that takes more than thrice the processor time of
-the tests as they are counts as killed. Messages, annotations and text are left alone, and so is `<` for
-`<=`: no two floats that matter here are equal. Of kept tools mutmut 3 leaves what stands outside
-functions alone, where the bounds are, and cosmic-ray starts a new interpreter for each mutant and
-writes into the sources.
+Nothing is written. The tests named for a file are collected once; each mutant (`mutants.py`) is a forked
+process that puts the changed file in the place of the imported one and runs them, quickest first, up to
+the first failure. What lives is tried again in a process that imports the changed file before it collects.
+One that takes more than thrice the processor time of the tests as they are counts as killed. Of kept tools
+mutmut 3 leaves what stands outside functions alone, where the bounds are, and cosmic-ray starts a new
+interpreter for each mutant and writes into the sources.
 """
 
 import argparse
-import ast
-import copy
 import importlib
 import importlib.abc
 import importlib.util
@@ -21,13 +20,15 @@ import random
 import resource
 import sys
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections import Counter
+from itertools import zip_longest
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import hypothesis
 import pytest
-from equivalent_mutants import EQUIVALENT
+from mutants import Mutant, mutants, unchanged
 
 ROOT = Path(__file__).resolve().parents[1]
 VERDICT = ["verdict/test_tolerances.py", "verdict/test_bounds.py", "verdict/test_quantities.py"]
@@ -74,13 +75,10 @@ KILLERS: dict[str, list[str]] = {
     ],
     "analytic/closure/followed_path.py": ["analytic/test_followed_path.py", "analytic/test_change_points.py"],
     "simulation/model_loops.py": [*LOOPS, "studies/test_driven_efforts.py"],
-    "simulation/posed_bodies.py": [
-        "simulation/test_model_loops.py",
-        "simulation/test_recorded_motion.py",
-        "simulation/test_many_designs.py",
-    ],
-    "simulation/telling.py": ["analytic/test_telling.py", "analytic/test_rows_of_rounding.py"],
-    "analytic/closure/telling.py": ["analytic/test_telling.py", "analytic/test_rows_of_rounding.py"],
+    "simulation/mjcf/loop_cuts.py": ["simulation/test_loop_cuts.py"],
+    "simulation/posed_bodies.py": ["simulation/test_posed_bodies.py"],
+    "simulation/telling.py": ["analytic/test_telling.py"],
+    "analytic/closure/telling.py": ["analytic/test_telling.py"],
     "simulation/loop_constraints.py": [
         "simulation/test_loop_constraints.py",
         "simulation/test_recorded_motion.py",
@@ -93,159 +91,45 @@ KILLERS: dict[str, list[str]] = {
     ],
     **{f"maths/{name}.py": ["maths"] for name in ("angles", "convergence", "given", "norms", "roots")},
 }
-SWAPPED: dict[type[ast.AST], type[ast.AST]] = {
-    ast.Add: ast.Sub,
-    ast.Sub: ast.Add,
-    ast.Mult: ast.Div,
-    ast.Div: ast.Mult,
-    ast.FloorDiv: ast.Mult,
-    ast.Mod: ast.Mult,
-    ast.Pow: ast.Mult,
-    ast.And: ast.Or,
-    ast.Or: ast.And,
-    ast.Lt: ast.GtE,
-    ast.GtE: ast.Lt,
-    ast.Gt: ast.LtE,
-    ast.LtE: ast.Gt,
-    ast.Eq: ast.NotEq,
-    ast.NotEq: ast.Eq,
-    ast.Is: ast.IsNot,
-    ast.IsNot: ast.Is,
-    ast.In: ast.NotIn,
-    ast.NotIn: ast.In,
-}
 # hypothesis is loaded before pytest could rewrite it: no news
 KNOWN = ["-W", "ignore:Module already imported:pytest.PytestAssertRewriteWarning"]
-Change = Callable[[], None]
+# rewritten asserts come with a finder of their own, first of all where a package brings a plugin
+OPTIONS = ["-x", "-q", "--assert=plain", "-p", "no:cacheprovider", "-p", "no:xdist", "--tb=no", *KNOWN]
 # loaded once, for all mutants to share
 SHARED = ("mujoco", "mujoco.batch", "networkx", "scipy.linalg", "scipy.optimize")
 
 
-@dataclass(frozen=True)
-class Mutant:
-    """A file with one thing changed."""
-
-    file: str
-    line: int
-    before: str
-    after: str
-    tree: ast.Module
-
-    def __str__(self) -> str:
-        same = _alike(self.before, self.after)
-        end = _alike(self.before[:same:-1], self.after[:same:-1])
-        before, after = (
-            text[max(0, same - 60) : same] + text[same : len(text) - end] + text[len(text) - end :][:20]
-            for text in (self.before, self.after)
-        )
-        return f"mechsim/{self.file}:{self.line}: {before}  ->  {after}"
-
-    @property
-    def equivalent(self) -> bool:
-        """Whether it is known to change nothing that counts."""
-        return any((self.file, self.before, after) in EQUIVALENT for after in (self.after, "..."))
-
-
-def nodes(node: ast.AST) -> Iterator[ast.AST]:
-    """All nodes but messages, annotations and checks of lengths."""
-    yield node
-    for name, value in ast.iter_fields(node):
-        if name in ("annotation", "returns", "decorator_list", "type_params"):
-            continue
-        for child in value if isinstance(value, list) else [value]:
-            message = isinstance(child, (ast.JoinedStr, ast.Raise))
-            # zip's check of lengths that are equal
-            strict = isinstance(child, ast.keyword) and child.arg == "strict"
-            if isinstance(child, ast.AST) and not message and not strict:
-                yield from nodes(child)
-
-
-def changes(node: ast.AST) -> Iterator[Change]:
-    """What can be changed in a node, in place."""
-    if isinstance(node, (ast.BinOp, ast.BoolOp, ast.AugAssign)) and type(node.op) in SWAPPED:
-        yield lambda: setattr(node, "op", SWAPPED[type(node.op)]())
-    elif isinstance(node, ast.Compare):
-        for i, op in enumerate(node.ops):
-            yield lambda i=i, op=op: node.ops.__setitem__(i, SWAPPED[type(op)]())
-    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-        yield lambda: setattr(node, "op", ast.UAdd())
-    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
-        yield lambda: setattr(node, "operand", ast.UnaryOp(ast.Not(), node.operand))
-    elif isinstance(node, (ast.If, ast.IfExp, ast.While)) and not isinstance(node.test, ast.Compare):
-        yield lambda: setattr(node, "test", ast.UnaryOp(ast.Not(), node.test))
-    elif isinstance(node, ast.Constant) and isinstance(node.value, (bool, int, float)):
-        for other in others(node.value):
-            yield lambda other=other: setattr(node, "value", other)
-
-
-def others(value: bool | float) -> list[bool | float]:
-    """Numbers for a number: the tenfold and the tenth, or of a small whole number the next."""
-    if isinstance(value, bool):
-        return [not value]
-    if isinstance(value, int):
-        return [value + 1] if abs(value) < 10 else [10 * value, value // 10]
-    return [10.0 * value, 0.1 * value] if value else [1.0]
-
-
-def _alike(one: str, other: str) -> int:
-    """How many letters two texts begin with alike."""
-    pairs = zip(one, other, strict=False)
-    return next((i for i, (a, b) in enumerate(pairs) if a != b), min(len(one), len(other)))
-
-
-def mutants(file: str) -> list[Mutant]:
-    """All mutants of a file."""
-    text = (ROOT / "mechsim" / file).read_text()
-    plain = ast.parse(text)
-    found: list[Mutant] = []
-    for k, node in enumerate(nodes(plain)):
-        for m in range(len(list(changes(node)))):
-            tree = copy.deepcopy(plain)
-            changed = next(one for i, one in enumerate(nodes(tree)) if i == k)
-            statement = _statement(tree, changed)
-            before = ast.unparse(statement)
-            list(changes(changed))[m]()
-            after = ast.unparse(statement)
-            found.append(
-                Mutant(
-                    file,
-                    getattr(changed, "lineno", 0),
-                    *_differing(before, after),
-                    ast.fix_missing_locations(tree),
-                )
-            )
-    return found
-
-
-def _statement(tree: ast.Module, node: ast.AST) -> ast.AST:
-    """The smallest statement that holds a node."""
-    holding = [
-        one for one in ast.walk(tree) if isinstance(one, ast.stmt) and any(node is n for n in ast.walk(one))
-    ]
-    return holding[-1]
-
-
-def _differing(before: str, after: str) -> tuple[str, str]:
-    """The lines in which two texts differ."""
-    pairs = zip(before.splitlines(), after.splitlines(), strict=True)
-    return next((a.strip(), b.strip()) for a, b in pairs if a != b)
-
-
 class Mutated(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Imports one module from a syntax tree."""
+    """Imports one module as it is changed."""
 
     def __init__(self, mutant: Mutant):
         self.mutant = mutant
-        self.name = "mechsim." + mutant.file.removesuffix(".py").replace("/", ".")
-        self.path = str(ROOT / "mechsim" / mutant.file)
 
     def find_spec(self, fullname, path=None, target=None):
-        if fullname == self.name:
-            return importlib.util.spec_from_file_location(fullname, self.path, loader=self)
+        if fullname == self.mutant.module:
+            origin = str(ROOT / "mechsim" / self.mutant.file)
+            return importlib.util.spec_from_file_location(fullname, origin, loader=self)
         return None
 
     def exec_module(self, module):
-        exec(compile(self.mutant.tree, self.path, "exec"), module.__dict__)
+        self.mutant.run(module.__dict__)
+
+
+def put(mutant: Mutant) -> None:
+    """Put a changed file in the place of the imported one, in all modules that know its names."""
+    sys.meta_path.insert(0, Mutated(mutant))
+    if mutant.module not in sys.modules:
+        return
+    new = sys.modules[mutant.module].__dict__
+    old = dict(new)
+    mutant.run(new)
+    moved = {id(value): name for name, value in old.items() if value is not new[name]}
+    for module in [one for one in sys.modules.values() if str(ROOT) in str(getattr(one, "__file__", ""))]:
+        for alias, value in list(vars(module).items()):
+            name = moved.get(id(value))
+            # a small whole number is the same object everywhere
+            if name is not None and (alias == name or not isinstance(value, int)):
+                setattr(module, alias, new[name])
 
 
 class Unshrunk:
@@ -258,41 +142,103 @@ class Unshrunk:
         hypothesis.settings.load_profile("mutant")
 
 
-def passes(tests: list[str], mutant: Mutant | None, seconds: float) -> tuple[bool, float]:
-    """Whether files of tests pass within some processor time, and what they took, in their own process."""
-    before = sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+class Collected:
+    """Runs the tests that were collected for each mutant that is sent, in a process of its own."""
+
+    def __init__(self, wire: Connection):
+        self.wire = wire
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        while not session.testsfailed and (asked := self.wire.recv()):
+            taken = self.tried(session, *asked)
+            self.wire.send(None if taken is None else sum(taken.values()))
+            if taken:
+                files = Counter[Path]()
+                for item in session.items:
+                    files[item.path] += taken[item.nodeid]
+                session.items.sort(key=lambda item: (files[item.path], taken[item.nodeid]))
+        return True
+
+    @staticmethod
+    def tried(session: pytest.Session, mutant: Mutant, seconds: float) -> dict[str, float] | None:
+        """What each test took, in seconds of a processor; None where one fails or takes too long."""
+        reader, writer = Pipe(duplex=False)
+        child = os.fork()
+        if child == 0:
+            limit(seconds)
+            put(mutant)
+            taken = {}
+            for item, following in zip_longest(session.items, session.items[1:]):
+                before = sum(os.times()[:4])
+                item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+                taken[item.nodeid] = sum(os.times()[:4]) - before
+                if session.shouldfail:
+                    os._exit(1)
+            writer.send(taken)
+            os._exit(0)
+        writer.close()
+        try:
+            return reader.recv()
+        except EOFError:
+            return None
+        finally:
+            os.waitpid(child, 0)
+
+
+def limit(seconds: float) -> None:
+    """Allow this process some seconds of a processor, and no more memory than there is."""
+    resource.setrlimit(resource.RLIMIT_CPU, (int(seconds) + 1, int(seconds) + 2))
+    resource.setrlimit(resource.RLIMIT_AS, (16 << 30, 16 << 30))
+
+
+def pytests(tests: list[str], *plugins: object) -> int:
+    """Run pytest on some files of tests without a word."""
+    silent = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(silent, 1)
+    os.dup2(silent, 2)
+    return int(pytest.main([*OPTIONS, *(f"tests/{one}" for one in tests)], plugins=[Unshrunk(), *plugins]))
+
+
+def collected(tests: list[str]) -> Connection:
+    """Start a process that collects tests and waits for mutants."""
+    here, there = Pipe()
+    if os.fork() == 0:
+        here.close()
+        os._exit(pytests(tests, Collected(there)))
+    there.close()
+    return here
+
+
+def passes_anew(tests: list[str], mutant: Mutant, seconds: float) -> bool:
+    """Whether tests pass in a process that imports the changed file before it collects them."""
     child = os.fork()
     if child == 0:
-        resource.setrlimit(resource.RLIMIT_CPU, (int(seconds) + 1, int(seconds) + 2))
-        resource.setrlimit(resource.RLIMIT_AS, (16 << 30, 16 << 30))
-        silent = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(silent, 1)
-        os.dup2(silent, 2)
-        if mutant is not None:
-            sys.meta_path.insert(0, Mutated(mutant))
-        # rewritten asserts come with a finder of their own, first of all where a package brings a plugin
-        options = [
-            "-x",
-            "-q",
-            "--assert=plain",
-            "-p",
-            "no:cacheprovider",
-            "-p",
-            "no:xdist",
-            "--tb=no",
-            *KNOWN,
-        ]
-        os._exit(int(pytest.main([*options, *(f"tests/{one}" for one in tests)], plugins=[Unshrunk()])))
-    _, status = os.waitpid(child, 0)
-    return status == 0, sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2]) - before
+        limit(seconds)
+        sys.meta_path.insert(0, Mutated(mutant))
+        os._exit(pytests(tests))
+    return os.waitpid(child, 0)[1] == 0
 
 
-def clean_time(tests: list[str]) -> float:
-    """What files of tests take as things are, in seconds; refuse such as fail."""
-    clean, seconds = passes(tests, None, 600.0)
-    if not clean:
+def living(tests: list[str], some: list[Mutant], *, every: bool) -> list[Mutant]:
+    """The mutants that no test notices, printed as they come; every one's fate if wished."""
+    file, wire, found = some[0].file, collected(tests), []
+    wire.send((unchanged(file), 600.0))
+    try:
+        seconds = wire.recv()
+    except EOFError:
+        seconds = None
+    if seconds is None:
         raise SystemExit(f"{', '.join(tests)}: a test fails as it is")
-    return seconds
+    print(f"# {file}: {len(some)} mutants, tests of {seconds:.1f} s of processor", flush=True)
+    for one in some:
+        wire.send((one, 3.0 * seconds + 2.0))
+        lives = wire.recv() is not None and passes_anew(tests, one, 3.0 * seconds + 10.0)
+        found += [one] * lives
+        if lives or every:
+            print(f"{'SURVIVED' if lives else 'killed'} {one}", flush=True)
+    wire.send(None)
+    return found
 
 
 def main() -> int:
@@ -300,9 +246,11 @@ def main() -> int:
     parser.add_argument("part", nargs="*", help="only files whose path contains it")
     parser.add_argument("--most", type=int, default=40, help="mutants of a file, drawn by chance")
     parser.add_argument("--all", action="store_true", help="all mutants")
+    parser.add_argument("--lines", default="1:", help="only those of some lines, such as 150: or 1:150")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--list", action="store_true", help="print each mutant's fate")
     asked = parser.parse_args()
+    first, last = (int(one or sys.maxsize) for one in asked.lines.split(":"))
     os.chdir(ROOT)
     sys.path.insert(0, str(ROOT))
     sys.dont_write_bytecode = True
@@ -312,24 +260,17 @@ def main() -> int:
     for file, tests in KILLERS.items():
         if asked.part and not any(part in file for part in asked.part):
             continue
-        seconds = clean_time(tests)
-        every = mutants(file)
+        every = [one for one in mutants(file) if first <= one.line < last]
         drawn = random.Random(f"{asked.seed} {file}").sample(every, min(asked.most, len(every)))
         tried = every if asked.all else sorted(drawn, key=lambda one: one.line)
-        excused = [one for one in tried if one.equivalent]
-        killed = 0
-        for one in tried:
-            if one in excused:
-                continue
-            lives = passes(tests, one, 3.0 * seconds + 2.0)[0]
-            killed += not lives
-            if lives or asked.list:
-                fate = "SURVIVED" if lives else "killed"
-                print(f"{fate} {one}", flush=True)
-        counted = len(tried) - len(excused)
-        alive += counted - killed
-        rows.append((file, len(every), counted, killed, len(excused)))
-        print(f"# {file}: {killed} of {counted} killed, {time.time() - began:.0f} s", flush=True)
+        counted = [one for one in tried if not one.equivalent]
+        lived = len(living(tests, counted, every=asked.list)) if counted else 0
+        alive += lived
+        rows.append((file, len(every), len(counted), len(counted) - lived, len(tried) - len(counted)))
+        print(
+            f"# {file}: {len(counted) - lived} of {len(counted)} killed, {time.time() - began:.0f} s",
+            flush=True,
+        )
     total = [sum(row[i] for row in rows) for i in range(1, 5)]
     print("\n| file | mutants | tried | killed | | equivalent |\n|---|---|---|---|---|---|")
     for name, every, tried, killed, excused in [*rows, ("all", *total)]:

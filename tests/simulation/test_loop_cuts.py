@@ -1,18 +1,68 @@
+from dataclasses import replace
+from itertools import pairwise, permutations
+
 import mechanisms
+import numpy as np
 import pytest
 from driven import press
 
+import mechsim as ms
 from mechsim import catalog, simulate
 from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism
-from mechsim.simulation.mjcf.loop_cuts import cut_loops
+from mechsim.simulation.mjcf.loop_cuts import cut_loops, turning_with
 
 
 def chain(*joints: Joint, driver: str = "crank") -> Mechanism:
     links = {end.link for joint in joints for end in (joint.a, joint.b)} - {GROUND}
     return Mechanism("chain", tuple(Link(name) for name in sorted(links)), joints, driver, {})
+
+
+def rows(text: str) -> list[Joint]:
+    """Joints of lines such as "A revolute crank-coupler"."""
+    split = [line.replace("-", " ").split() for line in text.strip().splitlines()]
+    return [Joint(name, kind, End(a), End(b)) for name, kind, a, b in split]
+
+
+def cut_in(mechanism: Mechanism, *cut: str, **more: object) -> list[str]:
+    return [joint.name for joint in cut_loops(mechanism, cut or None, **more).cuts]
+
+
+FOUR_BAR = """
+crank revolute ground-crank
+A revolute crank-coupler
+B revolute coupler-rocker
+C revolute ground-rocker
+"""
+# a four-bar on an arm that turns too; B and C count backwards, and A and the shoulder turn about minus z
+ON_AN_ARM = """name = "on an arm"
+drivers = ["shoulder", "crank"]
+[joints.shoulder]
+kind = "revolute"
+a = { link = "ground", at = [0, 0, 0], axis = [0, 0, -1] }
+b = { link = "arm", at = [0, 0, 0], axis = [0, 0, -1] }
+[joints.crank]
+kind = "revolute"
+a = { link = "arm", at = [0.05, 0.02, 0] }
+b = { link = "crank", at = [0, 0, 0] }
+[joints.A]
+kind = "revolute"
+a = { link = "crank", at = [0.04, 0, 0], axis = [0, 0, -1] }
+b = { link = "coupler", at = [0, 0, 0], axis = [0, 0, -1] }
+[joints.B]
+kind = "revolute"
+a = { link = "rocker", at = [0, 0.07, 0] }
+b = { link = "coupler", at = [0.09, 0.03, 0] }
+[joints.C]
+kind = "revolute"
+a = { link = "rocker", at = [0, 0, 0] }
+b = { link = "arm", at = [0.13, 0, 0] }
+[programs]
+shoulder = "0.3rad*t"
+crank = "0.9rad + 0.5rad*t"
+"""
 
 
 def test_the_spatial_four_bar_is_cut_at_the_spherical_joint_far_from_the_crank() -> None:
@@ -102,3 +152,68 @@ def test_a_loop_without_a_joint_that_points_close_is_split_and_welded():
         cut_loops(press())
     motion = simulate(press(), speed=1.0, turns=0.1).motion
     assert set(motion.links) == {"spindle", "nut"}
+
+
+def test_of_joints_alike_the_farthest_from_the_crank_is_cut_wherever_it_is_named():
+    for joints in permutations(rows(FOUR_BAR)):
+        tree = cut_loops(chain(*joints))
+        assert [joint.name for joint in tree.cuts] == ["B"]
+        assert {(one.joint.name, one.sense) for one in tree.branches} == {("crank", 1), ("A", 1), ("C", 1)}
+        backwards = cut_loops(chain(*(replace(joint, a=joint.b, b=joint.a) for joint in joints)))
+        assert [joint.name for joint in backwards.cuts] == ["B"]
+        assert {(one.parent.link, one.child.link, one.sense) for one in backwards.branches} == {
+            ("ground", "crank", -1),
+            ("crank", "coupler", -1),
+            ("ground", "rocker", -1),
+        }
+
+
+def test_how_far_a_joint_is_counts_along_the_links_and_not_through_the_frame():
+    ring = ["crank", "one", "two", "three", "four", "ground"]
+    joints = [Joint("crank", "revolute", End(GROUND), End("crank"))]
+    joints += [Joint(f"to {b}", "revolute", End(a), End(b)) for a, b in pairwise(ring)]
+    # through the frame one to two would be as far as three to four
+    assert cut_in(chain(*joints[::-1])) == ["to four"]
+
+
+def test_of_joints_as_far_the_last_is_cut():
+    two = rows("crank revolute ground-crank\nfirst revolute crank-plate\nlast revolute crank-plate")
+    assert cut_in(chain(*two)) == ["last"]
+    assert cut_in(chain(two[0], two[2], two[1])) == ["first"]
+
+
+def test_the_fewest_rows_are_cut_but_where_a_joint_is_to_be_kept():
+    joints = rows(FOUR_BAR.replace("A revolute", "A spherical"))
+    assert cut_in(chain(*joints)) == ["A"]
+    assert cut_in(chain(*joints), keep=("A",)) == ["B"]
+    assert cut_in(chain(*joints), keep=("A", "B", "C")) == ["A"]
+    slides = rows(FOUR_BAR.replace("B revolute", "B prismatic").replace("C revolute", "C cylindrical"))
+    assert cut_in(chain(*slides), keep=("A",)) == ["A"]
+
+
+def test_what_is_asked_is_cut_even_where_a_joint_that_holds_nothing_could_be():
+    held = chain(*rows("crank revolute ground-crank\nfly floating ground-plate\npin revolute crank-plate"))
+    assert cut_in(held) == ["fly"]
+    assert cut_in(held, "pin") == ["pin"]
+
+
+def test_a_loop_of_joints_that_are_all_needed_is_refused_and_a_held_one_is_called_so():
+    held = replace(chain(*rows(FOUR_BAR)), holds={"A": 0.3, "B": -0.2})
+    with pytest.raises(InputError, match="joint 'B' is held and cannot be cut; cut another"):
+        cut_loops(held, ("B",))
+    assert cut_in(held) == ["C"]
+    stiff = replace(held, holds={"A": 0.3, "B": -0.2, "C": 0.1})
+    with pytest.raises(
+        InputError, match=r"the loop through joint 'B' has only driven and geared joints; have"
+    ):
+        cut_loops(stiff)
+
+
+@pytest.mark.parametrize("cut", ["A", "B", "C"])
+def test_a_hinge_that_is_cut_turns_as_the_hinges_of_the_tree_that_count_in_it(cut, file):
+    arm = ms.load(file(ON_AN_ARM))
+    found = turning_with(arm.mechanism, tree := cut_loops(arm.mechanism, (cut,)), tree.cuts[0])
+    assert len(found) == 3
+    joints = arm.solve(arm.programs.pace * np.linspace(0.0, 1.0, 4), arm.programs.pace).joints
+    told = sum(share * joints[name].rate for name, share in found.items())
+    np.testing.assert_allclose(told, joints[cut].rate, rtol=0, atol=1e-12)

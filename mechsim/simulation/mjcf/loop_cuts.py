@@ -18,9 +18,6 @@ from mechsim.simulation.mjcf.joints import Branch, EndArrays, meeting_points
 if TYPE_CHECKING:
     import networkx as nx
 
-# cost of cutting a joint that cannot be cut, above that of any that can
-UNCUTTABLE = 1000
-
 
 @dataclass(frozen=True, slots=True)
 class Tree:
@@ -115,13 +112,20 @@ def _weighed(
     graph: nx.MultiGraph[str] = nx.MultiGraph()
     graph.add_nodes_from([GROUND, *(link.name for link in mechanism.links)])
     distance = _distance_from_crank(mechanism)
-    for order, joint in enumerate(mechanism.joints):
-        held = UNCUTTABLE if joint.name in needed else _cost(KINDS[joint.kind])
-        held += 10 * (joint.name in keep)
-        cost = 0 if joint.name in asked else held
-        far = min(distance[joint.a.link], distance[joint.b.link])
-        # the most costly to cut stay in the tree; among equals the nearest to the crank
-        graph.add_edge(joint.a.link, joint.b.link, key=joint.name, weight=1e6 * cost - 1e3 * far - order)
+
+    def held(joint: Joint) -> tuple[bool | int, ...]:
+        """Say what speaks against cutting a joint, the gravest first.
+
+        Rows count for more than nearness to the crank: validation/choices/cut_joint.py measures it.
+        """
+        near = -min(distance[joint.a.link], distance[joint.b.link])
+        cuttable = _cuttable(KINDS[joint.kind])
+        free = KINDS[joint.kind].freedoms if cuttable else 0
+        return joint.name not in asked, joint.name in needed, not cuttable, joint.name in keep, -free, near
+
+    # among equals the first stays
+    for order, joint in enumerate(sorted(mechanism.joints, key=held, reverse=True)):
+        graph.add_edge(joint.a.link, joint.b.link, key=joint.name, weight=-order)
     return graph
 
 
@@ -147,24 +151,18 @@ def _cuttable(kind: Kind) -> bool:
     return meeting_points(kind) is not None
 
 
-def _cost(kind: Kind) -> int:
-    """Return what cutting costs: constraint rows; validation/choices/cut_joint.py measures the choice."""
-    return 6 - kind.freedoms if _cuttable(kind) else UNCUTTABLE - 1
-
-
 def _distance_from_crank(mechanism: Mechanism) -> dict[str, int]:
     """Count joints from the driven link to each link, never through the frame."""
     import networkx as nx
 
     driver = mechanism.driven_joints[0]
     driven = driver.b.link if driver.a.link == GROUND else driver.a.link
+    pairs = [(joint.a.link, joint.b.link) for joint in mechanism.joints]
     graph: nx.Graph[str] = nx.Graph()
-    graph.add_edges_from((joint.a.link, joint.b.link) for joint in mechanism.joints)
-    far = len(mechanism.links) + 1
-    if GROUND in graph:
-        graph.remove_node(GROUND)
-    steps = dict(nx.single_source_shortest_path_length(graph, driven)) if driven in graph else {}
-    return {link.name: steps.get(link.name, far) for link in mechanism.links} | {GROUND: 0}
+    graph.add_node(driven)
+    graph.add_edges_from(pair for pair in pairs if GROUND not in pair)
+    steps = dict(nx.single_source_shortest_path_length(graph, driven))
+    return {link.name: steps.get(link.name, len(pairs)) for link in mechanism.links} | {GROUND: 0}
 
 
 def _ordered(mechanism: Mechanism, kept: set[str]) -> tuple[Branch, ...]:
