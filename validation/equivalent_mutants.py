@@ -70,6 +70,14 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
             ("analytic/closure/telling.py", "told", "floor"),
         )
     },
+    **{
+        (
+            "simulation/telling.py",
+            "inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)",
+            f"inverse = np.where(kept, 1.0 / np.where(kept, values, {any_one}), 0.0)",
+        ): "what is divided by it is not taken"
+        for any_one in ("0.1", "10.0")
+    },
     (
         MOTION,
         "twist = least_norm(mechanism, rows.jacobian, asked).reshape(n, -1, 6)",

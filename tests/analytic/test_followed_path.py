@@ -10,7 +10,7 @@ from mechsim import catalog
 from mechsim.analytic import closure
 from mechsim.analytic.closure.followed_path import AIM, AIMED, GROWTH, NODES
 from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.loop_solver import Linearised, loop_solver
+from mechsim.analytic.closure.loop_solver import Linearised, LoopSolver, loop_solver
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.whole_motion import followed
 from mechsim.errors import AssemblyError, InputError
@@ -106,6 +106,15 @@ def test_the_next_cell_is_so_long_that_it_is_foretold_as_well_as_is_aimed_at(mov
     assert path._growth(step, 1, 4.0 * AIM, 0.0) == pytest.approx(0.25 ** (2 / (NODES + 1)))
     path.cells[1].clear()
     assert path._growth(step, 1, 0.0, 1.0) == GROWTH
+
+
+@pytest.mark.parametrize(("least", "holds"), [(0.19, False), (0.21, True)])
+def test_a_cell_whose_rows_tell_a_fifth_of_what_they_do_elsewhere_in_it_is_halved(least, holds, monkeypatch):
+    path = followed(catalog.make("four_bar").mechanism)
+    monkeypatch.setattr(LoopSolver, "share", lambda *_: np.linspace(3.0 * least, 3.0, NODES))
+    cell, length = path._next(path.begin, 1, 0.05)
+    assert (cell is not None) == holds
+    assert (length == 0.025) == (not holds)
 
 
 @pytest.mark.parametrize("passing", ["smooth", "fold"])

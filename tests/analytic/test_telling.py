@@ -6,9 +6,9 @@ import pytest
 from mechsim.analytic.closure import telling as by_formulas
 from mechsim.simulation import telling as by_mujoco
 
-# exact squares and turns, so that singular values are what they are said to be
-TURN = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
-OTHER = np.array([[0.28, 0.0, -0.96], [0.0, 1.0, 0.0], [0.96, 0.0, 0.28]])
+# matrices across, so that singular values are what they are said to be; neither is symmetric whatever its signs
+TURN = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
+OTHER = np.array([[-6.0, 2.0, 3.0], [3.0, 6.0, 2.0], [2.0, -3.0, 6.0]]) / 7.0
 
 
 def with_values(*values):

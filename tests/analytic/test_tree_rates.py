@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from driven import five_bar, waving, where_circles_meet
+from mechanisms import at
 
 from mechsim import catalog
 from mechsim.analytic import closure
@@ -12,6 +13,9 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.closure.tree_rates import CHUNK, _along, _regular
 from mechsim.analytic.closure.whole_motion import followed, moved_along
 from mechsim.errors import AssemblyError
+from mechsim.model.joints import Joint
+from mechsim.model.links import EX, GROUND, Link
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion
 from mechsim.model.programs import programs
 
@@ -122,3 +126,26 @@ def test_more_instants_than_are_solved_in_one_go_come_in_the_order_in_which_they
     # measured 8e-17, 8e-17 and 4e-16
     for part, most in (("position", 1e-15), ("velocity", 1e-15), ("acceleration", 4e-15)):
         np.testing.assert_allclose(getattr(found, part), getattr(exact, part), rtol=0, atol=most)
+
+
+def test_a_block_that_is_driven_along_a_turning_arm_accelerates_as_textbooks_say():
+    joints = (
+        Joint("turn", "revolute", at(GROUND), at("arm")),
+        Joint("way", "prismatic", at("arm", axis=EX), at("block", axis=EX)),
+    )
+    points = {"P": ("block", (0.3, 0.0, 0.0))}
+    arm = Mechanism("arm", (Link("arm"), Link("block")), joints, ("turn", "way"), points)
+    states = {"turn": waving(2.0, 0.3, 6.0, 0.2), "way": waving(0.02, 0.4, 9.0, 1.0)}
+    form = LoopForm(arm, programs=programs(arm, states, 1.0))
+    times = np.linspace(0.0, 1.0, 12)
+    motion = form.solve(form.programs.pace * times, form.programs.pace)
+    (turn, spin, spun), (way, speed, gain) = (np.array(states[name](times)) for name in ("turn", "way"))
+    out = np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], 1)
+    across = np.cross([0.0, 0.0, 1.0], out)
+    radius = (0.3 + way)[:, None] * out
+    rated = speed[:, None] * out + (spin * (0.3 + way))[:, None] * across
+    bent = (gain - (0.3 + way) * spin**2)[:, None] * out
+    bent += ((0.3 + way) * spun + 2.0 * speed * spin)[:, None] * across
+    found = motion.points["P"]
+    for part, wanted in (("position", radius), ("velocity", rated), ("acceleration", bent)):
+        np.testing.assert_allclose(getattr(found, part), wanted, rtol=0, atol=1e-12, err_msg=part)

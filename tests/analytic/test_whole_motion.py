@@ -13,7 +13,7 @@ from mechsim.analytic.closure.whole_motion import followed, moved_along
 from mechsim.errors import AssemblyError
 from mechsim.model.couplings import Coupling
 from mechsim.model.joints import Joint
-from mechsim.model.links import GROUND, Link, Pose
+from mechsim.model.links import EX, GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
 
 TURN = 2.0 * np.pi
@@ -101,3 +101,21 @@ def test_what_is_held_stands_still_however_fast_the_crank_turns():
 def test_links_whose_spin_nothing_determines_are_told(name, idle):
     drive = catalog.make(name)
     assert closure.solve(drive.mechanism, [drive.mechanism.start + 0.3]).spinning == idle
+
+
+def test_a_rod_that_spins_about_one_axis_of_the_frame_alone_is_told():
+    joints = (
+        Joint("crank", "revolute", at(GROUND), at("crank")),
+        Joint("A", "spherical", at("crank", (0.1, 0.0, 0.0)), at("rod")),
+        Joint("B", "spherical", at("rod", (0.3, 0.0, 0.0)), at("block")),
+        Joint("way", "prismatic", at(GROUND, (0.4, 0.0, 0.0), EX), at("block", (0.0, 0.0, 0.0), EX)),
+    )
+    guess = {
+        "rod": Pose(np.array([0.1, 0.0, 0.0]), np.eye(3)),
+        "block": Pose(np.array([0.4, 0.0, 0.0]), np.eye(3)),
+    }
+    links = tuple(Link(name) for name in ("crank", "rod", "block"))
+    points = {"P": ("block", (0.0, 0.0, 0.0))}
+    assert closure.solve(Mechanism("line", links, joints, "crank", points, guess=guess), [0.0]).spinning == {
+        "rod"
+    }

@@ -152,13 +152,12 @@ def _counted(path: FollowedPath, laps: int) -> FollowedPath | None:
 def spinning(path: FollowedPath) -> frozenset[str]:
     """Return the links that turn while all that is driven, and every tracked point, stands: as rods spin."""
     tree = path.loops.tree
-    solvers = [cell.solver for cells in path.cells.values() for cell in cells]
-    solver = min(solvers or [path.first], key=lambda one: one.open)
     found: set[str] = set()
-    for freedom in solver.gauge:
+    # where more is open at the start than elsewhere no path begins
+    for freedom in path.first.gauge:
         rates = np.zeros((tree.count, 1))
         rates[path.loops.unknown, 0] = freedom
-        moved = twists(tree, solver.there.here, rates * path.loops.units[:, None])
+        moved = twists(tree, path.first.there.here, rates)
         turning = np.abs(moved[:, 3:]).max((1, 2))
         found |= {name for name, i in tree.links.items() if turning[i] > SPINS * turning.max()}
     return frozenset(found)
