@@ -6,7 +6,7 @@ import pytest
 from mechsim.analytic.closure import telling as by_formulas
 from mechsim.simulation import telling as by_mujoco
 
-# matrices across, so that singular values are what they are said to be; neither is symmetric whatever its signs
+# turns, so that singular values are what they are said to be; neither is symmetric whatever its signs
 TURN = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
 OTHER = np.array([[-6.0, 2.0, 3.0], [3.0, 6.0, 2.0], [2.0, -3.0, 6.0]]) / 7.0
 

@@ -120,7 +120,7 @@ def _weighed(
         """
         near = -min(distance[joint.a.link], distance[joint.b.link])
         cuttable = _cuttable(KINDS[joint.kind])
-        free = KINDS[joint.kind].freedoms if cuttable else 0
+        free = cuttable and KINDS[joint.kind].freedoms
         return joint.name not in asked, joint.name in needed, not cuttable, joint.name in keep, -free, near
 
     # among equals the first stays
