@@ -4,6 +4,7 @@ SHAPE = "any negative number stands for the length left over"
 NEAR_ONE = "loops in units of their size have largest singular values near one"
 SPEED = "changes what a run costs, not what it gives"
 LOOPS = "simulation/model_loops.py"
+CUTS = "simulation/mjcf/loop_cuts.py"
 POSED = "simulation/posed_bodies.py"
 MOTION = "analytic/closure/motion.py"
 PATH = "analytic/closure/followed_path.py"
@@ -17,7 +18,14 @@ JUDGE = "verdict/judge.py"
 
 EQUIVALENT: dict[tuple[str, str, str], str] = {
     ("simulation/recorded_motion.py", "CHUNK = 2048", "..."): SPEED,
-    ("simulation/mjcf/loop_cuts.py", "if TYPE_CHECKING:", "if not TYPE_CHECKING:"): SPEED,
+    (CUTS, "if TYPE_CHECKING:", "if not TYPE_CHECKING:"): SPEED,
+    (
+        CUTS,
+        "own = {branch.joint.name: branch.sense * along(branch.child)} "
+        "if KINDS[branch.joint.kind].turns else {}",
+        "own = {branch.joint.name: branch.sense / along(branch.child)} "
+        "if KINDS[branch.joint.kind].turns else {}",
+    ): "both are signs",
     (
         POSED,
         "return (data.xpos[None], data.xmat.reshape(1, -1, 3, 3), slope)",
