@@ -12,6 +12,7 @@ SOLVER = "analytic/closure/loop_solver.py"
 TREE = "analytic/closure/tree_motion.py"
 MANY = "analytic/closure/many_paths.py"
 WHOLE = "analytic/closure/whole_motion.py"
+RATES = "analytic/closure/tree_rates.py"
 LAYOUT = "analytic/closure/tree_layout.py"
 CHECKS = "verdict/checks.py"
 JUDGE = "verdict/judge.py"
@@ -182,7 +183,17 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         for tiny, most in (("1e-301", 1000), ("1e-299", 1000), ("1e-300", 10000))
     },
     (LAYOUT, "MOST = 8", "..."): SPEED,
-    ("analytic/closure/tree_rates.py", "CHUNK = 1024", "..."): SPEED,
+    (RATES, "CHUNK = 1024", "..."): SPEED,
+    (
+        RATES,
+        "changed[i, :3] = spatial[i, :3] + cross(turning, place) + cross(spin, velocity[i, :3])",
+        "changed[i, :3] = spatial[i, :3] + cross(turning, place) + cross(spin, velocity[i, :4])",
+    ): "a fourth component has no part in a vector product",
+    (
+        RATES,
+        "spin, bend = (np.ascontiguousarray(rows[:, part].T).reshape(3, 3, -1) for rows in (first, second))",
+        "spin, bend = (np.ascontiguousarray(rows[:, part].T).reshape(3, 3, -2) for rows in (first, second))",
+    ): SHAPE,
     (
         MANY,
         "to = float((sense * angles[ahead]).max()) * sense",
@@ -215,7 +226,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "twice, some = ((rough < 1e-07) & (gone < 0.0001), (rough < 1e-05) & (gone < 0.01))",
     ): SPEED,
     (
-        "analytic/closure/tree_rates.py",
+        RATES,
         "far = float(np.abs(off / path.loops.units[driven, None]).max(initial=0.0))",
         "far = float(np.abs(off / path.loops.units[driven, None]).max(initial=1.0))",
     ): SPEED,

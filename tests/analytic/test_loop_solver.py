@@ -174,3 +174,38 @@ def test_what_all_rows_tell_is_what_the_solved_ones_do_only_where_the_others_tel
     told = replace(found, slope=np.insert(tilted, loops.driven, 0.0, axis=1))
     assert told.every == pytest.approx(np.linalg.svd(tilted.transpose(2, 0, 1), compute_uv=False), abs=1e-14)
     assert told.every[0, -1] > 1.01 * wanted[0, -1]
+
+
+def test_a_gauge_along_what_the_rows_hold_does_not_serve_though_all_rows_are_solved():
+    loops, start = rssr()
+    solver = loop_solver(loops, start)
+    assert solver.open == 1
+    assert len(solver.others) == 0
+    held = solver.there.slope[0, loops.unknown, 0]
+    other = replace(solver, gauge=held[None] / np.linalg.norm(held))
+    assert all(solver.telling(solver.there))
+    assert not any(other.telling(other.there))
+    assert other.share(other.there) < 1e-12
+
+
+def test_a_new_gauge_follows_the_one_before_if_as_much_is_open():
+    loops, at = rssr()
+    loops = replace(loops, driven=())
+    gauge = loop_solver(loops, at).gauge
+    before = np.array([[0.6, -0.8], [0.8, 0.6]]) @ gauge
+    assert loop_solver(loops, at, before).gauge == pytest.approx(before, abs=1e-13)
+    assert loop_solver(loops, at, before[:1]).gauge == pytest.approx(gauge, abs=1e-13)
+
+
+def test_a_step_whose_bend_would_leave_more_open_than_is_enough_is_looked_at():
+    loops, start = six_bar()
+    solver = loop_solver(loops, start)
+    guess, _ = off(loops, start, 5e-5)
+    found = solver.linearise(guess)
+    step = np.abs(solver.step(found.matrix, found.right))
+    # turns add up along a chain: the bend goes with the square of their sum, not of the largest
+    enough = (0.5 * (step.max() + step.sum())) ** 2
+    at, found, _ = solver.close(guess, enough)
+    assert np.array_equal(found.here.rotation, solver.linearise(at).here.rotation)
+    at, found, _ = solver.close(guess, 1.1 * step.sum() ** 2)
+    assert not np.array_equal(found.here.rotation, solver.linearise(at).here.rotation)

@@ -223,9 +223,7 @@ def rated(path: Blind | None, part: ClosedPart, *, conditioned: bool = True) -> 
     blind = np.zeros(len(at), dtype=np.bool_) if path is None else path.blind(instants.at)
     tree, units, driven = loops.tree, loops.units[:, None], list(loops.driven)
     matrix = _regular(found.matrix, blind)
-    first, bend = (None, None)
-    if path is not None and blind.any():
-        first, bend = _along(path, tree, instants.at[blind])
+    known = None if path is None or not blind.any() else _along(path, tree, instants.at[blind])
 
     def solved(asked: Array, bias: Array) -> Array:
         """Return the coordinates' rates of one order, in their units."""
@@ -237,14 +235,14 @@ def rated(path: Blind | None, part: ClosedPart, *, conditioned: bool = True) -> 
         return ahead + solver.step(matrix, right)
 
     rates = solved(instants.rate, np.zeros(1))
-    if first is not None:
-        rates[:, blind] = first * instants.speed[blind]
+    if known is not None:
+        rates[:, blind] = known[0] * instants.speed[blind]
     twist = twists(tree, found.here, rates * units)
     drift = drifts(tree, found.here, twist, rates * units)
     second = solved(instants.second, loops.bias(at, found.here, rates * units, twist, drift))
-    if first is not None and bend is not None:
+    if known is not None:
         speed, acceleration = instants.speed[blind], instants.acceleration[blind]
-        second[:, blind] = first * acceleration + bend * speed**2
+        second[:, blind] = known[0] * acceleration + known[1] * speed**2
     spatial = drift + twists(tree, found.here, second * units)
     position = found.here.position
     velocity, changed = np.empty_like(twist), np.empty_like(twist)
