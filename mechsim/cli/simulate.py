@@ -30,7 +30,7 @@ from mechsim.cli.options import (
 )
 from mechsim.cli.output import print_json, progress
 from mechsim.cli.scene_findings import found_in, in_json, of_crank, tell_findings
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.crank_profile import arc_around
 from mechsim.model.motion import taken
 from mechsim.model.scene import Scene
@@ -229,7 +229,13 @@ def _found(run: Run) -> str:
 
 def _turned(drive: Form, speed: float, turns: float) -> CrankProfile:
     """Return the crank's motion at constant speed; refuse one that leaves the crank's range."""
-    arcs = drive.crank_range()
+    try:
+        arcs = drive.crank_range()
+    except MobilityError as error:
+        if error.outcome != "undetermined":
+            raise
+        # how far it can turn no pose says, but a run in time does
+        return simulation.constant(speed, turns, drive.mechanism.start)
     if arcs.full or not arcs.arcs:
         return simulation.constant(speed, turns)
     profile = simulation.constant(speed, turns, drive.mechanism.start)
