@@ -102,6 +102,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "MOST_STEPS, ROUNDING = (8, 1e-13)",
         "...",
     ): "a Newton step more or less from where it has converged",
+    (
+        PATH,
+        "while sense * (first - self._end(sense)) < -NEAR and self._back(sense):",
+        "while sense * (first - self._end(sense)) < +NEAR and self._back(sense):",
+    ): SPEED,
     (PATH, "TINY = 1e-300", "..."): "any tiny number will do where nothing is rough or has moved",
     (
         PATH,

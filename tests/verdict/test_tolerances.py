@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from mechsim.errors import InputError
 from mechsim.model.efforts import Efforts, FreeRun, Reaction
 from mechsim.model.motion import LinkMotion, Motion, PointMotion
 from mechsim.verdict.checks import Verdict, allowances, check_of, concluded
@@ -166,6 +167,7 @@ def test_scales_of_a_motion_are_products_of_its_lengths_and_speeds():
     assert scales["reach · crank speed²"] == pytest.approx(7.2)
     assert (scales["crank speed"], scales["rad"]) == (3.0, 1.0)
     assert motion_scales(0.5, 3.0)["reach"] == 0.5
+    assert motion_scales(0.5, 0.4)["stroke · crank speed²"] == pytest.approx(0.08)
     assert motion_scales(0.5, 3.0, 0.8, 20.0)["stroke · crank speed²"] == 10.0
 
 
@@ -179,6 +181,17 @@ def test_the_stroke_is_half_the_longest_extent_and_the_reach_the_largest_coordin
     assert reach_of(moving(path)) == pytest.approx(3.0)
     # where nothing moves there is no stroke to measure by
     assert stroke_of(moving(FLAT + np.array([0.1, -0.7, 0.2]))) == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize(("off", "same"), [(8e-13, True), (2e-12, False)])
+def test_a_record_that_nothing_can_solve_again_stands_at_the_same_angles_but_for_rounding(off, same):
+    path = np.outer(np.linspace(-1.0, 3.0, N), (0.5, -1.0, 0.2))
+    exact = replace(moving(path), angle=ANGLE + off)
+    if same:
+        assert crosscheck(moving(path), exact).passed
+    else:
+        with pytest.raises(InputError, match="stands at other crank angles"):
+            crosscheck(moving(path), exact)
 
 
 def efforts(force, torque=(3.0, -4.0, 0.0, 0.0, 0.0), kinetic=(-2.0, 1.0, 0.0, 0.0, 0.0), **more):

@@ -304,13 +304,12 @@ class FollowedPath(PathRows):
         return True
 
     def _solver(self, here: float, sense: int) -> LoopSolver:
-        done = self.cells[sense] or self.cells[-sense]
-        if not done:
+        if not self.cells[sense]:
             return self.first
-        cell, end = (done[-1], -1) if self.cells[sense] else (done[0], 0)
-        if cell.serves is not None and cell.serves[end]:
+        cell = self.cells[sense][-1]
+        if cell.serves is not None and cell.serves[-1]:
             return cell.solver
-        at = self.unflat(cell.states[[end]], np.array([here]))
+        at = self.unflat(cell.states[[-1]], np.array([here]))
         if cell.serves is None and cell.solver.telling(cell.solver.linearise(at))[0][0]:
             return cell.solver
         return loop_solver(self.loops, at, cell.solver.gauge)
