@@ -19,6 +19,9 @@ State = Callable[[Array], tuple[Array, Array, Array]]
 
 # times at which programs are probed for what is not finite and for their fastest rate
 PROBES = 2048
+# rates beyond these, in [rad/s] or sizes a second, and accelerations beyond the square of the larger, are
+# slips of the pen, and their squares soon beyond what a float holds
+SLOWEST, FASTEST = 1e-12, 1e9
 
 
 @dataclass(frozen=True)
@@ -94,8 +97,8 @@ def programs(mechanism: Mechanism, states: Mapping[str, State], duration: float)
         duration: in [s].
 
     Raises:
-        InputError: for a driver without a program, a program without its driver, one that is not finite, or
-            drivers that all stand still.
+        InputError: for a driver without a program, a program without its driver, one that is not finite or
+            beyond all sense fast, or drivers that all stand still or next to it.
     """
     if not 0.0 < number(duration) < np.inf:
         raise InputError(f"the duration is {duration} s; give a finite time above 0")
@@ -121,11 +124,31 @@ def programs(mechanism: Mechanism, states: Mapping[str, State], duration: float)
                 f"{mechanism.name}: the program of {name} is not finite from 0 to {duration:g} s; "
                 "give one with two finite rates"
             )
-    units = [mechanism.size if mechanism.unit(name) == "m" else 1.0 for name in mechanism.drivers]
-    pace = float(np.abs(found[1] / np.array(units)[:, None]).max())
-    if not pace > 0.0:
+    paces = [_pace(mechanism, name, *parts[1:]) for name, *parts in zip(made.drivers, *found, strict=True)]
+    if not max(paces) > 0.0:
         raise InputError(f"{mechanism.name}: all drivers stand still; give one a program that moves")
-    return replace(made, pace=pace)
+    if not max(paces) >= SLOWEST:
+        raise InputError(
+            f"{mechanism.name}: no driver moves by more than {max(paces):.3g} rad or sizes a second; give "
+            f"one a program that moves by {SLOWEST:g} at least"
+        )
+    return replace(made, pace=max(paces))
+
+
+def _pace(mechanism: Mechanism, name: str, rate: Array, acceleration: Array) -> float:
+    """Return how fast a driver's program goes at the most, in [rad/s] or sizes a second."""
+    unit = mechanism.unit(name)
+    size = mechanism.size if unit == "m" else 1.0
+    for what, ending, values, most in (
+        ("rate", "s", rate, FASTEST * size),
+        ("acceleration", "s2", acceleration, FASTEST**2 * size),
+    ):
+        if not (worst := float(np.abs(values).max())) <= most:
+            raise InputError(
+                f"{mechanism.name}: the {what} in the program of {name} is up to {worst:.3g} "
+                f"{unit}/{ending}; give one of {most:.3g} at the most"
+            )
+    return float(np.abs(rate).max()) / size
 
 
 def steady(start: float, rate: float) -> State:

@@ -9,8 +9,9 @@ from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.poses import follow
 
 # a pose this much nearer than the right one, and in units of the stroke this far from it, is another
-# assembly; it is looked for at so many pairs of records
-NEARER, APART, MOST_PAIRS = 0.5, 0.02, 100
+# assembly; it is looked for at so many pairs of records. Places are rounded by this part of the size at the
+# most, which of a motion of next to nothing is more
+NEARER, APART, MOST_PAIRS, ROUNDING = 0.5, 0.02, 100, 1e-12
 
 
 def pose_errors(closed: ClosedModel, motion: Motion, states: Array) -> tuple[Array, Array]:
@@ -54,7 +55,8 @@ def in_another_assembly(
     """
     known, recorded = len(places), _recorded(motion)
     moved = [name in closed.driven_points for name in closed.track.points]
-    far = error[:known] > APART * 0.5 * float(np.ptp(places[:, moved], axis=0).max())
+    stroke = float(np.ptp(places[:, moved], axis=0).max())
+    far = error[:known] > max(APART * 0.5 * stroke, ROUNDING * closed.loops.size)
     pairs = np.flatnonzero(far[1:] & far[:-1])
     tried = pairs[np.unique(np.linspace(0, len(pairs) - 1, MOST_PAIRS).astype(int))] if len(pairs) else []
     for i in tried:

@@ -138,3 +138,10 @@ def test_what_is_exported_under_programs_solves_alike(mechsim):
     assert tables[0].keys() == tables[1].keys()
     for name, column in tables[0].items():
         np.testing.assert_allclose(tables[1][name], column, atol=1e-14)
+
+
+def test_a_motion_of_next_to_nothing_is_in_its_own_assembly(mechsim):
+    """What the steps are off by is rounding, and more than a part of the stroke."""
+    answer = mechsim("simulate", "four_bar", "--method", "step", "--drive", "crank=1.1e-12*t")
+    assert answer.code == 0, answer.err
+    assert "met" in answer.out

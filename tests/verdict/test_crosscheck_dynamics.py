@@ -182,6 +182,14 @@ def test_a_motor_weaker_than_friction_or_weight_cannot_start():
     assert "turns back" in run.free.reason
 
 
+def test_forces_of_a_crank_that_creeps_under_weight_are_right():
+    """What is left over of accelerations was measured by those of the motion, which are next to none."""
+    machine = dynamics.machine(catalog.make("four_bar"), Forces(gravity=GRAVITY))
+    run = driven(machine.mechanism, machine.forces, speed=1e-4, method="pose", samples=12)
+    assert crosscheck_driven(run, machine).passed
+    assert run.efforts.residual.max() < 1e-12
+
+
 def test_a_free_run_without_an_end_is_bad_input():
     with pytest.raises(InputError, match="needs turns of the crank, or a duration"):
         free_run(catalog.make("four_bar").mechanism)

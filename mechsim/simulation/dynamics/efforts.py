@@ -121,9 +121,11 @@ def efforts(loaded: LoadedModel, at: Situation, qacc: Array, multipliers: Array,
     fields = loaded.look(loaded.looking(native=False), at.states, together(at.outer, placed, loops, drive))
     lost, outer, motor = powers(loaded, at)
     rates = at.states.qvel
-    # links that all turn evenly have no acceleration by which its rounding could be measured
+    # rounding is measured by accelerations: links that all turn evenly have none, and those that creep next
+    # to none beside what their weight would give them without the loops
     even = float(np.abs(rates[:, crank]).max()) ** 2
-    largest = max(float(np.abs(qacc).max()), even, np.finfo(np.float64).tiny)
+    kept = float(np.abs(at.plain["qacc"]).max())
+    largest = max(float(np.abs(qacc).max()), kept, even, np.finfo(np.float64).tiny)
     return Efforts(
         size=loaded.mechanism.size,
         time=at.states.time,
