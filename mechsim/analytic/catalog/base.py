@@ -452,7 +452,12 @@ class TwoBranchForm(ClosedForm):
         margin = self._root.rest.value(angle) if self._root.touching else self.margin(np.array([angle]))[0]
         if not margin >= 0.0:
             return []
-        return [replace(self, branch=branch) for branch in (1, -1)]
+        return self._family
+
+    @cached_property
+    def _family(self) -> list[Self]:
+        """This mechanism in both assemblies; kept, for each finds its own dead centres."""
+        return [self if branch == self.branch else replace(self, branch=branch) for branch in (1, -1)]
 
 
 def _chunks(count: int) -> list[slice]:
