@@ -107,6 +107,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "while sense * (first - self._end(sense)) < -NEAR and self._back(sense):",
         "while sense * (first - self._end(sense)) < +NEAR and self._back(sense):",
     ): SPEED,
+    (
+        PATH,
+        "step = np.zeros((self.loops.tree.count, 1))",
+        "step = np.zeros((self.loops.tree.count, 2))",
+    ): "rows are chosen by the first pose alone",
     (PATH, "TINY = 1e-300", "..."): "any tiny number will do where nothing is rough or has moved",
     (
         PATH,

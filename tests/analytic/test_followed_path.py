@@ -58,6 +58,10 @@ def test_behind_a_start_is_looked_only_where_a_change_point_there_could_blur_it(
     held = followed(catalog.make("four_bar").mechanism)
     held.extend(held.begin)
     assert not held.cells[-1]
+    ((solver, which, rows),) = held.parts(np.array([held.begin, held.begin]))
+    assert solver is held.first
+    assert which.tolist() == [0, 1]
+    assert np.array_equal(rows, held.flat(held.start).repeat(2, 0))
     blurred = followed(three_cranks((0.04, 0.0), start=0.02))
     blurred.extend(blurred.begin)
     assert blurred.meetings == pytest.approx([0.0], abs=1e-9)
@@ -91,6 +95,11 @@ def test_a_first_cell_is_foretold_along_the_tangent_to_second_order():
         assert 3.9 < off[1] / off[0] < 4.1
         # of the same order as the step squared
         assert 0.05 < off[0] / 1e-6 < 5.0
+    # the other way it is foretold by that cell, with all its nodes
+    path.reach(begin + 0.1, 1)
+    behind = begin - np.array([1e-3, 2e-3])
+    told = path._foretold(begin, -1, solver, behind)
+    assert np.abs(told - path.closed(solver, behind, told)[0]).max() < 1e-9
 
 
 @pytest.mark.parametrize(("moved", "before"), [(0.01, 0.3), (0.06, 0.2), (0.004, 0.9)])
@@ -260,7 +269,8 @@ def test_a_path_may_begin_close_to_a_change_point(off):
 
 
 @pytest.mark.parametrize(
-    ("off", "said"), [(0.0, "at its start, .* start elsewhere"), (1e-7, "start elsewhere")]
+    ("off", "said"),
+    [*((at, "at its start, .* start elsewhere") for at in (0.0, np.pi)), (1e-7, "start elsewhere")],
 )
 def test_a_path_that_begins_at_a_change_point_is_refused_with_the_angle_and_the_reason(off, said):
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
