@@ -39,7 +39,27 @@ def within(drive: DrivenRun, settings: Settings, tolerance: float) -> Run:
     """Return a run whose number of steps was chosen for a tolerance in [m], and its outcome."""
     first, spent = _steps(drive, settings, tolerance)
     run, promise = _kept(drive, settings, tolerance, first, spent)
-    return _told(run, promise) if run.outcome != "missed" else _held_otherwise(drive, settings, run, promise)
+    if run.outcome == "missed":
+        return _held_otherwise(drive, settings, run, promise)
+    return _told(run, promise, _lag(drive, run))
+
+
+def _lag(drive: DrivenRun, run: Run) -> str:
+    """Return in a sentence how far a driver is from its program, where that moves places too far."""
+    driven, time = drive.closed.loops.drive, run.motion.time
+    if driven is None or time is None:
+        return ""
+    wanted = driven.law(drive.profile.state(time)[0])[0]
+    off = np.abs(np.array([run.motion.joints[name].value for name in driven.names]) - wanted).max(1)
+    far = off * np.where(driven.slides, 1.0, drive.closed.loops.size)
+    most = int(far.argmax())
+    if not far[most] > run.tolerance:
+        return ""
+    unit = "m" if driven.slides[most] else "rad"
+    return (
+        f"{driven.names[most]} is up to {off[most]:.2g} {unit} beside its program, which this tolerance does "
+        "not count; more steps bring it nearer by their square"
+    )
 
 
 def _held_otherwise(drive: DrivenRun, settings: Settings, run: Run, promise: Promise) -> Run:

@@ -145,3 +145,12 @@ def test_a_motion_of_next_to_nothing_is_in_its_own_assembly(mechsim):
     answer = mechsim("simulate", "four_bar", "--method", "step", "--drive", "crank=1.1e-12*t")
     assert answer.code == 0, answer.err
     assert "met" in answer.out
+
+
+def test_a_driver_that_lags_its_program_by_more_than_the_tolerance_is_told(mechsim):
+    """Places are held where the drivers were; a force held over a step leaves those behind."""
+    words = ("simulate", "four_bar", "--method", "step", "--drive", "crank=0.5*sin(6*t)", "--samples", "12")
+    fine, coarse = mechsim(*words, "--tolerance", "1um"), mechsim(*words, "--tolerance", "1mm")
+    assert (fine.code, coarse.code) == (0, 0)
+    assert "rad beside its program" in fine.out
+    assert "beside its program" not in coarse.out
