@@ -12,6 +12,7 @@ from mechsim.maths.angles import TURN
 from mechsim.maths.convergence import believed_order
 from mechsim.simulation.driven_run import DrivenRun
 from mechsim.simulation.other_hardness import less_left
+from mechsim.simulation.poses import follow
 from mechsim.simulation.refine import AIM, MOST, Attempt, Promise, refine, rounded, steps_for
 from mechsim.simulation.run_result import Run
 from mechsim.simulation.settings import Settings
@@ -45,20 +46,19 @@ def within(drive: DrivenRun, settings: Settings, tolerance: float) -> Run:
 
 
 def _lag(drive: DrivenRun, run: Run) -> str:
-    """Return in a sentence how far a driver is from its program, where that moves places too far."""
-    driven, time = drive.closed.loops.drive, run.motion.time
-    if driven is None or time is None:
+    """Return in a sentence how far places are from where programs want them by then, if that is too far."""
+    closed, time = drive.closed, run.motion.time
+    if closed.loops.drive is None or time is None:
         return ""
-    wanted = driven.law(drive.profile.state(time)[0])[0]
-    off = np.abs(np.array([run.motion.joints[name].value for name in driven.names]) - wanted).max(1)
-    far = off * np.where(driven.slides, 1.0, drive.closed.loops.size)
-    most = int(far.argmax())
-    if not far[most] > run.tolerance:
+    meant = closed.places(follow.follow(closed.loops, closed.closed, drive.profile.state(time)[0]))
+    found = np.stack([point.position for point in run.motion.points.values()], 1)
+    driven = [name in closed.driven_points for name in closed.track.points]
+    far = float(np.sqrt(((found - meant) ** 2).sum(-1))[:, driven].max(initial=0.0))
+    if far <= run.tolerance:
         return ""
-    unit = "m" if driven.slides[most] else "rad"
     return (
-        f"{driven.names[most]} is up to {off[most]:.2g} {unit} beside its program, which this tolerance does "
-        "not count; more steps bring it nearer by their square"
+        f"places are up to {far:.2g} m from where programs want them by then: drivers lag, which this "
+        "tolerance does not count; more steps bring them nearer by their square"
     )
 
 
