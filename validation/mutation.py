@@ -74,7 +74,11 @@ KILLERS: dict[str, list[str]] = {
     "analytic/closure/many_paths.py": ["analytic/test_many_motion.py"],
     "analytic/closure/loop_solver.py": ["analytic/test_loop_solver.py", *PATHS],
     "analytic/closure/followed_path.py": ["analytic/test_followed_path.py"],
-    "simulation/model_loops.py": [*LOOPS, "studies/test_driven_efforts.py"],
+    "simulation/model_loops.py": [
+        *LOOPS,
+        "simulation/test_spherical_meetings.py",
+        "studies/test_driven_efforts.py",
+    ],
     "simulation/mjcf/loop_cuts.py": ["simulation/test_loop_cuts.py"],
     "simulation/posed_bodies.py": ["simulation/test_posed_bodies.py"],
     "simulation/telling.py": ["analytic/test_telling.py"],

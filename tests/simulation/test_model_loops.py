@@ -45,6 +45,24 @@ def test_the_jacobian_is_the_derivative_of_the_residual(mechanism: Mechanism) ->
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
+def test_a_step_that_closes_the_loops_comes_with_the_tangent(mechanism: Mechanism) -> None:
+    loops = loops_of(mechanism)
+    residual, jacobian = loops.linearise(near(loops, 3, 1e-3))
+    np.testing.assert_allclose(
+        loops.newton(residual, jacobian)[1], loops.tangent(jacobian), rtol=0, atol=1e-8
+    )
+
+
+def test_of_displacements_rates_are_told_in_sizes() -> None:
+    loops = loops_of(catalog.make("slider_crank").mechanism)
+    rates = np.full((1, loops.model.nv), 0.1)
+    slides = loops.model.jnt_dofadr[loops.model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE]
+    assert len(slides) == 1
+    rates[0, slides] = -0.3 * loops.size
+    assert loops.fastest(rates) == pytest.approx(0.3, rel=1e-12)
+
+
+@pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
 def test_one_state_alone_and_among_others_is_the_same(mechanism: Mechanism) -> None:
     loops = loops_of(mechanism)
     states = near(loops, 3, 0.02)
