@@ -9,7 +9,7 @@ import pytest
 from mechsim.errors import InputError
 from mechsim.model.efforts import Efforts, FreeRun, Reaction
 from mechsim.model.motion import LinkMotion, Motion, PointMotion
-from mechsim.verdict.checks import Verdict, allowances, check_of, concluded
+from mechsim.verdict.checks import Verdict, allowances, check_of, concluded, over_roads
 from mechsim.verdict.judge import crosscheck, judge_efforts, judge_free_run
 from mechsim.verdict.quantities import (
     QUANTITIES,
@@ -409,3 +409,10 @@ def test_of_two_quantities_of_one_record_the_larger_error_is_told_as_a_part_of_i
     silent = replace(row, error=lambda *_: None)
     assert silent.largest(found, exact, {"crank speed": 2.0}) == 0.0
     assert EPS == 2.0**-52
+
+
+def test_over_several_roads_the_gravest_says_why_and_one_without_a_reason_nothing():
+    fine, bad = Verdict("met", ()), Verdict("missed", (), "beyond the bound")
+    verdict = over_roads({"pose": fine, "step": bad})
+    assert (verdict.outcome, verdict.reason) == ("missed", "step: beyond the bound")
+    assert over_roads({"pose": fine, "step": fine}).reason == ""
