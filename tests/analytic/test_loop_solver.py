@@ -209,3 +209,12 @@ def test_a_step_whose_bend_would_leave_more_open_than_is_enough_is_looked_at():
     assert np.array_equal(found.here.rotation, solver.linearise(at).here.rotation)
     at, found, _ = solver.close(guess, 1.1 * step.sum() ** 2)
     assert not np.array_equal(found.here.rotation, solver.linearise(at).here.rotation)
+
+
+def test_the_side_is_the_least_singular_value_with_the_determinant_s_sign():
+    right, left = (np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0] for seed in (3, 4))
+    matrix = np.stack([right @ np.diag([0.9, 0.5, 0.2]) @ left, right @ np.diag([0.9, -0.5, 0.1]) @ left])
+    nothing = np.zeros((3, 0))
+    side = Linearised(nothing, nothing, None, matrix, nothing, np.arange(3), np.arange(0)).side
+    turned = np.sign(np.linalg.det(right @ left))
+    np.testing.assert_allclose(side, turned * np.array([0.2, -0.1]), rtol=1e-12)
