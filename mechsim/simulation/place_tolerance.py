@@ -12,7 +12,7 @@ from mechsim.maths.angles import TURN
 from mechsim.maths.convergence import believed_order
 from mechsim.simulation.driven_run import DrivenRun
 from mechsim.simulation.other_hardness import less_left
-from mechsim.simulation.poses import follow
+from mechsim.simulation.pose_errors import beside
 from mechsim.simulation.refine import AIM, MOST, Attempt, Promise, refine, rounded, steps_for
 from mechsim.simulation.run_result import Run
 from mechsim.simulation.settings import Settings
@@ -40,20 +40,16 @@ def within(drive: DrivenRun, settings: Settings, tolerance: float) -> Run:
     """Return a run whose number of steps was chosen for a tolerance in [m], and its outcome."""
     first, spent = _steps(drive, settings, tolerance)
     run, promise = _kept(drive, settings, tolerance, first, spent)
-    if run.outcome == "missed":
-        return _held_otherwise(drive, settings, run, promise)
-    return _told(run, promise, _lag(drive, run))
+    run = _told(run, promise) if run.outcome != "missed" else _held_otherwise(drive, settings, run, promise)
+    return replace(run, note="; ".join(one for one in (run.note, _lag(drive, run)) if one))
 
 
 def _lag(drive: DrivenRun, run: Run) -> str:
-    """Return in a sentence how far places are from where programs want them by then, if that is too far."""
-    closed, time = drive.closed, run.motion.time
-    if closed.loops.drive is None or time is None:
+    """Return in a sentence how far places of a run that is met are from where programs want them by then."""
+    time = run.motion.time
+    if drive.closed.loops.drive is None or time is None or run.outcome != "met":
         return ""
-    meant = closed.places(follow.follow(closed.loops, closed.closed, drive.profile.state(time)[0]))
-    found = np.stack([point.position for point in run.motion.points.values()], 1)
-    driven = [name in closed.driven_points for name in closed.track.points]
-    far = float(np.sqrt(((found - meant) ** 2).sum(-1))[:, driven].max(initial=0.0))
+    far = beside(drive.closed, run.motion, drive.profile.state(time)[0])
     if far <= run.tolerance:
         return ""
     return (

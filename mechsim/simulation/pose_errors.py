@@ -41,6 +41,18 @@ def pose_errors(closed: ClosedModel, motion: Motion, states: Array) -> tuple[Arr
     return error, places
 
 
+def beside(closed: ClosedModel, motion: Motion, angles: Array) -> float:
+    """Return how far driven points are from the poses solved at other angles than they reached, in [m].
+
+    Args:
+        closed: the model.
+        motion: at n instants.
+        angles: of the crank or clock at these instants, (n,) in [rad].
+    """
+    meant, moved = closed.places(follow.follow(closed.loops, closed.closed, angles)), _moved(closed)
+    return float(_distances(_recorded(motion)[:, moved], meant[:, moved]).max())
+
+
 def in_another_assembly(
     closed: ClosedModel, motion: Motion, states: Array, error: Array, places: Array
 ) -> bool:
@@ -54,8 +66,7 @@ def in_another_assembly(
         places: as from `pose_errors`.
     """
     known, recorded = len(places), _recorded(motion)
-    moved = [name in closed.driven_points for name in closed.track.points]
-    stroke = float(np.ptp(places[:, moved], axis=0).max())
+    stroke = float(np.ptp(places[:, _moved(closed)], axis=0).max())
     far = error[:known] > max(APART * 0.5 * stroke, ROUNDING * closed.loops.size)
     pairs = np.flatnonzero(far[1:] & far[:-1])
     tried = pairs[np.unique(np.linspace(0, len(pairs) - 1, MOST_PAIRS).astype(int))] if len(pairs) else []
@@ -96,8 +107,13 @@ def _solved(closed: ClosedModel, states: Array) -> Array:
 
 def _distances(recorded: Array, places: Array) -> Array:
     """Return the distance of the farthest of points (n, k, 3) from their places, (n,); NaN is infinite."""
-    gaps = np.sqrt(((recorded - places) ** 2).sum(-1)).max(1)
+    gaps = np.sqrt(((recorded - places) ** 2).sum(-1)).max(1, initial=0.0)
     return np.where(np.isfinite(gaps), gaps, np.inf)
+
+
+def _moved(closed: ClosedModel) -> list[bool]:
+    """Say of each tracked point whether what is driven moves it."""
+    return [name in closed.driven_points for name in closed.track.points]
 
 
 def _recorded(motion: Motion) -> Array:
