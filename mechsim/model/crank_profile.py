@@ -120,6 +120,11 @@ def swing(middle: float, reach: float, fastest: float) -> CrankProfile:
     return CrankProfile(TURN / rate, abs(fastest), state)
 
 
+def closes_nowhere(name: str) -> AssemblyError:
+    """Return the refusal of a mechanism whose crank range is empty."""
+    return AssemblyError(f"{name}: the loops close at no crank angle; change the dimensions")
+
+
 def arc_around(arcs: CrankRange, angle: float) -> tuple[float, float] | None:
     """Return the arc that holds a crank angle, counted on the angle's lap, in [rad]; None if none does.
 

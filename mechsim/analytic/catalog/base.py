@@ -20,6 +20,7 @@ from mechsim.analytic.vector_method.vectors import Sign
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
+from mechsim.model.crank_profile import closes_nowhere
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
@@ -271,7 +272,7 @@ class ClosedForm(ABC):
         """Return the crank angle of the guess in [rad]."""
         arcs = self.crank_range()
         if not arcs.arcs:
-            raise AssemblyError(f"{self.name}: the loops close at no crank angle; change the dimensions")
+            raise closes_nowhere(self.name)
         return arcs.start()
 
     @cached_property

@@ -18,6 +18,7 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
+from mechsim.model.crank_profile import closes_nowhere
 from mechsim.model.forces import Forces
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.motion import Motion
@@ -322,7 +323,7 @@ def instants_of(form: Form) -> Array:
         low, high, turn = 0.0, TURN, TURN
     else:
         if not arcs.arcs:
-            raise AssemblyError(f"{form.name}: the loops close at no crank angle; change the dimensions")
+            raise closes_nowhere(form.name)
         low, high = max(arcs.arcs, key=lambda arc: arc[1] - arc[0])
         clear = CLEAR * (high - low)
         low, high, turn = low + clear, high - clear, TURN

@@ -13,6 +13,7 @@ from mechsim.analytic.forms import Form, closed_form
 from mechsim.errors import AssemblyError, InputError, MechsimError, MobilityError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
+from mechsim.model.crank_profile import closes_nowhere
 from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion, taken
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
@@ -226,7 +227,7 @@ def alone(task: SweepTask, form: Form, facts: Mapping[str, float]) -> tuple[dict
     angles = task.angles
     if not len(angles):
         if not form.crank_range().arcs:
-            raise AssemblyError(f"{form.name}: the loops close at no crank angle; change the dimensions")
+            raise closes_nowhere(form.name)
         return {one.name: facts[one.kind] for one in task.measures}, "met", ""
     if form.programs is None and isinstance(form, ClosedForm):
         arcs = form.crank_range()
