@@ -17,7 +17,7 @@ from mechsim.cli.endings import notes
 from mechsim.cli.slips import asked_parameters
 from mechsim.errors import InputError, OutputError, require_extra
 from mechsim.model.forces import Forces
-from mechsim.model.scene import GRAVITY, Scene
+from mechsim.model.scene import Scene
 from mechsim.subjects.families import family
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.subject import load
@@ -219,7 +219,7 @@ def speed_of(text: str) -> float:
 def scene_of(level: str, cut: str | None = None, forces: Forces | None = None) -> Scene:
     """Return a scene of a level, with loops cut at named joints, and forces where they are known."""
     joints = tuple(cut.split(",")) if cut else None
-    return Scene(level=level, cut=joints, forces=forces or GRAVITY)  # pyright: ignore[reportArgumentType]
+    return Scene(level=level, cut=joints, forces=forces)  # pyright: ignore[reportArgumentType]
 
 
 def writable(path: str, *extensions: str) -> Path:

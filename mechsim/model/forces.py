@@ -235,6 +235,12 @@ class Forces:
         return replace(self, motor=None)
 
 
+def acting_on(source: object, forces: Forces | None) -> Forces:
+    """Return the forces given; where none are, those of the source, as a file's `[forces]`, or none."""
+    own = getattr(source, "forces", None) if forces is None else forces
+    return Forces() if own is None else require("forces", own, Forces)
+
+
 def located(mechanism: Mechanism, place: Place) -> tuple[str, Vector]:
     """Return the link of a place and the point in that link's frame in [m].
 

@@ -1,6 +1,6 @@
 """Scene: what a model must hold, and no more."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from mechsim.errors import InputError
@@ -23,16 +23,26 @@ class Scene:
     Attributes:
         level: one of the four above.
         cut: joints at which loops are cut and closed by a constraint; None lets the generator choose.
-        forces: what acts on the mechanism; counts from level dynamics on.
+        forces: what acts on the mechanism; counts from level dynamics on. None takes the forces of what is
+            run, as a file's `[forces]`, and gravity along -y where it has none.
     """
 
     level: Level = "motion"
     cut: tuple[str, ...] | None = None
-    forces: Forces = GRAVITY
+    forces: Forces | None = None
 
     def __post_init__(self) -> None:
         if self.level not in LEVELS:
             raise InputError(f"there is no scene {self.level!r}; known are {', '.join(LEVELS)}")
+
+    @property
+    def acting(self) -> Forces:
+        """The forces of the scene, gravity along -y where it has none."""
+        return GRAVITY if self.forces is None else self.forces
+
+    def under(self, forces: Forces | None) -> "Scene":
+        """Return the scene with these forces, unless it has its own."""
+        return replace(self, forces=forces) if self.forces is None else self
 
     def holds(self, level: Level) -> bool:
         """Return whether this scene reaches a level."""

@@ -138,7 +138,7 @@ def of_source(
 
     Args:
         source: the mechanism or model.
-        scene: what the model of a mechanism holds.
+        scene: what the model of a mechanism holds; under the source's forces where it names none.
         drivers: of a model of one's own: the hinge that is the crank, or a sequence of those joints that
             programs move; None for the hinge "crank". Of a mechanism a sequence says that programs move its
             crank, too; several drivers are under programs always.
@@ -166,7 +166,7 @@ def _of_source(
     if read is not None:
         return _as_read(source, read, drivers)
     model = described(source)
-    spec = load(model, scene)
+    spec = load(model, (scene or Scene()).under(getattr(source, "forces", None)))
     points = tracked_points(model, spec)
     if isinstance(model, Mechanism):
         programmed = not model.has_crank or not (drivers is None or isinstance(drivers, str))

@@ -63,7 +63,8 @@ def simulate(
             leaves the tracked points a freedom; else "pose". The run names it.
         samples: instants to record after the first, evenly spread; None takes about 72 a turn. With
             samples given, the number of steps is raised to a multiple of them.
-        scene: what the model holds; None takes `Scene(level="motion")`.
+        scene: what the model holds; None takes `Scene(level="motion")`, in which no forces act. From level
+            "dynamics" on those of the source do, as a file's `[forces]`, where the scene names none.
         programs: how the drivers move, in place of speed or profile; None takes those that the source has.
             They go straight from where the model has them to where their programs begin. In a model of one's
             own the joints of these names are driven.

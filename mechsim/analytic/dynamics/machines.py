@@ -10,7 +10,7 @@ from mechsim.analytic.dynamics.unit_motion import UnitMotion, from_motion
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.model.display import short_repr
-from mechsim.model.forces import Forces
+from mechsim.model.forces import Forces, acting_on
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, at_unit_speed
@@ -75,7 +75,8 @@ def machine(
     Args:
         source: a catalogue mechanism, whose closed form gives the motion, or any mechanism, whose loop
             equations do.
-        forces: what acts on it; None is nothing.
+        forces: what acts on it; None takes the forces of the source, as a file's `[forces]`, and none where
+            it has none. `Forces()` is none in any case.
         mechanism: the description of the catalogue mechanism with inertias of one's own.
         density: of the rods that links without inertia are made of, in [kg/m3].
         diameter: of those rods in [m]; None takes 0.05 of the mechanism's size.
@@ -92,7 +93,7 @@ def machine(
         )
     bare = mechanism or drive.mechanism
     described = with_inertia(bare, density, diameter)
-    acting = forces or Forces()
+    acting = acting_on(source, forces)
     acting.check(described)
     _check_crank(described, acting, getattr(drive, "programs", None))
     return Machine(described, acting, drive)

@@ -9,8 +9,9 @@ from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.efforts import FreeRun
-from mechsim.model.forces import Forces
-from mechsim.model.mechanism import Mechanism
+from mechsim.model.forces import Forces, acting_on
+from mechsim.model.mechanism import Mechanism, described
+from mechsim.simulation.closed_model import Described
 from mechsim.simulation.dynamics.angle_tolerance import FreeStepping, within
 from mechsim.simulation.dynamics.efforts import (
     efforts_of,
@@ -51,7 +52,7 @@ COARSER = 2.0
 
 @quiet()
 def free_run(
-    mechanism: Mechanism,
+    source: Mechanism | Described,
     forces: Forces | None = None,
     *,
     angle: float | None = None,
@@ -68,8 +69,10 @@ def free_run(
     """Let a machine run by itself from a crank angle and speed, stepped in MuJoCo.
 
     Args:
-        mechanism: links without an inertia are rods, as in `rods.with_inertia`.
-        forces: what acts, the motor too.
+        source: a Mechanism, or what has one, as `ms.load` returns; links without an inertia are rods, as in
+            `rods.with_inertia`.
+        forces: what acts, the motor too; None takes the forces of the source, as a file's `[forces]`, and
+            none where it has none.
         angle: crank angle at the start in [rad]; None takes where assembly starts.
         speed: crank speed at the start in [rad/s].
         turns: turns of the crank after which to end; negative backwards.
@@ -96,7 +99,8 @@ def free_run(
     )
     if turns is None and duration is None:
         raise InputError("a free run needs turns of the crank, or a duration above 0, after which to end")
-    loaded = loaded_model(mechanism, forces or Forces(), cut)
+    mechanism = described(source)
+    loaded = loaded_model(mechanism, acting_on(source, forces), cut)
     open_choice = settings is None and _is_redundant(loaded)
     settings = settings or Settings()
     first = mechanism.start if angle is None else angle

@@ -7,10 +7,11 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.crank_profile import CrankProfile, constant
-from mechsim.model.forces import Forces
-from mechsim.model.mechanism import Mechanism
+from mechsim.model.forces import Forces, acting_on
+from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.programs import Programs
 from mechsim.simulation.begun import begun, clock_of
+from mechsim.simulation.closed_model import Described
 from mechsim.simulation.dynamics.efforts import efforts_of, required, started, stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, within
@@ -35,7 +36,7 @@ BARELY = 5e-3
 
 @quiet()
 def driven(
-    mechanism: Mechanism,
+    source: Mechanism | Described,
     forces: Forces | None = None,
     *,
     speed: float | None = None,
@@ -52,12 +53,15 @@ def driven(
     """Return drive torque, joint reactions and energies of a machine under a prescribed crank.
 
     Args:
-        mechanism: links without an inertia are rods, as in `rods.with_inertia`.
-        forces: what acts; the motor is left out, for the drive is in its place.
+        source: a Mechanism, or what has one, as `ms.load` returns; links without an inertia are rods, as in
+            `rods.with_inertia`.
+        forces: what acts; the motor is left out, for the drive is in its place. None takes the forces of the
+            source, as a file's `[forces]`, and none where it has none.
         speed: constant crank speed in [rad/s], negative backwards; or give `profile`.
         turns: of the crank, at constant speed.
         profile: the crank's angle over time.
-        programs: of the drivers, in place of speed or profile; angles are then those of their clock.
+        programs: of the drivers, in place of speed or profile; angles are then those of their clock. None
+            takes those of the source where neither speed nor profile is given.
         method: "pose" solves each pose, and by inverse dynamics what it needs: no integration, to
             rounding. "step" integrates in time; every number then belongs to the recorded instant,
             and the drive's own inertia is not in it; where a coupling's polynomial bends, efforts are those
@@ -82,9 +86,10 @@ def driven(
         raise InputError(f"tolerance of torque is {tolerance}; give a part above 0, as in 1e-6")
     if samples is not None and not samples >= 1:
         raise InputError(f"{samples} samples asked for; take at least 1")
-    loaded = loaded_model(
-        mechanism, (forces or Forces()).without_motor(), cut, programmed=programs is not None
-    )
+    if programs is None and speed is None and profile is None:
+        programs = getattr(source, "programs", None)
+    mechanism, acting = described(source), acting_on(source, forces)
+    loaded = loaded_model(mechanism, acting.without_motor(), cut, programmed=programs is not None)
     if programs is not None:
         loaded, profile = begun(loaded, programs), clock_of(programs)
     if profile is None:

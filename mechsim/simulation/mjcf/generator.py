@@ -54,7 +54,7 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
         and NAME.2, a cylindrical one NAME.way and NAME.turn. Of level "picture" it holds all but the
         picture, which `pictures.render.exported_scene` adds.
     """
-    acting = scene.forces if scene.holds("dynamics") else None
+    acting = scene.acting if scene.holds("dynamics") else None
     dry = frozenset(friction.joint for friction in acting.friction if friction.dry) if acting else ()
     if acting is not None:
         mechanism = with_inertia(mechanism)
@@ -123,7 +123,7 @@ def counted(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tu
 def _options(spec: mujoco.MjSpec, scene: Scene) -> None:
     """Set what the scene needs; constraint settings from validation/choices/constraint_settings.py."""
     option = spec.option
-    option.gravity = scene.forces.gravity if scene.holds("dynamics") else (0.0, 0.0, 0.0)
+    option.gravity = scene.acting.gravity if scene.holds("dynamics") else (0.0, 0.0, 0.0)
     option.integrator = mujoco.mjtIntegrator.mjINT_RK4
     option.timestep = 1e-4
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE

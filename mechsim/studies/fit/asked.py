@@ -34,7 +34,7 @@ def fit(
         offset: whether the zero of the crank's encoder is unknown, too: CRANK.offset is how far the crank
             stood ahead of the angles in the table.
         speed: of the crank in [rad/s], which only rates and efforts depend on.
-        forces: what acts on it, where efforts were measured.
+        forces: what acts on it, where efforts were measured; None takes what its file says.
 
     Raises:
         InputError: for a table that does not serve, an unknown dimension, or fewer numbers than dimensions.

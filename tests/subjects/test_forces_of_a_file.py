@@ -1,0 +1,100 @@
+"""The forces of a file act in every Python call that is given what `ms.load` returns."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.simulation.closed_model import of_source
+from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.prescribed_motion import driven
+
+# a slider pushed along x by 500 N: the inertia of the links takes next to nothing beside it
+PRESS = """
+name = "press"
+[joints.crank]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "wheel" }
+[joints.A]
+kind = "revolute"
+a = { link = "wheel", at = [0.03, 0, 0] }
+b = { link = "rod" }
+[joints.B]
+kind = "revolute"
+a = { link = "rod", at = [0.09, 0, 0] }
+b = { link = "slider" }
+[joints.slide]
+kind = "prismatic"
+a = { link = "ground", axis = [1, 0, 0] }
+b = { link = "slider", axis = [1, 0, 0] }
+[points]
+B = { link = "slider" }
+[guess]
+rod = { at = [0.03, 0, 0] }
+slider = { at = [0.12, 0, 0] }
+[forces]
+loads.push = { at = "B", force = [-500, 0, 0] }
+gravity = [0, 0, 0]
+"""
+SPEED, ANGLES = 1.0, np.array([0.7, 1.5, 2.6])
+
+
+@pytest.fixture
+def press(tmp_path):
+    path = tmp_path / "press.toml"
+    path.write_text(PRESS)
+    return path
+
+
+def torque_by_virtual_power(angle):
+    """Return the crank torque that holds 500 N on the slider, from the slider's rate by the crank angle."""
+    sine, cosine = np.sin(angle), np.cos(angle)
+    return -500.0 * (0.03 * sine + 0.03**2 * sine * cosine / np.sqrt(0.09**2 - (0.03 * sine) ** 2))
+
+
+def test_forces_of_a_file_act_in_inverse_dynamics(press):
+    study = ms.dynamics.prescribed(ms.dynamics.machine(ms.load(press)), ANGLES, SPEED)
+    # the links' inertia at 1 rad/s takes less than 1e-5 N m
+    np.testing.assert_allclose(study.efforts.torque, torque_by_virtual_power(ANGLES), atol=1e-5)
+
+
+def test_forces_given_explicitly_replace_those_of_a_file(press):
+    free = ms.dynamics.prescribed(ms.dynamics.machine(ms.load(press), ms.Forces()), ANGLES, SPEED)
+    assert np.abs(free.efforts.torque).max() < 1e-5
+
+
+def test_forces_of_a_file_act_in_dynamics_by_simulation(press):
+    form = ms.load(press)
+    run = driven(form, speed=SPEED, samples=12)
+    np.testing.assert_allclose(run.efforts.torque, torque_by_virtual_power(run.efforts.angle), atol=1e-5)
+    free = driven(form, ms.Forces(), speed=SPEED, samples=12)
+    assert np.abs(free.efforts.torque).max() < 1e-5
+
+
+def test_forces_of_a_file_act_in_free_running(press):
+    form = ms.load(press)
+    exact = ms.dynamics.free_run(ms.dynamics.machine(form), angle=1.0, duration=0.002, samples=5)
+    run = free_run(form, angle=1.0, duration=0.002, samples=4, timestep=1e-6)
+    assert exact.angle[-1] > 1.5
+    np.testing.assert_allclose(run.free.angle, exact.angle, atol=1e-6)
+
+
+def test_forces_of_a_file_act_in_a_scene_of_level_dynamics(press):
+    form = ms.load(press)
+    assert of_source(form, ms.Scene(level="dynamics")).model.opt.gravity[1] == 0.0
+    heavy = ms.Scene(level="dynamics", forces=ms.Forces(gravity=(0.0, -9.81, 0.0)))
+    assert of_source(form, heavy).model.opt.gravity[1] == -9.81
+    assert of_source(form.mechanism, ms.Scene(level="dynamics")).model.opt.gravity[1] == -9.81
+
+
+def test_forces_of_a_file_act_in_sensitivities_sweeps_and_validation(press):
+    form = ms.load(press)
+    exact = torque_by_virtual_power(ANGLES)
+    found = dict(ms.sensitivity(form, "torque", "A.at.x", angles=ANGLES, speed=SPEED).values)
+    np.testing.assert_allclose(found["torque"], exact, atol=1e-5)
+    largest = ms.sweep(form, {"A.at.x": [0.0]}, "at:1.5:torque", speed=SPEED)
+    np.testing.assert_allclose(largest["at:1.5:torque"].values, exact[1], atol=1e-5)
+    agrees = ms.validate(
+        form, lambda at: {"torque:crank": torque_by_virtual_power(at)}, speed=SPEED, tolerance=1e-4
+    )
+    assert agrees.passed, agrees
