@@ -39,7 +39,7 @@ def examine() -> dict[str, Any]:
     found = versions() | {"machine": platform.platform()}
     backends = describe_backend()
     remedies: list[str] = []
-    if find_spec("OpenGL") is None:
+    if any(find_spec(library) is None for library in ("matplotlib", "mediapy", "jinja2", "PIL")):
         remedies.append("pip install 'mechsim[pictures]'")
     if not any(row["works"] for row in backends):
         packages = " ".join(str(row["package"]) for row in backends if row["package"])

@@ -3,25 +3,63 @@
 import os
 import sys
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+
+from mechsim.errors import MissingToolError
+
+# the distributions of MuJoCo 4, which write into one folder and must have one version
+DISTRIBUTIONS = ("mujoco", "mujoco-core", "mujoco-studio")
 
 
 def load() -> str:
-    """Import MuJoCo, without a back end where that of MUJOCO_GL fails; say which one."""
+    """Import MuJoCo, without a back end where that of MUJOCO_GL fails; say which one.
+
+    Raises:
+        MissingToolError: where MuJoCo is not installed, or damaged; names the command that repairs it.
+    """
     platform = os.environ.get("PYOPENGL_PLATFORM")
     asked = os.environ.get("MUJOCO_GL")
     try:
-        import_module("mujoco")
-    except Exception:  # a library that is missing or broken says anything
+        _import()
+    except Exception as error:  # a library that is missing or broken says anything
         if not asked:
-            raise
+            raise _unusable(error) from error
         _forget_back_end(platform)
         os.environ["MUJOCO_GL"] = "off"
         try:
-            import_module("mujoco")
+            _import()
+        except Exception as error_without_back_end:
+            raise _unusable(error_without_back_end) from error_without_back_end
         finally:
             os.environ["MUJOCO_GL"] = asked
         return f"MUJOCO_GL={asked} does not work here; pictures take another back end, if there is one"
     return ""
+
+
+def _import() -> None:
+    # a folder that has lost its files still imports, as an empty package
+    if not hasattr(import_module("mujoco"), "MjModel"):
+        raise ImportError("the package mujoco has no MjModel")
+
+
+def _unusable(error: Exception) -> MissingToolError:
+    """Return the error of a MuJoCo that is missing or damaged, with the command that repairs it.
+
+    pip damages MuJoCo where it replaces version 3 by version 4: it installs mujoco-core first and then
+    removes the files of the old mujoco, which have the same names.
+    """
+    try:
+        installed = version("mujoco")
+    except PackageNotFoundError:
+        return MissingToolError("MuJoCo is not installed; pip install 'mujoco>=4.0.0' installs it")
+    pins = " ".join(
+        f"{name}=={installed}" for name in DISTRIBUTIONS[: 3 if int(installed.split(".")[0]) >= 4 else 1]
+    )
+    cause = error.__cause__ or error
+    return MissingToolError(
+        f"MuJoCo {installed} is installed, but it cannot be imported ({cause}), as after an update by pip "
+        f"from version 3; pip install --force-reinstall --no-deps {pins} repairs it"
+    )
 
 
 def _forget_back_end(platform: str | None) -> None:

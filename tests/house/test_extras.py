@@ -15,7 +15,6 @@ OPTIONAL = (
     "pandas",
     "xarray",
     "jupyter_threejs_sage",
-    "OpenGL",
 )
 HIDE = f"""
 import sys
@@ -63,7 +62,7 @@ CORE = (
 # command -> the library it names
 MORE = {
     "plot four_bar --kind transmission -o plot.svg": "matplotlib",
-    "render four_bar -o picture.png": "OpenGL",
+    "render four_bar -o picture.png": "PIL",
     "validate slider_crank --report out": "",
     "view slider_crank -o view.html": "",
 }

@@ -1,9 +1,12 @@
 """MuJoCo is loaded by `simulation.mujoco_loading` before any module imports it by itself."""
 
+import os
 import re
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 import mechsim
 from mechsim.cli import LATE
@@ -37,3 +40,41 @@ for name in {names}:
     assert found.returncode == 0, found.stderr
     for name in names:
         assert f" {name} [OPTIONS]" in found.stdout
+
+
+INIT = "raise ImportError('repair it by a command') from ImportError('no core bindings')"
+
+
+def broken(tmp_path, files, *names):
+    """Run a command where the folder mujoco holds these files and these distributions are installed."""
+    for name, text in files.items():
+        path = tmp_path / "mujoco" / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+    for name in names:
+        info = tmp_path / f"{name.replace('-', '_')}-4.0.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 4.0.0\n")
+    return subprocess.run(
+        [sys.executable, "-m", "mechsim", "validate", "slider_crank"],
+        env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{HOUSE.parent}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("files", "cause"),
+    [
+        ({"__init__.py": INIT}, "no core bindings"),
+        ({"__init__.py": "", "note.txt": "what an uninstalled version leaves"}, "has no MjModel"),
+    ],
+)
+def test_a_damaged_mujoco_is_one_sentence_with_the_command_that_repairs_it(tmp_path, files, cause):
+    done = broken(tmp_path, files, "mujoco", "mujoco-core", "mujoco-studio")
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert cause in done.stderr
+    pins = "mujoco==4.0.0 mujoco-core==4.0.0 mujoco-studio==4.0.0"
+    assert f"pip install --force-reinstall --no-deps {pins} repairs it" in done.stderr

@@ -10,7 +10,7 @@ import mechsim
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # what conda-forge calls otherwise
-CALLED = {"mujoco-python": "mujoco-core", "matplotlib-base": "matplotlib", "netcdf4": "netCDF4"}
+CALLED = {"mujoco-python": "mujoco", "matplotlib-base": "matplotlib", "netcdf4": "netCDF4"}
 
 
 def floors(asked):
@@ -36,7 +36,7 @@ def test_the_recipe_needs_what_the_package_needs():
     }
     brought = floors([*extras["pictures"], *extras["tables"], *extras["sweep"]])
     assert beside.items() <= brought.items()
-    assert set(brought) - set(beside) == {"mujoco", "jupyter-threejs-sage"}
+    assert set(brought) - set(beside) == {"jupyter-threejs-sage"}
     assert f'version: "{mechsim.__version__}"' in recipe
 
 

@@ -64,7 +64,7 @@ def choose(forced: str | None = None) -> Backend:
     """
     if forced is not None and forced not in ORDER:
         raise InputError(f"there is no OpenGL back end {forced!r} here; known are {', '.join(ORDER)}")
-    require_extra("pictures", "OpenGL")
+    require_extra("pictures", "PIL")
     settled = _settled()
     if forced and settled and forced != settled:
         raise InputError(
