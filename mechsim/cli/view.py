@@ -5,7 +5,9 @@ import sys
 import tempfile
 import webbrowser
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
@@ -24,6 +26,7 @@ from mechsim.cli.options import (
 )
 from mechsim.cli.output import print_json
 from mechsim.files import written_beside
+from mechsim.model.vertical import require_axis
 from mechsim.subjects.mjcf_source import MjcfForm
 
 
@@ -33,6 +36,13 @@ def view(
     driven: DriveOptions,
     output: Output = None,
     speed: Speed = SPEED,
+    up: Annotated[
+        str | None,
+        typer.Option(
+            metavar="AXIS",
+            help="Axis that points up: x, y, z, -x, -y, -z; against gravity, else y, if left out.",
+        ),
+    ] = None,
     sets: Sets = None,
     as_json: Json = False,
 ) -> None:
@@ -40,11 +50,12 @@ def view(
     from mechsim.pictures.view import page
     from mechsim.report.views import mechanism_view
 
+    require_axis("--up", up)
     place = None if output is None else writable(output, ".html")
     form = form_of(model, sets, driven)
     read = form.source if isinstance(form, MjcfForm) else None
     shown = mechanism_view(form, speed_of(speed), read.limits if read else None)
-    text = page(shown)
+    text = page(replace(shown, up=up))
     browser = None if place is not None else _browser()
     if place is None:
         stem = Path(model.split(".py:")[0]).stem

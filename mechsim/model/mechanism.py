@@ -18,6 +18,7 @@ from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import FARTHEST, GROUND, IDENTITY, Link, Pose, Vector
 from mechsim.model.unmarked_slides import MEANT, guessed
+from mechsim.model.vertical import Up, require_axis
 
 # joints of a link nearer to each other than this part of all that is known of the links lie in one place, but
 # for the digits of their file
@@ -44,6 +45,7 @@ class Mechanism:
         holds: coordinate -> value at which it is held, in [m] or [rad].
         counted: coordinate -> its value at the guess, where a pose does not tell it: turns of a joint,
             or where a driver stands exactly.
+        up: coordinate axis that points up in pictures, as "z" or "-y"; None leaves it to the pictures.
     """
 
     name: str
@@ -57,11 +59,13 @@ class Mechanism:
     couplings: tuple[Coupling, ...] = ()
     holds: Mapping[str, float] = field(default_factory=dict[str, float])
     counted: Mapping[str, float] = field(default_factory=dict[str, float])
+    up: Up | None = None
 
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
         self._require_kinds()
+        require_axis(self.name, self.up)
         names = [link.name for link in self.links]
         _unique(self.name, "link", [GROUND, *names])
         _unique(self.name, "joint", [joint.name for joint in self.joints])

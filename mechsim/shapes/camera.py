@@ -13,11 +13,9 @@ from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import hinged_normals
+from mechsim.model.vertical import Up, unit_vector
 
 PRESETS = ("iso", "shaft", "top", "side")
-# the coordinate that stands upright: in our own mechanisms, and in scenes of MuJoCo
-Y, Z = 1, 2
-
 # share of the picture kept free on each side for labels, scale bar and read-out
 MARGIN = 0.09
 # a shaft whose direction has this part along an axis stands along it
@@ -57,19 +55,29 @@ class Camera:
         return np.stack([x, y], -1)
 
 
-def upright(mechanism: Mechanism, usual: int = Y) -> int:
-    """Return the coordinate that stands upright: the usual one, or the other where the shaft stands so.
+def upright(mechanism: Mechanism, up: Up | None = None) -> Array:
+    """Return the unit vector that points up, (3,): of `up`, else the mechanism's own, else y.
 
-    A shaft upright in a scene of MuJoCo's leaves the scene standing, unless all moves in one plane.
+    A mechanism that moves in one horizontal plane is drawn in that plane, its y axis up (z where y is
+    vertical). Where nothing states what is up and the first driver's axis lies along y, z is up.
     """
-    standing = abs(_shaft(mechanism)[usual]) > PARALLEL
-    return Y + Z - usual if standing and (usual == Y or hinged_normals(mechanism)) else usual
+    stated = up or mechanism.up
+    vertical = unit_vector(stated or "y")
+    standing = abs(float(_shaft(mechanism) @ vertical)) > PARALLEL
+    if standing and (stated is None or hinged_normals(mechanism)):
+        return _other_axis(vertical)
+    return vertical
 
 
-def directions(mechanism: Mechanism, preset: str, usual: int = Y) -> tuple[Array, Array]:
+def _other_axis(vertical: Array) -> Array:
+    """Return the y axis, or z where the vertical lies along y."""
+    return unit_vector("y" if abs(float(vertical[1])) < PARALLEL else "z")
+
+
+def directions(mechanism: Mechanism, preset: str, up: Up | None = None) -> tuple[Array, Array]:
     """Return (back, up) of a preset: unit vectors from scene to camera and to the top of the picture.
 
-    `usual` is what stands upright where nothing speaks against it, see `upright`.
+    `up` is the axis that points up, see `upright`.
 
     "shaft" looks along the crank shaft, the crank turning anticlockwise at positive speed; "top"
     and "side" look across it; "iso" looks from a corner, or, for a planar mechanism, straight on
@@ -78,25 +86,25 @@ def directions(mechanism: Mechanism, preset: str, usual: int = Y) -> tuple[Array
     if preset not in PRESETS:
         raise InputError(f"there is no camera {preset!r}; known are {', '.join(PRESETS)}")
     shaft = _shaft(mechanism)
-    up = np.eye(3)[upright(mechanism, usual)]
-    if abs(float(shaft @ up)) > PARALLEL:
+    vertical = upright(mechanism, up)
+    if abs(float(shaft @ vertical)) > PARALLEL:
         if preset == "shaft":
-            up = np.eye(3)[Y]
+            vertical = _other_axis(vertical)
         else:
-            shaft = np.eye(3)[0]
-    up: Array = up - shaft * float(shaft @ up)
-    up /= np.linalg.norm(up)
+            shaft = unit_vector("x" if abs(float(vertical[0])) < PARALLEL else "y")
+    vertical = vertical - shaft * float(shaft @ vertical)
+    vertical /= np.linalg.norm(vertical)
     flat = hinged_normals(mechanism) is not None
-    side = np.cross(up, shaft) if flat else np.cross(shaft, up)
+    side = np.cross(vertical, shaft) if flat else np.cross(shaft, vertical)
     back: Array = {
         "shaft": shaft,
-        "top": up,
+        "top": vertical,
         "side": side,
-        "iso": shaft if flat else 0.75 * shaft + 0.62 * up + 0.95 * side,
+        "iso": shaft if flat else 0.75 * shaft + 0.62 * vertical + 0.95 * side,
     }[preset]
     if preset == "top":
-        up = -shaft if flat else -side
-    right = np.cross(up, back)
+        vertical = -shaft if flat else -side
+    right = np.cross(vertical, back)
     right /= np.linalg.norm(right)
     back = back / np.linalg.norm(back)
     return back, np.cross(back, right)

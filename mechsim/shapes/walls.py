@@ -35,20 +35,18 @@ class Wall:
         return np.column_stack([self.across, np.cross(self.normal, self.across), self.normal])
 
 
-def backdrop(
-    mechanism: Mechanism, camera: Camera, upright: int, low: Array, high: Array, cell: float
-) -> Wall:
+def backdrop(mechanism: Mechanism, camera: Camera, up: Array, low: Array, high: Array, cell: float) -> Wall:
     """Return the plane behind a mechanism, as large as the picture needs.
 
     Args:
         mechanism: what stands before it.
         camera: that looks at it.
-        upright: the coordinate across which a floor lies.
+        up: unit vector along a coordinate axis, across which a floor lies, (3,).
         low: least coordinates of what must lie in front, (3,) in [m].
         high: greatest coordinates, (3,) in [m].
         cell: edge of a grid cell in [m]; the grid passes through the origin, so that it can be read.
     """
-    normal, centre, back = _backdrop_axis(mechanism, camera.back, upright), camera.position, camera.back
+    normal, centre, back = _backdrop_axis(mechanism, camera.back, up), camera.position, camera.back
     facing = float(normal @ back)
     lowest = np.where(normal < 0.0, high, low) @ np.abs(normal) * np.sign(normal.sum())
     point = centre - back * ((centre @ normal - lowest) / facing)
@@ -71,30 +69,36 @@ def corner(camera: Camera, low: Array, high: Array) -> list[Wall]:
     return walls
 
 
-def stands(shapes: Iterable[Shape], upright: int, floor: float, radius: float) -> list[Shape]:
-    """Return a post with a foot for every bearing, down to a floor at a height along what stands upright.
+def lowered(low: Array, high: Array, up: Array, by: float) -> tuple[Array, Array, float]:
+    """Return a box, (3,) and (3,), extended downwards by a length, and the height of its floor along `up`."""
+    low, high = np.where(up > 0.5, low - by, low), np.where(up < -0.5, high + by, high)
+    return low, high, float(np.minimum(low * up, high * up).sum())
+
+
+def stands(shapes: Iterable[Shape], up: Array, floor: float, radius: float) -> list[Shape]:
+    """Return a post with a foot for every bearing, down to a floor at a height along the unit vector `up`.
 
     Of bearings above one another the lowest stands on the floor: the same shaft or rail carries the others.
     """
     posts: list[Shape] = []
-    bearings = sorted((s for s in shapes if s.role == "bearing"), key=lambda s: float(s.centre[upright]))
+    bearings = sorted((s for s in shapes if s.role == "bearing"), key=lambda s: float(s.centre @ up))
     for shape in bearings:
-        foot, floored = shape.centre.copy(), shape.centre.copy()
-        foot[upright], floored[upright] = floor + 0.8 * radius, floor
+        floored = shape.centre + (floor - float(shape.centre @ up)) * up
+        foot = floored + 0.8 * radius * up
         if all(float(np.linalg.norm(post.to - foot)) > radius for post in posts):
             posts.append(Shape("cylinder", vector(shape.centre), vector(foot), (1.3 * radius,), HOUSING))
             posts.append(Shape("cylinder", vector(foot), vector(floored), (3.2 * radius,), HOUSING))
     return posts
 
 
-def _backdrop_axis(mechanism: Mechanism, back: Array, upright: int) -> Array:
+def _backdrop_axis(mechanism: Mechanism, back: Array, up: Array) -> Array:
     """Return the direction off the plane that stands behind the mechanism: a floor, or a wall."""
     normals = hinged_normals(mechanism)
     if normals and abs(float(normals[GROUND] @ back)) > 0.5:
         return normals[GROUND] * np.sign(normals[GROUND] @ back)
+    if abs(float(up @ back)) > 0.3:
+        return up * np.sign(float(up @ back))
     axes = np.eye(3)
     along = axes @ back
-    if abs(along[upright]) > 0.3:
-        return axes[upright] * np.sign(along[upright])
     nearest = int(np.argmax(np.abs(along)))
     return axes[nearest] * np.sign(along[nearest])

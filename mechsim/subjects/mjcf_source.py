@@ -15,6 +15,7 @@ from mechsim.model.links import UNSEEN, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.model.programs import programs, steady
+from mechsim.model.vertical import against
 from mechsim.units import Unit
 
 if TYPE_CHECKING:
@@ -92,8 +93,10 @@ def read_mjcf(
     except InputError as error:
         raise error if path in str(error) else InputError(f"{path}: {error}") from None
     exact = corrected(read.mechanism)
+    # a scene of MuJoCo without gravity stands on its x-y plane all the same
+    mechanism = replace(_held(exact.mechanism), up=against(read.forces.gravity) or "z")
     return MjcfForm(
-        _held(exact.mechanism),
+        mechanism,
         forces=read.forces,
         source=read,
         ranges=read.limits,

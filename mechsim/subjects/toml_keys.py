@@ -1,6 +1,7 @@
 """The keys of a mechanism in TOML: what the reader checks by and `mechsim schema` is made from."""
 
 from mechsim.model.joint_kinds import KINDS
+from mechsim.model.vertical import AXES
 from mechsim.subjects.force_keys import FORCES
 from mechsim.subjects.key_kinds import (
     Amount,
@@ -141,6 +142,9 @@ ROOT = Keys(
         ),
         "duration": Number("s", "of the programs"),
         "forces": FORCES,
+        "display": Keys(
+            {"up": Word("axis that points up; against gravity, else y, if left out", AXES)}, "of pictures"
+        ),
         "guess": Named(_GUESS, "which assembly is meant: rough places of links"),
         "formula": Keys(
             {"python": Word("FILE.py:FUNCTION, the user's own model of the motion")}, "an analytic model"

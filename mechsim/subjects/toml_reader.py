@@ -14,6 +14,7 @@ from mechsim.model.inertia import Inertia
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.vertical import Up, against
 from mechsim.subjects.checked_values import Values
 from mechsim.subjects.key_kinds import Keys
 from mechsim.subjects.parameter_units import parameter_units, require_kinds
@@ -89,6 +90,7 @@ def toml_subject(
             couplings=couplings,
             holds=holds_of(of, read, driver),
             counted=counted,
+            up=_up(read),
         )
     form = LoopForm(
         mechanism,
@@ -100,6 +102,13 @@ def toml_subject(
     if duration is not None and not duration > 0.0:
         raise source.refusal(("duration",), f"is {duration:g} s; give a time above 0")
     return TomlSubject(form, programs_of(of, read, driver), duration)
+
+
+def _up(read: Mapping[str, Any]) -> Up | None:
+    """Return the axis that points up: as stated, else against gravity where the file gives it."""
+    stated: Up | None = read.get("display", {}).get("up")
+    gravity = read.get("forces", {}).get("gravity")
+    return stated or (None if gravity is None else against(gravity))
 
 
 def _formula(path: str, read: Mapping[str, Any]) -> str:

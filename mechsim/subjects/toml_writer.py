@@ -27,6 +27,8 @@ def toml_of(source: Mechanism | LoopForm) -> str:
     lines += _start(mechanism)
     if isinstance(source, LoopForm):
         lines += driving_lines(source)
+    if mechanism.up is not None:
+        lines += ["", "[display]", f"up = {quoted(mechanism.up)}"]
     for link in mechanism.links:
         lines += ["", f"[links.{key(link.name)}]", *_link(link)]
     for joint in mechanism.joints:

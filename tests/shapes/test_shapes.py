@@ -9,6 +9,7 @@ from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.links import IDENTITY as STANDING
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import hinged_normals
+from mechsim.model.vertical import unit_vector
 from mechsim.shapes import (
     PALETTE,
     Shape,
@@ -215,8 +216,19 @@ def test_sliding_way_of_the_guess_is_that_of_the_joint():
     assert float(way[0]) == pytest.approx(float(mechanism.guess["slider"].position[0]))
 
 
-@pytest.mark.parametrize(("axis", "usual", "stands"), [("x", 1, 1), ("y", 1, 2), ("x", 2, 2), ("z", 2, 2)])
-def test_floor_posts_and_camera_agree_on_what_stands_upright(axis, usual, stands):
+@pytest.mark.parametrize(
+    ("axis", "stated", "expected"),
+    [
+        ("x", None, "y"),
+        ("y", None, "z"),
+        ("x", "z", "z"),
+        ("z", "z", "z"),
+        ("y", "y", "y"),
+        ("x", "x", "x"),
+        ("x", "-z", "-z"),
+    ],
+)
+def test_floor_posts_and_camera_agree_on_what_points_up(axis, stated, expected):
     # a crank with a ball at its tip, which leaves the plane
     shaft = tuple(np.eye(3)["xyz".index(axis)])
     end = End("crank", axis=shaft)
@@ -229,20 +241,33 @@ def test_floor_posts_and_camera_agree_on_what_stands_upright(axis, usual, stands
         ),
         driver="crank",
         points={},
+        up=stated,
     )
-    assert camera.upright(mechanism, usual) == stands
-    back, up = camera.directions(mechanism, "iso", usual)
-    assert up[stands] > 0.5
+    vertical = unit_vector(expected)
+    np.testing.assert_array_equal(camera.upright(mechanism), vertical)
+    back, up = camera.directions(mechanism, "iso")
+    assert up @ vertical > 0.5
     low, high = np.full(3, -0.05), np.full(3, 0.05)
     view = camera.framed(back, up, np.array([low, high]), np.zeros(2), (320, 240))
-    floor = walls.backdrop(mechanism, view, stands, low, high, 0.01)
-    np.testing.assert_allclose(floor.normal, np.eye(3)[stands])
-    assert floor.point[stands] == pytest.approx(-0.05)
+    floor = walls.backdrop(mechanism, view, vertical, low, high, 0.01)
+    np.testing.assert_allclose(floor.normal, vertical)
+    assert floor.point @ vertical == pytest.approx(-0.05)
+    low, high, height = walls.lowered(low, high, vertical, 0.02)
+    assert height == pytest.approx(-0.07)
+    assert (high - low) @ np.abs(vertical) == pytest.approx(0.12)
     bearings = [shape for shape in link_shapes(mechanism)[GROUND] if shape.role == "bearing"]
-    post, foot = walls.stands(bearings, stands, -0.07, rod_radius(mechanism))
-    assert foot.to[stands] == pytest.approx(-0.07)
-    across = [i for i in range(3) if i != stands]
+    post, foot = walls.stands(bearings, vertical, -0.07, rod_radius(mechanism))
+    assert foot.to @ vertical == pytest.approx(-0.07)
+    across = np.flatnonzero(vertical == 0.0)
     np.testing.assert_allclose(np.take(post.frm, across), np.take(foot.to, across))
+
+
+@pytest.mark.parametrize(("up", "expected"), [(None, "y"), ("z", "y"), ("y", "y"), ("-y", "-y"), ("x", "x")])
+def test_a_planar_mechanism_is_drawn_in_its_plane_with_gravity_down(up, expected):
+    # in the x-y plane; gravity across the plane leaves y up
+    back, top = camera.directions(replace(mechanism_of("four_bar"), up=up), "iso")
+    np.testing.assert_allclose(back, (0.0, 0.0, 1.0), atol=1e-12)
+    np.testing.assert_allclose(top, unit_vector(expected), atol=1e-12)
 
 
 def test_what_balls_close_or_slides_drive_in_a_plane_is_looked_at_straight_on():

@@ -11,6 +11,7 @@ from mechsim.model.motion import Motion
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import COLOURS, ROUNDED, blank, chosen, styled
 from mechsim.shapes import point_colours
+from mechsim.shapes.camera import upright
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -86,21 +87,27 @@ def space_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | No
     middle = (everything.min(0) + everything.max(0)) / 2.0 / factor
     spread, scale = float(np.ptp(everything, axis=0).max()), float(np.abs(everything).max())
     half = (0.55 * spread if spread >= ROUNDED * scale else 0.5 * scale) / factor
+    up = upright(mechanism)
+    vertical = int(np.argmax(np.abs(up)))
+    order = [(vertical + 1) % 3, (vertical + 2) % 3, vertical]
+    floor = middle[vertical] - half * up[vertical]
     figure, axes = blank(1, 1, (4.6, 4.4), subplot_kw={"projection": "3d"})
     ax = axes[0, 0]
     for name, place in places.items():
         colour = colours[name]
-        # the mechanism's y points up, matplotlib's z does
-        x, up, z = (place / factor).T
-        ax.plot(z, x, np.full_like(up, middle[1] - half), color="#b9bfc8", lw=1.0)
-        ax.plot(z, x, up, color=colour, label=name)
-        ax.plot(z[:1], x[:1], up[:1], "o", ms=4, color=colour)
-    for axis, i in (("x", 2), ("y", 0), ("z", 1)):
+        # matplotlib's z points up, whichever of the mechanism's axes does
+        first, second, height = (place / factor)[:, order].T
+        ax.plot(first, second, np.full_like(height, floor), color="#b9bfc8", lw=1.0)
+        ax.plot(first, second, height, color=colour, label=name)
+        ax.plot(first[:1], second[:1], height[:1], "o", ms=4, color=colour)
+    for axis, i in zip("xyz", order, strict=True):
         getattr(ax, f"set_{axis}lim")(middle[i] - half, middle[i] + half)
         getattr(ax, f"set_{axis}label")(f"{'xyz'[i]} [{unit}]")
         getattr(ax, f"{axis}axis").set_pane_color("#f5f6f8")
         # more marks than these run into one another where an axis points away
         ax.locator_params(axis, nbins=5)
+    if up[vertical] < 0.0:
+        ax.invert_zaxis()
     # left to itself this label turns with the axis and may stand on its head
     ax.zaxis.set_rotate_label(False)
     ax.zaxis.label.set_rotation(90.0)

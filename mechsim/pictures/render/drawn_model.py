@@ -23,7 +23,7 @@ from mechsim.pictures.render.look import Look
 from mechsim.shapes import Rgba, Shape, free_sides, link_shapes, rod_radius
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.extent import extent, travels
-from mechsim.shapes.walls import Wall, backdrop, corner, stands
+from mechsim.shapes.walls import Wall, backdrop, corner, lowered, stands
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 
 CAMERA = "view"
@@ -43,7 +43,7 @@ class DrawnModel:
         cell: edge of a grid cell in [m].
         walls: planes with a grid.
         forward: whether the crank turns in the positive direction.
-        upright: the coordinate that stands upright.
+        up: unit vector that points up, (3,).
         normals: of links that all move in one plane; None where they do not.
         arrows: arrows of each kind asked for.
         far: the paths that go far beyond the links, which are cut.
@@ -61,7 +61,7 @@ class DrawnModel:
         balls = np.vstack([balls, *paths])
         radii = np.append(radii, np.zeros(len(balls) - len(radii)))
         self.low, self.high = (balls - radii[:, None]).min(0), (balls + radii[:, None]).max(0)
-        self.upright = cameras.upright(mechanism, look.upright)
+        self.up = cameras.upright(mechanism, look.up)
         self.normals = hinged_normals(mechanism)
         if not (self.normals or look.bodies):
             balls, radii = self._add_stands(balls, radii)
@@ -69,7 +69,7 @@ class DrawnModel:
         for one in self.arrows:
             tips = one.tips(frames.starts)
             balls, radii = np.vstack([balls, tips]), np.append(radii, np.zeros(len(tips)))
-        back, up = cameras.directions(mechanism, look.camera, look.upright)
+        back, up = cameras.directions(mechanism, look.camera, look.up)
         self._clear_walls()
         if look.projections:
             corners = np.array(np.meshgrid(*zip(self.low, self.high, strict=True))).reshape(3, -1).T
@@ -158,8 +158,8 @@ class DrawnModel:
 
     def _add_stands(self, balls: Array, radii: Array) -> tuple[Array, Array]:
         """Carry every bearing by a post on the floor; return the balls with those of the posts."""
-        self.low[self.upright] -= 2.0 * self.radius
-        posts = stands(self.shapes[GROUND], self.upright, float(self.low[self.upright]), self.radius)
+        self.low, self.high, floor = lowered(self.low, self.high, self.up, 2.0 * self.radius)
+        posts = stands(self.shapes[GROUND], self.up, floor, self.radius)
         self.shapes[GROUND].extend(posts)
         feet, widths = extent([(self.frames.poses[GROUND], posts)])
         return np.vstack([balls, feet]), np.append(radii, widths)
@@ -167,19 +167,20 @@ class DrawnModel:
     def _clear_walls(self) -> None:
         """Keep walls clear of the mechanism, except where it stands on one."""
         clear = 2.0 * self.radius
-        keep = self.low.copy()
+        keep, top = self.low.copy(), self.high.copy()
         self.low = self.low - clear
         self.high = self.high + clear
         if self.normals:
             across = np.abs(self.normals[GROUND]) > 0.9
             self.low[across] = keep[across]
         else:
-            self.low[self.upright] = keep[self.upright]
+            self.low = np.where(self.up > 0.5, keep, self.low)
+            self.high = np.where(self.up < -0.5, top, self.high)
 
     def _walls(self) -> list[Wall]:
         if self.look.projections:
             return corner(self.camera, self.low, self.high)
-        return [backdrop(self.mechanism, self.camera, self.upright, self.low, self.high, self.cell)]
+        return [backdrop(self.mechanism, self.camera, self.up, self.low, self.high, self.cell)]
 
     def _spec(self) -> mujoco.MjSpec:
         spec, look, middle = mujoco.MjSpec(), self.look, (self.low + self.high) / 2.0

@@ -11,7 +11,7 @@ from mechsim.pictures.render import scenery
 from mechsim.shapes import camera as cameras
 from mechsim.shapes import free_sides, link_shapes, rod_radius
 from mechsim.shapes.extent import extent, travels
-from mechsim.shapes.walls import backdrop, stands
+from mechsim.shapes.walls import backdrop, lowered, stands
 from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.poses.sweep import swept
 
@@ -47,16 +47,16 @@ def add_picture(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
     shapes = link_shapes(mechanism, travels(mechanism, poses), free_sides(mechanism, poses))
     balls, radii = extent((poses[link], shapes[link]) for link in shapes)
     low, high = (balls - radii[:, None]).min(0), (balls + radii[:, None]).max(0)
-    axis = cameras.upright(mechanism)
+    up = cameras.upright(mechanism)
     if not hinged_normals(mechanism):
-        low[axis] -= 2.0 * radius
-        posts = stands(shapes[GROUND], axis, float(low[axis]), radius)
+        low, high, floor = lowered(low, high, up, 2.0 * radius)
+        posts = stands(shapes[GROUND], up, floor, radius)
         shapes[GROUND].extend(posts)
         feet, widths = extent([(poses[GROUND], posts)])
         balls, radii = np.vstack([balls, feet]), np.append(radii, widths)
     camera = cameras.framed(*cameras.directions(mechanism, "iso"), balls, radii, SIZE)
     cell, middle = cameras.nice(camera.height / 9.0), (low + high) / 2.0
-    wall = backdrop(mechanism, camera, axis, low, high, cell)
+    wall = backdrop(mechanism, camera, up, low, high, cell)
     scenery.prepare(spec, camera, middle)
     scenery.add_light(spec, camera, middle, wall.normal, shadow=True)
     scenery.add_grid(spec, "grid", wall, cell, emission=0.25 * (1.0 - float(wall.normal @ camera.back)))

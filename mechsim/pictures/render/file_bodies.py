@@ -10,7 +10,6 @@ import numpy as np
 from mechsim.maths.arrays import Array
 from mechsim.model.links import Pose
 from mechsim.shapes import Facets, Kind, Rgba, Shape
-from mechsim.shapes.camera import Y, Z
 from mechsim.shapes.shape import vector
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
@@ -40,15 +39,12 @@ class Drawn(TypedDict):
     """Fields of a look or a view that a user's MJCF file decides."""
 
     bodies: dict[str, list[Shape]] | None
-    upright: int
 
 
 def drawn_as(form: object) -> Drawn:
-    """Return how what was read from an MJCF file is drawn: as the file does, Z upright; all else as usual."""
+    """Return how what was read from an MJCF file is drawn: with the file's bodies; all else as usual."""
     read = getattr(form, "source", None)
-    if isinstance(read, MjcfModel):
-        return {"bodies": file_bodies(read), "upright": Z}
-    return {"bodies": None, "upright": Y}
+    return {"bodies": file_bodies(read) if isinstance(read, MjcfModel) else None}
 
 
 @quiet()

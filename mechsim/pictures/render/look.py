@@ -6,8 +6,9 @@ from typing import Any, Literal, get_args
 
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.vertical import Up, require_axis
 from mechsim.shapes import Shape
-from mechsim.shapes.camera import PRESETS, Y
+from mechsim.shapes.camera import PRESETS
 from mechsim.units import option, parse_names
 
 Paths = Literal["grow", "tail", "whole"]
@@ -47,7 +48,7 @@ class Look:
             power of ten that makes it plain to see.
         caption: a line to write at the foot of the picture.
         bodies: link -> its body, as a user's file has it; None draws bodies from the joints.
-        upright: the coordinate that stands upright where the shaft does not, `camera.Y` or `camera.Z`.
+        up: coordinate axis that points up, as "z" or "-y"; None takes the mechanism's own, else y.
     """
 
     size: tuple[int, int] = option((640, 480), "Pixels, width x height.", read=parse_pixels, text="960x720")
@@ -71,11 +72,16 @@ class Look:
     magnify: float | None = option(None, "Factor on the error with --from both; a power of ten if left out.")
     caption: str = ""
     bodies: Mapping[str, Sequence[Shape]] | None = None
-    upright: int = Y
+    up: Up | None = option(
+        None,
+        "Axis that points up: x, y, z, -x, -y, -z; against gravity, else y, if left out.",
+        metavar="AXIS",
+    )
 
     def __post_init__(self) -> None:
         if self.camera not in PRESETS:
             raise InputError(f"there is no camera {self.camera!r}; known are {', '.join(PRESETS)}")
+        require_axis("a picture", self.up)
         if not all(16 <= edge <= 8192 for edge in self.size):
             raise InputError(f"picture size is {self.size} pixels; give edges from 16 to 8192")
         if self.paths not in (True, False, *get_args(Paths)):

@@ -17,6 +17,7 @@ from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import hinged_normals
+from mechsim.model.vertical import Up
 from mechsim.pictures.number_text import prefixed
 from mechsim.pictures.view.interpolation import quaternions
 from mechsim.pictures.view.records import GhostTrack, PoseGrid, Slider, View
@@ -84,9 +85,9 @@ def _data(view: View) -> dict[str, Any]:
     radius = rod_radius(mechanism)
     balls, radii = extent((poses[link], shapes[link]) for link in shapes)
     if not (hinged_normals(mechanism) or view.bodies):
-        axis = cameras.upright(mechanism, view.upright)
-        floor = float((balls[:, axis] - radii).min()) - 2.0 * radius
-        posts = stands(shapes[GROUND], axis, floor, radius)
+        up = cameras.upright(mechanism, view.up)
+        floor = float((balls @ up - radii).min()) - 2.0 * radius
+        posts = stands(shapes[GROUND], up, floor, radius)
         shapes[GROUND].extend(posts)
         feet, widths = extent([(poses[GROUND], posts)])
         balls, radii = np.vstack([balls, feet]), np.append(radii, widths)
@@ -97,7 +98,7 @@ def _data(view: View) -> dict[str, Any]:
         "joints": _joints(mechanism),
         "points": _points(mechanism),
         "hold": {link.name: mechanism.ends(link.name)[0].point for link in mechanism.links},
-        "cameras": _cameras(mechanism, balls, radii, view.upright),
+        "cameras": _cameras(mechanism, balls, radii, view.up),
         "bodied": bool(view.bodies),
         "grids": [_grid(grid) for grid in view.grids],
     }
@@ -169,7 +170,7 @@ def _points(mechanism: Mechanism) -> list[dict[str, Any]]:
     ]
 
 
-def _cameras(mechanism: Mechanism, balls: Array, radii: Array, upright: int) -> list[dict[str, Any]]:
+def _cameras(mechanism: Mechanism, balls: Array, radii: Array, vertical: Up | None) -> list[dict[str, Any]]:
     """Return the directions to look from; the first is the usual one."""
     found: list[dict[str, Any]] = []
     flat = hinged_normals(mechanism) is not None
@@ -177,7 +178,7 @@ def _cameras(mechanism: Mechanism, balls: Array, radii: Array, upright: int) -> 
     if not flat:
         usual["shaft"] = "along shaft"
     for preset, name in usual.items():
-        back, up = cameras.directions(mechanism, preset, upright)
+        back, up = cameras.directions(mechanism, preset, vertical)
         framed = cameras.framed(back, up, balls, radii, (1, 1), margin=0.0)
         right = np.cross(up, back)
         across = float((balls @ right + radii).max() - (balls @ right - radii).min())

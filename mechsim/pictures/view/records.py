@@ -6,8 +6,8 @@ from typing import Literal
 
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.vertical import Up
 from mechsim.shapes import Shape
-from mechsim.shapes.camera import Y
 
 # of a slider; "%" goes round a curve of assemblies
 SliderUnit = Literal["rad", "m", "s", "%"]
@@ -123,7 +123,7 @@ class View:
         title: heading.
         facts: lines that say what it is and where it comes from.
         bodies: link -> its body, as a user's file has it; None draws bodies from the joints.
-        upright: the coordinate that stands upright where the shaft does not, `camera.Y` or `camera.Z`.
+        up: coordinate axis that points up, as "z" or "-y"; None takes the mechanism's own, else y.
     """
 
     mechanism: Mechanism
@@ -131,4 +131,4 @@ class View:
     title: str
     facts: Sequence[str] = ()
     bodies: Mapping[str, Sequence[Shape]] | None = None
-    upright: int = Y
+    up: Up | None = None

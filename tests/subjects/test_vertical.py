@@ -1,0 +1,121 @@
+"""What points up in pictures: against gravity where a file gives it, else as the file states."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from mechsim.analytic import catalog
+from mechsim.cli import main
+from mechsim.errors import InputError
+from mechsim.model.vertical import against
+from mechsim.pictures.view import page
+from mechsim.report.views import mechanism_view
+from mechsim.shapes import camera
+from mechsim.subjects.subject import load
+from mechsim.subjects.toml_writer import toml_of
+
+# a crank about the vertical z axis with an arm that stays outside the plane of its tip
+ARM = """
+name = "arm"
+[links.arm]
+[joints.crank]
+kind = "revolute"
+a = { link = "ground", at = [0, 0, 0.3] }
+b = { link = "base" }
+[joints.elbow]
+kind = "revolute"
+a = { link = "base", at = [0.1, 0, 0], axis = [0, 1, 0] }
+b = { link = "arm", axis = [0, 1, 0] }
+[holds]
+elbow = 0.4
+[points]
+tip = { link = "arm", at = [0.2, 0, 0.1] }
+"""
+SCENE = """
+<mujoco model="arm"><option gravity="{}"/><worldbody>
+  <body name="base" pos="0 0 .3"><joint name="crank" axis="0 0 1"/><geom size=".01"/></body>
+</worldbody></mujoco>
+"""
+
+
+def loaded(tmp_path: Path, text: str, name: str = "arm.toml"):
+    path = tmp_path / name
+    path.write_text(text)
+    return load(str(path))
+
+
+def ended_with(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["mechsim", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return int(ended.value.code or 0)
+
+
+@pytest.mark.parametrize(
+    ("more", "expected"),
+    [
+        ("[forces]\ngravity = [0, 0, -9.81]", "z"),
+        ("[forces]\ngravity = [0, 9.81, 0]", "-y"),
+        ("[forces]\ngravity = [-9.7, 1, 0]", "x"),
+        ("[forces]\ngravity = [0, 0, 0]", None),
+        ("[forces]\nflywheel = 1e-3", None),
+        ('[display]\nup = "z"', "z"),
+        ('[forces]\ngravity = [0, 0, -9.81]\n[display]\nup = "y"', "y"),
+        ("", None),
+    ],
+)
+def test_up_is_stated_or_against_the_gravity_of_the_file(tmp_path, more, expected):
+    assert loaded(tmp_path, ARM + more).mechanism.up == expected
+
+
+@pytest.mark.parametrize(
+    ("gravity", "expected"), [("0 0 -9.81", "z"), ("0 -9.81 0", "y"), ("0 0 0", "z"), ("9.81 0 0", "-x")]
+)
+def test_scenes_point_up_against_their_gravity(tmp_path, gravity, expected):
+    assert loaded(tmp_path, SCENE.format(gravity), "arm.xml").mechanism.up == expected
+
+
+def test_a_scene_exported_as_toml_keeps_what_points_up(tmp_path):
+    form = loaded(tmp_path, SCENE.format("0 0 -9.81"), "arm.xml")
+    for source in (form, form.mechanism):
+        written = toml_of(source)
+        assert 'up = "z"' in written
+        again = loaded(tmp_path, written).mechanism
+        assert again.up == "z"
+
+
+def test_a_mechanism_with_gravity_along_z_is_drawn_standing(tmp_path):
+    mechanism = loaded(tmp_path, ARM + "[forces]\ngravity = [0, 0, -9.81]").mechanism
+    for preset in ("iso", "side"):
+        _, up = camera.directions(mechanism, preset)
+        assert up[2] > 0.7, preset
+
+
+def test_pages_and_pictures_take_another_vertical(tmp_path, capsys, monkeypatch):
+    form = loaded(tmp_path, ARM)
+    view = mechanism_view(form, 1.0)
+    assert page(view) != page(replace(view, up="z"))
+    paths = [tmp_path / "y.png", tmp_path / "z.png"]
+    for path in paths:
+        words = ["render", str(tmp_path / "arm.toml"), "-o", str(path), "--up", path.stem, "--size", "64x48"]
+        assert ended_with(monkeypatch, *words) == 0
+    assert paths[0].read_bytes() != paths[1].read_bytes()
+    for command, place in (("render", tmp_path / "no.png"), ("view", tmp_path / "no.html")):
+        assert ended_with(monkeypatch, command, "rssr", "-o", str(place), "--up", "w") == 2
+        refused = capsys.readouterr().err
+        assert "--up" in refused
+        assert "-z" in refused
+        assert not place.exists()
+
+
+def test_what_is_no_axis_is_rejected_with_its_line(tmp_path):
+    with pytest.raises(InputError, match=r"line 17: display.up is 'w'; it can be x, y, z, -x, -y, -z"):
+        loaded(tmp_path, ARM + '[display]\nup = "w"')
+    with pytest.raises(InputError, match="up is 'north'; it can be x"):
+        replace(catalog.make("rssr").mechanism, up="north")
+
+
+def test_no_gravity_points_nowhere():
+    assert against((0.0, 0.0, 0.0)) is None
