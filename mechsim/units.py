@@ -19,7 +19,7 @@ from mechsim.errors import InputError
 Array = NDArray[np.float64]
 # (unit as written, SI unit) -> how many of the second one of the first is: those written most, so that pint's
 # definitions need not be read for them, and others as they are met
-_FACTORS: dict[tuple[str, str], float] = {
+FACTORS: dict[tuple[str, str], float] = {
     ("mm", "m"): 1e-3,
     ("cm", "m"): 1e-2,
     ("deg", "rad"): np.pi / 180.0,
@@ -241,7 +241,7 @@ def of_any_kind(text: str, name: str = "the value") -> tuple[float, Unit]:
     match = _QUANTITY.fullmatch(text)
     written = match[2] if match else ""
     # of a unit that is known without pint no others need be tried
-    for unit in sorted(kinds, key=lambda unit: unit != written and (written, unit) not in _FACTORS):
+    for unit in sorted(kinds, key=lambda unit: unit != written and (written, unit) not in FACTORS):
         with suppress(InputError):
             return parse(text, unit, name), unit
     raise InputError(f"{name} {_short(text.strip())!r} is no number with a unit; give one such as '13 mm'")
@@ -302,12 +302,13 @@ def _factor(written: str, unit: Unit, text: str, name: str) -> float:
     """Return how many of `unit` one of the written unit is."""
     if written in ("", unit):
         return 1.0
-    if (written, unit) not in _FACTORS:
-        _FACTORS[written, unit] = _converted(written, unit, text, name)
-    return _FACTORS[written, unit]
+    if (written, unit) not in FACTORS:
+        FACTORS[written, unit] = converted(written, unit, text, name)
+    return FACTORS[written, unit]
 
 
-def _converted(written: str, unit: Unit, text: str, name: str) -> float:
+def converted(written: str, unit: Unit, text: str, name: str) -> float:
+    """Return the factor from a written unit to an SI unit, as pint has it."""
     if len(written) > LONGEST_UNIT or not _UNIT.fullmatch(written):
         raise _refusal(text, unit, name, f"has unit {_short(written)!r}, which is not known")
     registry = _registry()

@@ -19,7 +19,7 @@ def at(link: str, point: Vector = (0.0, 0.0, 0.0), axis: Vector = (0.0, 0.0, 1.0
 
 def rsup() -> Mechanism:
     """Spatial slider-crank R-S-U-P, the universal joint's axes crossing at 70 degrees."""
-    return _placed(
+    return placed(
         Mechanism(
             "rsup",
             (Link("crank"), Link("rod"), Link("slider")),
@@ -49,7 +49,7 @@ def rsup() -> Mechanism:
 
 def rscr() -> Mechanism:
     """Spatial four-link R-S-C-R: the rod slides and turns in the lever."""
-    return _placed(
+    return placed(
         Mechanism(
             "rscr",
             (Link("crank"), Link("rod"), Link("lever")),
@@ -84,7 +84,7 @@ def bennett() -> Mechanism:
     def end(link: str, reach: float, turn: float) -> End:
         return End(link, (reach, 0.0, 0.0), (0.0, -float(np.sin(turn)), float(np.cos(turn))), (1.0, 0.0, 0.0))
 
-    return _placed(
+    return placed(
         Mechanism(
             "bennett",
             (Link("crank"), Link("coupler"), Link("rocker")),
@@ -108,7 +108,7 @@ def bennett() -> Mechanism:
 
 def geared_five_bar(ratio: float = -1.5) -> Mechanism:
     """Planar five-bar whose two cranks are geared; a ratio that is no whole number takes two turns."""
-    return _placed(
+    return placed(
         Mechanism(
             "geared_five_bar",
             (Link("one"), Link("two"), Link("rod"), Link("arm")),
@@ -166,7 +166,7 @@ def everything() -> list[Mechanism]:
     return [rsup(), rscr(), bennett(), geared_five_bar()]
 
 
-def _placed(mechanism: Mechanism, guess: dict[str, tuple[Vector, Vector]]) -> Mechanism:
+def placed(mechanism: Mechanism, guess: dict[str, tuple[Vector, Vector]]) -> Mechanism:
     """Return the mechanism with a rough guess, link -> position and rotation vector, made into poses."""
     poses = {
         name: Pose(np.array(place), closure.turned_by(np.eye(3)[None], np.array([turn]))[0])

@@ -119,8 +119,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "a Newton step more or less from where it has converged",
     (
         PATH,
-        "while sense * (first - self._end(sense)) < -NEAR and self._back(sense):",
-        "while sense * (first - self._end(sense)) < +NEAR and self._back(sense):",
+        "while sense * (first - self._end(sense)) < -NEAR and self.take_back(sense):",
+        "while sense * (first - self._end(sense)) < +NEAR and self.take_back(sense):",
     ): SPEED,
     (
         PATH,
@@ -145,8 +145,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "only the first flip counts: there the side is first another than at the first node",
     (
         PATH,
-        "if self._side * middle < 0.0 and cell.solver is done[-1].solver:",
-        "if self._side / middle < 0.0 and cell.solver is done[-1].solver:",
+        "if self.side * middle < 0.0 and cell.solver is done[-1].solver:",
+        "if self.side / middle < 0.0 and cell.solver is done[-1].solver:",
     ): "both are signs",
     (PATH, "return (None, 0.5 * step)", "return (None, 0.05 * step)"): SPEED,
     (PATH, "AFTER = 0.3", "AFTER = 3.0"): SPEED,

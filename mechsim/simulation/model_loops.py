@@ -78,7 +78,7 @@ class ModelLoops:
         self.free = np.array([i for i in range(model.nv) if i != self.crank], dtype=np.int64)
         self.passive = np.array([i for i in self.free if i not in self._driven], dtype=np.int64)
         self._angles = _is_angle(model)
-        self._angular = self._angles[self.free]
+        self.angular = self._angles[self.free]
         reach = [np.linalg.norm(local) for pair in self.pairs for local in pair.local]
         steps = np.linalg.norm(model.body_pos[1:], axis=1)
         self.sizes = np.array([max([*reach, *steps], default=0.0) or _spread_of(model)])
@@ -415,7 +415,7 @@ class ModelLoops:
         both = self.solve(jacobian, np.stack([-residual, -jacobian[:, :, self.crank]], -1))
         step = both[..., 0]
         # a turn of more than half a radian at once is beyond the linear model
-        longest = np.abs(step).max(1, initial=0.0, where=self._angular)
+        longest = np.abs(step).max(1, initial=0.0, where=self.angular)
         step *= (0.5 / np.maximum(0.5, longest))[:, None]
         return self._spread(step, 0.0), self._spread(both[..., 1], 1.0)
 

@@ -38,7 +38,7 @@ TINY = 1e-300
 
 def within(drive: DrivenRun, settings: Settings, tolerance: float) -> Run:
     """Return a run whose number of steps was chosen for a tolerance in [m], and its outcome."""
-    first, spent = _steps(drive, settings, tolerance)
+    first, spent = steps_needed(drive, settings, tolerance)
     run, promise = _kept(drive, settings, tolerance, first, spent)
     run = _told(run, promise) if run.outcome != "missed" else _held_otherwise(drive, settings, run, promise)
     return replace(run, note="; ".join(one for one in (run.note, _lag(drive, run)) if one))
@@ -115,7 +115,7 @@ def _kept(
     return refine(attempt, tolerance, first, why, trials=spent, tried=_trial(drive), most=most)
 
 
-def _steps(drive: DrivenRun, settings: Settings, tolerance: float) -> tuple[int, int]:
+def steps_needed(drive: DrivenRun, settings: Settings, tolerance: float) -> tuple[int, int]:
     """Return the steps a cycle that a tolerance needs, by trials over some of the turns; and steps spent."""
     short, trial = drive.first(1.0), _trial(drive)
     known = float(short.tried(_with(drive, settings, trial)).max())

@@ -76,20 +76,6 @@ def test_designs_with_a_rod_that_spins_are_followed_either_way_to_angles_in_any_
                 np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-14 * np.abs(wanted).max())
 
 
-@pytest.mark.parametrize(("name", "spread", "most"), [("rssr", 0.06, 36), ("four_bar", 0.02, 23)])
-def test_designs_are_followed_in_few_cells(name, spread, most, monkeypatch):
-    own = ms.catalog.make(name).crank
-    mechanisms = [ms.catalog.make(name, crank=own * (1.0 + off)).mechanism for off in (-spread, 0.0, spread)]
-    tried, closed = [], many_paths.ManyPaths._closed
-    monkeypatch.setattr(
-        many_paths.ManyPaths, "_closed", lambda *given: tried.append(closed(*given)) or tried[-1]
-    )
-    _, told = together(mechanisms[1], mechanisms, angles=np.array([-7.0, 0.0, 7.0]))
-    assert told.all()
-    # measured 35 and 22: how much longer cells grow where what was foretold comes near, and is smooth
-    assert len(tried) <= most
-
-
 def test_designs_whose_rows_never_tell_enough_are_left_to_themselves(monkeypatch):
     monkeypatch.setattr(many_paths, "HALF", 2.0)
     both = [ms.catalog.make("four_bar", branch=branch).mechanism for branch in (1, -1)]

@@ -23,7 +23,7 @@ MIDDLE = 4
 
 def rocking_slide() -> Mechanism:
     """A block on a table, a crank's pin and a rocker: a slide and a pin on moving, slanted axes."""
-    return mechanisms._placed(
+    return mechanisms.placed(
         Mechanism(
             "rocking slide",
             (Link("crank"), Link("block"), Link("rocker")),
@@ -54,7 +54,7 @@ def rocking_slide() -> Mechanism:
 def bevel_wheels() -> Mechanism:
     """Wheels on a turning arm, each about a slanted axis that the one before carries, geared to the arm."""
     links = tuple(Link(name) for name in ("arm", "wheel", "idler"))
-    return mechanisms._placed(
+    return mechanisms.placed(
         Mechanism(
             "bevel wheels",
             links,
@@ -91,7 +91,7 @@ def racks() -> Mechanism:
     """A rack on a turning arm that goes with the arm, and one on it that goes with the first, not evenly."""
     names = ("arm", "rack", "second")
     first, second = (0.3, 1.0, 0.5), (1.0, -0.4, 0.2)
-    return mechanisms._placed(
+    return mechanisms.placed(
         Mechanism(
             "racks",
             tuple(Link(name) for name in names),
@@ -120,7 +120,7 @@ def racks() -> Mechanism:
 def plate() -> Mechanism:
     """A plate that slides and turns on a wheel that turns on an arm, each of its coordinates by another."""
     names, axis, normal = ("arm", "wheel", "plate"), (0.3, 1.0, 0.5), (1.0, -0.4, 0.2)
-    return mechanisms._placed(
+    return mechanisms.placed(
         Mechanism(
             "plate",
             tuple(Link(name) for name in names),

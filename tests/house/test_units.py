@@ -142,5 +142,5 @@ def test_a_range_that_leads_nowhere_is_refused(text):
 
 
 def test_the_units_written_most_are_what_pint_says_to_the_last_bit():
-    for (written, unit), factor in units._FACTORS.items():
-        assert factor == units._converted(written, unit, f"1 {written}", "it")
+    for (written, unit), factor in units.FACTORS.items():
+        assert factor == units.converted(written, unit, f"1 {written}", "it")

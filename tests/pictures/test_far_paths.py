@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim.pictures.render import Look
-from mechsim.pictures.render.drawing import Source, _legend, named
+from mechsim.pictures.render.drawing import Source, legend, named
 from mechsim.pictures.render.file_bodies import drawn_as
 from mechsim.subjects.subject import load
 
@@ -30,7 +30,7 @@ def test_a_picture_is_framed_on_the_links_and_says_which_path_is_cut(tmp_path, f
     assert drawn.camera.height > 0.1
     assert ("far" in named(drawn, 0)) == (not cut)
     assert "near" in named(drawn, 0)
-    said = [line for line, _ in _legend(drawn) if "framed on the links; cut: the path of far" in line]
+    said = [line for line, _ in legend(drawn) if "framed on the links; cut: the path of far" in line]
     assert len(said) == cut
     # what is left of it lies outside the picture
     gone = np.abs(drawn.frames.paths["far"] - drawn.frames.paths["near"]).max()

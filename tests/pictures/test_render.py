@@ -4,6 +4,7 @@ import sys
 from dataclasses import replace
 from itertools import islice, pairwise
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -328,7 +329,7 @@ np.save(sys.argv[1], picture)
 
 def test_a_machine_without_opengl_names_the_packages(monkeypatch):
     monkeypatch.setattr(gl_backend, "probe", lambda name: None)
-    monkeypatch.setattr(gl_backend, "_settled", lambda: None)
+    monkeypatch.delenv("PYOPENGL_PLATFORM", raising=False)
     with pytest.raises(MissingToolError, match="libegl1 or libosmesa6"):
         gl_backend.choose()
     with pytest.raises(MissingToolError, match=r"package libosmesa6$"):
@@ -339,7 +340,8 @@ def test_a_machine_without_opengl_names_the_packages(monkeypatch):
 def test_back_ends_that_cannot_be_had_are_refused(monkeypatch):
     with pytest.raises(InputError, match="no OpenGL back end 'metal'"):
         gl_backend.choose("metal")
-    monkeypatch.setattr(gl_backend, "_settled", lambda: "egl")
+    monkeypatch.setitem(sys.modules, "OpenGL.platform", ModuleType("OpenGL.platform"))
+    monkeypatch.setenv("PYOPENGL_PLATFORM", "egl")
     with pytest.raises(InputError, match="already draws with egl"):
         gl_backend.choose("osmesa")
 

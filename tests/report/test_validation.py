@@ -58,7 +58,7 @@ PUSHED = """
 def test_a_scene_of_ones_own_is_drawn_as_its_file_draws_it(monkeypatch, tmp_path, capsys):
     (tmp_path / "pushed.xml").write_text(PUSHED)
     monkeypatch.setattr(render, "write_video", lambda path, *_, **__: path.touch())
-    monkeypatch.setattr(validation, "_plots", lambda case: {})
+    monkeypatch.setattr(validation, "PLOTS", {})
     words = ("pushed.xml", "--drive", "crank=0.5+0.1*sin(2*pi*t)", "--report", "out")
     code, said = validated(monkeypatch, tmp_path, capsys, *words)
     assert not code, said.err
@@ -69,7 +69,7 @@ def test_a_scene_of_ones_own_is_drawn_as_its_file_draws_it(monkeypatch, tmp_path
 
 def test_without_opengl_validation_passes_and_one_line_names_the_package(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(gl_backend, "probe", lambda name: None)
-    monkeypatch.setattr(validation, "_plots", lambda case: {})
+    monkeypatch.setattr(validation, "PLOTS", {})
     code, said = validated(monkeypatch, tmp_path, capsys, "four_bar", "slider_crank", "--report", "out")
     assert not code, said.err
     lines = [line for line in said.err.splitlines() if "libegl1" in line or "libosmesa6" in line]

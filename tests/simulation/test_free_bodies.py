@@ -90,7 +90,7 @@ def test_a_newton_step_goes_far_but_turns_by_half_a_radian_at_most(loops):
 
 
 def test_a_slide_and_the_place_of_a_free_body_are_lengths(loops):
-    assert loops._angular.tolist() == [False] * 3 + [True] * 6 + [False]
+    assert loops.angular.tolist() == [False] * 3 + [True] * 6 + [False]
 
 
 def test_flying_bodies_come_together_and_stay_so_along_the_tangent(loops):

@@ -230,7 +230,7 @@ def test_a_loop_gives_as_much_under_a_load_whatever_the_step(times):
     for wanted in (1, times):
         spec = spelled_out(mujoco.MjSpec.from_string(text))
         if wanted > 1:
-            stepping._keep_stiffness(spec, 0.0005, 0.0005 * wanted)
+            stepping.keep_stiffness(spec, 0.0005, 0.0005 * wanted)
             spec.option.timestep = 0.0005 * wanted
         model = spec.compile()
         data = mujoco.MjData(model)
@@ -251,7 +251,7 @@ def test_an_armature_makes_good_what_a_longer_step_does_to_a_damper(tmp_path, in
     worst = {}
     for made_good in (True, False):
         spec = one.spec.copy()
-        stepping._stepped(spec, 4, int(integrator), made_good)
+        stepping.set_stepping(spec, 4, int(integrator), made_good)
         worst[made_good] = one.errors(one.lean(spec)).trajectory
     assert worst[True] < 0.1 * worst[False]
 

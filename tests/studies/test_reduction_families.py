@@ -121,7 +121,7 @@ def test_a_loop_is_what_it_does_to_its_joints_and_what_goes_is_made_up_for_on_th
     felt = [
         np.mean(
             [
-                joint_polynomials._reflected(model, freedom, at)
+                joint_polynomials.reflected(model, freedom, at)
                 for at in np.linspace(freedom.low, freedom.high, 41)
             ],
             0,

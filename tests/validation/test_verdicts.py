@@ -29,7 +29,7 @@ def test_errors_lie_below_their_bounds_but_not_far_below(monkeypatch):
     import bounds
 
     # a thousand steps a turn are too few for the dynamics of a sharp linkage, unless more are asked for
-    monkeypatch.setattr(bounds, "_dynamics", lambda drive: [])
+    monkeypatch.setattr(bounds, "prescribed_checks", lambda drive: [])
     monkeypatch.setattr(bounds, "FREELY", {"free, asked": bounds.ASKED})
     found = bounds.parts(4, seed=3)
     worst = {key: max(used)[0] for key, used in found.items()}

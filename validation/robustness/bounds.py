@@ -55,7 +55,11 @@ def parts(count: int, seed: int = 1) -> Parts:
         if i and i % TOLD == 0:
             print(f"{i} of {count} after {clock.perf_counter() - begin:.0f} s", file=sys.stderr)
         checks: list[Check] = []
-        for judged in (_validated, _by_own_error, *((_dynamics, _free) if i // 7 % EVERY == 0 else ())):
+        for judged in (
+            _validated,
+            _by_own_error,
+            *((prescribed_checks, _free) if i // 7 % EVERY == 0 else ()),
+        ):
             try:
                 checks += judged(drive)
             except MechsimError:
@@ -82,7 +86,7 @@ def _by_own_error(drive: ClosedForm) -> list[Check]:
     return _on_road(verdict, "step, own error")
 
 
-def _dynamics(drive: ClosedForm) -> list[Check]:
+def prescribed_checks(drive: ClosedForm) -> list[Check]:
     machine = dynamics.machine(drive, _forces(drive))
     profile = within_range(drive.mechanism, drive.crank_range(), SPEED)
     checks: list[Check] = []

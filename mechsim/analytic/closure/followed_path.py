@@ -98,7 +98,7 @@ class FollowedPath(PathRows):
         self.meetings: list[float] = []
         self._blind: list[float] = []
         # of the singular poses that the last cell lies on; 0 where it is not known
-        self._side = 0.0
+        self.side = 0.0
         # the change point that comes next, once it is known, and the cell through it
         self._ahead: tuple[Cell, float] | None = None
 
@@ -125,7 +125,7 @@ class FollowedPath(PathRows):
             AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
             InputError: for a way that would take too many cells.
         """
-        done, self._side, self._ahead = self.cells[sense], 0.0, None
+        done, self.side, self._ahead = self.cells[sense], 0.0, None
         self._require_near(self._end(sense), to)
         length = AFTER * done[-1].length if done else FIRST
         if not done and self.cells[-sense]:
@@ -133,7 +133,7 @@ class FollowedPath(PathRows):
         while (left := sense * (to - self._end(sense))) > 0.0:
             here = self._end(sense)
             step = left if left <= length else min(length, 0.6 * left)
-            cell, length = self._next(here, sense, step)
+            cell, length = self.next_cell(here, sense, step)
             if cell is not None:
                 done.append(cell)
             elif length < SHORTEST:
@@ -168,7 +168,7 @@ class FollowedPath(PathRows):
         step[self.loops.unknown, 0] = AT_START * self.first.gauge.sum(0)
         return loop_solver(self.loops, self.loops.moved(self.start, step)).open < self.first.open
 
-    def _next(self, here: float, sense: int, step: float) -> tuple[Cell | None, float]:
+    def next_cell(self, here: float, sense: int, step: float) -> tuple[Cell | None, float]:
         """Return the next cell, None where a shorter one must be tried, and the length to try next."""
         if self._ahead is not None:
             left = sense * (float(self._ahead[0].nodes[0]) - here)
@@ -177,7 +177,7 @@ class FollowedPath(PathRows):
             step = min(step, left)
         solver = self._solver(here, sense)
         nodes, weights = nodes_between(here, here + sense * step, NODES)
-        found = self.closed(solver, nodes, self._foretold(here, sense, solver, nodes), ENOUGH)
+        found = self.closed(solver, nodes, self.predicted(here, sense, solver, nodes), ENOUGH)
         if found is None:
             return None, 0.5 * step
         if (np.abs(found[1].side) < BARELY).any():
@@ -199,14 +199,14 @@ class FollowedPath(PathRows):
         if (behind := touched(loops.size)) is not None and self._met(cell, behind, sense):
             return None, step
         middle, done = float(signs[NODES // 2]), self.cells[sense]
-        if self._side * middle < 0.0 and cell.solver is done[-1].solver:
+        if self.side * middle < 0.0 and cell.solver is done[-1].solver:
             # the change point lies where the last cell ends
             length = done[-1].length
-            return None, 0.6 * length if self._back(sense) else 0.5 * step
-        self._side = middle
-        return cell, min(LONGEST, step * self._growth(step, sense, rough, moved))
+            return None, 0.6 * length if self.take_back(sense) else 0.5 * step
+        self.side = middle
+        return cell, min(LONGEST, step * self.growth(step, sense, rough, moved))
 
-    def _growth(self, step: float, sense: int, rough: float, moved: float) -> float:
+    def growth(self, step: float, sense: int, rough: float, moved: float) -> float:
         """Return how many times as long as a cell the next may be."""
         growth = min(GROWTH, (AIM / max(rough, TINY)) ** (2.0 / (NODES + 1)))
         if not self.cells[sense]:
@@ -256,7 +256,7 @@ class FollowedPath(PathRows):
         if meeting is None or self._ahead is None:
             return False
         first = float(self._ahead[0].nodes[0])
-        while sense * (first - self._end(sense)) < -NEAR and self._back(sense):
+        while sense * (first - self._end(sense)) < -NEAR and self.take_back(sense):
             pass
         return True
 
@@ -266,7 +266,7 @@ class FollowedPath(PathRows):
         Raises:
             AssemblyError: where the path begins at the change point, or cannot fold there.
         """
-        self._ahead, self._side = None, 0.0
+        self._ahead, self.side = None, 0.0
         whole, meeting = ahead
         away, beyond = sense * (meeting - here), sense * (float(whole.nodes[-1]) - meeting)
         if away < CLEAR:
@@ -292,7 +292,7 @@ class FollowedPath(PathRows):
         self._blind.append(BLIND * beyond)
         return after, AFTER * beyond
 
-    def _back(self, sense: int) -> bool:
+    def take_back(self, sense: int) -> bool:
         """Take back the last cell; False where there is none, or it leads through a change point."""
         if not self.cells[sense]:
             return False
@@ -300,7 +300,7 @@ class FollowedPath(PathRows):
         if any(sense * (at - first) >= 0.0 and sense * (last - at) >= 0.0 for at in self.meetings):
             return False
         self.cells[sense].pop()
-        self._side = 0.0
+        self.side = 0.0
         return True
 
     def _solver(self, here: float, sense: int) -> LoopSolver:
@@ -314,7 +314,7 @@ class FollowedPath(PathRows):
             return cell.solver
         return loop_solver(self.loops, at, cell.solver.gauge)
 
-    def _foretold(self, here: float, sense: int, solver: LoopSolver, s: Array) -> Array:
+    def predicted(self, here: float, sense: int, solver: LoopSolver, s: Array) -> Array:
         """Return the states foretold at parameters, by the cell before or along the tangent."""
         done = self.cells[sense]
         if done and abs(float(s[-1]) - here) > STRAIGHT:

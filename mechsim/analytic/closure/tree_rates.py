@@ -190,7 +190,7 @@ def _newton(
     blind = path.blind(s)
     for _ in range(STEPS):
         right = np.where(blind[:, None], 0.0, found.right)
-        step = solver.step(_regular(found.matrix, blind), right)
+        step = solver.step(regular(found.matrix, blind), right)
         longest = float(np.abs(step).max(initial=0.0))
         if not longest < most:
             raise _lost(path, float(s[np.argmax(np.abs(step).max(0))]))
@@ -208,7 +208,7 @@ def _lost(path: FollowedPath, s: float) -> AssemblyError:
     )
 
 
-def _regular(matrix: Array, blind: NDArray[np.bool_]) -> Array:
+def regular(matrix: Array, blind: NDArray[np.bool_]) -> Array:
     """Return matrices that can be solved also where the loops tell nothing."""
     return np.where(blind[:, None, None], np.eye(matrix.shape[1]), matrix) if blind.any() else matrix
 
@@ -222,8 +222,8 @@ def rated(path: Blind | None, part: ClosedPart, *, conditioned: bool = True) -> 
     loops = solver.loops
     blind = np.zeros(len(at), dtype=np.bool_) if path is None else path.blind(instants.at)
     tree, units, driven = loops.tree, loops.units[:, None], list(loops.driven)
-    matrix = _regular(found.matrix, blind)
-    known = None if path is None or not blind.any() else _along(path, tree, instants.at[blind])
+    matrix = regular(found.matrix, blind)
+    known = None if path is None or not blind.any() else polynomial_rates(path, tree, instants.at[blind])
 
     def solved(asked: Array, bias: Array) -> Array:
         """Return the coordinates' rates of one order, in their units."""
@@ -271,7 +271,7 @@ def _conditioning(found: Linearised, unknown: NDArray[np.intp], rank: int) -> Ar
     return np.asarray(values[:, rank - 1], dtype=np.float64)
 
 
-def _along(path: Blind, tree: SpanningTree, angle: Array) -> tuple[Array, Array]:
+def polynomial_rates(path: Blind, tree: SpanningTree, angle: Array) -> tuple[Array, Array]:
     """Return first and second derivatives of the coordinates by the parameter, off the polynomials."""
     first, second = path.derivatives(angle)
     once, twice = first[:, : tree.count].T.copy(), second[:, : tree.count].T.copy()

@@ -131,7 +131,7 @@ def draw(drawn: DrawnModel, backend: backends.Backend) -> Generator[Picture]:
     look = drawn.look
     count = 1 if look.overlay > 1 else len(drawn.frames)
     trace = Trace(drawn)
-    notes = Notes(drawn.mechanism.name, _legend(drawn)) if look.notes else None
+    notes = Notes(drawn.mechanism.name, legend(drawn)) if look.notes else None
     clear, stood = 2.2 * drawn.radius, dict[str, Place]()
     with backends.renderer(drawn.model, look.size, backend) as drawing:
         for frame in range(count):
@@ -165,7 +165,7 @@ def named(drawn: DrawnModel, frame: int) -> dict[str, Array]:
     return places
 
 
-def _legend(drawn: DrawnModel) -> tuple[tuple[str, Ink], ...]:
+def legend(drawn: DrawnModel) -> tuple[tuple[str, Ink], ...]:
     """The lines at the foot of a picture: what the caller says, the ghost, the arrows."""
     lines: list[tuple[str, Ink]] = [(drawn.look.caption, INK)] if drawn.look.caption else []
     if drawn.far.told:

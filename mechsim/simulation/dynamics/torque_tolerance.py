@@ -55,12 +55,12 @@ def within(
     """
     known = settled(loaded)
     runs = [trial(steps) for steps in TRIALS]
-    first, second = (max(_against_poses(loaded, run, known)) for run in runs)
+    first, second = (max(against_poses(loaded, run, known)) for run in runs)
     order = believed_order(first, second, TRIALS[1] / TRIALS[0])
 
     def attempt(steps: int) -> Attempt[Driven]:
         run = whole(steps)
-        torque, reactions = _against_poses(loaded, run, known)
+        torque, reactions = against_poses(loaded, run, known)
         halving, spent = np.inf, 0
         if run.outcome == "done":
             coarse, fine = trial(steps // 2), trial(steps)
@@ -92,7 +92,7 @@ def _why(steps: int, estimate: float) -> str:
     )
 
 
-def _against_poses(loaded: LoadedModel, run: Driven, known: Known) -> tuple[float, float]:
+def against_poses(loaded: LoadedModel, run: Driven, known: Known) -> tuple[float, float]:
     """Return the errors of torque and reactions of a stepped run beside solved poses."""
     try:
         true = _posed(loaded, run)

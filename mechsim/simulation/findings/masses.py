@@ -26,7 +26,7 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
     moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
     heaviest = max((float(model.body_mass[b]) for b in moving), default=0.0)
     parts = {body.name: body for body in scene.read.spec.bodies}
-    carried = _carried(scene)
+    carried = carried_masses(scene)
     for b in moving:
         name = str(model.body(b).name)
         mass, moments = float(model.body_mass[b]), np.sort(model.body_inertia[b])
@@ -52,7 +52,7 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
             )
 
 
-def _carried(scene: Inspected) -> Array:
+def carried_masses(scene: Inspected) -> Array:
     """Return the masses of bodies with all they carry, (nbody,) in [kg], the file's own where it says."""
     model = scene.model
     parts = {body.name: body for body in scene.read.spec.bodies}

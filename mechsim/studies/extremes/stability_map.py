@@ -76,7 +76,7 @@ def _decades(low: float, high: float, stride: int = 1) -> list[float]:
     return [10.0**n for n in range(round(np.log10(low)), round(np.log10(high)) + 1, stride)]
 
 
-def _pushes(drive: ClosedForm, quick: bool) -> list[tuple[str, Push, Sequence[float]]]:
+def pushes_of(drive: ClosedForm, quick: bool) -> list[tuple[str, Push, Sequence[float]]]:
     """Return the axes of one mechanism: name, what to do at a value, values from sound to unsound."""
     coarse = 2 if quick else 1
     most = 4 if quick else 5
@@ -126,7 +126,7 @@ def study(
     found = StabilityMap()
     for name in names or list(catalog.DRIVES):
         drive = catalog.make(name)
-        for axis, push, values in _pushes(drive, quick):
+        for axis, push, values in pushes_of(drive, quick):
             trials, borders = pushed(partial(push, drive), values, FEW if quick else HALVINGS)
             found.trials += trials
             found.borders += borders if axis != "far start" else []
@@ -147,7 +147,7 @@ def study(
 def axes_of(names: Sequence[str] | None, quick: bool) -> int:
     """Return how often `study` will call `done`."""
     drives = [catalog.make(name) for name in names or catalog.DRIVES]
-    return sum(drive.long_runs + len(_pushes(drive, quick)) for drive in drives)
+    return sum(drive.long_runs + len(pushes_of(drive, quick)) for drive in drives)
 
 
 def _ratios(most: float) -> list[float]:

@@ -151,7 +151,7 @@ def _replaced(spec: mujoco.MjSpec, one: OneFreedom, kept: frozenset[str]) -> Non
     if spec.joint(one.joint) is None or any(spec.joint(name) is None for name in one.others):
         raise NotThere("a joint is left out already")
     whole = plainly_compiled(spec)
-    before = [_reflected(whole, one, value) for value in np.linspace(one.low, one.high, SAMPLES)]
+    before = [reflected(whole, one, value) for value in np.linspace(one.low, one.high, SAMPLES)]
     for equality in list(spec.equalities):
         spec.delete(equality)
     gone = [name for name in one.others if name not in kept]
@@ -182,7 +182,7 @@ def _made_up(spec: mujoco.MjSpec, one: OneFreedom, before: list[Array]) -> None:
     """Give the leading joint what the scene lost: inertia, damping, and a spring for weights and springs."""
     lean = plainly_compiled(spec)
     values = np.linspace(one.low, one.high, SAMPLES)
-    lost = np.array(before) - [_reflected(lean, one, value) for value in values]
+    lost = np.array(before) - [reflected(lean, one, value) for value in values]
     joint = spec.joint(one.joint)
     joint.armature = max(0.0, float(joint.armature) + float(lost[:, 0].mean()))
     damping = np.array(joint.damping, dtype=np.float64)
@@ -198,7 +198,7 @@ def _made_up(spec: mujoco.MjSpec, one: OneFreedom, before: list[Array]) -> None:
         joint.stiffness, joint.springref = stiffness, float(-at_nought / slope)
 
 
-def _reflected(model: mujoco.MjModel, one: OneFreedom, value: float) -> Array:
+def reflected(model: mujoco.MjModel, one: OneFreedom, value: float) -> Array:
     """Return inertia, damping and force (weights, springs) of a scene on its leading joint, (3,)."""
     data, rates = mujoco.MjData(model), np.zeros(model.nv)
     lead = model.joint(one.joint)

@@ -62,7 +62,7 @@ def coarser(seen: Evidence) -> list[Candidate]:
             if times == 1 and integrator in (own, int(RK4)):
                 continue
             for made_good in (True, False):
-                change = partial(_stepped, times=times, integrator=integrator, made_good=made_good)
+                change = partial(set_stepping, times=times, integrator=integrator, made_good=made_good)
                 cost = (FOUR if integrator == int(RK4) else 1.0) / times
                 what = _what(seen, times, integrator, made_good)
                 found.append((cost, Candidate(LONGER_STEPS, what, change)))
@@ -72,9 +72,9 @@ def coarser(seen: Evidence) -> list[Candidate]:
 def stepped_so(spec: mujoco.MjSpec, times: int, integrator: int) -> None:
     """Make steps so many times as long, damping made good where there is any."""
     try:
-        _stepped(spec, times, integrator, made_good=True)
+        set_stepping(spec, times, integrator, made_good=True)
     except NotThere:
-        _stepped(spec, times, integrator, made_good=False)
+        set_stepping(spec, times, integrator, made_good=False)
 
 
 def _what(seen: Evidence, times: int, integrator: int, made_good: bool) -> str:
@@ -103,7 +103,7 @@ def _no_islands(spec: mujoco.MjSpec) -> None:
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
 
 
-def _stepped(spec: mujoco.MjSpec, times: int, integrator: int, made_good: bool) -> None:
+def set_stepping(spec: mujoco.MjSpec, times: int, integrator: int, made_good: bool) -> None:
     """Make steps so many times as long, loops and limits as soft as they were.
 
     Args:
@@ -116,7 +116,7 @@ def _stepped(spec: mujoco.MjSpec, times: int, integrator: int, made_good: bool) 
     if made_good:
         _make_good(spec, int(spec.option.integrator), integrator, before, after)
     if times > 1:
-        _keep_stiffness(spec, before, after)
+        keep_stiffness(spec, before, after)
     spec.option.timestep, spec.option.integrator = after, integrator
 
 
@@ -159,7 +159,7 @@ def _targets(spec: mujoco.MjSpec, actuator: mujoco.MjsActuator) -> dict[mujoco.M
     return {}
 
 
-def _keep_stiffness(spec: mujoco.MjSpec, before: float, after: float) -> None:
+def keep_stiffness(spec: mujoco.MjSpec, before: float, after: float) -> None:
     """Let loops and limits give as much as before under the same load, with steps of another length.
 
     Left alone MuJoCo softens rows with the step. A row with stiffness s and impedance d gives

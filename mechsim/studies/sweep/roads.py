@@ -43,7 +43,7 @@ def measured(task: SweepTask, low: int, high: int) -> Measured:
         left = _formula(task, rows, found)
     elif task.together is not None:
         left = _loops(task, rows, found)
-    _one_by_one(task, rows, left, found)
+    one_by_one(task, rows, left, found)
     return found
 
 
@@ -153,7 +153,7 @@ def _loops(task: SweepTask, rows: Mapping[str, Array], found: Measured) -> Rows:
     except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
         return every
     if closed:
-        good &= _come_back(motion, len(index))
+        good &= come_back(motion, len(index))
         motion = taken(motion, np.tile(np.arange(len(angles)) < len(task.angles), len(index)))
     with np.errstate(all="ignore"):
         values = table_of(task.measures, Turns(len(index), len(task.angles), motion), task.places)
@@ -162,7 +162,7 @@ def _loops(task: SweepTask, rows: Mapping[str, Array], found: Measured) -> Rows:
     return np.setdiff1d(every, index[good])
 
 
-def _come_back(motion: Motion, designs: int) -> NDArray[np.bool_]:
+def come_back(motion: Motion, designs: int) -> NDArray[np.bool_]:
     """Whether designs stand at the end of a turn, the last of their instants, as in the first, (designs,)."""
     same = np.ones(designs, dtype=np.bool_)
     for point in motion.points.values():
@@ -175,7 +175,7 @@ def _some(rows: Mapping[str, Array], index: Rows) -> dict[str, Array]:
     return {name: values[index] for name, values in rows.items()}
 
 
-def _one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, found: Measured) -> None:
+def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, found: Measured) -> None:
     """Measure designs each by itself; what goes wrong with one is its outcome."""
     for i in index:
         row = np.array([i])

@@ -24,7 +24,7 @@ def nested(tmp_path, depth):
 
 def test_what_a_body_carries_is_what_mujoco_adds_up(tmp_path):
     scene = nested(tmp_path, 60)
-    np.testing.assert_allclose(masses._carried(scene), scene.model.body_subtreemass, rtol=1e-13)
+    np.testing.assert_allclose(masses.carried_masses(scene), scene.model.body_subtreemass, rtol=1e-13)
 
 
 def test_weighing_nested_bodies_takes_calls_in_proportion_to_their_number(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.studies.sweep.roads import _come_back, by_one_formula, measured
+from mechsim.studies.sweep.roads import by_one_formula, come_back, measured
 from mechsim.studies.sweep.sweeping import swept_task
 from mechsim.studies.sweep.task import SweepTask
 
@@ -24,7 +24,7 @@ def both(monkeypatch, task):
     assert not by_one_formula(task)
     count = task.designs.count
     left = []
-    monkeypatch.setattr("mechsim.studies.sweep.roads._one_by_one", lambda t, r, index, f: left.extend(index))
+    monkeypatch.setattr("mechsim.studies.sweep.roads.one_by_one", lambda t, r, index, f: left.extend(index))
     together = measured(task, 0, count)
     monkeypatch.undo()
     assert left == []
@@ -68,4 +68,4 @@ def test_what_does_not_turn_fully_is_refused_as_by_itself():
 
 def test_what_stands_elsewhere_after_a_turn_did_not_turn_fully():
     turn = ms.catalog.make("four_bar").solve(np.array([0.0, 1.0, 2.0 * np.pi, 0.0, 1.0, 6.2]))
-    assert _come_back(turn, 2).tolist() == [True, False]
+    assert come_back(turn, 2).tolist() == [True, False]

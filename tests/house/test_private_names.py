@@ -1,0 +1,54 @@
+"""No test reaches into private names: what a test needs is public, or what it shows is shown otherwise."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).parents[1]
+
+
+def is_private(name: str) -> bool:
+    """Whether one part of a dotted name is private: `_repr_html_` and `__all__` are protocols."""
+    return any(part.startswith("_") and not part.endswith("_") for part in name.split("."))
+
+
+def private_names(source: str) -> list[str]:
+    """Return the private names of other modules that a source imports, reads or replaces."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ImportFrom | ast.Import):
+            module = getattr(node, "module", None) or ""
+            found += [name for name in (module, *(one.name for one in node.names)) if is_private(name)]
+        elif isinstance(node, ast.Attribute) and is_private(node.attr):
+            if not (isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")):
+                found.append(node.attr)
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute | ast.Name):
+            called = node.func.attr if isinstance(node.func, ast.Attribute) else node.func.id
+            if called in ("setattr", "delattr", "getattr", "hasattr"):
+                words = [one.value for one in node.args if isinstance(one, ast.Constant)]
+                found += [word for word in words if isinstance(word, str) and is_private(word)]
+    return found
+
+
+def test_no_test_reaches_into_private_names():
+    found = {
+        path.relative_to(TESTS).as_posix(): private_names(path.read_text()) for path in TESTS.rglob("*.py")
+    }
+    assert {path: names for path, names in found.items() if names} == {}
+
+
+@pytest.mark.parametrize(
+    ("source", "names"),
+    [
+        ("from mechsim.errors import _told", ["_told"]),
+        ("import mechsim._version", ["mechsim._version"]),
+        ("path._closed(1)", ["_closed"]),
+        ("monkeypatch.setattr(loops, '_look', None)", ["_look"]),
+        ("monkeypatch.setattr('mechsim.cli.export._text', None)", ["mechsim.cli.export._text"]),
+        ("class A:\n    def f(self):\n        return self._kept", []),
+        ("hasattr(value, '_repr_html_'), value.__dict__, '_private text'", []),
+    ],
+)
+def test_the_check_sees_what_is_private(source, names):
+    assert private_names(source) == names

@@ -1,0 +1,81 @@
+"""How many cells the loop equations need along a path; ends with 1 where a count is above its bound.
+
+A cell is a stretch of a path that one polynomial describes. Counts do not depend on the machine, but by a few
+on how its kernel of the linear algebra rounds where cells are halved: ranges were counted under five kernels.
+
+Run: python validation/speed/cell_counts.py
+"""
+
+import sys
+
+import numpy as np
+
+from mechsim import catalog
+from mechsim.analytic.closure import many_paths
+from mechsim.analytic.closure.many_motion import can_be_followed_together, many_motion
+from mechsim.analytic.closure.whole_motion import followed
+from mechsim.model.design_arrays import those_alike
+
+TURN = 2.0 * np.pi
+# ground, crank, coupler, rocker of four-bars near or through a flat pose, and bounds
+SHARP = {
+    "a kite": ((0.034801572306382825, 0.03809267197104313, 0.034801572306382825, 0.03809267197104313), 127),
+    "a hundredth": ((0.1, 0.099, 0.1, 0.099), 170),
+    "a hundredth longer": ((0.1, 0.101, 0.1, 0.101), 170),
+    "one flat pose": ((0.1, 0.098, 0.15, 0.152), 104),
+    "a parallelogram": ((0.1, 0.045, 0.1, 0.045), 75),
+    "a flat pose missed by 1 nm": ((0.1, 0.04, 0.12, 0.06 + 1e-9), 260),
+}
+SMOOTH = {"four_bar": 25, "rssr": 39, "slider_crank": 22}
+TOGETHER = {"rssr": (0.06, 36), "four_bar": (0.02, 23)}
+
+
+def cells_tried(mechanism, stops) -> int:
+    """Return how many cells are tried to follow a mechanism to one parameter after the other."""
+    path, tried = followed(mechanism), []
+    close = path.closed
+    path.closed = lambda *given: tried.append(given) or close(*given)
+    for stop in stops:
+        path.extend(stop)
+    return len(tried)
+
+
+def cells_together(name: str, spread: float) -> int:
+    """Return how many cells three designs of a mechanism need together, over two turns."""
+    own, cells, nodes = catalog.make(name).crank, [], many_paths.nodes_between
+    mechanisms = [catalog.make(name, crank=own * (1.0 + by)).mechanism for by in (-spread, 0.0, spread)]
+
+    def counted(begin, end, count):
+        # from 0 to 1 only the weights of its polynomial are asked for
+        cells.extend([end] * ((begin, end) != (0.0, 1.0)))
+        return nodes(begin, end, count)
+
+    many_paths.nodes_between = counted
+    try:
+        alike = can_be_followed_together(mechanisms[1], ())
+        started, _ = those_alike(mechanisms[1], mechanisms)
+        many_motion(alike, started, np.array([-7.0, 0.0, 7.0]), 1.0, (), rates=False)
+    finally:
+        many_paths.nodes_between = nodes
+    return len(cells)
+
+
+def main() -> int:
+    names = ("ground", "crank", "coupler", "rocker")
+    rows = [
+        (f"{name}, smooth", cells_tried(catalog.make(name).mechanism, (1.0, 4.0, TURN, -1.0, -TURN)), most)
+        for name, most in SMOOTH.items()
+    ]
+    for what, (lengths, most) in SHARP.items():
+        mechanism = catalog.make("four_bar", **dict(zip(names, lengths, strict=True))).mechanism
+        rows.append((f"four_bar, {what}", cells_tried(mechanism, (TURN, -TURN)), most))
+    for name, (spread, most) in TOGETHER.items():
+        rows.append((f"{name}, three designs together", cells_together(name, spread), most))
+    print("| path | cells | bound |\n|---|---|---|")
+    for what, cells, most in rows:
+        print(f"| {what} | {cells} | {most} |")
+    return 1 if any(cells > most for _, cells, most in rows) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
