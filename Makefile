@@ -1,6 +1,6 @@
 PYTHON ?= .venv/bin/python
 
-.PHONY: check test test-all validate docs
+.PHONY: check test test-repository test-all validate docs
 
 check:
 	$(PYTHON) -m ruff check .
@@ -11,8 +11,13 @@ check:
 test:
 	$(PYTHON) -m pytest -q -n 2 --dist worksteal
 
+# what the repository says of itself: imports, names, links, README's commands, examples
+test-repository:
+	$(PYTHON) -m pytest -q -n 2 --dist worksteal tests/house
+
+# long physics and full grids too
 test-all:
-	$(PYTHON) -m pytest -q -n 2 --dist worksteal -m 'slow or not slow'
+	$(PYTHON) -m pytest -q -n 2 --dist worksteal -m 'slow or not slow' tests tests/house
 
 validate:
 	$(PYTHON) -m mechsim validate --report out/

@@ -1,22 +1,10 @@
-"""A joint kind is asked for by name only where it is said what it is, and every road then knows it."""
+"""A joint kind is asked for by name only where it is said what it is."""
 
 import ast
 
 import house
-import mujoco
-import numpy as np
-import pytest
 
-from mechsim.analytic import closure
-from mechsim.model.joint_kinds import KINDS, displaced
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, IDENTITY, Link, Pose
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.scene import Scene
-from mechsim.shapes import link_shapes
-from mechsim.shapes.joints import DRAW
-from mechsim.simulation.mjcf import compiled, generate
-from mechsim.simulation.mjcf.joints import part_names
+from mechsim.model.joint_kinds import KINDS
 
 FILES = house.modules()
 # where a kind has its row, its equations, its place in MuJoCo, what of a file is read as it, and its picture;
@@ -48,87 +36,3 @@ def test_the_judge_sees_a_kind_that_is_asked_for_by_name():
     assert named('turns = joint.kind in ("revolute", "cylindrical")') == ["revolute", "cylindrical"]
     assert named('COST = {"spherical": 3}') == ["spherical"]
     assert named('message = "have a revolute joint in every loop"') == []
-
-
-CROSS_ANGLE = 1.1
-
-
-def arm_with(kind, turned_round):
-    """A crank with a link on it by a joint of a kind, whose side a may be the far one."""
-    near = End("arm", (0.3, -0.1, 0.2), (0.2, -0.4, 1.0))
-    far = End("tip", (0.01, 0.05, -0.02), (1.0, 2.0, -2.0), (0.0, 1.0, 1.0))
-    a, b = (far, near) if turned_round else (near, far)
-    return Mechanism(
-        name="arm",
-        links=(Link("arm"), Link("tip")),
-        joints=(
-            Joint("crank", "revolute", End(GROUND), End("arm")),
-            Joint(
-                "J",
-                kind,
-                a,
-                b,
-                cross_angle=CROSS_ANGLE if KINDS[kind].crossed else np.pi / 2,
-                lead=0.01 if KINDS[kind].led else 0.0,
-            ),
-        ),
-        driver="crank",
-        points={},
-    )
-
-
-def poses_at(mechanism, values):
-    """Poses of the links with the crank at zero and the joint at its coordinates."""
-    joint = mechanism.joint("J")
-    shift, turn = displaced(KINDS[joint.kind], values, CROSS_ANGLE)
-    if joint.a.link == "tip":
-        shift, turn = -turn.T @ shift, turn.T
-    near, far = (joint.a, joint.b) if joint.a.link == "arm" else (joint.b, joint.a)
-    rotation = near.frame @ turn @ far.frame.T
-    place = np.asarray(near.point) + near.frame @ shift - rotation @ np.asarray(far.point)
-    return {"arm": IDENTITY, "tip": Pose(place, rotation)}
-
-
-def values_of(kind, *sizes):
-    return tuple(size for size, _ in zip(sizes, KINDS[kind].units, strict=False))
-
-
-@pytest.mark.parametrize("turned_round", [False, True])
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_loop_equations_hold_what_a_kind_does_not_leave_free(kind, turned_round):
-    mechanism = arm_with(kind, turned_round)
-    values = values_of(kind, 0.13, -0.7, 0.4)
-    if KINDS[kind].led:
-        values = (mechanism.joint("J").lead * -0.7 / (2.0 * np.pi), -0.7)
-    poses = poses_at(mechanism, values)
-    poses = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in poses.items()}
-    rows = closure.equations(mechanism, poses, 0.0)
-    assert np.abs(rows.residual).max() <= 1e-15
-    held = 6 - KINDS[kind].freedoms + KINDS[kind].led
-    assert rows.residual.shape == (1, 5 + held + 1)
-    assert np.linalg.matrix_rank(rows.jacobian[0]) == 6 + held
-
-
-@pytest.mark.parametrize("turned_round", [False, True])
-@pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.units and not kind.ball])
-def test_a_model_s_coordinates_are_those_of_the_kind(kind, turned_round):
-    mechanism = arm_with(kind, turned_round)
-    here, there = values_of(kind, 0.13, -0.7, 0.4), values_of(kind, -0.21, 0.5, 1.1)
-    model = compiled(generate(mechanism, Scene(level="pose"), poses_at(mechanism, here)))
-    data = mujoco.MjData(model)
-    addresses = [model.joint(name).qposadr[0] for name in part_names(mechanism, mechanism.joint("J"))]
-    for values in (here, there):
-        data.qpos[addresses] = values
-        mujoco.mj_forward(model, data)
-        expected = poses_at(mechanism, values)["tip"]
-        assert np.abs(data.body("tip").xpos - expected.position).max() <= 1e-15
-        assert np.abs(data.body("tip").xmat.reshape(3, 3) - expected.rotation).max() <= 2e-15
-
-
-@pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.freedoms < 6])
-def test_every_kind_is_drawn_with_more_than_the_bodies_of_its_links(kind, monkeypatch):
-    mechanism = arm_with(kind, False)
-    drawn = link_shapes(mechanism)
-    monkeypatch.setitem(DRAW, kind, lambda canvas, joint: None)
-    bare = link_shapes(mechanism)
-    assert sum(map(len, drawn.values())) > sum(map(len, bare.values()))
