@@ -110,7 +110,7 @@ def told(name: str, found: Agreement, everything: bool) -> list[str]:
     lines += [_line(check) for check in (shown if everything else shown[:FEW])]
     if left > 0 and not everything:
         lines.append(f"  {left} more; --all shows them")
-    return lines + explained(found)
+    return lines + _wrapped(found.noise_report) + explained(found)
 
 
 def explained(found: Agreement) -> list[str]:

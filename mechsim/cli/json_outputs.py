@@ -46,6 +46,26 @@ FINDING = record(
     explains=NUMBER,
     say=TEXT,
 )
+NOISE_TEST = record(squares=NUMBER, degrees=WHOLE, probability=NUMBER, worst=NUMBER, limit=NUMBER, passed=YES)
+NOISE = record(
+    sigma=NUMBER,
+    systematic=YES,
+    chi_squared=NUMBER,
+    degrees=WHOLE,
+    probability=NUMBER,
+    false_alarm=NUMBER,
+    report=TEXT,
+    quantities=named(
+        record(
+            passed=YES,
+            sigma=NUMBER,
+            deviation=NUMBER,
+            chi_squared=NOISE_TEST,
+            smooth=NOISE_TEST,
+            largest=NOISE_TEST,
+        )
+    ),
+)
 PEAK = record({"at_angle": NUMBER, "at_time": NUMBER}, largest=NUMBER)
 EFFORT = record(
     {"at_angle": NUMBER, "at_time": NUMBER, "unit": TEXT}, largest=NUMBER, mean=NUMBER, rms=NUMBER
@@ -244,6 +264,7 @@ OUTPUTS: dict[str, Schema] = {
                     "seconds": NUMBER,
                     "hardness": NUMBER,
                     "attribution": named(ANY),
+                    "noise": NOISE,
                     "findings": many(FINDING),
                 },
                 passed=YES,

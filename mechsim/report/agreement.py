@@ -59,6 +59,7 @@ def worst_first(found: Agreement) -> list[TwoCurves]:
 def _curves(found: Agreement, i: int) -> TwoCurves:
     claim, comparand = found.claims[i], found.comparand
     timed = comparand.time is not None and not found.form.mechanism.has_crank
+    noise = found.noise[i] if found.noise else None
     apart = found.attribution.get("quantities", {}).get(claim.named.name, {})
     return TwoCurves(
         name=claim.named.name,
@@ -68,7 +69,7 @@ def _curves(found: Agreement, i: int) -> TwoCurves:
         exact=found.exact[i],
         claimed=claim.values,
         parts=claim.named.axes,
-        bound=found.checks[i].bound,
+        bound=found.checks[i].bound if noise is None else noise.largest.limit * noise.deviation,
         source=found.source,
         shares={part: apart[part] for part in PARTS if part in apart},
     )
@@ -107,6 +108,8 @@ def _facts(found: Agreement) -> dict[str, Any]:
 def explanations(found: Agreement) -> dict[str, Any]:
     """Return what explains a difference, and where that of a run in time comes from, as facts of a page."""
     facts: dict[str, Any] = {}
+    if found.measured:
+        facts["noise of what was measured"] = [found.noise_report]
     if found.findings:
         facts["what explains the difference"] = [[one.say] for one in found.findings]
     if "says" in found.attribution:

@@ -20,10 +20,11 @@ from mechsim.model.programs import State
 from mechsim.studies.agreement.attribution import AskedAgain, told
 from mechsim.studies.agreement.claim import Claim, claimed
 from mechsim.studies.agreement.comparand import Comparand, comparand_of
-from mechsim.studies.agreement.comparison import bounds, check, scales_of
+from mechsim.studies.agreement.comparison import bound_of, check, errors, measured, noise_in, scales_of
 from mechsim.studies.agreement.diagnosis import diagnosis
 from mechsim.studies.agreement.miss import Miss
 from mechsim.studies.agreement.named_quantities import names_of
+from mechsim.studies.agreement.noise import Noise, noise_data, noise_report
 from mechsim.studies.agreement.table_claims import claims_of_table, read_table, tabled_comparand
 from mechsim.subjects.families import family as dimension_family
 from mechsim.subjects.python_object import object_of
@@ -47,6 +48,7 @@ class Agreement:
         comparand: the instants compared.
         claims: what was said there.
         exact: what is true there, in the order of the claims.
+        noise: tests of what was measured with standard deviations, in the order of the claims, or None.
     """
 
     form: Form
@@ -58,6 +60,7 @@ class Agreement:
     comparand: Comparand
     claims: tuple[Claim, ...]
     exact: tuple[Array, ...]
+    noise: tuple[Noise | None, ...] = ()
     reason: str = ""
 
     @property
@@ -66,12 +69,25 @@ class Agreement:
         return self.outcome == "met"
 
     @property
+    def measured(self) -> list[tuple[str, Noise]]:
+        """Quantities measured with standard deviations, each with its noise tests."""
+        pairs = zip(self.claims, self.noise, strict=False)
+        return [(claim.named.name, noise) for claim, noise in pairs if noise is not None]
+
+    @property
+    def noise_report(self) -> str:
+        """One sentence: how large the noise of what was measured is, and what is systematic; may be empty."""
+        return noise_report(self.measured)
+
+    @property
     def why(self) -> str:
         """One or two sentences: what is off, and what explains it."""
+        noise = [self.noise_report] if self.measured else []
         if self.passed:
-            return f"{self.source} agrees with {self.form.name} in {len(self.checks)} quantities"
+            agrees = f"{self.source} agrees with {self.form.name} in {len(self.checks)} quantities"
+            return "; ".join([agrees, *noise])
         said = [one.say for one in self.findings if one.sure] or [one.say for one in self.findings[:1]]
-        return "; ".join([self.reason, *said])
+        return "; ".join([self.reason, *noise, *said])
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as `mechsim validate --json` prints it."""
@@ -84,6 +100,7 @@ class Agreement:
             "against": self.source,
             "findings": [finding.as_dict() for finding in self.findings],
             "attribution": dict(self.attribution),
+            **({"noise": noise_data(self.measured)} if self.measured else {}),
         }
 
     def __str__(self) -> str:
@@ -149,6 +166,7 @@ def agreement(
     family: DesignFamily | None = None,
     *,
     function: bool = True,
+    diagnose: bool = True,
 ) -> Agreement:
     """Return whether claims agree with the exact motion, and what explains it if they do not.
 
@@ -159,18 +177,26 @@ def agreement(
         tolerance: as in `validate`.
         family: the mechanism among others with other dimensions; None takes places of joints.
         function: whether the claims come from a function, which is asked at drivers alone.
+        diagnose: whether causes of a difference are looked for.
     """
     exact = tuple(comparand.all([claim.named for claim in claims]))
     scales = scales_of(comparand, claims)
+    allowed = tuple(bound_of(claim, scales, tolerance) for claim in claims)
+    compared = list(zip(claims, exact, allowed, strict=True))
+    phase, count = comparand.phase, measured(claims)
+    noise = tuple(
+        noise_in(claim, errors(claim.named, claim.values, true), phase, bound, count)
+        for claim, true, bound in compared
+    )
     checks = tuple(
-        check(claim, true, comparand, scales, tolerance) for claim, true in zip(claims, exact, strict=True)
+        check(claim, true, comparand, bound, tests)
+        for (claim, true, bound), tests in zip(compared, noise, strict=True)
     )
     verdict = concluded(checks)
     findings: tuple[Finding, ...] = ()
-    if not verdict.passed:
-        wide = tuple(bounds(claim, comparand, scales, tolerance)[1] for claim in claims)
+    if diagnose and not verdict.passed:
         among = dimension_family(comparand.form) if family is None else family
-        findings = diagnosis(Miss(comparand, tuple(claims), exact, wide, among, function))
+        findings = diagnosis(Miss(comparand, tuple(claims), exact, allowed, among, function))
     return Agreement(
         form=comparand.form,
         source=source,
@@ -180,6 +206,7 @@ def agreement(
         comparand=comparand,
         claims=tuple(claims),
         exact=exact,
+        noise=noise,
         reason=verdict.reason,
     )
 

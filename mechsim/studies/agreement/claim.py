@@ -31,7 +31,7 @@ class Claim:
     Attributes:
         named: the quantity.
         values: (n, k) in SI.
-        uncertainty: half-width of what was measured, (n, k) in SI; None where none is told.
+        uncertainty: standard deviations, (n, k) in SI, 0 in columns without; None without any.
     """
 
     named: NamedQuantity

@@ -68,6 +68,11 @@ class Comparand:
             return motion_beside(self.form, self.angle, self.speed, self.acceleration)
         return None
 
+    @property
+    def phase(self) -> Array:
+        """Angle of the crank within its period, or the parameter of the motion laws, (n,)."""
+        return self.angle if self.form.programs is not None else np.mod(self.angle, self.form.period)
+
     def with_dimensions(self, form: Form) -> "Comparand":
         """Return the same with what has other dimensions, solved from the motion here where that can be."""
         if self._beside is None:

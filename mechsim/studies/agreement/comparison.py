@@ -9,6 +9,7 @@ from mechsim.maths.arrays import Array
 from mechsim.studies.agreement.claim import Claim
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.named_quantities import Kind, NamedQuantity
+from mechsim.studies.agreement.noise import Noise, noise_of
 from mechsim.verdict.checks import Check, check_of
 from mechsim.verdict.quantities import efforts_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import Tolerance
@@ -28,7 +29,6 @@ PART: dict[Kind, tuple[float, int]] = {
 }
 WHY = "{part:.0e} of {scale:.3g} {unit}: a formula of one's own; a link 0.1 % long is 1e-3 of it"
 ASKED = "asked for"
-MEASURED = "what was measured is uncertain by that"
 
 
 @dataclass(frozen=True)
@@ -98,39 +98,70 @@ def bound_of(claim: Claim, scales: Scales, asked: float | None) -> Tolerance:
     return Tolerance(part * scale, named.unit, WHY.format(part=part, scale=scale, unit=named.unit), power)
 
 
-def bounds(
-    claim: Claim, comparand: Comparand, scales: Scales, asked: float | None
-) -> tuple[Tolerance, Array]:
-    """Return how far a claim may be off: as a tolerance, and at each instant, (n, 1) or (n, k)."""
-    tolerance = bound_of(claim, scales, asked)
+def weights(claim: Claim, comparand: Comparand, tolerance: Tolerance) -> Array:
+    """Return by what the errors of a claim are divided at each instant, (n, 1) or (n, k).
+
+    That is the tolerance, or the standard deviation of what was measured where that is larger.
+    """
     if claim.uncertainty is None:
-        return tolerance, tolerance.widened(comparand.conditioning, len(comparand))[:, None]
-    least = tolerance.bound
-    wide = np.maximum(claim.uncertainty, least)
-    return Tolerance(float(wide.max()), claim.named.unit, MEASURED), wide
+        return tolerance.widened(comparand.conditioning, len(comparand))[:, None]
+    return np.maximum(claim.uncertainty, tolerance.bound)
 
 
-def check(claim: Claim, exact: Array, comparand: Comparand, scales: Scales, asked: float | None) -> Check:
-    """Return how far one claim is from what is exact (n, k); of what is uncertain, by its worst component."""
-    gap = errors(claim.named, claim.values, exact)
-    tolerance, wide = bounds(claim, comparand, scales, asked)
+def measured(claims: Sequence[Claim]) -> int:
+    """Return how many quantities have standard deviations."""
+    return sum(claim.uncertainty is not None for claim in claims)
+
+
+def noise_in(claim: Claim, error: Array, phase: Array, tolerance: Tolerance, quantities: int) -> Noise | None:
+    """Return the tests of a claim's errors (n, k) for what is not noise; None without standard deviations.
+
+    Args:
+        claim: what is said.
+        error: of all its components.
+        phase: over which systematic errors are smooth, (n,).
+        tolerance: systematic error that is allowed.
+        quantities: how many are tested at once.
+    """
+    if claim.uncertainty is None:
+        return None
+    known = (claim.uncertainty > 0.0).all(0)
+    return noise_of(
+        error[:, known],
+        claim.uncertainty[:, known],
+        phase,
+        allowed=tolerance.bound,
+        quantities=quantities,
+    )
+
+
+def check(
+    claim: Claim, exact: Array, comparand: Comparand, tolerance: Tolerance, noise: Noise | None
+) -> Check:
+    """Return how far one claim is from what is exact, (n, k).
+
+    A measured claim is as good as its noise tests and its components without standard deviation.
+    """
+    error = errors(claim.named, claim.values, exact)
     kind, subject = _compared(claim.named)
-    if claim.uncertainty is None:
-        size = np.sqrt((gap**2).sum(1))
+    if noise is None or claim.uncertainty is None:
+        size = np.sqrt((error**2).sum(1))
         return check_of(kind, subject, size, comparand.angle, tolerance, comparand.conditioning)
-    # the component that uses the most of what it may
-    at = np.argmax(np.abs(gap) / wide, axis=1)[:, None]
-    size, allowed = (np.take_along_axis(one, at, 1)[:, 0] for one in (np.abs(gap), wide))
-    worst = int(np.argmax(size / allowed))
+    bare = error[:, ~(claim.uncertainty > 0.0).all(0)]
+    if bare.size:
+        size = np.sqrt((bare**2).sum(1))
+        hard = check_of(kind, subject, size, comparand.angle, tolerance, comparand.conditioning)
+        if hard.used is None or hard.used > noise.decisive.used:
+            return hard
     return Check(
         kind=kind,
         subject=subject,
         unit=claim.named.unit,
-        worst=float(size[worst]),
-        at_angle=float(comparand.angle[worst]),
-        rms=float(np.sqrt(np.mean(size**2))),
-        bound=float(allowed[worst]),
-        why=MEASURED,
+        worst=noise.decisive.worst * noise.deviation,
+        at_angle=float(comparand.angle[noise.row]),
+        rms=float(np.sqrt(np.mean(error**2))),
+        bound=noise.decisive.limit * noise.deviation,
+        why=noise.reason,
     )
 
 

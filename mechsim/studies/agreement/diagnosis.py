@@ -6,14 +6,12 @@ import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.model.finding import Finding
-from mechsim.studies.agreement.fitting import Fitted, fitted
+from mechsim.studies.agreement.fitting import ODDS, Fitted, fitted
 from mechsim.studies.agreement.hypotheses.hypothesis_table import STAGES, Family
 from mechsim.studies.agreement.miss import Miss
 
 # what is left, in parts of the bounds and of the miss, that is the rounding of solving again
 ROUNDING, OF_MISS = 3e-3, 1e-7
-# twice the logarithm of the odds by which another cause must explain less to be left out
-ODDS = 12.0
 # a cause that explains less is none; one that is sure explains this and leaves nothing beyond the bounds
 WORTH, SURE = 0.3, 0.9
 MOST = 4
@@ -23,14 +21,14 @@ LEVEL = 1.5
 
 def diagnosis(miss: Miss) -> tuple[Finding, ...]:
     """Return what explains a miss, the likeliest first; one finding that says so where nothing does."""
-    if miss.worst(miss.exact) <= LEVEL:
+    if not miss.noisy and miss.worst(miss.exact) <= LEVEL:
         return (_none("the difference is too near its bound for a cause to be told"),)
     tried = [one for one in _all(miss) if one.explains >= WORTH]
     if not tried:
         return (_none("none of the causes tried explains the difference"),)
     said = _equal(miss, _without_edges(miss, tried))
     sure = said[0].worst <= 1.0 and said[0].explains >= SURE
-    found = tuple(_finding(one, len(said), sure and len(said) <= MOST) for one in said[:MOST])
+    found = tuple(_finding(one, len(said), sure and len(said) <= MOST, miss.noisy) for one in said[:MOST])
     if said[0].explains < SURE:
         found += (_none("what is left is explained by none of the causes tried"),)
     return found
@@ -42,7 +40,7 @@ def _all(miss: Miss) -> Iterator[Fitted]:
     for stage in STAGES:
         for family in stage:
             for one in _of_family(miss, family):
-                done = done or one.left <= _floor(miss)
+                done = done or one.left <= _floor(miss) or (miss.noisy and one.worst <= 1.0)
                 yield one
         if done:
             return
@@ -83,6 +81,9 @@ def _equal(miss: Miss, tried: list[Fitted]) -> list[Fitted]:
         return best.left > floor and 2.0 * one.count * np.log(one.left / best.left) <= ODDS
 
     among = [one for one in tried if as_good(one)]
+    if miss.noisy:
+        # noise hides which of them it is: all are reported, the simplest first
+        return sorted(among, key=lambda one: (one.worst > 1.0, one.hypothesis.tier, one.left))
     least = min(one.hypothesis.tier for one in among)
     said = [one for one in among if one.hypothesis.tier == least]
     return sorted(said, key=lambda one: (one.worst > 1.0, _moves(one)))
@@ -93,10 +94,11 @@ def _moves(one: Fitted) -> float:
     return float(np.abs(one.sizes).max(initial=0.0))
 
 
-def _finding(one: Fitted, alike: int, sure: bool) -> Finding:
+def _finding(one: Fitted, alike: int, sure: bool, noisy: bool) -> Finding:
     hypothesis = one.hypothesis
     also = f", as {'does another' if alike == 2 else f'do {alike - 1} others'}" if alike > 1 else ""
-    said = f"{hypothesis.say(one.sizes)}: explains {_percent(one.explains)} of the difference{also}"
+    beyond = " beyond the noise" if noisy else ""
+    said = f"{hypothesis.say(one.sizes)}: explains {_percent(one.explains)} of the difference{beyond}{also}"
     return Finding(
         kind=hypothesis.kind,
         what=hypothesis.what,

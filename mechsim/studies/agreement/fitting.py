@@ -10,6 +10,8 @@ from mechsim.maths.arrays import Array
 from mechsim.studies.agreement.hypotheses.hypothesis import Hypothesis
 from mechsim.studies.agreement.miss import Miss, rms
 
+# twice the logarithm of the odds by which another cause must explain less to be left out
+ODDS = 12.0
 # steps at the most, and halvings of one
 STEPS, HALVINGS = 14, 8
 # a change of what is left that is worth another step; what is nothing, in parts of bounds and of the miss
@@ -57,7 +59,7 @@ def fitted(miss: Miss, hypothesis: Hypothesis) -> Fitted | None:
     predicted = hypothesis.predict(sizes)
     count = len(miss.errors(predicted, hypothesis.rows))
     worst = miss.worst(predicted, hypothesis.rows)
-    return Fitted(hypothesis, sizes, left, worst, max(0.0, 1.0 - left / before), count)
+    return Fitted(hypothesis, sizes, left, worst, miss.explained(left, before, worst), count)
 
 
 def _errors(miss: Miss, hypothesis: Hypothesis, sizes: Array) -> Array | None:
@@ -141,6 +143,11 @@ def _slope(miss: Miss, hypothesis: Hypothesis, sizes: Array, here: Array) -> Arr
 
 
 def linearly_explains(miss: Miss, slope: Array) -> float:
-    """Return the part of a miss that goes with slopes (m, p), in the first order."""
+    """Return the part of a miss that goes with slopes (m, p), in the first order.
+
+    Beside noise a cause counts in full whose fit is better than chance: by more than `ODDS` in chi squared.
+    """
     solution = np.linalg.lstsq(slope, miss.before, rcond=1e-10)[0]
-    return 1.0 - rms(miss.before - slope @ solution) / miss.size
+    left = rms(miss.before - slope @ solution)
+    gain = len(miss.before) * (miss.size**2 - left**2)
+    return 1.0 - left / miss.size + (1.0 if miss.noisy and gain > ODDS else 0.0)

@@ -18,6 +18,7 @@ from mechsim.model.programs import Programs, State, programs, tabled
 from mechsim.studies.agreement.claim import Claim
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.named_quantities import AXES, NamedQuantity, Names, nearest
+from mechsim.studies.measured_columns import deviation_of
 
 CLOCKS = ("t", "time")
 _UNIT = re.compile(r"(.*?)\s*\[([^\]]*)\]\s*")
@@ -30,7 +31,7 @@ class Column:
 
     Attributes:
         values: (n,).
-        uncertainty: half-width, (n,); None where none is told.
+        uncertainty: standard deviations, (n,); None where the table has none.
     """
 
     values: Array
@@ -40,7 +41,7 @@ class Column:
 def read_table(path: str) -> dict[str, Column]:
     """Return the columns of a .csv file: name -> values in SI.
 
-    A header may name a unit, as `P.x [mm]`; a column `P.x ±`, or `± P.x`, is the uncertainty of P.x.
+    A header may name a unit, as `P.x [mm]`; a column `P.x ±`, or `± P.x`, holds standard deviations of P.x.
 
     Raises:
         InputError: for a file that holds no such table; names the line and the column.
@@ -52,14 +53,29 @@ def read_table(path: str) -> dict[str, Column]:
         if name in found:
             raise InputError(f"{path} has the column {name!r} twice; leave one out")
         found[name] = factor * np.array([row[i] for row in rows])
-    known = {name: values for name, values in found.items() if "±" not in name}
-    bands = {name.replace("±", "").strip(): abs(values) for name, values in found.items() if "±" in name}
-    for name in bands:
+    known = {name: values for name, values in found.items() if deviation_of(name) is None}
+    deviations: dict[str, Array] = {}
+    for name, values in found.items():
+        of = deviation_of(name)
+        if of is not None:
+            deviations[of] = _positive(path, of, values)
+    for name in deviations:
         if name not in known:
             raise InputError(
                 f"{path} has an uncertainty of {name!r}, but no column of it{nearest(name, known)}"
             )
-    return {name: Column(values, bands.get(name)) for name, values in known.items()}
+    return {name: Column(values, deviations.get(name)) for name, values in known.items()}
+
+
+def _positive(path: str, name: str, deviations: Array) -> Array:
+    positive = deviations > 0.0
+    if not positive.all():
+        row = int(np.argmin(positive))
+        raise InputError(
+            f"the standard deviation of {name} in {path} is {deviations[row]:g} in row {row + 2}; "
+            "give it above 0"
+        )
+    return deviations
 
 
 def _rows(path: str) -> tuple[list[str], list[list[float]]]:

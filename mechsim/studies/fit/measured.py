@@ -9,10 +9,9 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import HUGE
+from mechsim.studies.measured_columns import deviation_of
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 
-# what marks the column that says how well another is known, before or after its name
-MARKS = ("±", "+-")
 # how far crank angles may lie apart, in [rad]: the path is followed from one to the other
 FAR = 2e3 * np.pi
 
@@ -60,7 +59,7 @@ def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table"
     deviations: dict[str, Array] = {}
     values: dict[str, Array] = {}
     for name, column in columns.items():
-        of = _marked(name)
+        of = deviation_of(name)
         if of is None:
             values[name] = column
         elif of not in columns:
@@ -104,11 +103,3 @@ def single(asked: Mapping[str, Array], moved: MovedFamily) -> dict[str, str]:
             raise InputError(f"column {name} is no single quantity; name columns as P3.x or rocker.q")
         found[name] = columns[0]
     return found
-
-
-def _marked(name: str) -> str | None:
-    """Return the quantity of which a column says how well it is known; None for other columns."""
-    for mark in MARKS:
-        if name.startswith(mark) or name.endswith(mark):
-            return name.removeprefix(mark).removesuffix(mark).strip()
-    return None

@@ -1,0 +1,153 @@
+"""Measured tables: noise of the stated standard deviation passes, a systematic error fails with its cause."""
+
+import json
+import shlex
+
+import jsonschema
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.cli import main
+from mechsim.cli.json_outputs import output_schema
+from mechsim.errors import InputError
+from mechsim.studies.agreement.agreement import agreement
+from mechsim.studies.agreement.claim import Claim
+from mechsim.studies.agreement.comparand import Comparand
+from mechsim.studies.agreement.named_quantities import names_of
+from mechsim.studies.agreement.noise import FALSE_ALARM
+
+ANGLES = np.linspace(0.1, 6.2, 60)
+SIGMA = 2e-5
+
+
+def measured(path, model, columns, *, seed=1, edit=None, stated=SIGMA, bare=(), **changed):
+    """Write a table of positions with normal errors of 20 um and their standard deviations."""
+    random = np.random.default_rng(seed)
+    motion = ms.catalog.make(model, **changed).solve(ANGLES)
+    table = {"angle": ANGLES}
+    for column in columns:
+        point, axis = column.split(".")
+        values = motion.points[point].position[:, "xyz".index(axis)]
+        table[column] = values + SIGMA * random.standard_normal(len(ANGLES))
+        if column not in bare:
+            table[f"{column} ±"] = np.full(len(ANGLES), stated)
+    if edit is not None:
+        edit(table)
+    rows = [",".join(f"{value:.15g}" for value in row) for row in zip(*table.values(), strict=True)]
+    path.write_text("\n".join([",".join(table), *rows]) + "\n")
+    return path
+
+
+def judged(path, model="four_bar", **asked):
+    return ms.validate(model, against=path, attribute=False, **asked)
+
+
+def test_a_right_table_with_normal_noise_of_the_stated_size_passes(tmp_path):
+    found = judged(measured(tmp_path / "right.csv", "four_bar", ("B.x", "B.y")))
+    assert found.passed, found.why
+    assert "noise of 0.85 sigma, nothing systematic" in found.why
+    assert "120 degrees of freedom" in found.why
+
+
+def test_a_rod_a_tenth_of_a_millimetre_short_fails_with_its_cause(tmp_path):
+    columns = ("A.x", "A.y", "B.x")
+    found = judged(measured(tmp_path / "short.csv", "slider_crank", columns, rod=0.1999), "slider_crank")
+    assert not found.passed
+    assert [check.passed for check in found.checks] == [True, False]
+    assert (found.findings[0].kind, found.findings[0].what) == ("dimension", "rod")
+    assert found.findings[0].sure
+    assert found.findings[0].by == pytest.approx(-5e-4, rel=0.05)
+    assert "not noise alone" in found.why
+
+
+def test_a_systematic_error_below_one_standard_deviation_is_found_by_its_smooth_part(tmp_path):
+    columns = ("B.x", "B.y", "C.x", "C.y")
+    found = judged(measured(tmp_path / "short.csv", "four_bar", columns, seed=3, coupler=0.090986))
+    noise = dict(found.measured)["B"]
+    assert noise.size.passed
+    assert not noise.smooth.passed
+    assert found.findings[0].what == "coupler"
+
+
+def test_causes_that_noise_hides_from_each_other_are_all_reported(tmp_path):
+    found = judged(measured(tmp_path / "short.csv", "slider_crank", ("B.x",), rod=0.1999), "slider_crank")
+    assert {(one.kind, one.what) for one in found.findings} == {("dimension", "rod"), ("frame", "x")}
+
+
+def test_one_wrong_row_of_many_is_named(tmp_path):
+    def spoil(table):
+        table["B.x"][16] += 7 * SIGMA
+
+    found = judged(measured(tmp_path / "row.csv", "four_bar", ("B.x", "B.y"), edit=spoil))
+    assert not found.passed
+    assert "row 17 of B" in found.why
+
+
+def test_noise_of_twice_the_stated_size_fails_and_smaller_noise_passes(tmp_path):
+    assert not judged(measured(tmp_path / "a.csv", "four_bar", ("B.x", "B.y"), stated=SIGMA / 2)).passed
+    found = judged(measured(tmp_path / "b.csv", "four_bar", ("B.x", "B.y"), stated=5 * SIGMA))
+    assert found.passed
+    assert "(less than stated)" in found.why
+
+
+def test_a_systematic_error_within_the_tolerance_is_allowed_beside_noise(tmp_path):
+    path = measured(tmp_path / "short.csv", "slider_crank", ("B.x",), rod=0.1999)
+    assert judged(path, "slider_crank", tolerance=1.2e-4).passed
+    assert not judged(path, "slider_crank", tolerance=2e-5).passed
+
+
+def test_a_column_without_standard_deviation_is_compared_with_the_tolerance(tmp_path):
+    path = measured(tmp_path / "half.csv", "four_bar", ("B.x", "B.y"), bare=("B.y",))
+    assert not judged(path).passed
+    assert judged(path, tolerance=1e-4).passed
+
+
+@pytest.mark.parametrize("value", [0.0, -SIGMA])
+def test_a_standard_deviation_that_is_not_positive_is_rejected(tmp_path, value):
+    def spoil(table):
+        table["B.x ±"][4] = value
+
+    path = measured(tmp_path / "zero.csv", "four_bar", ("B.x", "B.y"), edit=spoil)
+    with pytest.raises(InputError, match=r"standard deviation of B\.x .* in row 6; give it above 0"):
+        judged(path)
+
+
+def test_right_tables_fail_as_rarely_as_is_stated():
+    form = ms.catalog.make("four_bar")
+    comparand = Comparand(form, ANGLES, np.ones(60), np.zeros(60))
+    named = [names_of(form.mechanism).read(name, 2, "the test") for name in ("B.xy", "C.xy")]
+    random, failed, sigmas = np.random.default_rng(5), 0, []
+    for _ in range(300):
+        claims = [
+            Claim(
+                one, comparand.exact(one) + SIGMA * random.standard_normal((60, 2)), np.full((60, 2), SIGMA)
+            )
+            for one in named
+        ]
+        found = agreement(comparand, claims, "a right table", diagnose=False)
+        failed += not found.passed
+        sigmas += [noise.size.worst for _, noise in found.measured]
+        assert all(0.0 <= one.probability <= 1.0 for _, noise in found.measured for one in noise.statistics)
+    assert failed <= 3
+    assert FALSE_ALARM == 1e-3
+    assert np.mean(sigmas) == pytest.approx(1.0, abs=0.01)
+
+
+def test_the_command_prints_the_noise_and_has_it_as_json(tmp_path, monkeypatch, capsys):
+    path = measured(tmp_path / "right.csv", "four_bar", ("B.x", "B.y"))
+    line = f"mechsim validate four_bar --against {path}"
+    for more in ("", " --json"):
+        monkeypatch.setattr("sys.argv", shlex.split(line + more))
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == 0
+        printed = capsys.readouterr().out
+        if not more:
+            assert "noise of 0.85 sigma, nothing systematic" in printed
+    jsonschema.validate(json.loads(printed), output_schema("validate"))
+    noise = json.loads(printed)["mechanisms"]["four_bar"]["noise"]
+    assert noise["sigma"] == pytest.approx(0.846, abs=0.01)
+    assert not noise["systematic"]
+    assert noise["degrees"] == 120
+    assert noise["quantities"]["B"]["smooth"]["passed"]
