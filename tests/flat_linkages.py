@@ -1,10 +1,13 @@
 """Four-bars whose bars come to lie on each other, and where their joints are by half angles."""
 
+from dataclasses import replace
+
 import mpmath
 import numpy as np
 
 from mechsim import catalog
 
+TURN = 2.0 * np.pi
 NAMES = ("ground", "crank", "coupler", "rocker")
 
 
@@ -51,3 +54,37 @@ def smooth_b(lengths, angle, sign):
 def worst(exact, found):
     """Return the farthest distance of (n, 3) points from exact ones in the plane."""
     return max(float(abs(z - complex(*p[:2]))) for z, p in zip(exact, found, strict=True))
+
+
+def touching_rrsrr():
+    """An RRSRR whose torus and sphere just touch: the link's length found by bisection."""
+    drive = catalog.make("rrsrr")
+    turn = np.linspace(0.0, TURN, 20001)
+    inside, outside = 0.039, 0.055
+    for _ in range(30):
+        middle = 0.5 * (inside + outside)
+        above = replace(drive, link=middle).margin(turn).min() > 0.0
+        inside, outside = (middle, outside) if above else (inside, middle)
+    closest = float(turn[np.argmin(replace(drive, link=inside).margin(turn))])
+    for _ in range(60):
+        middle = 0.5 * (inside + outside)
+        around = closest + np.linspace(-1e-3, 1e-3, 2001)
+        above = replace(drive, link=middle).margin(around).min() > 0.0
+        inside, outside = (middle, outside) if above else (inside, middle)
+    return replace(drive, link=inside)
+
+
+FLAT_ONES = {
+    "parallelogram": catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=-1),
+    "kite": catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.04, rocker=0.1),
+    "kite round its frame": catalog.make("four_bar", ground=0.05, crank=0.05, coupler=0.1, rocker=0.1),
+    "rhombus": catalog.make("four_bar", ground=0.1, crank=0.1, coupler=0.1, rocker=0.1, branch=-1),
+    "rod as long as the crank": catalog.make("slider_crank", crank=0.05, rod=0.05, offset=0.0),
+    "offset slide": catalog.make("slider_crank", crank=0.05, rod=0.06, offset=0.01),
+    "rssr laid flat": catalog.make(
+        "rssr", crank=0.04, coupler=0.1, rocker=0.04, pivot=(0.0, -0.1, 0.0), gamma1=np.pi / 2, gamma2=0.0
+    ),
+    "rrsrr just touching": touching_rrsrr(),
+}
+# where A lies on O4 coupler and rocker could turn about both: the assemblies that meet there do not fold
+FOLDING = [which for which in FLAT_ONES if which not in ("kite round its frame", "rhombus")]

@@ -129,6 +129,7 @@ def _programs(machine: Machine) -> Programs | None:
 
 def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool) -> bool:
     profile = profile_of(machine.drive, asked.speed, asked.turns)
+    machine = machine.starting_at(profile.angles)
     if asked.road != "none":
         _require_room(machine, asked.instants)
     time = np.linspace(0.0, profile.duration, asked.instants + 1)

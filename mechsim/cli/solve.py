@@ -95,6 +95,7 @@ def solve(
         speed_of(asked.speed or SPEED),
     )
     asked_angles("--angles", asked.angles or ANGLES)
+    drive = drive.starting_at(angles, speed)
     if as_json or (place is not None and place.suffix.lower() == ".npz"):
         numbers = len(angles) * (1.0 + 9.0 * len(drive.mechanism.points) + 3.0 * len(drive.mechanism.joints))
         what = f"{len(angles):,} crank angles"

@@ -44,6 +44,11 @@ class CrankProfile:
         return self.duration * self.fastest / TURN
 
     @property
+    def angles(self) -> Array:
+        """Crank angles in the order of the motion, the first included, in [rad]."""
+        return self.state(np.linspace(0.0, self.duration, LEAST_INSTANTS))[0]
+
+    @property
     def least(self) -> int:
         """Instants, and steps, of which fewer do not show the motion: a short swing ends where it began."""
         return 1 if self.steady else LEAST_INSTANTS

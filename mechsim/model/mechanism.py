@@ -4,13 +4,15 @@ A `Mechanism` is plain data. Nothing here says where a link is in space: that is
 closed forms and `closure` on one side and by MuJoCo on the other.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 from mechsim.maths.given import number, numbers, require
 from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.display import short_repr
@@ -19,6 +21,8 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import FARTHEST, GROUND, IDENTITY, Link, Pose, Vector
 from mechsim.model.unmarked_slides import MEANT, guessed
 from mechsim.model.vertical import Up, require_axis
+
+Source = TypeVar("Source")
 
 # joints of a link nearer to each other than this part of all that is known of the links lie in one place, but
 # for the digits of their file
@@ -292,3 +296,13 @@ def _unique(mechanism: str, what: str, names: list[str]) -> None:
 def _known(who: str, what: str, name: str, known: list[str]) -> None:
     if name not in known:
         raise InputError(f"{who} names {what} {name!r}, but there are only {', '.join(known)}")
+
+
+def starting_at(source: Source, angles: Array, direction: float = 1.0) -> Source:
+    """Return a source in the assembly that its parameters select at the first of crank angles, (n,) in [rad].
+
+    Only a source with a sign of its assembly, as a catalogue mechanism has one, has a method of this name.
+    The guess of any other selects its assembly.
+    """
+    select: Callable[[Array, float], Source] | None = getattr(source, "starting_at", None)
+    return source if select is None else select(angles, direction)

@@ -1,20 +1,26 @@
 """Which meetings of two assemblies a stepped motion passes, and what is to be said of them."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
 from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
+from mechsim.simulation.poses.assembly_path import AssemblyPath
+from mechsim.simulation.poses.folded_path import FoldedPath
 
 # crank angles at which a profile is probed
 PROBES = 64
 # a meeting nearer to the start than this, in [rad], is at it: rounding of poses there is as large
 AT_START = 1e-6
+# distance in [rad] by which a path is followed beyond the first crank angle
+BEYOND = 0.05
 
 
 def passed(closed: ClosedModel, profile: CrankProfile) -> list[float]:
@@ -24,12 +30,24 @@ def passed(closed: ClosedModel, profile: CrankProfile) -> list[float]:
         AssemblyError: where the loops do not close on it.
     """
     angle = profile.state(np.linspace(0.0, profile.duration, PROBES))[0]
-    _, path = follow.followed(closed.loops, closed.closed, angle)
+    path = _path(closed, angle)
     low, high = float(angle.min()), float(angle.max())
     laps = (0.0,) if path.gain is None else (-TURN, 0.0, TURN)
     first = float(path.laps(angle[:1])[0]) * TURN
     met = [m.angle + first + lap for m in path.meetings for lap in laps]
     return sorted(at for at in met if low - AT_START <= at <= high + AT_START)
+
+
+def _path(closed: ClosedModel, angles: Array) -> AssemblyPath | FoldedPath:
+    """Return the path over crank angles (n,), and a little beyond the first of them where it goes on.
+
+    A meeting is detected only from beyond, and the model may stand on either side of where a motion starts.
+    """
+    first = float(angles[0])
+    behind = BEYOND * np.sign(first - closed.angle)
+    with suppress(AssemblyError):
+        return follow.followed(closed.loops, closed.closed, np.append(angles, first + behind))[1]
+    return follow.followed(closed.loops, closed.closed, angles)[1]
 
 
 def where(loops: ModelLoops, met: Sequence[float]) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.maths.given import number, require, units_remedy
 from mechsim.model.crank_profile import CrankProfile, constant
-from mechsim.model.mechanism import Mechanism
+from mechsim.model.mechanism import Mechanism, starting_at
 from mechsim.model.programs import Programs
 from mechsim.model.scene import Scene
 from mechsim.simulation import closed_model
@@ -94,6 +94,8 @@ def simulate(
         own = getattr(source, "programs", None)
         programs = own if isinstance(own, Programs) else None
     require_programs(source, programs, speed if profile is None else profile)
+    if profile is not None:
+        source = starting_at(source, profile.angles)
     drivers = drive if programs is None else programs.drivers
     closed = closed_model.of_source(source, scene, drivers=drivers, holds=holds, key=key)
     if programs is not None:

@@ -86,6 +86,6 @@ def joint_loads(drive: Form, road: str, profile: CrankProfile, motion: Motion) -
 
 def simulated_efforts(drive: Form, profile: CrankProfile, samples: int) -> Efforts:
     """Return MuJoCo's efforts along a motion, under what acts as `weighing` has it."""
-    machine, programs = weighing(drive), drive.programs
+    machine, programs = weighing(drive.starting_at(profile.angles)), drive.programs
     moved: dict[str, Any] = {"profile": profile} if programs is None else {"programs": programs}
     return driven(machine.mechanism, machine.forces, samples=samples, **moved).efforts

@@ -113,6 +113,7 @@ def _with_variant(case: Case, name: str, variant: Case) -> Case:
 def _validated(drive: Form, family: DesignFamily, speed: float, quick: bool) -> Case:
     begin = clock.perf_counter()
     profile = profile_of(drive, speed, drive.period / TURN)
+    drive = drive.starting_at(profile.angles)
     # by the clock of programs there is no other speed than their own
     speed = speed if drive.programs is None else profile.fastest
     angles = profile.state(np.linspace(0.0, profile.duration, 73))[0]

@@ -6,7 +6,7 @@ from functools import partial
 import mpmath
 import numpy as np
 import pytest
-from flat_linkages import flat_linkages, named, smooth_b, worst
+from flat_linkages import FLAT_ONES, FOLDING, flat_linkages, named, smooth_b, worst
 
 from mechsim import catalog
 from mechsim.analytic import closure
@@ -21,36 +21,6 @@ ANGLES = np.unique(
 )
 
 
-def touching_rrsrr():
-    """An RRSRR whose torus and sphere just touch: the link's length found by bisection."""
-    drive = catalog.make("rrsrr")
-    turn = np.linspace(0.0, TURN, 20001)
-    inside, outside = 0.039, 0.055
-    for _ in range(30):
-        middle = 0.5 * (inside + outside)
-        above = replace(drive, link=middle).margin(turn).min() > 0.0
-        inside, outside = (middle, outside) if above else (inside, middle)
-    closest = float(turn[np.argmin(replace(drive, link=inside).margin(turn))])
-    for _ in range(60):
-        middle = 0.5 * (inside + outside)
-        around = closest + np.linspace(-1e-3, 1e-3, 2001)
-        above = replace(drive, link=middle).margin(around).min() > 0.0
-        inside, outside = (middle, outside) if above else (inside, middle)
-    return replace(drive, link=inside)
-
-
-FLAT_ONES = {
-    "parallelogram": catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=-1),
-    "kite": catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.04, rocker=0.1),
-    "kite round its frame": catalog.make("four_bar", ground=0.05, crank=0.05, coupler=0.1, rocker=0.1),
-    "rhombus": catalog.make("four_bar", ground=0.1, crank=0.1, coupler=0.1, rocker=0.1, branch=-1),
-    "rod as long as the crank": catalog.make("slider_crank", crank=0.05, rod=0.05, offset=0.0),
-    "offset slide": catalog.make("slider_crank", crank=0.05, rod=0.06, offset=0.01),
-    "rssr laid flat": catalog.make(
-        "rssr", crank=0.04, coupler=0.1, rocker=0.04, pivot=(0.0, -0.1, 0.0), gamma1=np.pi / 2, gamma2=0.0
-    ),
-    "rrsrr just touching": touching_rrsrr(),
-}
 MEETINGS = {
     "parallelogram": (2, 1),
     "kite": (2, 1),
@@ -61,8 +31,6 @@ MEETINGS = {
     "rssr laid flat": (2, 1),
     "rrsrr just touching": (1, 2),
 }
-# where A lies on O4 coupler and rocker could turn about both: the assemblies that meet there do not fold
-FOLDING = [which for which in FLAT_ONES if which not in ("kite round its frame", "rhombus")]
 
 
 @pytest.mark.parametrize("lengths", flat_linkages(), ids=lambda one: "-".join(f"{1e3 * x:.0f}" for x in one))
@@ -100,9 +68,7 @@ def test_change_points_are_told_and_the_mechanism_says_when_it_comes_round(which
 def test_closed_form_and_loop_equations_pass_change_points_alike(which):
     drive = FLAT_ONES[which]
     angles = np.unique([*np.linspace(-TURN, TURN, 33), *drive.change_points()])
-    exact, found = (
-        solve(angles, 3.0, -2.0) for solve in (drive.solve, partial(closure.solve, drive.mechanism))
-    )
+    exact, found = (solve(angles, 3.0, -2.0) for solve in (drive.solve, partial(closure.solve, drive)))
     # measured 5e-15, 3e-12 and 5e-10
     for part, most in (("position", 1e-13), ("velocity", 2e-11), ("acceleration", 2e-9)):
         for name, point in exact.points.items():

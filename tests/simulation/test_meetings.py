@@ -73,10 +73,10 @@ def test_a_run_by_poses_folds_as_the_closed_form_does(drive, turns):
 
 @pytest.mark.parametrize("drive", OTHERS[:3], ids=lambda one: f"{one.name} {one.change_points()[0]:.2f}")
 def test_efforts_at_a_meeting_are_limits(drive):
-    machine = dynamics.machine(drive)
     # begins and ends at the change point
-    at = drive.change_points()[-1]
-    run = driven(machine.mechanism, machine.forces, profile=constant(20.0, 1.0, at), samples=36)
+    profile = constant(20.0, 1.0, drive.change_points()[-1])
+    machine = dynamics.machine(drive).starting_at(profile.angles)
+    run = driven(machine.mechanism, machine.forces, profile=profile, samples=36)
     verdict = crosscheck_driven(run, machine)
     assert verdict.passed, verdict.reason
     heavier = dynamics.machine(drive, Forces(gravity=(0.0, -9.8101, 0.0)))
@@ -93,7 +93,7 @@ def test_what_cannot_fold_is_refused_with_its_angle():
 
 def test_a_stepped_run_cannot_fold_and_one_that_meets_nothing_need_not():
     drive = OTHERS[0].passing("fold")
-    with pytest.raises(InputError, match=r"to fold at crank angle .*3\.142 rad, .*; run it by pose"):
+    with pytest.raises(InputError, match=r"to fold at crank angle 3\.142, 6\.283 rad, .*; run it by pose"):
         simulate(drive, speed=20.0, method="step")
     start = drive.mechanism.start
     swing = simulate(drive, profile=constant(20.0, 0.1, start), method="step")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
+from mechsim.model.crank_profile import constant
 from mechsim.simulation import simulate
 from mechsim.studies.validate import case_of
 from mechsim.verdict.judge import crosscheck
@@ -41,4 +42,6 @@ def test_what_folds_meets_every_bound_too():
     fold = catalog.make(name, **lengths, through="fold")
     case = case_of(fold)
     assert case.verdict.outcome == "met", case.verdict.reason
-    assert crosscheck(case.poses, catalog.make(name, **lengths)).outcome == "changed assembly"
+    # over the one revolution between two passes of the change point the smooth motion is the same
+    run = simulate(fold, profile=constant(20.0, 2.0), method="pose")
+    assert crosscheck(run, catalog.make(name, **lengths)).outcome == "changed assembly"

@@ -1,5 +1,6 @@
 """What every catalogue mechanism has in common: checked parameters, crank range, assemblies, solving."""
 
+import copy
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mechsim.analytic.catalog.first_configuration import first_sign_angle, segment
 from mechsim.analytic.catalog.parameter_fields import checked, checked_rate, choice
 from mechsim.analytic.closure.rank import conditioning
 from mechsim.analytic.vector_method import link_frames
@@ -20,7 +22,7 @@ from mechsim.analytic.vector_method.vectors import Sign
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
-from mechsim.model.crank_profile import closes_nowhere
+from mechsim.model.crank_profile import arc_around, closes_nowhere
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
@@ -170,12 +172,13 @@ class ClosedForm(ABC):
     def positions(self, angles: ArrayLike, through: Through | None = None) -> dict[str, Array]:
         """Return the tracked points at crank angles: name -> (n, 3) in [m].
 
-        `through` is as in `solve`.
+        `through` is as in `solve`; so is the assembly.
 
         Raises:
             AssemblyError: where the loop cannot close; says over which part of the turn it can.
         """
-        angles, form = self._angles(angles), self.passing(through)
+        angles = self._angles(angles)
+        form = self.passing(through).starting_at(angles)
         parts = [form._places(angles[part]) for part in _chunks(len(angles))]
         places = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         self._require_closed(angles, places)
@@ -191,6 +194,8 @@ class ClosedForm(ABC):
         through: Through | None = None,
     ) -> Motion:
         """Return the motion at crank angles, in closed form.
+
+        The sign of the assembly applies at the first crank angle, as `starting_at` has it.
 
         Args:
             angles: crank angles, (n,) in [rad], in any order.
@@ -209,9 +214,10 @@ class ClosedForm(ABC):
         Accuracy: loops close to 8 ulp of the longest link; rates are carried through the formula of
             the pose, relative error a few ulp divided by the sine of the transmission angle.
         """
-        angles, form = self._angles(angles), self.passing(through)
+        angles = self._angles(angles)
         speed = checked_rate(self.name, "speed", speed, angles.shape)
         acceleration = checked_rate(self.name, "acceleration", acceleration, angles.shape)
+        form = self.passing(through).starting_at(angles, float(speed[0]))
         parts = [
             form._motion(Jet(angles[part], speed[part], acceleration[part]), links)
             for part in _chunks(len(angles))
@@ -250,9 +256,22 @@ class ClosedForm(ABC):
         """Return the mechanism that goes on so where assemblies meet; None, or none meet: as it is."""
         return self
 
+    def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> Self:
+        """Return the mechanism whose assembly is the one that its parameters select at the first crank angle.
+
+        Only change points make a difference: past one the sign of an assembly is another. At a change point
+        the configurations right after it count. What this returns keeps its assembly at all crank angles.
+
+        Args:
+            angles: crank angles in the order of the motion, (n,) in [rad].
+            direction: sign of the crank's motion, where the angles are all one.
+        """
+        self._angles(angles)
+        return self
+
     def guess(self) -> tuple[dict[str, Pose], float]:
         """Return link poses at a crank angle well inside the range, and that angle in [rad]."""
-        start = self._start()
+        start = self._begin
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             frames = self._frames(np.array([start]), links=True)
         guess = {
@@ -274,6 +293,11 @@ class ClosedForm(ABC):
         if not arcs.arcs:
             raise closes_nowhere(self.name)
         return arcs.start()
+
+    @cached_property
+    def _begin(self) -> float:
+        """The crank angle of the guess in [rad], at which the sign of the assembly applies."""
+        return self._start()
 
     @cached_property
     def _described(self) -> Mechanism:
@@ -407,13 +431,31 @@ class TwoBranchForm(ClosedForm):
         return 2.0 * TURN if len(self.change_points()) % 2 and self.through == "smooth" else TURN
 
     def passing(self, through: Through | None) -> Self:
-        return self if through in (None, self.through) else replace(self, through=through)
+        if through in (None, self.through):
+            return self
+        made = replace(self, through=through)
+        if self._keeps_assembly:
+            vars(made).update(_keeps_assembly=True, _begin=self._begin)
+        return made
+
+    def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> Self:
+        angles = self._angles(angles)
+        if self._keeps_assembly or not self._root.touching:
+            return self
+        at = first_sign_angle(self.counted(angles), self._root.touching, direction)
+        made = copy.copy(self)
+        vars(made)["_keeps_assembly"] = True
+        vars(made).pop("_family", None)
+        if self._root.sign(at) != self._root.sign(self._begin):
+            vars(made).pop("mechanism", None)
+            vars(made)["_begin"] = self._clear_angle(at)
+        return made
 
     def across(self, angle: Values) -> Any:
         """Return the square root of the margin that passes change points as `through` says, (n,).
 
-        At the angle of the guess it has the sign of `branch`. None where there are no change points, and
-        the sign never changes.
+        At the first configuration, see `starting_at`, it has the sign of `branch`. None where there are
+        no change points, and the sign never changes.
         """
         if not self._root.touching:
             return None
@@ -437,17 +479,29 @@ class TwoBranchForm(ClosedForm):
         return signed_root(sampled(self.margin, self.margin_degree))
 
     @cached_property
-    def _begin(self) -> float:
-        return self._start()
+    def _keeps_assembly(self) -> bool:
+        """Whether the first crank angle is known, so that others do not select another assembly."""
+        return False
 
     def _start(self) -> float:
         start, arcs = super()._start(), self.crank_range()
+        if self._root.touching:
+            return self._clear_angle(first_sign_angle(np.array([start]), self._root.touching, 1.0))
         spread = np.concatenate([np.linspace(low, high, 25) for low, high in arcs.arcs])
         margins = self.margin(spread)
-        # where the assemblies meet, as in a parallelogram laid flat, no guess tells them apart
+        # near a dead centre no guess tells the assemblies apart
         if self.margin(np.array([start]))[0] > CLEAR * margins.max():
             return start
         return float(spread[np.argmax(margins)])
+
+    def _clear_angle(self, angle: float) -> float:
+        """Return a crank angle, in [rad], with well separated assemblies and no change point between."""
+        full, turns = self._arcs.full, round(self.period / TURN)
+        angle -= turns * TURN * np.round(angle / (turns * TURN)) if full else 0.0
+        low, high = segment(angle, self._root.touching, None if full else arc_around(self._arcs, angle))
+        spread = np.concatenate([[angle], np.linspace(low, high, 25)])
+        margins = self.margin(spread)
+        return angle if margins[0] > CLEAR * margins.max() else float(spread[np.argmax(margins)])
 
     def assemblies(self, angle: float) -> Sequence[Self]:
         margin = self._root.rest.value(angle) if self._root.touching else self.margin(np.array([angle]))[0]
@@ -458,7 +512,8 @@ class TwoBranchForm(ClosedForm):
     @cached_property
     def _family(self) -> list[Self]:
         """This mechanism in both assemblies; kept, for each finds its own dead centres."""
-        return [self if branch == self.branch else replace(self, branch=branch) for branch in (1, -1)]
+        own = None if self._keeps_assembly else self.branch
+        return [self if branch == own else replace(self, branch=branch) for branch in (1, -1)]
 
 
 def _chunks(count: int) -> list[slice]:

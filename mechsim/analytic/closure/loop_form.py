@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -84,6 +85,10 @@ class LoopForm:
     def passing(self, through: Through) -> "LoopForm":
         """Return the mechanism that goes on so where assemblies meet."""
         return self if through == self.through else replace(self, through=through)
+
+    def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> Self:
+        """Return itself: the guess selects the assembly, whatever crank angles come first."""
+        return self
 
     def solve(self, angles: ArrayLike, speed: ArrayLike = 1.0, acceleration: ArrayLike = 0.0) -> Motion:
         """Return the motion at crank angles; as `closure.solve`.

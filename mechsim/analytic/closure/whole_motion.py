@@ -19,7 +19,7 @@ from mechsim.maths.angles import TURN, other_laps
 from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND, Pose
-from mechsim.model.mechanism import Mechanism, described
+from mechsim.model.mechanism import Mechanism, described, starting_at
 from mechsim.model.motion import JointMotion, Motion, Through
 
 # part of the quickest turn of any link along an idle freedom at which another turns with it
@@ -84,7 +84,8 @@ def solve(
     determinant, and rates there are those on one side.
 
     Args:
-        mechanism: the mechanism; its guess says which assembly is meant.
+        mechanism: the mechanism, whose guess selects the assembly; or what has one, as those of the
+            catalogue have, whose parameters select it at the first crank angle.
         angles: crank angles, not wrapped, in any order, (n,) in [rad].
         speed: crank speed, scalar or (n,) in [rad/s].
         acceleration: crank acceleration, scalar or (n,) in [rad/s2].
@@ -97,6 +98,9 @@ def solve(
     Accuracy: relative errors of about 1e-15 times the condition of the loops; within 5e-3 rad of a change
         point 1e-12.
     """
+    asked = crank_angles(described(mechanism), angles)
+    rate = crank_rate(described(mechanism), "speed", speed, len(asked))
+    mechanism = starting_at(mechanism, asked, float(rate[0]))
     return solve_along(followed(mechanism, through), angles, speed, acceleration)
 
 

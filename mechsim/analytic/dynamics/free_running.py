@@ -55,7 +55,9 @@ def free_run(
             raise InputError(f"{what} of a free run is {value}; give a finite number")
     if turns is None and (duration is None or not duration > 0.0):
         raise InputError("a free run needs turns of the crank, or a duration above 0, after which to end")
-    runner = Runner(machine, machine.mechanism.start if angle is None else angle, speed, turns, tolerance)
+    first = machine.mechanism.start if angle is None else angle
+    machine = machine.starting_at([first], speed or turns or 1.0)
+    runner = Runner(machine, first, speed, turns, tolerance)
     outcome, reason = runner.run(duration)
     asked = np.linspace(0.0, runner.time, samples) if instants is None else instants
     times = asked[asked <= runner.time]

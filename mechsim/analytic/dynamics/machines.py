@@ -55,6 +55,14 @@ class Machine:
             motion = LoopForm.solve_as(self.drive, at_unit_speed(as_run))
         return from_motion(self.mechanism, self.drive.within_ranges(motion) if within else motion)
 
+    def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> "Machine":
+        """Return the machine with the assembly that is selected at the first crank angle."""
+        form = self.drive
+        if isinstance(form, LoopForm):
+            return self
+        found = form.starting_at(angles, direction)
+        return replace(self, mechanism=self.mechanism.with_guess(*found.guess()), drive=found)
+
     def with_forces(self, forces: Forces) -> "Machine":
         """Return the same mechanism under other forces."""
         forces.check(self.mechanism)

@@ -120,6 +120,8 @@ def prescribed(
     """
     require("what is to be solved", machine, Machine)
     angle = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+    if angle.size:
+        machine = machine.starting_at(angle, float(np.ravel(speed)[0]))
     programs = getattr(machine.drive, "programs", None)
     if programs is not None and time is None:
         time = angle / programs.pace

@@ -44,6 +44,7 @@ def crank_grids(form: Form, speed: float, limits: tuple[float, float] | None = N
 def crank_grid(form: Form, name: str, speed: float, limits: tuple[float, float] | None) -> PoseGrid:
     """Return the poses of one assembly over the arc that its crank can turn through."""
     angles, middles = _angles(form, limits)
+    form = form.starting_at(angles)
     motion = form.solve(angles, speed)
     extra: list[Readout] = []
     marks = marks_of(form)

@@ -38,6 +38,7 @@ class Comparand:
         time: (n,) in [s]; None where only angles are known.
         machine: with masses and forces, for efforts; None takes the form's own forces.
         solved: its motion where that is known; None where it is to be solved.
+        selecting: crank angles of the whole motion, whose first one selects the assembly; None takes `angle`.
     """
 
     form: Form
@@ -47,6 +48,13 @@ class Comparand:
     time: Array | None = None
     machine: Machine | None = field(default=None, compare=False)
     solved: Motion | None = field(default=None, compare=False)
+    selecting: Array | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        selecting = self.angle if self.selecting is None else self.selecting
+        object.__setattr__(self, "selecting", selecting)
+        if len(selecting):
+            object.__setattr__(self, "form", self.form.starting_at(selecting, float(self.speed[0])))
 
     def __len__(self) -> int:
         return len(self.angle)

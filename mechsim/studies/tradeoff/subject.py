@@ -102,6 +102,7 @@ def subject_of(drive: Form, speed: float, budget: Budget | None = None) -> Subje
     """
     profile = within_range(drive.mechanism, drive.crank_range(), speed)
     angles = profile.state(np.linspace(0.0, profile.duration, 361))[0]
+    drive = drive.starting_at(angles)
     stroke = half_extent(drive.positions(angles).values())
     mechanism = drive.mechanism
     reference = Reference(

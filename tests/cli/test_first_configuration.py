@@ -1,0 +1,40 @@
+"""Commands take the sign of an assembly at the first configuration that is asked for."""
+
+import json
+
+import numpy as np
+
+PARALLELOGRAM = [
+    word
+    for pair in ("ground=100mm", "crank=40mm", "coupler=100mm", "rocker=40mm")
+    for word in ("--set", pair)
+]
+
+
+def apart(columns):
+    """Return how far AB is from being parallel to the frame, in [m]."""
+    x, y = (np.array(columns[f"B.{axis}"]) - np.array(columns[f"A.{axis}"]) for axis in "xy")
+    return float(np.max(np.hypot(x - 0.1, y)))
+
+
+def solved(mechsim, *words):
+    found = mechsim("solve", "four_bar", *PARALLELOGRAM, "--json", *words)
+    assert found.code == 0, found.err
+    return apart(json.loads(found.out)["columns"])
+
+
+def test_a_parallelogram_by_its_lengths_is_solved_as_one(mechsim):
+    assert solved(mechsim, "--angles", "1:359:1deg") <= 1e-15
+    assert solved(mechsim) <= 1e-15
+    assert solved(mechsim, "--angles", "181:359:1deg", "--set", "branch=-1") <= 1e-15
+    assert solved(mechsim, "--angles", "1:359:1deg", "--set", "branch=-1") > 0.01
+    assert solved(mechsim, "--angles", "181:359:1deg") > 0.01
+
+
+def test_simulate_and_dynamics_agree_with_solve(mechsim):
+    found = mechsim("simulate", "four_bar", *PARALLELOGRAM, "-o", "run.csv")
+    assert found.code == 0, found.err
+    rows = np.genfromtxt("run.csv", delimiter=",", names=True, deletechars="")
+    assert apart({name: rows[name] for name in rows.dtype.names}) <= 1e-12
+    found = mechsim("dynamics", "four_bar", *PARALLELOGRAM, "--turns", "-0.4", "--samples", "20")
+    assert found.code == 0, found.err

@@ -1,0 +1,34 @@
+"""MuJoCo's runs and the command line take the sign of an assembly at the first configuration."""
+
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.model.crank_profile import constant
+from mechsim.simulation import simulate
+from mechsim.verdict.judge import crosscheck
+
+PARALLELOGRAM = {"ground": 0.1, "crank": 0.04, "coupler": 0.1, "rocker": 0.04}
+SLIDER = {"crank": 0.05, "rod": 0.05, "offset": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("name", "lengths"), [("four_bar", PARALLELOGRAM), ("slider_crank", SLIDER)], ids=["four_bar", "slider"]
+)
+@pytest.mark.parametrize(
+    ("method", "start", "turns"), [("pose", 3.5, 1.0), ("pose", 2.0, 1.0), ("step", 3.5, 0.1)]
+)
+def test_mujoco_starts_in_the_assembly_of_the_sign(name, lengths, method, start, turns):
+    drive, other = catalog.make(name, **lengths), catalog.make(name, **lengths, branch=-1)
+    run = simulate(drive, profile=constant(20.0, turns, start), method=method)
+    assert crosscheck(run, drive).passed
+    assert crosscheck(run, other).outcome == "changed assembly"
+
+
+def test_backwards_from_a_change_point_the_sign_counts_behind_it():
+    drive = catalog.make("four_bar", **PARALLELOGRAM)
+    run = simulate(drive, profile=constant(-20.0, 0.4), method="pose")
+    points = run.motion.points
+    along = points["B"].position - points["A"].position
+    assert np.abs(along - [0.1, 0.0, 0.0]).max() > 0.01
+    assert crosscheck(run, drive).passed
