@@ -17,6 +17,7 @@ from mechsim.cli.options import DriveOptions, read_family, writable
 from mechsim.cli.output import print_json
 from mechsim.cli.scene_findings import found_in, tell_findings
 from mechsim.errors import InputError
+from mechsim.model.masses import summary
 from mechsim.pictures import plots
 from mechsim.pictures.plots.agreement import agreement_plot
 from mechsim.report.agreement import worst_first, write_agreement_report
@@ -115,7 +116,7 @@ def told(name: str, found: Agreement, everything: bool) -> list[str]:
 
 def explained(found: Agreement) -> list[str]:
     """Return what explains a difference, and where that of a run in time comes from."""
-    lines: list[str] = []
+    lines = _wrapped(summary(found.masses)) if found.masses else []
     for finding in found.findings:
         likely = "" if finding.kind == "none" else "cause: " if finding.sure else "perhaps: "
         lines += _wrapped(f"{likely}{finding.say}")

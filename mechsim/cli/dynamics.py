@@ -28,6 +28,7 @@ from mechsim.cli.dynamics_output import (
     verdict_facts,
 )
 from mechsim.cli.force_options import MachineOptions
+from mechsim.cli.mass_table import Verbose, print_masses
 from mechsim.cli.options import DriveOptions, Json, Model, Sets, form_of, moving, speed_of, writable
 from mechsim.cli.output import Tick, print_json, progress
 from mechsim.errors import InputError
@@ -108,6 +109,7 @@ def dynamics(
     asked: DynamicsOptions,
     driven: DriveOptions,
     sets: Sets = None,
+    verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
     """What drives and joints carry as prescribed, and the energies; free running under a motor."""
@@ -119,6 +121,8 @@ def dynamics(
         passed = _free(machine, asked.speed if asked.free else 0.0, asked, as_json)
     else:
         passed = _driven(machine, asked, as_json)
+    if not as_json:
+        print_masses(machine.masses, verbose)
     raise typer.Exit(0 if passed else 1)
 
 
@@ -145,6 +149,7 @@ def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool) -> bool:
     promise = driven_promise(found)
     if as_json:
         told: dict[str, Any] = {"mechanism": machine.mechanism.name, **study_facts(study)}
+        told["masses"] = [one.as_dict() for one in machine.masses]
         told |= {"fluctuation": turn_facts(turn), "with_flywheel": turn_facts(even), "promise": promise}
         told["note"] = "" if found is None else found.note
         print_json(told | verdict_facts(verdict, asked.road))
@@ -218,7 +223,12 @@ def _free(machine: Machine, speed: float, asked: DynamicsOptions, as_json: bool)
         plots.write(asked.plot, plots.free_plot(run))
     promise = free_promise(found)
     if as_json:
-        told = {"mechanism": machine.mechanism.name, "free": run_facts(run), "promise": promise}
+        told: dict[str, Any] = {
+            "mechanism": machine.mechanism.name,
+            "free": run_facts(run),
+            "promise": promise,
+        }
+        told["masses"] = [one.as_dict() for one in machine.masses]
         print_json(told | verdict_facts(verdict, "step"))
     else:
         print_free(machine.mechanism.name, run)

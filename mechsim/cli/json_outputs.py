@@ -2,6 +2,7 @@
 
 from typing import Any, get_args
 
+from mechsim.model.masses import Source
 from mechsim.model.outcome import Outcome
 
 Schema = dict[str, Any]
@@ -110,6 +111,17 @@ FEW_DIGITS = {
     "few_digits": maybe(record(digits=WHOLE, at=NUMBER, over={"enum": ["angle", "t"]}, conditioning=NUMBER))
 }
 
+MASSES = many(
+    record(
+        link=TEXT,
+        mass=NUMBER,
+        source={"enum": list(get_args(Source))},
+        length=maybe(NUMBER),
+        diameter=maybe(NUMBER),
+        density=maybe(NUMBER),
+    )
+)
+
 # command -> what it prints
 OUTPUTS: dict[str, Schema] = {
     "list": record(mechanisms=named(TEXT), gallery=named(TEXT)),
@@ -194,6 +206,7 @@ OUTPUTS: dict[str, Schema] = {
             ),
         },
         mechanism=TEXT,
+        masses=MASSES,
         promise=maybe(PROMISE),
         passed=maybe(YES),
         outcome=maybe(OUTCOME),
@@ -266,6 +279,7 @@ OUTPUTS: dict[str, Schema] = {
                     "attribution": named(ANY),
                     "noise": NOISE,
                     "findings": many(FINDING),
+                    "masses": MASSES,
                 },
                 passed=YES,
                 outcome=OUTCOME,
@@ -285,8 +299,8 @@ OUTPUTS["export"] = record(
     output=maybe(TEXT),
 )
 OUTPUTS["schema"] = {"type": "object"}
-OUTPUTS["plot"] = record(mechanism=TEXT, kind=TEXT, output=TEXT)
-OUTPUTS["render"] = record(mechanism=TEXT, output=TEXT, frames=maybe(WHOLE))
+OUTPUTS["plot"] = record({"masses": MASSES}, mechanism=TEXT, kind=TEXT, output=TEXT)
+OUTPUTS["render"] = record({"masses": MASSES}, mechanism=TEXT, output=TEXT, frames=maybe(WHOLE))
 OUTPUTS["view"] = record(mechanism=TEXT, output=TEXT, opened=YES)
 REDUCED = record(trajectory=NUMBER, torque=NUMBER, energy=NUMBER)
 OUTPUTS["reduce"] = record(
@@ -321,7 +335,9 @@ OUTPUTS["tune"] = record(
     output=maybe(TEXT),
     python=maybe(TEXT),
 )
-OUTPUTS["sweep"] = record(model=TEXT, output=TEXT, designs=WHOLE, built=WHOLE, seconds=NUMBER)
+OUTPUTS["sweep"] = record(
+    {"masses": MASSES}, model=TEXT, output=TEXT, designs=WHOLE, built=WHOLE, seconds=NUMBER
+)
 OUTPUTS["sensitivity"] = record(
     {
         "tolerances": record(
@@ -330,7 +346,8 @@ OUTPUTS["sensitivity"] = record(
             distribution=TEXT,
             quantities=named(ANY),
             paths=named(ANY),
-        )
+        ),
+        "masses": MASSES,
     },
     mechanism=TEXT,
     rows=WHOLE,

@@ -1,10 +1,12 @@
 """Command `mechsim plot`: one of the kinds of `report.plot_table` into a file."""
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
 
 from mechsim.cli.declared_options import spread
+from mechsim.cli.mass_table import print_masses
 from mechsim.cli.options import (
     SPEED,
     DriveOptions,
@@ -20,6 +22,7 @@ from mechsim.cli.options import (
 )
 from mechsim.cli.output import print_json, progress
 from mechsim.errors import InputError
+from mechsim.model.masses import LinkMass
 from mechsim.pictures import plots
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource, require_taken
 from mechsim.studies.sweep.drawing import drawn_sweep
@@ -74,11 +77,13 @@ def plot(
         source = PlotSource(drive=drive, speed=speed_of(speed), asked=asked, done=tick)
         figure = PLOTS[kind].draw(source)
     plots.write(place, figure)
-    _tell(drive.name, kind, output, as_json)
+    _tell(drive.name, kind, output, as_json, source.masses)
 
 
-def _tell(name: str, kind: str, output: str, as_json: bool) -> None:
+def _tell(name: str, kind: str, output: str, as_json: bool, masses: Sequence[LinkMass] = ()) -> None:
     if as_json:
-        print_json({"mechanism": name, "kind": kind, "output": output})
+        used = {"masses": [one.as_dict() for one in masses]} if masses else {}
+        print_json({"mechanism": name, "kind": kind, "output": output} | used)
     else:
         typer.echo(f"wrote {output}")
+        print_masses(masses)

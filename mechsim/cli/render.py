@@ -1,5 +1,6 @@
 """Command `mechsim render`: a picture or a video of a mechanism."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import typer
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
 from mechsim.cli.declared_options import spread
+from mechsim.cli.mass_table import print_masses
 from mechsim.cli.options import (
     DriveOptions,
     File,
@@ -25,11 +27,12 @@ from mechsim.cli.output import print_json, progress
 from mechsim.cli.slips import asked_angle
 from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
+from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.file_bodies import drawn_as
 from mechsim.pictures.render.frame_poses import SEEN, comes_round
-from mechsim.studies.motion_source import MOST_SAMPLES, joint_loads, motion_of, profile_of
+from mechsim.studies.motion_source import MOST_SAMPLES, joint_loads, motion_of, profile_of, weighing
 from mechsim.units import option, parse_angle
 
 
@@ -114,8 +117,10 @@ def render(
     motion = motion_of(drive, "simulated" if film.road == "both" else film.road, profile, samples)
     beside: dict[str, Any] = {}
     said = [] if film.slow is None else [film.pace]
+    masses: Sequence[LinkMass] = ()
     if {"force", "moment"} & set(look.arrows):
         beside |= joint_loads(drive, film.road, profile, motion)
+        masses = weighing(drive).masses
         said.append("joint loads as they act on the driven link")
     if film.road == "both" and isinstance(drive, LoopForm):
         beside["exact"] = drive.solve_as(motion)
@@ -125,20 +130,22 @@ def render(
     if picture:
         look = replace(look, paths="whole" if look.paths else False)
         write_picture(place, drive.mechanism, motion, look, angle=at, **beside)
-        _tell(drive.name, output, None, as_json)
+        _tell(drive.name, output, None, as_json, masses)
         return
     whole = comes_round(drive.mechanism, motion, SEEN, SEEN)
     tail = whole and not programmed and drive.crank_range().full
     look = replace(look, paths="tail" if look.paths and tail else look.paths)
     count = _write_film(place, drive, motion, whole, look, {"fps": film.fps, **beside})
-    _tell(drive.name, output, count, as_json)
+    _tell(drive.name, output, count, as_json, masses)
 
 
-def _tell(name: str, output: str, frames: int | None, as_json: bool) -> None:
+def _tell(name: str, output: str, frames: int | None, as_json: bool, masses: Sequence[LinkMass] = ()) -> None:
     if as_json:
-        print_json({"mechanism": name, "output": output, "frames": frames})
+        used = {"masses": [one.as_dict() for one in masses]} if masses else {}
+        print_json({"mechanism": name, "output": output, "frames": frames} | used)
     else:
         typer.echo(f"wrote {'' if frames is None else f'{frames} frames to '}{output}")
+        print_masses(masses)
 
 
 def _round(place: Path, drive: Form, film: FilmOptions, look: Look, picture: bool) -> int | None:

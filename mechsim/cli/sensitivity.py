@@ -10,6 +10,7 @@ import typer
 from mechsim import files, units
 from mechsim.cli.declared_options import spread
 from mechsim.cli.force_options import MachineOptions
+from mechsim.cli.mass_table import print_masses
 from mechsim.cli.options import SPEED, DriveOptions, Json, Model, Output, Sets, family_of, speed_of, writable
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.errors import InputError
@@ -26,6 +27,7 @@ from mechsim.studies.sensitivity import (
     tolerances_of,
     written_tolerances,
 )
+from mechsim.studies.sensitivity.quantities import is_effort
 from mechsim.studies.sensitivity.study import SAMPLES, SEED
 from mechsim.studies.sensitivity.tolerances import CLEARANCE, DISTRIBUTIONS
 from mechsim.units import option
@@ -120,10 +122,13 @@ def sensitivity(
         files.write(place, table if study is None else _Both(table, study))
     if picture is not None:
         plots.write(picture, _drawn(table, study))
+    masses = loading.machine(form).masses if any(is_effort(one) for one in table.values) else ()
     if as_json:
-        print_json(_told(table, study) | {"output": output, "plot": asked.plot})
+        used = {"masses": [one.as_dict() for one in masses]} if masses else {}
+        print_json(_told(table, study) | {"output": output, "plot": asked.plot} | used)
         return
     _print(table, study)
+    print_masses(masses)
     for name in (output, asked.plot):
         if name is not None:
             typer.echo(f"wrote {name}")

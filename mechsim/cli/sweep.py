@@ -8,10 +8,13 @@ import numpy as np
 import typer
 
 from mechsim.cli.declared_options import spread
+from mechsim.cli.mass_table import print_masses
 from mechsim.cli.options import DriveOptions, File, Json, Model, Sets, Speed, changed_by, moved_by, speed_of
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.errors import InputError, OutputError
 from mechsim.files import place_of
+from mechsim.model.masses import masses_of
+from mechsim.model.rod_inertia import with_inertia
 from mechsim.simulation.settings import Settings
 from mechsim.studies.sweep.checking import CheckedDesigns, check_table
 from mechsim.studies.sweep.designs import parsed_range
@@ -110,12 +113,15 @@ def sweep(
         found = run_sweep(task, output, resume=resume, scheduler=scheduler, watch=tick)
     seconds = time.perf_counter() - begun
     checked = check_table(task, found, check) if check > 0 else None
+    masses = masses_of(with_inertia(task.subject.form.mechanism)) if task.loaded else ()
     if as_json:
-        print_json(_told(model, output, task, found, checked) | {"seconds": seconds})
+        used = {"masses": [one.as_dict() for one in masses]} if masses else {}
+        print_json(_told(model, output, task, found, checked) | {"seconds": seconds} | used)
     else:
         _print(found, f"{built(found):,} of {task.designs.count:,} designs built, {seconds:.3g} s")
         typer.echo(f"wrote {output}")
         _print_checked(checked)
+        print_masses(masses, of="of the design as it stands")
     raise typer.Exit(0 if checked is None or checked.passed == checked.count else 1)
 
 

@@ -1,7 +1,7 @@
 """Mass, centre and moments of inertia of a link, checked to be those of a body that can exist."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,6 +19,21 @@ SLACK = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
+class Rods:
+    """The round rods from which an inertia was computed.
+
+    Attributes:
+        length: of all together in [m].
+        diameter: in [m].
+        density: in [kg/m3].
+    """
+
+    length: float
+    diameter: float
+    density: float
+
+
+@dataclass(frozen=True, slots=True)
 class Inertia:
     """How a rigid body resists motion.
 
@@ -27,11 +42,15 @@ class Inertia:
         centre: centre of mass in the link's frame, in [m].
         moments: inertia matrix about the centre, along the axes of the link's frame, in [kg m2]:
             symmetric, positive definite, no principal moment larger than the sum of the others.
+        rods: from which it was computed; None where it was given.
+        negligible: whether it stands for a mass of zero.
     """
 
     mass: float
     centre: Vector
     moments: Matrix
+    rods: Rods | None = field(default=None, compare=False, repr=False)
+    negligible: bool = field(default=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         mass, centre = float(self.mass), np.asarray(self.centre, dtype=np.float64)

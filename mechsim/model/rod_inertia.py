@@ -8,7 +8,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import HUGE, number
-from mechsim.model.inertia import Inertia, Matrix, Vector, combine
+from mechsim.model.inertia import Inertia, Matrix, Rods, Vector, combine
 from mechsim.model.mechanism import Mechanism, described
 
 # of steel in [kg/m3]
@@ -92,12 +92,15 @@ def _link_inertia(
     if len(points) == 1:
         axis = np.asarray(ends[0].axis if ends else (0.0, 0.0, 1.0))
         arm = 0.5 * PIN_LENGTH * diameter * axis
-        return round_rod(_tuple(points[0] - arm), _tuple(points[0] + arm), density, diameter)
+        pin = round_rod(_tuple(points[0] - arm), _tuple(points[0] + arm), density, diameter)
+        return replace(pin, rods=Rods(PIN_LENGTH * diameter, diameter, density))
     rods = [(_tuple(points[i]), _tuple(points[j])) for i, j in _spanning_tree(np.array(points))]
     section = density * np.pi * diameter**2 / 4.0
     if shape == "slender":
-        return combine(slender_rod(a, b, section * _length(a, b)) for a, b in rods)
-    return combine(round_rod(a, b, density, diameter) for a, b in rods)
+        whole = combine(slender_rod(a, b, section * _length(a, b)) for a, b in rods)
+    else:
+        whole = combine(round_rod(a, b, density, diameter) for a, b in rods)
+    return replace(whole, rods=Rods(sum(_length(a, b) for a, b in rods), diameter, density))
 
 
 def _rod(start: Vector, end: Vector, mass: float, along: float, across: float) -> Inertia:

@@ -15,6 +15,7 @@ from mechsim.analytic import catalog, dynamics
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form, closed_form
 from mechsim.errors import InputError
+from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
 from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, columns_asked, curve_tables, usual_columns
@@ -66,6 +67,7 @@ class PlotSource:
         motions: road -> a motion that is there already.
         bounds: road -> bound on the places of its points in [m], where there is one.
         done: called after each piece of long work.
+        masses: of the links, filled in by what is drawn from them.
     """
 
     drive: Form
@@ -74,6 +76,7 @@ class PlotSource:
     motions: dict[str, Motion] = field(default_factory=dict[str, Motion])
     bounds: Mapping[str, float] = field(default_factory=dict[str, float])
     done: Callable[[str], None] = lambda _: None
+    masses: list[LinkMass] = field(default_factory=list[LinkMass])
 
     def motion(self, road: str, samples: int = SAMPLES) -> Motion:
         """Return a motion by the "closed" form, "simulated" in time, or "posed" angle by angle."""
@@ -91,7 +94,9 @@ class PlotSource:
         """Return drive torque and reactions under what acts in `mechsim dynamics` without options."""
         profile = profile_of(self.drive, self.speed, 1.0)
         time = np.linspace(0.0, profile.duration, SAMPLES + 1)
-        return dynamics.prescribed(weighing(self.drive), *profile.state(time), time=time)
+        found = dynamics.prescribed(weighing(self.drive), *profile.state(time), time=time)
+        self.masses.extend(found.masses)
+        return found
 
 
 @dataclass(frozen=True, slots=True)

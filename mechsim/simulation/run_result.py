@@ -7,6 +7,7 @@ import numpy as np
 
 from mechsim.model.display import short_repr
 from mechsim.model.efforts import Efforts, FreeRun
+from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import Outcome
 from mechsim.simulation.refine import Promise
@@ -79,6 +80,7 @@ class Driven:
         timestep: in [s]; None for method "pose".
         promise: what was asked of it and how it came out; None where no tolerance was.
         note: what is to be said of it, in one sentence; empty where there is nothing.
+        masses: of the links, and where each comes from.
     """
 
     motion: Motion
@@ -91,6 +93,7 @@ class Driven:
     timestep: float | None = None
     promise: Promise | None = None
     note: str = ""
+    masses: tuple[LinkMass, ...] = ()
 
     __repr__ = short_repr
 
@@ -109,6 +112,7 @@ class SteppedFreeRun:
         timestep: in [s].
         settings: how it was stepped.
         promise: what was asked of it and how it came out; None where no tolerance was.
+        masses: of the links, and where each comes from.
     """
 
     motion: Motion
@@ -119,5 +123,6 @@ class SteppedFreeRun:
     timestep: float
     settings: Settings
     promise: Promise | None = None
+    masses: tuple[LinkMass, ...] = ()
 
     __repr__ = short_repr

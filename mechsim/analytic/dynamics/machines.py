@@ -12,6 +12,7 @@ from mechsim.errors import InputError
 from mechsim.model.display import short_repr
 from mechsim.model.forces import Forces, acting_on
 from mechsim.model.links import GROUND
+from mechsim.model.masses import LinkMass, masses_of
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, at_unit_speed
 from mechsim.model.programs import Programs
@@ -33,6 +34,11 @@ class Machine:
     drive: Form
 
     __repr__ = short_repr
+
+    @property
+    def masses(self) -> tuple[LinkMass, ...]:
+        """The masses of the links, and where each comes from."""
+        return masses_of(self.mechanism)
 
     def unit_motion(
         self, angles: ArrayLike, as_run: Motion | None = None, *, within: bool = False

@@ -19,6 +19,7 @@ from mechsim.maths.given import require
 from mechsim.maths.memory import require_room
 from mechsim.model.display import short_repr
 from mechsim.model.efforts import Efforts, Reaction, wrench_columns
+from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion, join, taken
 
 # instants solved in one go, and bytes held at each of them by each element of the matrix that balances links
@@ -58,6 +59,11 @@ class InverseDynamics:
 
     def __len__(self) -> int:
         return len(self.efforts)
+
+    @property
+    def masses(self) -> tuple[LinkMass, ...]:
+        """The masses of the links, and where each comes from."""
+        return self.machine.masses
 
     @property
     def torque_parts(self) -> dict[str, Array]:

@@ -10,6 +10,7 @@ from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.efforts import FreeRun
 from mechsim.model.forces import Forces, acting_on
+from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.simulation.closed_model import Described
 from mechsim.simulation.dynamics.angle_tolerance import FreeStepping, within
@@ -254,6 +255,7 @@ def _recorded(plan: _Plan, stepping: FreeStepping) -> SteppedFreeRun:
         seconds=stepping.seconds,
         timestep=float(loops.model.opt.timestep),
         settings=replace(stepping.settings, hardness=stepping.settings.factor),
+        masses=masses_of(loaded.mechanism),
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.forces import Forces, acting_on
+from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.programs import Programs
 from mechsim.simulation.begun import begun, clock_of
@@ -162,6 +163,7 @@ def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, wat
         method="pose",
         steps=len(time),
         seconds=seconds,
+        masses=masses_of(loaded.mechanism),
     )
 
 
@@ -199,6 +201,7 @@ def _stepped(
         settings=replace(settings, hardness=settings.factor),
         timestep=steps.timestep,
         note=_barely_held(loaded, states),
+        masses=masses_of(loaded.mechanism),
     )
 
 

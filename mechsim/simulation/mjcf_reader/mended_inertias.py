@@ -1,6 +1,7 @@
 """A specification with masses that MuJoCo takes where it refuses those of the file: kinematics need none."""
 
 import re
+from collections.abc import Iterable
 
 import mujoco
 
@@ -40,3 +41,8 @@ def with_possible_inertias(spec: mujoco.MjSpec, refusal: str) -> str:
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
         return f'mesh {flat[1]!r} bounds no volume and MuJoCo refuses it: read as with inertia="shell"'
     return ""
+
+
+def raised_mass(remarks: Iterable[str]) -> float:
+    """Return the mass in [kg] to which bodies without any were raised, by the remarks; 0 where none was."""
+    return MASS if any("boundmass" in remark for remark in remarks) else 0.0

@@ -18,6 +18,7 @@ from mechsim.simulation.mjcf_reader.equality_rows import equalities
 from mechsim.simulation.mjcf_reader.held_still import free_bodies, free_joints, hold_still, turning_joints
 from mechsim.simulation.mjcf_reader.joint_chains import chains, poses
 from mechsim.simulation.mjcf_reader.kinds import BALL, FREE, SLIDE
+from mechsim.simulation.mjcf_reader.mended_inertias import raised_mass
 from mechsim.simulation.mjcf_reader.named_parts import name_parts
 from mechsim.simulation.mjcf_reader.number_bounds import require_numbers
 from mechsim.simulation.mjcf_reader.parsed_file import compiled_whole, parsed
@@ -103,7 +104,7 @@ def read_model(
     said = equalities(model, carried)
     values = facts.coordinate_values(model, start)
     fixed = _held(model, holds, values)
-    drives = driven(model, drivers, list(fixed), still)
+    drives, raised = driven(model, drivers, list(fixed), still), raised_mass(remarks)
     points = tracked(model, carried, track)
     of = {model.body(b).name: carried[b] for b in range(model.nbody)}
     mechanism = Mechanism(
@@ -117,7 +118,7 @@ def read_model(
         holds=fixed,
         counted=values,
     )
-    mechanism = replace(mechanism, links=weighed(model, mechanism.links, carried, mechanism.size))
+    mechanism = replace(mechanism, links=weighed(model, mechanism.links, carried, mechanism.size, raised))
     if mechanism.has_crank:
         mechanism = replace(mechanism, start=values[drives[0]])
     _add_sites(spec, points)

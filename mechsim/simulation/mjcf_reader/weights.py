@@ -15,10 +15,16 @@ from mechsim.simulation.mjcf_reader.link_places import Carrier, rotation, vector
 
 # part of the heaviest link's mass that one without any is given: nothing beside it, but no nought
 WEIGHTLESS = 1e-12
+# of a sum of masses
+ROUNDING = 1e-9
 
 
 def weighed(
-    model: mujoco.MjModel, links: Sequence[Link], carriers: Sequence[Carrier], size: float
+    model: mujoco.MjModel,
+    links: Sequence[Link],
+    carriers: Sequence[Carrier],
+    size: float,
+    raised: float = 0.0,
 ) -> tuple[Link, ...]:
     """Return links with the inertias of all bodies that are part of them.
 
@@ -27,6 +33,7 @@ def weighed(
         links: the moving links.
         carriers: of each body, the world first.
         size: of the mechanism in [m], by which a link without mass gets moments.
+        raised: mass in [kg] to which each body without any was raised; 0 where none was.
     """
     bodies = {link.name: list[int]() for link in links}
     for i, carrier in enumerate(carriers):
@@ -38,16 +45,20 @@ def weighed(
         return tuple(links)
     least = WEIGHTLESS * heaviest
 
-    def inertia(mass: float, centre: Array, moments: Array) -> Inertia:
+    def inertia(name: str, mass: float, centre: Array, moments: Array) -> Inertia:
+        massless = not mass > raised * len(bodies[name]) * (1.0 + ROUNDING)
         if mass > 0.0 and np.linalg.eigvalsh(moments)[0] > 0.0:
             rows = (vector(moments[0]), vector(moments[1]), vector(moments[2]))
-            return Inertia(mass, vector(centre), rows)
+            return Inertia(mass, vector(centre), rows, negligible=massless)
         small = least * size**2
         return Inertia(
-            mass or least, vector(centre), ((small, 0.0, 0.0), (0.0, small, 0.0), (0.0, 0.0, small))
+            mass or least,
+            vector(centre),
+            ((small, 0.0, 0.0), (0.0, small, 0.0), (0.0, 0.0, small)),
+            negligible=massless,
         )
 
-    return tuple(replace(link, inertia=inertia(*found[link.name])) for link in links)
+    return tuple(replace(link, inertia=inertia(link.name, *found[link.name])) for link in links)
 
 
 def _together(

@@ -14,12 +14,13 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.finding import Finding
+from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.outcome import Outcome
 from mechsim.model.programs import State
 from mechsim.studies.agreement.attribution import AskedAgain, told
 from mechsim.studies.agreement.claim import Claim, claimed
-from mechsim.studies.agreement.comparand import Comparand, comparand_of
+from mechsim.studies.agreement.comparand import EFFORTS, Comparand, comparand_of
 from mechsim.studies.agreement.comparison import bound_of, check, errors, measured, noise_in, scales_of
 from mechsim.studies.agreement.diagnosis import diagnosis
 from mechsim.studies.agreement.miss import Miss
@@ -89,6 +90,12 @@ class Agreement:
         said = [one.say for one in self.findings if one.sure] or [one.say for one in self.findings[:1]]
         return "; ".join([self.reason, *noise, *said])
 
+    @property
+    def masses(self) -> tuple[LinkMass, ...]:
+        """The masses of the links, and where each comes from, if efforts are compared; else none."""
+        efforts = any(claim.named.kind in EFFORTS for claim in self.claims)
+        return self.comparand.masses if efforts else ()
+
     def as_dict(self) -> dict[str, Any]:
         """Return it as `mechsim validate --json` prints it."""
         return Verdict(self.outcome, self.checks, self.reason).as_dict() | {"why": self.why} | self.explained
@@ -101,6 +108,7 @@ class Agreement:
             "findings": [finding.as_dict() for finding in self.findings],
             "attribution": dict(self.attribution),
             **({"noise": noise_data(self.measured)} if self.measured else {}),
+            **({"masses": [one.as_dict() for one in self.masses]} if self.masses else {}),
         }
 
     def __str__(self) -> str:

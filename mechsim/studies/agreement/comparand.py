@@ -17,6 +17,7 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError, InputError, MechsimError
 from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Efforts
+from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
 from mechsim.studies.agreement.named_quantities import NamedQuantity
 from mechsim.studies.motion_source import profile_of
@@ -106,10 +107,19 @@ class Comparand:
         return LoopForm(self.form.mechanism).solve(self.angle, self.speed, self.acceleration)
 
     @cached_property
+    def _loaded(self) -> Machine:
+        """The dynamic model of efforts."""
+        return self.machine or dynamics.machine(self.form, self.form.forces)
+
+    @property
+    def masses(self) -> tuple[LinkMass, ...]:
+        """The masses of the links that efforts are computed from, and where each comes from."""
+        return self._loaded.masses
+
+    @cached_property
     def efforts(self) -> Efforts:
         """What drives and joints carry."""
-        machine = self.machine or dynamics.machine(self.form, self.form.forces)
-        found = dynamics.prescribed(machine, self.angle, self.speed, self.acceleration, time=self.time)
+        found = dynamics.prescribed(self._loaded, self.angle, self.speed, self.acceleration, time=self.time)
         return found.efforts
 
     def drivers(self) -> dict[str, tuple[Array, Array, Array]]:

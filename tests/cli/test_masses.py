@@ -1,0 +1,146 @@
+"""Masses that torques are computed from are listed with their source."""
+
+import json
+from math import pi
+
+import pytest
+
+import mechsim as ms
+from mechsim.model.masses import masses_of, summary
+from mechsim.model.rod_inertia import with_inertia
+from mechsim.simulation.dynamics.prescribed_motion import driven
+
+# crank of 0.1 m and arm in file; the rod, 0.3 m, has no inertia
+SLIDER = """
+name = "press"
+[links.crank]
+inertia = { mass = 0.5, centre = [0.05, 0, 0], moments = [1e-4, 5e-4, 5e-4] }
+[joints.crank]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "crank" }
+[joints.A]
+kind = "revolute"
+a = { link = "crank", at = [0.1, 0, 0] }
+b = { link = "rod" }
+[joints.B]
+kind = "revolute"
+a = { link = "rod", at = [0.3, 0, 0] }
+b = { link = "slider" }
+[joints.slide]
+kind = "prismatic"
+a = { link = "ground", axis = [1, 0, 0] }
+b = { link = "slider", axis = [1, 0, 0] }
+[points]
+B = { link = "slider" }
+[guess]
+rod = { at = [0.1, 0, 0] }
+slider = { at = [0.4, 0, 0] }
+"""
+# a link without mass beside one that has some
+SCENE = """
+<mujoco model="pair"><compiler boundmass="0"/><worldbody>
+  <body name="arm"><joint name="crank" axis="0 0 1"/><inertial pos=".1 0 0" mass="2" diaginertia="1 1 1"/>
+    <body name="tip" pos=".2 0 0"><joint name="tip" axis="0 0 1" armature="1"/><site name="end"/></body>
+  </body>
+</worldbody></mujoco>
+"""
+
+
+@pytest.fixture
+def press(tmp_path):
+    path = tmp_path / "press.toml"
+    path.write_text(SLIDER)
+    return str(path)
+
+
+def test_masses_are_listed_with_their_source(press):
+    machine = ms.dynamics.machine(ms.load(press), diameter=0.01)
+    found = {one.link: one for one in machine.masses}
+    assert (found["crank"].mass, found["crank"].source) == (0.5, "given")
+    rod = found["rod"]
+    assert rod.source == "rod"
+    assert rod.mass == pytest.approx(7850.0 * pi / 4.0 * 0.01**2 * 0.3, rel=1e-14)
+    assert (rod.length, rod.diameter, rod.density) == (pytest.approx(0.3), 0.01, 7850.0)
+    # all joints of the slider lie in one point: a pin two diameters long
+    assert found["slider"].length == pytest.approx(0.02)
+    study = ms.dynamics.prescribed(machine, [0.1, 0.2], 1.0)
+    assert study.masses == machine.masses
+    assert driven(machine.mechanism, machine.forces, speed=1.0, samples=4).masses == machine.masses
+
+
+def test_a_link_without_mass_in_a_scene_is_listed_as_zero(tmp_path):
+    path = tmp_path / "pair.xml"
+    path.write_text(SCENE)
+    form = ms.load(str(path), hold={"tip": 0.0})
+    assert {one.link: one.source for one in masses_of(form.mechanism)} == {"arm": "given", "tip": "zero"}
+    assert summary(masses_of(form.mechanism)) == "masses: arm given, 2 kg; tip zero in the file"
+
+
+def test_other_rods_are_named_by_their_density():
+    mechanism = with_inertia(ms.catalog.make("four_bar").mechanism, 2700.0)
+    assert "2700 kg/m3 rods" in summary(masses_of(mechanism))
+    assert "steel" in summary(masses_of(with_inertia(ms.catalog.make("four_bar").mechanism)))
+
+
+def test_dynamics_says_which_masses_it_uses(mechsim, press):
+    short = ("--samples", "4", "--method", "none")
+    line = mechsim("dynamics", press, *short).out
+    assert "masses: crank given, 0.5 kg; rod, slider computed as round steel rods of diameter" in line
+    assert "-v lists them" in line
+    table = mechsim("dynamics", press, *short, "-v", "--diameter", "10mm").out
+    assert "computed: steel rods, length 0.3 m, diameter 0.01 m" in table
+    told = json.loads(mechsim("dynamics", press, *short, "--json").out)["masses"]
+    assert [one["source"] for one in told] == ["given", "rod", "rod"]
+    assert told[1]["length"] == pytest.approx(0.3)
+    free = json.loads(
+        mechsim("dynamics", press, *short, "--json", "--motor", "constant:1", "--turns", "0.1").out
+    )
+    assert free["masses"] == told
+
+
+@pytest.mark.parametrize("kind", ["torque", "reactions", "power"])
+def test_plots_of_efforts_say_which_masses_they_use(mechsim, press, kind):
+    words = ("plot", press, "--kind", kind, "-o", "out.svg")
+    assert "rod, slider computed as round steel rods" in mechsim(*words).out
+    assert [one["link"] for one in json.loads(mechsim(*words, "--json").out)["masses"]] == [
+        "crank",
+        "rod",
+        "slider",
+    ]
+    assert "masses" not in mechsim("plot", press, "--kind", "motion", "-o", "out.svg").out
+
+
+def test_comparisons_of_torques_say_which_masses_they_use(mechsim, press, tmp_path):
+    mechanism = ms.load(press)
+    torque = ms.dynamics.prescribed(ms.dynamics.machine(mechanism), [0.5, 1.0, 1.5], 10.0).efforts.torque
+    table = tmp_path / "torque.csv"
+    rows = "\n".join(
+        f"{angle},{value!r}" for angle, value in zip((0.5, 1.0, 1.5), torque.tolist(), strict=True)
+    )
+    table.write_text(f"angle,torque:crank\n{rows}\n")
+    words = ("validate", press, "--against", str(table), "--speed", "10rad/s")
+    answer = mechsim(*words)
+    assert "computed as round steel rods" in " ".join(answer.out.split())
+    told = json.loads(mechsim(*words, "--json").out)["mechanisms"]["press"]
+    assert [one["source"] for one in told["masses"]] == ["given", "rod", "rod"]
+    verdict = ms.validate(press, str(table), speed=10.0, attribute=False)
+    assert [one.link for one in verdict.masses] == ["crank", "rod", "slider"]
+
+
+def test_sweeps_sensitivities_and_arrows_of_efforts_say_which_masses_they_use(mechsim):
+    swept = mechsim(
+        "sweep", "four_bar", "--vary", "crank=30mm:32mm:2", "--measure", "max:torque", "-o", "s.csv"
+    )
+    assert "masses of the design as it stands: crank, coupler, rocker computed" in swept.out
+    assert (
+        "masses"
+        not in mechsim(
+            "sweep", "four_bar", "--vary", "crank=30mm:32mm:2", "--measure", "stroke:C", "-o", "s.csv"
+        ).out
+    )
+    derived = ("sensitivity", "four_bar", "--angles", "0:90:45deg", "--of")
+    assert "masses: crank, coupler, rocker computed" in mechsim(*derived, "torque").out
+    assert "masses" not in mechsim(*derived, "C").out
+    drawn = mechsim("render", "four_bar", "--arrows", "force", "--size", "64x48", "-o", "out.png")
+    assert "masses: crank, coupler, rocker computed" in drawn.out
