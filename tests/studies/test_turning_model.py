@@ -1,5 +1,7 @@
 """Models that turn by themselves, judged in plain MuJoCo by a loop of its own beside the closed form."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -69,3 +71,35 @@ def test_a_mechanism_of_several_drivers_does_not_turn():
     mechanism = load("five_bar").mechanism
     with pytest.raises(InputError, match="has no single crank that could turn"):
         turning_model.turning(exported(mechanism, Scene()), mechanism, SPEED)
+
+
+@pytest.mark.parametrize("scene", ["motion", "dynamics"])
+def test_a_driver_that_is_not_called_crank_turns_too(scene):
+    mechanism = load("planetary_gear").mechanism
+    assert mechanism.crank.name == "carrier"
+    spec = turning_model.turning(exported(mechanism, Scene(level=scene)), mechanism, SPEED)
+    model = mujoco.MjModel.from_xml_string(to_xml(spec))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for _ in range(round(2.0 * np.pi / SPEED / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+    assert data.qvel[model.joint("crank").dofadr[0]] == pytest.approx(SPEED, rel=0.05)
+    # Willis: on the carrier the sun turns by teeth of the ring over teeth of the sun
+    sun = data.qvel[model.joint("sun").dofadr[0]] / data.qvel[model.joint("crank").dofadr[0]]
+    assert sun == pytest.approx(60.0 / 24.0, rel=1e-3)
+
+
+def test_the_tolerance_of_such_a_model_is_kept():
+    mechanism = load("planetary_gear").mechanism
+    text, error = turning_model.kept(exported(mechanism, Scene()), mechanism, SPEED, 1e-5, seconds=1.0)
+    assert error <= 1e-5
+    assert "keeps 1e-05 m" in text
+
+
+def test_a_joint_called_crank_that_is_not_the_driver_is_one_sentence():
+    four_bar = catalog.make("four_bar").mechanism
+    names = {"crank": "motor", "A": "crank"}
+    joints = tuple(replace(joint, name=names.get(joint.name, joint.name)) for joint in four_bar.joints)
+    other = replace(four_bar, joints=joints, driver="motor")
+    with pytest.raises(InputError, match=r"joint 'crank' is not the driver.*; rename the joint$"):
+        exported(other, Scene())

@@ -54,6 +54,11 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
         and NAME.2, a cylindrical one NAME.way and NAME.turn. Of level "picture" it holds all but the
         picture, which `pictures.render.exported_scene` adds.
     """
+    if mechanism.has_crank and CRANK in {joint.name for joint in mechanism.joints} - {mechanism.crank.name}:
+        raise InputError(
+            f"{mechanism.name}: joint {CRANK!r} is not the driver, whose hinge is called so in a MuJoCo "
+            "model; rename the joint"
+        )
     acting = scene.acting if scene.holds("dynamics") else None
     dry = frozenset(friction.joint for friction in acting.friction if friction.dry) if acting else ()
     if acting is not None:

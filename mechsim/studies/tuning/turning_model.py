@@ -14,6 +14,7 @@ from mechsim.simulation.closed_model import of_mechanism
 from mechsim.simulation.driven_run import first_state
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.exact_text import to_xml
+from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import read_model
 from mechsim.simulation.mjcf_text.edited_text import EditedText
@@ -34,7 +35,7 @@ def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.M
     """Return a model with a motor on its crank and a keyframe, closed and moving, in which it turns.
 
     Args:
-        spec: of the mechanism, its crank called as in the mechanism.
+        spec: of the mechanism, as the generator makes it: whatever the crank's name, its hinge is "crank".
         mechanism: with one crank that turns.
         speed: of the crank, in [rad/s].
 
@@ -50,7 +51,7 @@ def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.M
     spec = spec.copy()
     closed = of_mechanism(mechanism, spec.copy(), tuple(mechanism.points), programmed=False)
     qpos, qvel = first_state(closed, constant(speed, TURNS, mechanism.start))
-    model, joint = plainly_compiled(spec.copy()), spec.joint(mechanism.crank.name)
+    model, joint = plainly_compiled(spec.copy()), spec.joint(CRANK)
     weight = float(joint.armature) or STIFF * float(model.body_mass.sum()) * mechanism.size**2
     motor = spec.add_actuator(name=MOTOR, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint.name)
     motor.set_to_velocity(kv=weight * abs(speed))
@@ -60,7 +61,7 @@ def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.M
 
 def turning_scene(path: str, mechanism: Mechanism, speed: float) -> UserScene:
     """Return the scene of a file written of `turning`, whose points are tracked over whole turns."""
-    read = read_model(path, drivers=[mechanism.crank.name], key=KEY)
+    read = read_model(path, drivers=[CRANK], key=KEY)
     duration = TURNS * TURN / abs(speed)
     points = {name: place for name, place in mechanism.points.items() if name in read.mechanism.points}
     return scene_of(read, read.mechanism, duration=duration, points=points or None, key=KEY)
