@@ -42,10 +42,22 @@ class AgainstOptions:
         metavar="FILE.py:FUNC|FILE.csv",
     )
     tolerance: str | None = option(
-        None, "Bound on places with --against, others in proportion; 1e-8 of the reach if left out."
+        None,
+        "Tolerance on positions. Default: with --against 1e-8 of the workspace, else (stepped runs) 1e-8 of "
+        "the stroke or the size; if given, an .xml must satisfy it with its own settings, too.",
     )
     plot: str | None = option(None, "Draw the quantity farthest off with --against.", metavar="FILE")
     everything: bool = option(False, "Print every quantity, not the tightest only.", name="--all")
+
+    @property
+    def bound(self) -> float | None:
+        """The tolerance in [m]; None where none is given."""
+        if self.tolerance is None:
+            return None
+        bound = units.parse_length(self.tolerance, "the tolerance")
+        if not 0.0 < bound < math.inf:
+            raise InputError(f"--tolerance is {self.tolerance}; give a length above 0, as in 1um")
+        return bound
 
 
 def held_against(
@@ -69,9 +81,7 @@ def held_against(
     place = None if asked.plot is None else writable(asked.plot)
     if place is not None:
         plots.form_of(place)
-    bound = None if asked.tolerance is None else units.parse_length(asked.tolerance, "the tolerance")
-    if bound is not None and not 0.0 < bound < math.inf:
-        raise InputError(f"--tolerance is {asked.tolerance}; give a length above 0, as in 1um")
+    bound = asked.bound
     if not source.lower().endswith(".csv"):
         tell(f"mechsim: runs {source.rpartition(':')[0] or source}: a formula is code")
     found = held(read_family(model, sets, driven), source, speed=speed, tolerance=bound)

@@ -67,6 +67,7 @@ NOISE = record(
         )
     ),
 )
+PUBLISHED = record(settings=SETTINGS, driven=TEXT, loop_closure=NUMBER, error=NUMBER, note=TEXT)
 PEAK = record({"at_angle": NUMBER, "at_time": NUMBER}, largest=NUMBER)
 EFFORT = record(
     {"at_angle": NUMBER, "at_time": NUMBER, "unit": TEXT}, largest=NUMBER, mean=NUMBER, rms=NUMBER
@@ -278,6 +279,7 @@ OUTPUTS: dict[str, Schema] = {
                     "hardness": NUMBER,
                     "attribution": named(ANY),
                     "noise": NOISE,
+                    "published": PUBLISHED,
                     "findings": many(FINDING),
                     "masses": MASSES,
                 },

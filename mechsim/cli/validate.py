@@ -66,10 +66,8 @@ def validate(
             raise InputError("--against is of one model; name it, and no others")
         place = None if report is None else folder_for(report)
         held_against(models[0], sets, driven, held, (speed_of(speed), place, as_json))
-    if held != AgainstOptions():
-        raise InputError(
-            "--plot, --tolerance and --all go with --against; say what the model is held against"
-        )
+    if held != AgainstOptions(tolerance=held.tolerance):
+        raise InputError("--plot and --all go with --against; say what the model is held against")
     shown = list(gallery.files())
     wanted = list(models or catalog.DRIVES)
     if whole_gallery or not models:
@@ -79,11 +77,12 @@ def validate(
     if driven != DriveOptions() and len(wanted) != 1:
         raise InputError("--drive, --hold, --key and --track are of one mechanism; name it")
     families = _told_apart({model: family_of(model, sets, driven) for model in wanted})
-    asked = speed_of(speed)
+    asked, tolerance = speed_of(speed), held.bound
     folder = None if report is None else folder_for(report)
     tell_code([family.make({}) for family in families.values()])
-    cases = _validated(families, asked, () if models or whole_gallery else shown, as_json)
-    scenes = {name: found_in(case.drive) for name, case in cases.items()}
+    quick = () if models or whole_gallery else shown
+    cases = _validated(families, (asked, tolerance), quick, as_json)
+    scenes = {name: _findings(case) for name, case in cases.items()}
     passed = all(case.passed for case in cases.values())
     results = {
         "passed": passed,
@@ -108,12 +107,16 @@ def _told_apart(families: Mapping[str, DesignFamily]) -> dict[str, DesignFamily]
 
 
 def _validated(
-    families: Mapping[str, DesignFamily], speed: float, quick: Sequence[str], as_json: bool
+    families: Mapping[str, DesignFamily],
+    asked: tuple[float, float | None],
+    quick: Sequence[str],
+    as_json: bool,
 ) -> dict[str, Case]:
     """Return the cases; where one cannot be judged JSON says so before the command ends."""
     try:
         with progress("validate", len(families)) as tick:
-            return validate_all(families, speed=speed, quick=quick, done=tick)
+            speed, tolerance = asked
+            return validate_all(families, speed=speed, quick=quick, tolerance=tolerance, done=tick)
     except (AssemblyError, MobilityError) as error:
         if as_json:
             outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"
@@ -121,6 +124,14 @@ def _validated(
             told = {name: lost | in_json(found_in(one.make({}))) for name, one in families.items()}
             print_json({"passed": False, "mechanisms": told})
         raise
+
+
+def _findings(case: Case) -> tuple[Finding, ...] | None:
+    """Return what is wrong with an MJCF file, and what it does with its own settings; None of others."""
+    found = found_in(case.drive)
+    if found is None or case.published is None:
+        return found
+    return (*found, case.published.finding())
 
 
 def _write_report(folder: Path, cases: Mapping[str, Case], results: Mapping[str, Any]) -> None:
@@ -136,6 +147,9 @@ def _print_cases(cases: Mapping[str, Case], scenes: Mapping[str, Sequence[Findin
         print_verdict(name, case.verdict)
         if case.hardness not in (None, HARDNESS):
             typer.echo(f"stepped with loops held by hardness {case.hardness:.2g}, not {HARDNESS:.2g}")
+        if case.published is not None and case.run.settings is not None and case.run.timestep is not None:
+            own = ", ".join(f"{name} {value}" for name, value in case.run.settings.rows().items())
+            typer.echo(f"rows 'step': mechsim's settings (timestep {1e3 * case.run.timestep:.3g} ms, {own})")
         for line in () if case.formula is None else explained(case.formula):
             typer.echo(line)
     good = sum(case.passed for case in cases.values())

@@ -14,21 +14,29 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.model.crank_profile import CrankProfile, arc_around, swing
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import gravest
 from mechsim.simulation import Run, Settings
 from mechsim.studies.agreement.agreement import Agreement, held
 from mechsim.studies.closed_form_checks import KEPT_OFF, against_loops
 from mechsim.studies.motion_source import profile_of, simulated
+from mechsim.studies.scenes.published_run import PublishedRun, published_run
 from mechsim.subjects.families import family as dimension_family
-from mechsim.verdict.checks import Verdict, over_roads
+from mechsim.subjects.mjcf_source import MjcfForm
+from mechsim.verdict.checks import Verdict, check_of, concluded, over_roads
 from mechsim.verdict.judge import crosscheck
 from mechsim.verdict.quantities import stroke_of
+from mechsim.verdict.tolerances import Tolerance
 
-# bound on places in a stepped run, in units of the stroke: at 1,000 steps a turn it is missed by no
-# catalogue mechanism (measured 2.6e-9 at the worst), and a link 0.1 % long exceeds it 1e5 times; one that by
-# its own account misses it or goes bad, near a dead centre, is stepped with as many as keep it
+# Tolerance on positions in a stepped run, relative to the stroke: at 1,000 steps a turn no catalogue
+# mechanism misses it (measured 2.6e-9 at the worst), and a link 0.1 % long exceeds it 1e5 times. A run that
+# misses it by its own estimate, or diverges, near a dead centre, is repeated with as many steps as it needs.
 STEP_PLACE = 1e-8
+# Where the stroke is smaller than the mechanism it is relative to the size, as loop-closure errors are: files
+# give lengths to about 1e-7 of it, and the finest grade of ISO 286 (IT01) allows 1 um of 100 mm, 1e-5. It is
+# at most 1e-4 of the stroke, a tenth of what a link 0.1 % long does even to displacements.
+SIZE_TO_STROKE = 1e4
 STEPS = 1000
 
 
@@ -45,6 +53,7 @@ class Case:
         quick: whether no run was stepped.
         seconds: for the whole case.
         formula: how the formula that its file names agrees with it; None where there is none.
+        published: an MJCF file's run with its own settings; None of anything else, or where not stepped.
     """
 
     drive: Form
@@ -55,6 +64,7 @@ class Case:
     seconds: float
     quick: bool = False
     formula: Agreement | None = None
+    published: PublishedRun | None = None
 
     @property
     def passed(self) -> bool:
@@ -70,10 +80,18 @@ class Case:
         """Return the case as `mechsim validate --json` prints it."""
         cost = {"steps": 0 if self.quick else self.run.steps, "seconds": self.seconds}
         held = {} if self.hardness is None else {"hardness": self.hardness}
-        return self.verdict.as_dict() | cost | held | ({} if self.formula is None else self.formula.explained)
+        published = {} if self.published is None else {"published": self.published.as_dict()}
+        explained = {} if self.formula is None else self.formula.explained
+        return self.verdict.as_dict() | cost | held | explained | published
 
 
-def case_of(model: Form | DesignFamily, *, speed: float = 20.0 * np.pi, quick: bool = False) -> Case:
+def case_of(
+    model: Form | DesignFamily,
+    *,
+    speed: float = 20.0 * np.pi,
+    quick: bool = False,
+    tolerance: float | None = None,
+) -> Case:
     """Validate one mechanism: closed form against loop equations, solved poses and a stepped run.
 
     One without a closed form: loop equations against MuJoCo's, and the formula that its file names, which is
@@ -83,6 +101,8 @@ def case_of(model: Form | DesignFamily, *, speed: float = 20.0 * np.pi, quick: b
         model: the mechanism; a family of dimensions says which may be wrong where its formula is missed.
         speed: crank speed in [rad/s]; a crank that cannot turn fully swings with this as its fastest.
         quick: leave out the stepped run.
+        tolerance: on positions of stepped runs in [m]; an MJCF file's own settings must satisfy it too. None
+            takes 1e-8 of the stroke or the size, and only reports what the file's own settings do.
 
     Raises:
         AssemblyError: if the loops close nowhere.
@@ -90,11 +110,12 @@ def case_of(model: Form | DesignFamily, *, speed: float = 20.0 * np.pi, quick: b
     """
     family = model if isinstance(model, DesignFamily) else dimension_family(model)
     drive = family.make({})
-    case = _validated(drive, family, speed, quick)
+    case = _validated(drive, family, speed, quick, tolerance)
     for name, variant in drive.variants().items():
         # a variant that cannot stand says nothing against the mechanism
         with suppress(AssemblyError):
-            case = _with_variant(case, name, _validated(variant, dimension_family(variant), speed, quick))
+            other = _validated(variant, dimension_family(variant), speed, quick, tolerance)
+            case = _with_variant(case, name, other)
     return case
 
 
@@ -110,7 +131,7 @@ def _with_variant(case: Case, name: str, variant: Case) -> Case:
     return replace(case, verdict=verdict, seconds=case.seconds + variant.seconds)
 
 
-def _validated(drive: Form, family: DesignFamily, speed: float, quick: bool) -> Case:
+def _validated(drive: Form, family: DesignFamily, speed: float, quick: bool, tolerance: float | None) -> Case:
     begin = clock.perf_counter()
     profile = profile_of(drive, speed, drive.period / TURN)
     drive = drive.starting_at(profile.angles)
@@ -127,10 +148,16 @@ def _validated(drive: Form, family: DesignFamily, speed: float, quick: bool) -> 
         verdicts["formula"] = Verdict(formula.outcome, formula.checks, formula.reason)
     # only a crank at constant speed has a drive whose error means something
     wanted = speed if profile.steady and drive.programs is None else None
+    published = None
     poses = run = simulated(drive, profile, method="pose")
     verdicts["pose"] = crosscheck(poses.motion, drive, speed=wanted)
     if not quick:
-        run, verdicts["step"] = _stepped(drive, profile, speed, STEP_PLACE * stroke_of(exact))
+        place = position_tolerance(exact, drive.mechanism, tolerance)
+        run, verdicts["step"] = _stepped(drive, profile, speed, place)
+        if isinstance(drive, MjcfForm) and drive.source is not None:
+            published = published_run(drive, profile)
+            if tolerance is not None:
+                verdicts["as published"] = _of_published(published, place)
     return Case(
         drive=drive,
         verdict=over_roads(verdicts),
@@ -140,11 +167,40 @@ def _validated(drive: Form, family: DesignFamily, speed: float, quick: bool) -> 
         seconds=clock.perf_counter() - begin,
         quick=quick,
         formula=formula,
+        published=published,
     )
 
 
-def _stepped(drive: Form, profile: CrankProfile, speed: float, place: float) -> tuple[Run, Verdict]:
-    """Return a run in time and its verdict, with places bound in [m]."""
+def position_tolerance(exact: Motion, mechanism: Mechanism, tolerance: float | None = None) -> Tolerance:
+    """Return the tolerance on positions of a stepped run: what is asked for, or 1e-8 of stroke or size."""
+    if tolerance is not None:
+        return Tolerance(tolerance, "m", "asked for")
+    stroke, size = stroke_of(exact), mechanism.size
+    if size <= stroke:
+        return Tolerance(STEP_PLACE * stroke, "m", f"{STEP_PLACE:.0e} of the stroke of {stroke:.4g} m")
+    if size <= SIZE_TO_STROKE * stroke:
+        return Tolerance(STEP_PLACE * size, "m", f"{STEP_PLACE:.0e} of the mechanism's size of {size:.4g} m")
+    relative = STEP_PLACE * SIZE_TO_STROKE
+    return Tolerance(relative * stroke, "m", f"{relative:.0e} of the stroke of {stroke:.4g} m")
+
+
+def _of_published(published: PublishedRun, place: Tolerance) -> Verdict:
+    """Return the verdict on a file's own settings."""
+    if not published.run:
+        return Verdict("missed", (), f"not run: {published.note}")
+    if published.note:
+        return Verdict("diverged", (), published.note)
+    allowed = replace(place, why=f"{place.why}; the file's own settings: {published.label}")
+    compared = {("loop residual", ""): published.gaps, ("position", "all points"): published.errors}
+    return concluded(
+        check_of(kind, subject, error, published.angle, allowed)
+        for (kind, subject), error in compared.items()
+    )
+
+
+def _stepped(drive: Form, profile: CrankProfile, speed: float, allowed: Tolerance) -> tuple[Run, Verdict]:
+    """Return a run in time with mechsim's settings, and its verdict."""
+    place = allowed.bound
     programmed = drive.programs is not None
     decided = profile if programmed else _decided(drive, profile, speed)
     run = simulated(drive, decided, settings=Settings(steps_per_turn=STEPS))
@@ -152,7 +208,7 @@ def _stepped(drive: Form, profile: CrankProfile, speed: float, place: float) -> 
     if not run.estimate <= place:
         run = simulated(drive, decided, tolerance=place)
     wanted = speed if decided.steady and not programmed else None
-    verdict = crosscheck(run.motion, drive, tolerance=place, speed=wanted)
+    verdict = crosscheck(run.motion, drive, tolerance=place, speed=wanted, bounds={"position": allowed})
     if run.outcome == "diverged":
         verdict = Verdict("diverged", (), "MuJoCo warned of a bad state")
     return run, verdict
@@ -176,6 +232,7 @@ def validate_all(
     *,
     speed: float = 20.0 * np.pi,
     quick: Container[str] = (),
+    tolerance: float | None = None,
     done: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Case]:
     """Validate several mechanisms.
@@ -184,10 +241,11 @@ def validate_all(
         models: name -> mechanism, as in `case_of`.
         speed: as in `case_of`.
         quick: names of those whose runs are not stepped.
+        tolerance: as in `case_of`.
         done: called with each name.
     """
     cases: dict[str, Case] = {}
     for name, model in models.items():
-        cases[name] = case_of(model, speed=speed, quick=name in quick)
+        cases[name] = case_of(model, speed=speed, quick=name in quick, tolerance=tolerance)
         done(name)
     return cases

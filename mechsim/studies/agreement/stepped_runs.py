@@ -15,15 +15,14 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile
-from mechsim.model.programs import Programs, State
 from mechsim.simulation import Settings
-from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.named_quantities import NamedQuantity
 from mechsim.studies.motion_source import profile_of, simulated
+from mechsim.studies.scenes.published_run import published_scene
 from mechsim.studies.scenes.scene_limit import interpolated
 from mechsim.studies.scenes.scene_run import SceneRun, stepped
-from mechsim.studies.scenes.user_scene import UserScene, scene_of
+from mechsim.studies.scenes.user_scene import UserScene
 from mechsim.subjects.mjcf_source import MjcfForm
 
 # steps a turn of a mechanism's own model, and how much finer the second run is
@@ -108,60 +107,15 @@ def _scene_runs(comparand: Comparand, named: list[NamedQuantity]) -> TwoRuns:
     form = comparand.form
     assert isinstance(form, MjcfForm)
     assert form.source is not None
-    programs = form.programs
-    if programs is None:
+    if form.programs is None:
         raise InputError(f"{form.name}: no program says how its drivers move in time")
-    drive, ctrl = _fed(form, programs)
-    scene = scene_of(
-        form.source,
-        form.mechanism,
-        drive=drive,
-        ctrl=ctrl,
-        duration=programs.duration,
-        points=form.mechanism.points,
-    )
+    scene, fed = published_scene(form)
     fine = _finer(scene)
     how = f"{scene.path} as published, step {float(scene.model.opt.timestep) * 1e3:g} ms"
-    fed = f", {', '.join(ctrl)} fed" if ctrl else ", its drivers carried by flywheels"
     runs = [
         _at_instants(scene, stepped(scene, model, records=None), comparand, named) for model in (None, fine)
     ]
-    return TwoRuns(runs[0], runs[1], comparand, how + fed)
-
-
-def _fed(form: MjcfForm, programs: Programs) -> tuple[dict[str, State], dict[str, State]]:
-    """Return programs of joints that no servo of the scene moves, and of the servos that move the others."""
-    assert form.source is not None
-    model = plainly_compiled(form.source.spec.copy())
-    drive, ctrl = dict(programs.by_name), dict[str, State]()
-    for actuator, joints in form.source.actuators.items():
-        if len(joints) != 1 or joints[0] not in drive:
-            continue
-        gain = _servo(model, actuator)
-        if gain is not None:
-            ctrl[actuator] = _scaled(drive.pop(joints[0]), gain)
-    return drive, ctrl
-
-
-def _servo(model: mujoco.MjModel, actuator: str) -> float | None:
-    """Return the control that a servo takes for a place of one, or None where it is no servo of a place."""
-    try:
-        i = model.actuator(actuator).id
-    except KeyError:
-        return None
-    gain, bias = float(model.actuator_gainprm[i, 0]), model.actuator_biasprm[i]
-    affine = int(model.actuator_biastype[i]) == int(mujoco.mjtBias.mjBIAS_AFFINE)
-    if not (affine and gain and bias[1] < 0.0 and bias[0] == 0.0):
-        return None
-    return float(-bias[1] / gain * model.actuator_gear[i, 0])
-
-
-def _scaled(state: State, by: float) -> State:
-    def scaled(time: Array) -> tuple[Array, Array, Array]:
-        value, rate, second = state(time)
-        return by * value, by * rate, by * second
-
-    return scaled
+    return TwoRuns(runs[0], runs[1], comparand, f"{how}, {fed}")
 
 
 def _finer(scene: UserScene) -> mujoco.MjModel:

@@ -1,0 +1,119 @@
+"""`validate` of an MJCF file: the file's own settings are reported, and count where a tolerance is given."""
+
+import json
+
+import jsonschema
+import mujoco
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.cli import main
+from mechsim.cli.json_outputs import output_schema
+from mechsim.studies.validate import case_of, position_tolerance
+from mechsim.verdict.quantities import stroke_of
+from tests.sound_scene import changed
+
+LAW, DURATION = "0.3*sin(2*pi*t)", 0.5
+
+
+def scene(folder, *changes):
+    path = folder / "bar.xml"
+    path.write_text(changed(*changes))
+    return path
+
+
+def loaded(path, law=LAW):
+    return ms.load(path, drive={"crank": law}, duration=DURATION)
+
+
+def plain_gap(path):
+    """Return how far the loop opens in plain MuJoCo, its servo fed by hand, every step looked at."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, widest = mujoco.MjData(model), 0.0
+    sides = [("coupler", model.eq_data[0, :3]), ("rocker", model.eq_data[0, 3:6])]
+    while data.time < DURATION - 1e-9:
+        data.ctrl[0] = 0.3 * np.sin(2 * np.pi * data.time)
+        mujoco.mj_step(model, data)
+        mujoco.mj_kinematics(model, data)
+        # where the state is, not where it was when the step began
+        first, second = (
+            data.body(name).xpos + data.body(name).xmat.reshape(3, 3) @ anchor for name, anchor in sides
+        )
+        widest = max(widest, float(np.linalg.norm(first - second)))
+    return widest
+
+
+SOFT = ('solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"', 'solref="0.02 1"')
+
+
+def test_a_file_with_soft_loops_is_reported_as_published(tmp_path):
+    path = scene(tmp_path, SOFT)
+    case = case_of(loaded(path))
+    assert case.passed, case.verdict
+    assert case.published.settings["timestep"] == 0.001
+    assert case.published.settings["solref"] == (0.02, 1.0)
+    assert case.published.gap == pytest.approx(plain_gap(path), rel=1e-6)
+    assert case.published.gap > 1e-6
+    assert "the file's own settings (timestep 1 ms, Euler, Newton, solref 0.02 1)" in (
+        case.published.finding().say
+    )
+
+
+def test_the_files_own_settings_count_where_a_tolerance_is_given(tmp_path):
+    path = scene(tmp_path, SOFT)
+    gap = case_of(loaded(path)).published.gap
+    wide, tight = (case_of(loaded(path), tolerance=part * gap) for part in (10.0, 0.5))
+    assert wide.passed, wide.verdict
+    assert not tight.passed
+    assert "as published" in tight.verdict.reason
+    rows = {check.quantity: check for check in tight.verdict.checks if check.road == "as published"}
+    assert rows["as published: loop residual"].worst == pytest.approx(gap)
+    assert "timestep 1 ms" in rows["as published: loop residual"].why
+
+
+def test_a_file_that_diverges_with_its_own_settings_is_reported_and_fails_with_a_tolerance(tmp_path):
+    path = scene(tmp_path, ('kp="10"', 'kp="1e7"'))
+    case = case_of(loaded(path), tolerance=1e-3)
+    assert case.published.note
+    assert case.published.gap == np.inf
+    assert case.verdict.outcome == "diverged"
+
+
+def test_the_command_prints_both_settings_and_json_has_the_published_run(tmp_path, monkeypatch, capsys):
+    path = scene(tmp_path, SOFT)
+    words = ["mechsim", "validate", str(path), "--drive", f"crank={LAW}", "--duration", f"{DURATION}s"]
+    for more, code in (([], 0), (["--json"], 0), (["--tolerance", "1nm", "--json"], 1)):
+        monkeypatch.setattr("sys.argv", [*words, *more])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == code
+        printed = capsys.readouterr().out
+        if not more:
+            assert "rows 'step': mechsim's settings" in printed
+            assert "with the file's own settings (timestep 1 ms" in printed
+            continue
+        jsonschema.validate(json.loads(printed), output_schema("validate"))
+        told = json.loads(printed)["mechanisms"]["four-bar"]
+        assert told["published"]["loop_closure"] > 1e-6
+        assert [one["kind"] for one in told["findings"]][-1] == "published"
+
+
+def test_a_sound_scene_passes_however_short_its_stroke_is(tmp_path):
+    path = scene(tmp_path)
+    for amplitude in (1e-2, 1e-3):
+        case = case_of(loaded(path, f"{amplitude}*sin(6*pi*t)"))
+        assert case.passed, case.verdict
+
+
+def test_the_default_tolerance_is_of_the_size_where_the_stroke_is_shorter():
+    form = ms.catalog.make("four_bar")
+    mechanism, motion = form.mechanism, form.solve([0.50, 0.51, 0.52])
+    stroke, size = stroke_of(motion), mechanism.size
+    assert stroke < 0.01 * size
+    found = position_tolerance(motion, mechanism)
+    assert found.bound == pytest.approx(1e-8 * size)
+    assert "of the mechanism's size" in found.why
+    tiny = form.solve([0.5, 0.5 + 1e-6])
+    assert position_tolerance(tiny, mechanism).bound == pytest.approx(1e-4 * stroke_of(tiny))
+    assert position_tolerance(motion, mechanism, 1e-5).bound == 1e-5
