@@ -15,8 +15,8 @@ from mechsim.analytic.dynamics import (
     fluctuation,
     flywheel_for,
     free_run,
-    prescribed,
 )
+from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.cli.declared_options import spread
 from mechsim.cli.dynamics_output import (
     driven_promise,
@@ -140,7 +140,7 @@ def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool) -> bool:
     roads = ("formulas", "MuJoCo", "check") if asked.road != "none" else ("formulas",)
     with progress("dynamics", None) as tick:
         watches = iter(_sections(tick, roads))
-        study = prescribed(machine, *profile.state(time), time=time, watch=next(watches))
+        study = prescribed_along(machine, *profile.state(time), time=time, watch=next(watches))
         turn, even = _steady(machine, asked)
         found, verdict = _simulated(machine, profile, asked, *watches)
     _write(asked.csv, study)

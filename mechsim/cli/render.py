@@ -125,7 +125,7 @@ def render(
     if film.road == "both" and isinstance(drive, LoopForm):
         beside["exact"] = drive.solve_as(motion)
     elif film.road == "both":
-        beside["exact"] = drive.solve(motion.angle, motion.speed, motion.acceleration)
+        beside["exact"] = drive.solve_along(motion.angle, motion.speed, motion.acceleration)
     look = replace(look, caption="; ".join(said))
     if picture:
         look = replace(look, paths="whole" if look.paths else False)

@@ -87,7 +87,7 @@ def solve(
     programs = drive.programs
     if programs is not None:
         times = np.linspace(0.0, programs.duration, asked.samples)
-        motion = drive.solve(programs.pace * times, programs.pace)
+        motion = drive.solve(t=times)
         _told(drive, motion, place, as_json)
         return
     angles, speed = (

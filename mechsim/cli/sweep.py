@@ -47,7 +47,8 @@ Measure = Annotated[
     list[str] | None,
     typer.Option(
         metavar="M",
-        help="range:J, stroke:P, max|min|rms|mean|ripple:QUANTITY, at:ANGLE:QUANTITY, crank_range, "
+        help="range:J, stroke:P, max|min|rms|mean|ripple:QUANTITY, at:ANGLE:QUANTITY "
+        "(at:TIME:QUANTITY under motion laws), crank_range, "
         "dead_centres, assemblies, FILE.py:FUNC of a Motion; quantities are J, J.v, J.a, P.x, P.vx, "
         "P.ax, speed:P, acceleration:P, torque, force:J, moment:J, transmission.",
     ),

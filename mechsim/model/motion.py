@@ -75,8 +75,9 @@ class JointMotion:
 class Solver(Protocol):
     """What can give a motion at other crank angles and speeds: a catalogue mechanism."""
 
-    def solve(self, angles: Array, speed: Array, acceleration: Array) -> "Motion":
-        """Return the motion at crank angles."""
+    @property
+    def solve(self) -> Callable[..., "Motion"]:
+        """Return the motion at crank angles, speeds and accelerations, or under motion laws at times `t`."""
         ...
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechsim.analytic import catalog, dynamics
+from mechsim.analytic import catalog
 from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form, closed_form
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
@@ -94,7 +95,7 @@ class PlotSource:
         """Return drive torque and reactions under what acts in `mechsim dynamics` without options."""
         profile = profile_of(self.drive, self.speed, 1.0)
         time = np.linspace(0.0, profile.duration, SAMPLES + 1)
-        found = dynamics.prescribed(weighing(self.drive), *profile.state(time), time=time)
+        found = prescribed_along(weighing(self.drive), *profile.state(time), time=time)
         self.masses.extend(found.masses)
         return found
 
@@ -142,7 +143,7 @@ def _errors(source: PlotSource, road: str) -> "Figure":
     if isinstance(drive, LoopForm):
         exact = drive.solve_as(run)
     else:
-        exact = drive.solve(run.angle, run.speed, run.acceleration)
+        exact = drive.solve_along(run.angle, run.speed, run.acceleration)
     errors, bound, timed = run.place_errors(exact), source.bounds.get(road), bool(run.drivers)
     at = run.time if timed and run.time is not None else run.angle
     return plots.error_plot(at, errors, unit="m", bound=bound, timed=timed)

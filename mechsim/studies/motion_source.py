@@ -57,7 +57,7 @@ def motion_of(drive: Form, road: str, profile: CrankProfile, samples: float) -> 
     if not 1 <= count <= MOST_SAMPLES:
         raise InputError(f"{samples:g} frames or samples asked for; give 1 to {MOST_SAMPLES}")
     if road == "closed":
-        return drive.solve(*profile.state(np.linspace(0.0, profile.duration, count + 1)))
+        return drive.solve_along(*profile.state(np.linspace(0.0, profile.duration, count + 1)))
     method = "step" if road == "simulated" else "pose"
     return simulated(drive, profile, samples=count, method=method).motion
 

@@ -6,7 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
-from mechsim.analytic.dynamics import Machine, machine, prescribed
+from mechsim.analytic.dynamics import Machine, machine
+from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
@@ -60,7 +61,7 @@ def _solved(form: Form, known: Known) -> Motion:
     if programs is None:
         assert known.speed is not None
         return form.solve(known.first, known.speed)
-    return form.solve(programs.pace * known.first, programs.pace)
+    return form.solve(t=known.first)
 
 
 def _machine(form: Form) -> Machine:
@@ -70,7 +71,7 @@ def _machine(form: Form) -> Machine:
 def _by_equations(form: Form, known: Known) -> Verdict:
     try:
         motion = _solved(form, known)
-        study = prescribed(_machine(form), motion.angle, motion.speed, time=known.first, as_run=None)
+        study = prescribed_along(_machine(form), motion.angle, motion.speed, time=known.first, as_run=None)
     except AssemblyError as error:
         return Verdict("cannot assemble", (), str(error))
     return _judged(motion, known, "closed form", study.efforts)

@@ -138,7 +138,7 @@ def _validated(drive: Form, family: DesignFamily, speed: float, quick: bool, tol
     # by the clock of programs there is no other speed than their own
     speed = speed if drive.programs is None else profile.fastest
     angles = profile.state(np.linspace(0.0, profile.duration, 73))[0]
-    exact = drive.solve(angles, speed)
+    exact = drive.solve_along(angles, speed)
     verdicts: dict[str, Verdict] = {}
     if isinstance(drive, ClosedForm):
         verdicts["closed form"] = against_loops(drive, exact)

@@ -62,7 +62,7 @@ def poses_at(form: Form, table: Mapping[str, Array], source: str) -> Poses:
     still = np.zeros_like(rows.times)
     ranges = form.ranges if isinstance(form, LoopForm) else {}
     loops = LoopForm(form.mechanism, programs=rows.programs, ranges=ranges)
-    motion = loops.within_ranges(loops.solve(rows.times, still, still))
+    motion = loops.within_ranges(loops.solve_along(rows.times, still, still))
     return Poses(replace(motion, time=rows.times))
 
 

@@ -36,13 +36,13 @@ class MjcfForm(LoopForm):
     facts: tuple[str, ...] = ()
     corrected: tuple[float, float] = (0.0, 0.0)
 
-    def solve(self, angles: ArrayLike, speed: ArrayLike = 1.0, acceleration: ArrayLike = 0.0) -> Motion:
-        """Return the motion at crank angles; links between several joints of one body are no part of it.
+    def solve_along(self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0) -> Motion:
+        """Return the motion along its path; links between several joints of one body are no part of it.
 
         Raises:
             AssemblyError: where the loops do not close, or a joint would leave its range.
         """
-        return _seen(self.within_ranges(super().solve(angles, speed, acceleration)))
+        return _seen(self.within_ranges(super().solve_along(parameter, rate, second)))
 
     def solve_as(self, found: Motion) -> Motion:
         """Return the motion where the drivers of another motion really were."""
@@ -136,7 +136,7 @@ def _held(mechanism: Mechanism) -> Mechanism:
     states = {name: steady(counted[name], far.get(name, counted[name]) - counted[name]) for name in both}
     bound = programs(moving, states, 1.0)
     try:
-        motion = LoopForm(moving, programs=bound).solve([bound.pace], bound.pace)
+        motion = LoopForm(moving, programs=bound).solve(t=[1.0])
     except MechsimError as error:
         asked = ", ".join(f"{name} = {value:g}" for name, value in far.items())
         raise type(error)(f"on the way to {asked}, where it is to be held: {error}") from None

@@ -244,22 +244,50 @@ def _at(simulated: Motion, analytic: Motion | Solver | PointFunction) -> Motion:
     """Return the analytic motion at the simulated crank angles, speeds and accelerations."""
     solver = _solver(analytic)
     if solver is not None:
-        as_driven = getattr(solver, "solve_as", None)
-        if simulated.drivers and as_driven is not None:
-            return as_driven(simulated)
-        return solver.solve(simulated.angle, simulated.speed, simulated.acceleration)
-    if isinstance(analytic, Motion):
-        same = analytic.angle.shape == simulated.angle.shape and np.allclose(
-            analytic.angle, simulated.angle, rtol=0.0, atol=1e-12
-        )
-        if not same:
+        programs = getattr(solver, "programs", None)
+        if programs is not None and not simulated.drivers:
             raise InputError(
-                "the analytic motion stands at other crank angles than the simulated one and nothing can "
-                "solve it again; give it at the simulated angles, or give the function itself"
+                f"motion laws drive {', '.join(programs.drivers)} on the analytic side, and a crank at a "
+                "given speed drives the simulated one; simulate it under the same motion laws"
             )
+        if programs is not None:
+            as_driven = getattr(solver, "solve_as", None)
+            return solver.solve(t=simulated.time) if as_driven is None else as_driven(simulated)
+        return solver.solve(*_crank_motion(simulated))
+    if isinstance(analytic, Motion):
+        _require_same_instants(simulated, analytic)
         return analytic
     assert callable(analytic)
-    return differentiated(analytic, simulated)
+    return differentiated(analytic, *_crank_motion(simulated))
+
+
+def _crank_motion(simulated: Motion) -> tuple[Array, Array, Array]:
+    """Return crank angles, speeds and accelerations of a motion, also where a motion law drives the crank.
+
+    Raises:
+        InputError: where motion laws drive anything but one revolute joint.
+    """
+    if not simulated.drivers:
+        return simulated.angle, simulated.speed, simulated.acceleration
+    crank = simulated.joints[simulated.drivers[0]]
+    if len(simulated.drivers) > 1 or crank.unit != "rad":
+        raise InputError(
+            f"motion laws drive {', '.join(simulated.drivers)} in the simulation, and the analytic side "
+            "knows crank angles only; give a mechanism under the same laws, or use ms.validate"
+        )
+    return crank.value, crank.rate, crank.acceleration
+
+
+def _require_same_instants(simulated: Motion, analytic: Motion) -> None:
+    """Raise InputError unless two motions are at the same crank angles, or times under motion laws."""
+    found, given, what = simulated.angle, analytic.angle, "crank angles"
+    if simulated.drivers and simulated.time is not None and analytic.time is not None:
+        found, given, what = simulated.time, analytic.time, "times"
+    if given.shape != found.shape or not np.allclose(given, found, rtol=0.0, atol=1e-12):
+        raise InputError(
+            f"the analytic motion stands at other {what} than the simulated one and nothing can solve it "
+            f"again; give it at the simulated {what}, or give the function itself"
+        )
 
 
 def _finite(motion: Motion) -> bool:

@@ -36,7 +36,7 @@ def elsewhere(simulated: Motion, exact: Motion, solver: Solver) -> float | None:
     rows = np.unique(np.clip(np.concatenate([pairs, pairs + 1]), 0, len(angle) - 1))
     apart = np.zeros(len(rows))
     for k, i in enumerate(rows):
-        for _, points in listed(float(angle[i])):
+        for _, points in listed(float(exact.angle[i])):
             gap = _farthest(points, {name: exact.points[name].position[i] for name in points})
             off = _farthest(points, {name: simulated.points[name].position[i] for name in points})
             apart[k] = max(apart[k], gap if off < NEARER * far[i] else 0.0)

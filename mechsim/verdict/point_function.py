@@ -17,13 +17,12 @@ SECOND = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8
 SPACING = 0.01  # rad: rounding 1e-14 and truncation 1e-16 x (harmonic)^9 balance for smooth motions
 
 
-def differentiated(function: PointFunction, simulated: Motion) -> Motion:
-    """Return the motion of a function's points at the crank angles, speeds and accelerations of another.
+def differentiated(function: PointFunction, angle: Array, speed: Array, acceleration: Array) -> Motion:
+    """Return the motion of a function's points at crank angles, speeds and accelerations, (n,) each.
 
     Raises:
         InputError: unless it gives points of the right shape.
     """
-    angle, speed, acceleration = simulated.angle, simulated.speed[:, None], simulated.acceleration[:, None]
     around = [function(angle + k * SPACING) for k in range(-4, 5)]
     points: dict[str, PointMotion] = {}
     if not isinstance(around[4], Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
@@ -40,5 +39,7 @@ def differentiated(function: PointFunction, simulated: Motion) -> Motion:
         values = np.stack(parts)
         first = np.tensordot(FIRST, values, 1) / SPACING
         second = np.tensordot(SECOND, values, 1) / SPACING**2
-        points[name] = PointMotion(values[4], first * speed, second * speed**2 + first * acceleration)
-    return Motion("user", angle, simulated.speed, simulated.acceleration, points)
+        points[name] = PointMotion(
+            values[4], first * speed[:, None], second * speed[:, None] ** 2 + first * acceleration[:, None]
+        )
+    return Motion("user", angle, speed, acceleration, points)

@@ -65,7 +65,7 @@ def differences(of: DesignFamily, name, angles, speed, part=1e-5):
     """Motions beside one, and the step between them, for a difference of fourth order."""
     value = of.dimensions[name].value
     step = part * max(abs(value), 0.01)
-    return [of.make({name: value + k * step}).solve(angles, speed) for k in (-2, -1, 1, 2)], step
+    return [of.make({name: value + k * step}).solve_along(angles, speed) for k in (-2, -1, 1, 2)], step
 
 
 @pytest.mark.parametrize(

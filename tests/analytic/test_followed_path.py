@@ -74,7 +74,7 @@ def test_a_way_of_too_many_cells_is_refused_before_it_is_begun_with_what_would_f
         closure.solve(drive.mechanism, [0.0, 8e6])
     table = LoopForm(drive.mechanism, programs=programs(drive.mechanism, {"crank": steady(0.0, 1e6)}, 8.0))
     with pytest.raises(InputError, match=r"the way of the drivers .* 6,666,667 cells at"):
-        table.solve([0.0, table.period])
+        table.solve(t=[0.0, 8.0])
 
 
 def test_no_cell_is_longer_than_a_fifth_of_a_turn_however_little_moves():

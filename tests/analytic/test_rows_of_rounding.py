@@ -99,7 +99,7 @@ def test_a_ball_where_all_axes_meet_takes_no_freedom_on_any_road(method, tmp_pat
     assert (found.freedoms, found.outcome, found.redundant) == (3, "determined", 3)
     if method == "closed":
         moves = linkage.programs
-        motion = linkage.solve(moves.pace * np.linspace(0.0, moves.duration, 9), moves.pace)
+        motion = linkage.solve(t=np.linspace(0.0, moves.duration, 9))
     else:
         run = ms.simulate(linkage, method=method, samples=8)
         assert run.outcome == "met"
@@ -115,7 +115,7 @@ def test_a_ball_where_all_axes_meet_takes_no_freedom_on_any_road(method, tmp_pat
 def test_what_a_ball_where_all_axes_meet_leaves_open_is_named_by_both_roads(tmp_path):
     linkage = spherical(tmp_path, ["crank", "A"])
     with pytest.raises(MobilityError, match="undetermined: with what is driven held, B is left open"):
-        linkage.solve(np.linspace(0.0, 1.0, 5))
+        linkage.solve(t=np.linspace(0.0, 1.0, 5))
     lone = spherical(tmp_path, ["crank"])
     standing = open_freedoms.standing(closed_model.of_source(lone.mechanism))
     assert "point P" in standing.open
@@ -172,7 +172,7 @@ def test_a_spherical_linkage_of_six_digits_moves_as_it_means_to(tmp_path):
     moves = {"crank": "1.1rad/s", "A": "0.4rad + 0.7rad*sin(t)", "B": "-0.3rad - 0.9rad*t"}
     model = ms.load(path, drive=moves)
     assert settled(model.mechanism).freedoms == 3
-    motion = model.solve(model.programs.pace * np.linspace(0.0, 1.0, 7), model.programs.pace)
+    motion = model.solve(t=np.linspace(0.0, 1.0, 7))
     values = np.stack([motion.joints[name].value for name in AXES], 1)
     for at, place in zip(values, motion.points["P"].position, strict=True):
         np.testing.assert_allclose(place, truth(at), rtol=0, atol=1e-6)

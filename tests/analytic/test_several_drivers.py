@@ -16,14 +16,14 @@ from mechsim.model.programs import Programs, programs, steady, tabled
 def at_times(form: LoopForm, count: int = 41):
     moves = form.programs
     assert moves is not None
-    return form.solve(moves.pace * np.linspace(0.0, moves.duration, count), moves.pace)
+    return form.solve(t=np.linspace(0.0, moves.duration, count))
 
 
 def require_rates(form: LoopForm):
     """The rates of a motion are the derivatives of its places, by eighth-order differences."""
     moves = form.programs
     step, middle = 1e-3 * moves.duration, 0.4 * moves.duration
-    motion = form.solve(moves.pace * (middle + step * np.arange(-4, 5)), moves.pace)
+    motion = form.solve(t=(middle + step * np.arange(-4, 5)))
     weights = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / step
     for link in motion.links.values():
         size = np.abs(link.velocity).max() + 1e-3
@@ -177,5 +177,5 @@ def test_a_platform_on_six_legs_goes_where_its_legs_were_measured():
     mechanism, moves, stood = platform()
     assert isinstance(moves, Programs)
     time = np.linspace(0.0, 3.0, 121)
-    motion = LoopForm(mechanism, programs=moves).solve(moves.pace * time, moves.pace)
+    motion = LoopForm(mechanism, programs=moves).solve(t=time)
     assert motion.points["P"].position == pytest.approx(stood(time), abs=1e-13)

@@ -34,7 +34,7 @@ def form() -> LoopForm:
 def off_by(form: LoopForm, off):
     """Return the motion where drivers stand off their programs, (left, right), at rates of their own."""
     assert form.programs is not None
-    motion = form.solve(form.programs.pace * np.linspace(0.0, 1.0, 12), form.programs.pace)
+    motion = form.solve(t=np.linspace(0.0, 1.0, 12))
     joints = {
         name: JointMotion(motion.joints[name].value + by, *(one * np.ones(12) for one in RATES[name]), "rad")
         for name, by in zip(RATES, off, strict=True)
@@ -67,7 +67,7 @@ def test_drivers_off_beyond_where_the_loops_close_are_refused_with_the_time():
 
 
 def test_conditioning_is_the_least_singular_value_in_units_of_the_size():
-    motion = form().solve(np.linspace(0.0, 5.0, 9))
+    motion = form().solve(t=np.linspace(0.0, 1.0, 9))
     rods = []
     for pivot, arm, turn in ((0.0, 0.05, "left"), (0.1, 0.05, "right")):
         angle = motion.joints[turn].value
@@ -138,7 +138,7 @@ def test_a_block_that_is_driven_along_a_turning_arm_accelerates_as_textbooks_say
     states = {"turn": waving(2.0, 0.3, 6.0, 0.2), "way": waving(0.02, 0.4, 9.0, 1.0)}
     form = LoopForm(arm, programs=programs(arm, states, 1.0))
     times = np.linspace(0.0, 1.0, 12)
-    motion = form.solve(form.programs.pace * times, form.programs.pace)
+    motion = form.solve(t=times)
     (turn, spin, spun), (way, speed, gain) = (np.array(states[name](times)) for name in ("turn", "way"))
     out = np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], 1)
     across = np.cross([0.0, 0.0, 1.0], out)

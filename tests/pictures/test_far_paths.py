@@ -23,7 +23,7 @@ def test_a_picture_is_framed_on_the_links_and_says_which_path_is_cut(tmp_path, f
     path = tmp_path / "arm.xml"
     path.write_text(ARM.replace("FAR", str(far)))
     form = load(str(path), drive={"crank": "t"})
-    motion = form.solve(form.programs.pace * np.linspace(0.0, 1.0, 20), form.programs.pace)
+    motion = form.solve(t=np.linspace(0.0, 1.0, 20))
     drawn = Source(form.mechanism, motion).drawn(Look(**drawn_as(form), arrows=("velocity",)))
     cut = far > 1.0
     assert drawn.camera.height < 2.0 * max(0.2, 0.0 if cut else far)

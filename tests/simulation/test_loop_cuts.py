@@ -214,6 +214,6 @@ def test_a_hinge_that_is_cut_turns_as_the_hinges_of_the_tree_that_count_in_it(cu
     arm = ms.load(file(ON_AN_ARM))
     found = turning_with(arm.mechanism, tree := cut_loops(arm.mechanism, (cut,)), tree.cuts[0])
     assert len(found) == 3
-    joints = arm.solve(arm.programs.pace * np.linspace(0.0, 1.0, 4), arm.programs.pace).joints
+    joints = arm.solve(t=np.linspace(0.0, 1.0, 4)).joints
     told = sum(share * joints[name].rate for name, share in found.items())
     np.testing.assert_allclose(told, joints[cut].rate, rtol=0, atol=1e-12)

@@ -72,8 +72,7 @@ CASES = {"five-bar": five_bar, "boom": boom, "rack": held_rack} | BENT
 
 def studied(machine, count=41):
     moves = machine.drive.programs
-    clock = moves.pace * np.linspace(0.0, moves.duration, count)
-    return dynamics.prescribed(machine, clock, moves.pace)
+    return dynamics.prescribed(machine, t=np.linspace(0.0, moves.duration, count))
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -82,11 +81,11 @@ def test_the_drives_power_is_what_the_energies_take(case):
     machine = CASES[case]()
     moves = machine.drive.programs
     step, middle = 1e-3 * moves.duration, 0.4 * moves.duration
-    clock = moves.pace * (middle + step * np.arange(-4, 5))
-    found = dynamics.prescribed(machine, clock, moves.pace).efforts
+    times = middle + step * np.arange(-4, 5)
+    found = dynamics.prescribed(machine, t=times).efforts
     weights = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / step
     grown = weights @ (found.kinetic + found.potential)
-    motion = machine.drive.solve(clock, moves.pace)
+    motion = machine.drive.solve(t=times)
     given = sum(found.drives[name] * motion.joints[name].rate for name in moves.drivers)[4]
     assert given - found.power_lost[4] == pytest.approx(grown, rel=1e-8)
     assert found.power_in[4] == pytest.approx(given, rel=1e-12)
@@ -108,7 +107,7 @@ def test_a_standing_boom_is_held_by_the_moments_of_its_weights():
     mechanism = replace(mechanism, links=links)
     slowly = programs(mechanism, {"stroke": steady(0.75, 1e-7)}, 1.0)
     study = studied(dynamics.machine(LoopForm(mechanism, programs=slowly), WEIGHT), 3)
-    lift = LoopForm(mechanism, programs=slowly).solve([0.0], 1.0).joints["lift"].value[0]
+    lift = LoopForm(mechanism, programs=slowly).solve(t=[0.0]).joints["lift"].value[0]
     foot, head = np.array([0.5, -0.2]), np.array([np.cos(lift), np.sin(lift)])
     along = (head - foot) / np.linalg.norm(head - foot)
     lever = head[0] * along[1] - head[1] * along[0]

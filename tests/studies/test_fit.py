@@ -77,7 +77,7 @@ def test_a_dimension_that_nothing_measured_depends_on_is_named_alone():
 
 def test_a_file_of_the_gallery_is_fitted_under_its_programs():
     of = ms.moved("five_bar")
-    motion = of.family.make({"arm": 0.061}).solve(of.angles[::12], of.rate)
+    motion = of.family.make({"arm": 0.061}).solve(t=of.over[1][::12])
     columns = dict(motion.columns())
     (point,) = motion.points
     table = {"t": columns["t"], f"{point}.x": columns[f"{point}.x"], f"{point}.y": columns[f"{point}.y"]}
@@ -96,7 +96,7 @@ def test_a_table_of_the_reference_data_is_fitted_with_its_own_names(name, vary, 
     whole = files.read(REFERENCE / "data" / f"{name}.csv")
     wanted = ["angle" if "angle" in whole else "t", *(one for one in whole if "v" in one), effort]
     table = {one: whole[one][::9] for one in wanted}
-    of = ms.moved(str(REFERENCE / "mechanisms" / f"{name}.toml"), angles=[0.0], speed=20.0)
+    of = ms.moved(str(REFERENCE / "mechanisms" / f"{name}.toml"), speed=20.0)
     true = {one: of.family.dimensions[one].value for one in vary}
     begun = replace(of, family=beside(of.family, {one: 0.99 * value for one, value in true.items()}))
     found = ms.fit(begun, table, vary)
@@ -137,7 +137,7 @@ def test_intervals_are_wider_by_students_t_where_deviations_are_found_from_what_
 
 
 def test_the_force_of_a_driver_that_slides_is_called_as_in_the_reference_data():
-    of = ms.moved("stewart_gough", angles=[0.0])
+    of = ms.moved("stewart_gough", t=[0.0])
     assert single({"force:l1": np.zeros(1)}, of) == {"force:l1": "drive l1"}
     with pytest.raises(InputError, match="column force:s1 is no single quantity"):
         single({"force:s1": np.zeros(1)}, of)

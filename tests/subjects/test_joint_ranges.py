@@ -32,11 +32,11 @@ def arm(tmp_path):
 
 def prescribed(form):
     machine = dynamics.machine(form, form.forces)
-    return dynamics.prescribed(machine, form.programs.pace * np.linspace(0.0, 1.0, 5), form.programs.pace)
+    return dynamics.prescribed(machine, t=np.linspace(0.0, 1.0, 5))
 
 
 ROADS = {
-    "solved": lambda form: form.solve(form.programs.pace * np.linspace(0.0, 1.0, 5), form.programs.pace),
+    "solved": lambda form: form.solve(t=np.linspace(0.0, 1.0, 5)),
     "row by row": lambda form: poses_at(form, {"crank": np.array([0.0, 0.1])}, "rows.csv"),
     "posed": lambda form: simulate(form, method="pose"),
     "stepped": lambda form: simulate(form, method="step"),

@@ -72,7 +72,7 @@ def opening(form, motion):
 
 def driven(path, states, duration=1.0, **asked):
     form = load(path, drive=states, duration=duration, **asked)
-    return form, form.solve(np.linspace(0.0, form.period, 21), form.programs.pace)
+    return form, form.solve(t=np.linspace(0.0, duration, 21))
 
 
 def test_a_five_bar_drawn_open_moves_as_two_circles_meet(file):

@@ -51,12 +51,12 @@ def test_the_drives_of_an_arm_are_those_of_mujoco_s_inverse_dynamics(tmp_path):
     states = dict(zip(NAMES, map(waving, MIDDLES, REACHES, RATES), strict=True))
     moves = programs(form.mechanism, states, 1.0)
     bound = type(form)(form.mechanism, forces=form.forces, source=form.source, programs=moves)
-    clock = moves.pace * np.linspace(0.0, 1.0, 7)
-    found = dynamics.prescribed(dynamics.machine(bound, form.forces), clock, moves.pace).efforts
+    times = np.linspace(0.0, 1.0, 7)
+    found = dynamics.prescribed(dynamics.machine(bound, form.forces), t=times).efforts
     model = mujoco.MjModel.from_xml_path(str(file))
     data = mujoco.MjData(model)
-    value, rate, second = moves.state(clock / moves.pace)
-    for i in range(len(clock)):
+    value, rate, second = moves.state(times)
+    for i in range(len(times)):
         data.qpos[:], data.qvel[:], data.qacc[:] = value[:, i], rate[:, i], second[:, i]
         mujoco.mj_inverse(model, data)
         mine = [found.drives[name][i] for name in NAMES]

@@ -21,7 +21,7 @@ TIME = np.linspace(0.0, 1.0, 40)
 def record(form: LoopForm, source: str):
     """Return a motion as a simulator would have recorded it."""
     assert form.programs is not None
-    motion = form.solve(form.programs.pace * TIME, form.programs.pace)
+    motion = form.solve(t=TIME)
     return replace(motion, source=source, time=TIME, origin=None, closure=np.zeros(len(TIME)))
 
 

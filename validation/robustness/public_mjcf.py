@@ -94,7 +94,7 @@ def judged(path, options):
     far = reaches(form, options.get("reach", {}))
     bound = programs(form.mechanism, {name: swing(start[name], far[name]) for name in start}, 1.0)
     moved = MjcfForm(form.mechanism, programs=bound, source=form.source)
-    motion = moved.solve(np.linspace(0.0, moved.period, SAMPLES), bound.pace)
+    motion = moved.solve(t=np.linspace(0.0, bound.duration, SAMPLES))
     worst, size = worst_opening(form, motion), form.mechanism.size
     far, turned, left = apart(moved, motion)
     moved, bent = form.corrected

@@ -115,10 +115,11 @@ class ByMechsim:
 
     def __init__(self, one, model):
         speed = float(make.motions()["speeds"].get(one.name, make.motions()["speed"]))
-        subject = ms.moved(model, angles=one.clock, speed=speed)
-        programs = subject.form.programs
-        if programs is not None:
-            subject = ms.moved(model, angles=programs.pace * one.clock)
+        form = ms.load(model) if isinstance(model, str) else model
+        if form.programs is None:
+            subject = ms.moved(model, angles=one.clock, speed=speed)
+        else:
+            subject = ms.moved(model, t=one.clock)
         points = [
             f"{name}.{rate}{axis}"
             for name in subject.form.mechanism.points

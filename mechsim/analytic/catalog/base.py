@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.catalog.first_configuration import first_sign_angle, segment
 from mechsim.analytic.catalog.parameter_fields import checked, checked_rate, choice
 from mechsim.analytic.closure.rank import conditioning
+from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.jets import Jet, Values, values
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME, LinkFrame
@@ -169,14 +170,23 @@ class ClosedForm(ABC):
         """Return what is validated besides this mechanism itself: name -> the same with something changed."""
         return {}
 
-    def positions(self, angles: ArrayLike, through: Through | None = None) -> dict[str, Array]:
-        """Return the tracked points at crank angles: name -> (n, 3) in [m].
+    def positions(
+        self,
+        angles: ArrayLike | None = None,
+        through: Through | None = None,
+        *,
+        t: ArrayLike | None = None,
+        speed: float | None = None,
+    ) -> dict[str, Array]:
+        """Return the tracked points at crank angles, or at times: name -> (n, 3) in [m].
 
-        `through` is as in `solve`; so is the assembly.
+        `through`, `t` and `speed` are as in `solve`; so is the assembly.
 
         Raises:
             AssemblyError: where the loop cannot close; says over which part of the turn it can.
         """
+        if t is not None or angles is None:
+            angles = path_instants(self.mechanism, None, angles, speed, 0.0, t).parameter
         angles = self._angles(angles)
         form = self.passing(through).starting_at(angles)
         parts = [form._places(angles[part]) for part in _chunks(len(angles))]
@@ -186,21 +196,24 @@ class ClosedForm(ABC):
 
     def solve(
         self,
-        angles: ArrayLike,
-        speed: ArrayLike = 1.0,
+        angles: ArrayLike | None = None,
+        speed: ArrayLike | None = None,
         acceleration: ArrayLike = 0.0,
         *,
+        t: ArrayLike | None = None,
         links: bool = True,
         through: Through | None = None,
     ) -> Motion:
-        """Return the motion at crank angles, in closed form.
+        """Return the motion at crank angles, or at times, in closed form.
 
         The sign of the assembly applies at the first crank angle, as `starting_at` has it.
 
         Args:
             angles: crank angles, (n,) in [rad], in any order.
-            speed: crank speed, scalar or (n,) in [rad/s].
+            speed: crank speed, scalar or (n,) in [rad/s]; None is 1 at crank angles.
             acceleration: crank acceleration, scalar or (n,) in [rad/s2].
+            t: times, (n,) in [s], in place of crank angles: the crank turns at a constant `speed` and stands
+                at the mechanism's `start` at time zero.
             links: False leaves out links and joints, for speed where only points are wanted.
             through: "smooth" or "fold" where two assemblies meet; None takes the mechanism's own. Rates
                 there are limits, of a fold those beyond it.
@@ -214,8 +227,12 @@ class ClosedForm(ABC):
         Accuracy: loops close to 8 ulp of the longest link; rates are carried through the formula of
             the pose, relative error a few ulp divided by the sine of the transmission angle.
         """
+        time = None
+        if t is not None or angles is None:
+            at = path_instants(self.mechanism, None, angles, speed, acceleration, t)
+            angles, speed, time = at.parameter, at.rate, at.time
         angles = self._angles(angles)
-        speed = checked_rate(self.name, "speed", speed, angles.shape)
+        speed = checked_rate(self.name, "speed", 1.0 if speed is None else speed, angles.shape)
         acceleration = checked_rate(self.name, "acceleration", acceleration, angles.shape)
         form = self.passing(through).starting_at(angles, float(speed[0]))
         parts = [
@@ -224,7 +241,11 @@ class ClosedForm(ABC):
         ]
         motion = join(parts)
         self._require_finite(motion)
-        return replace(motion, origin=form)
+        return replace(motion, time=time, origin=form)
+
+    def solve_along(self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0) -> Motion:
+        """Return the motion at values of the path parameter, which is the crank angle; as `solve`."""
+        return self.solve(parameter, rate, second)
 
     def conditioning(self, motion: Motion) -> Array:
         """Return how far each pose of a motion is from a singular one, (n,), by the loop equations."""

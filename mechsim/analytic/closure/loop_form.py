@@ -14,6 +14,7 @@ from mechsim.analytic.closure.programmed_motion import followed_under, solve_pre
 from mechsim.analytic.closure.rank import conditioning
 from mechsim.analytic.closure.tree_rates import Instants
 from mechsim.analytic.closure.whole_motion import followed, solve_along
+from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method.trig_arcs import Arcs
 from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
@@ -90,16 +91,44 @@ class LoopForm:
         """Return itself: the guess selects the assembly, whatever crank angles come first."""
         return self
 
-    def solve(self, angles: ArrayLike, speed: ArrayLike = 1.0, acceleration: ArrayLike = 0.0) -> Motion:
-        """Return the motion at crank angles; as `closure.solve`.
+    def solve(
+        self,
+        angles: ArrayLike | None = None,
+        speed: ArrayLike | None = None,
+        acceleration: ArrayLike = 0.0,
+        *,
+        t: ArrayLike | None = None,
+    ) -> Motion:
+        """Return the motion at crank angles, as `closure.solve`, or at times.
+
+        Args:
+            angles: crank angles, (n,) in [rad]; where motion laws drive, give `t`.
+            speed: crank speed, scalar or (n,) in [rad/s]; None is 1 at crank angles.
+            acceleration: crank acceleration, scalar or (n,) in [rad/s2].
+            t: times, (n,) in [s], of motion laws, or of a crank at a constant `speed` that stands at the
+                mechanism's `start` at time zero.
+
+        Raises:
+            AssemblyError: where the loops do not close.
+            InputError: for crank angles where motion laws drive.
+        """
+        at = path_instants(self.mechanism, self.programs, angles, speed, acceleration, t)
+        motion = self.solve_along(at.parameter, at.rate, at.second)
+        return motion if at.time is None else replace(motion, time=at.time)
+
+    def solve_along(self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0) -> Motion:
+        """Return the motion at values of the path parameter, (n,), and its rates.
+
+        The path parameter is the crank angle in [rad], or under motion laws the time multiplied by
+        `programs.pace`.
 
         Raises:
             AssemblyError: where the loops do not close.
         """
         if self.programs is None:
-            return replace(solve_along(self._path, angles, speed, acceleration), origin=self)
-        clock = np.atleast_1d(numbers(angles))
-        rates = [np.broadcast_to(numbers(rate), clock.shape) for rate in (speed, acceleration)]
+            return replace(solve_along(self._path, parameter, rate, second), origin=self)
+        clock = np.atleast_1d(numbers(parameter))
+        rates = [np.broadcast_to(numbers(one), clock.shape) for one in (rate, second)]
         return replace(solve_programmed(self._path, self.programs, clock, *rates), origin=self)
 
     def solve_as(self, found: Motion) -> Motion:
@@ -109,7 +138,7 @@ class LoopForm:
             AssemblyError: where the loops do not close.
         """
         if self.programs is None:
-            return self.solve(found.angle, found.speed, found.acceleration)
+            return self.solve_along(found.angle, found.speed, found.acceleration)
         drivers = [found.joints[name] for name in self.programs.drivers]
         instants = Instants(
             found.angle,
@@ -142,13 +171,18 @@ class LoopForm:
         )
         return motion
 
-    def positions(self, angles: ArrayLike) -> dict[str, Array]:
-        """Return the tracked points at crank angles: name -> (n, 3) in [m].
+    def positions(
+        self, angles: ArrayLike | None = None, *, t: ArrayLike | None = None, speed: float | None = None
+    ) -> dict[str, Array]:
+        """Return the tracked points at crank angles, or at times: name -> (n, 3) in [m].
+
+        `t` and `speed` are as in `solve`.
 
         Raises:
             AssemblyError: where the loops do not close.
+            InputError: for crank angles where motion laws drive.
         """
-        return {name: point.position for name, point in self.solve(angles).points.items()}
+        return {name: point.position for name, point in self.solve(angles, speed, t=t).points.items()}
 
     def crank_range(self) -> Arcs:
         """Return the arc of crank angle over which this assembly can be followed from its start.
@@ -182,7 +216,8 @@ class LoopForm:
     def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
         """Return the one assembly that is known: tracked points, (3,) in [m]; empty where it cannot stand."""
         with suppress(AssemblyError):
-            return [({}, {name: place[0] for name, place in self.positions([angle]).items()})]
+            points = self.solve_along([angle]).points
+            return [({}, {name: point.position[0] for name, point in points.items()})]
         return []
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:

@@ -53,10 +53,10 @@ class Machine:
         """
         asked = np.atleast_1d(np.asarray(angles, dtype=np.float64))
         if not isinstance(self.drive, LoopForm):
-            return from_motion(self.mechanism, self.drive.solve(asked, 1.0, 0.0))
+            return from_motion(self.mechanism, self.drive.solve_along(asked))
         # as `LoopForm` has it: with the links that a record of a user's file leaves out
         if as_run is None or not as_run.drivers:
-            motion = LoopForm.solve(self.drive, asked, 1.0, 0.0)
+            motion = LoopForm.solve_along(self.drive, asked)
         else:
             motion = LoopForm.solve_as(self.drive, at_unit_speed(as_run))
         return from_motion(self.mechanism, self.drive.within_ranges(motion) if within else motion)

@@ -12,6 +12,7 @@ from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.reactions import balance
 from mechsim.analytic.dynamics.reduced_equation import Reduced, coefficients, kinetic_energy
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
+from mechsim.analytic.path_instants import PathInstants, path_instants
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
@@ -96,38 +97,68 @@ class InverseDynamics:
 
 def prescribed(
     machine: Machine,
-    angles: ArrayLike,
-    speed: ArrayLike,
+    angles: ArrayLike | None = None,
+    speed: ArrayLike | None = None,
     acceleration: ArrayLike = 0.0,
     *,
+    t: ArrayLike | None = None,
     time: ArrayLike | None = None,
     watch: Callable[[str, float], None] = lambda _, __: None,
     as_run: Motion | None = None,
 ) -> InverseDynamics:
-    """Return the drive torque and everything the joints carry at prescribed crank motion.
+    """Return the drive torque and everything the joints carry at prescribed crank motion, or at times.
 
-    Under programs the crank is their clock, and `efforts.drives` tells each driver's torque or force.
+    Under motion laws `efforts.drives` has each driver's torque or force.
 
     A coupler whose spin nothing determines has no torque about its line and no momentum about it.
 
     Args:
         machine: the machine; its motor is left out.
-        angles: crank angles, (n,) in [rad].
+        angles: crank angles, (n,) in [rad]; where motion laws drive, give `t`.
         speed: of the crank, scalar or (n,) in [rad/s].
         acceleration: of the crank, scalar or (n,) in [rad/s2].
-        time: (n,) in [s]; None at constant speed counts it from crank angle zero.
-        as_run: motion under the same programs at these instants, whose drivers' values and rates are taken.
+        t: times, (n,) in [s], of motion laws, or of a crank at a constant `speed` that stands at the
+            mechanism's `start` at time zero.
+        time: of crank angles, (n,) in [s]; None at constant speed counts it from crank angle zero.
+        as_run: motion under the same motion laws, whose drivers' values and rates are taken; angles, speed
+            and acceleration are then those of the motion.
         watch: told now and then how far it has come, in words and as a part of the whole, 0 to 1.
 
     Raises:
-        InputError: for rates that are not finite, loads over time where no time is known, or more instants
-            than memory holds.
+        InputError: for rates that are not finite, loads over time where no time is known, crank angles where
+            motion laws drive, or more instants than memory holds.
         AssemblyError: where the loops do not close.
     """
     require("what is to be solved", machine, Machine)
-    angle = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+    programs = getattr(machine.drive, "programs", None)
+    if as_run is not None:
+        at = PathInstants(as_run.angle, as_run.speed, as_run.acceleration, as_run.time)
+    else:
+        at = path_instants(machine.mechanism, programs, angles, speed, acceleration, t)
+        if t is None and speed is None:
+            raise InputError(f"{machine.mechanism.name}: the crank's speed is missing; give speed= in rad/s")
+    time = at.time if time is None else time
+    return prescribed_along(machine, at.parameter, at.rate, at.second, time=time, watch=watch, as_run=as_run)
+
+
+def prescribed_along(
+    machine: Machine,
+    parameter: ArrayLike,
+    rate: ArrayLike,
+    second: ArrayLike = 0.0,
+    *,
+    time: ArrayLike | None = None,
+    watch: Callable[[str, float], None] = lambda _, __: None,
+    as_run: Motion | None = None,
+) -> InverseDynamics:
+    """Return what `prescribed` does, at values of the path parameter and its rates.
+
+    The path parameter is the crank angle in [rad], or under motion laws the time multiplied by
+    `programs.pace`.
+    """
+    angle = np.atleast_1d(np.asarray(parameter, dtype=np.float64))
     if angle.size:
-        machine = machine.starting_at(angle, float(np.ravel(speed)[0]))
+        machine = machine.starting_at(angle, float(np.ravel(rate)[0]))
     programs = getattr(machine.drive, "programs", None)
     if programs is not None and time is None:
         time = angle / programs.pace
@@ -135,7 +166,7 @@ def prescribed(
     equations = 6.0 * len(machine.mechanism.links)
     each = TWICE * (KEPT + JOINT * joints) + HELD * equations**2 * min(1.0, PART / n)
     require_room(f"inverse dynamics of {n:,} instants", n, each, FEWER)
-    w, e = _rate("speed", speed, angle), _rate("acceleration", acceleration, angle)
+    w, e = _rate("speed", rate, angle), _rate("acceleration", second, angle)
     at = None if time is None else np.broadcast_to(np.asarray(time, dtype=np.float64), angle.shape)
     if at is None and np.ptp(w) == 0.0 and w[0] != 0.0 and not e.any():
         at = angle / w

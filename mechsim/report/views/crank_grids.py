@@ -45,7 +45,7 @@ def crank_grid(form: Form, name: str, speed: float, limits: tuple[float, float] 
     """Return the poses of one assembly over the arc that its crank can turn through."""
     angles, middles = _angles(form, limits)
     form = form.starting_at(angles)
-    motion = form.solve(angles, speed)
+    motion = form.solve_along(angles, speed)
     extra: list[Readout] = []
     marks = marks_of(form)
     if isinstance(form, ClosedForm):
@@ -64,7 +64,7 @@ def crank_grid(form: Form, name: str, speed: float, limits: tuple[float, float] 
         extra=extra,
         ghost=_ghost(form, speed),
     )
-    return replace(grid, error=between(grid, form.solve(middles, speed), middles))
+    return replace(grid, error=between(grid, form.solve_along(middles, speed), middles))
 
 
 def _others(form: ClosedForm) -> list[ClosedForm]:
@@ -132,7 +132,7 @@ def _ghost(form: Form, speed: float) -> GhostTrack | None:
 
 def _exact(form: Form, run: Motion) -> Motion:
     if isinstance(form, ClosedForm):
-        return form.solve(run.angle, run.speed, run.acceleration)
+        return form.solve_along(run.angle, run.speed, run.acceleration)
     return form.solve_as(run)
 
 

@@ -66,10 +66,10 @@ def program_grid(form: LoopForm) -> PoseGrid:
     bound = form.programs
     assert bound is not None
     times = np.linspace(0.0, bound.duration, SAMPLES + 1)
-    motion = form.solve(bound.pace * times, bound.pace)
+    motion = form.solve(t=times)
     grid = motion_grid("as programmed", form.mechanism, motion, driver="time", unit="s", nodes=times)
     middles = 0.5 * (times[:-1] + times[1:])[:: SAMPLES // 60]
-    exact = form.solve(bound.pace * middles, bound.pace)
+    exact = form.solve(t=middles)
     grid = replace(grid, error=between(grid, exact, middles))
     with suppress(MechsimError):
         run = simulated(form, bound.clock, samples=SAMPLES // 2, method="step").motion

@@ -40,7 +40,7 @@ def _with_ghost(case: Case, grid: PoseGrid) -> PoseGrid:
     if isinstance(case.drive, LoopForm):
         exact = case.drive.solve_as(run)
     else:
-        exact = case.drive.solve(run.angle, run.speed, run.acceleration)
+        exact = case.drive.solve_along(run.angle, run.speed, run.acceleration)
     rows = slice(None) if run.drivers else slice(0, 1 + int(np.argmax(run.angle)))
     return replace(grid, ghost=ghost_of("MuJoCo, stepped", case.drive.mechanism, exact, run, rows))
 
@@ -48,4 +48,4 @@ def _with_ghost(case: Case, grid: PoseGrid) -> PoseGrid:
 def _error(case: Case, grid: PoseGrid, angles: Array) -> float:
     """Return the largest error of a place in the middle between poses, in [m]."""
     middles, nodes = 0.5 * (angles[1:] + angles[:-1]), grid.sliders[0].nodes
-    return between(grid, case.drive.solve(middles), 0.5 * (nodes[1:] + nodes[:-1]))
+    return between(grid, case.drive.solve_along(middles), 0.5 * (nodes[1:] + nodes[:-1]))

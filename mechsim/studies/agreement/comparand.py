@@ -13,6 +13,7 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
 from mechsim.analytic.derivatives.motion_beside import MotionBeside, motion_beside
 from mechsim.analytic.dynamics import Machine
+from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError, InputError, MechsimError
 from mechsim.maths.arrays import Array
@@ -69,7 +70,7 @@ class Comparand:
         """
         if self.solved is not None:
             return self.solved
-        return self.form.solve(self.angle, self.speed, self.acceleration)
+        return self.form.solve_along(self.angle, self.speed, self.acceleration)
 
     @cached_property
     def _beside(self) -> MotionBeside | None:
@@ -119,7 +120,7 @@ class Comparand:
     @cached_property
     def efforts(self) -> Efforts:
         """What drives and joints carry."""
-        found = dynamics.prescribed(self._loaded, self.angle, self.speed, self.acceleration, time=self.time)
+        found = prescribed_along(self._loaded, self.angle, self.speed, self.acceleration, time=self.time)
         return found.efforts
 
     def drivers(self) -> dict[str, tuple[Array, Array, Array]]:

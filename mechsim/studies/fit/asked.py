@@ -11,7 +11,9 @@ from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
 from mechsim.studies.fit.calibration import Fit, fit_dimensions
 from mechsim.studies.fit.measured import measured_of
-from mechsim.studies.sensitivity.asked import Subject, moved
+from mechsim.studies.sensitivity.asked import Subject, moved_along
+from mechsim.studies.sensitivity.moved_family import MovedFamily
+from mechsim.subjects.families import family
 
 
 def fit(
@@ -40,7 +42,10 @@ def fit(
         InputError: for a table that does not serve, an unknown dimension, or fewer numbers than dimensions.
         AssemblyError: where it cannot stand at what was measured as it begins.
     """
-    subject = moved(model, angles=[0.0], speed=speed, forces=forces)
+    subject = model
+    if not isinstance(subject, MovedFamily):
+        # the table has the instants
+        subject = moved_along(family(subject), np.zeros(1), speed, forces)
     if isinstance(table, Mapping):
         columns: Mapping[str, Array] = {
             name: np.asarray(one, dtype=np.float64) for name, one in table.items()

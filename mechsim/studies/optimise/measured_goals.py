@@ -109,7 +109,7 @@ class _Measured:
 
 def _measured(text: str, moved: MovedFamily) -> _Measured:
     form, angles = moved.form, moved.angles
-    found = measure(text, form.mechanism)
+    found = measure(text, form.mechanism, form.programs)
     if found.kind in FACTS or found.kind == "function" or (found.of and found.of.kind == TRANSMISSION):
         raise InputError(
             f"{text} has no derivative by dimensions; write a function of columns as Goal or Limit, "
@@ -121,9 +121,11 @@ def _measured(text: str, moved: MovedFamily) -> _Measured:
         near = np.abs(angles - found.angle)
         place = int(np.argmin(near))
         if near[place] > SAME:
+            programs = form.programs
+            there = f"{found.angle:.6g} rad" if programs is None else programs.called(found.angle)
             raise InputError(
-                f"{text} is taken at {found.angle:.6g} rad, where the motion is not solved; "
-                "give `moved` an angle there"
+                f"{text} is taken at {there}, where the motion is not solved; give `moved` "
+                f"{'an angle' if programs is None else 'a time'} there"
             )
         whole = False
     return _Measured(found, slice(0, -1) if whole else slice(None), place)

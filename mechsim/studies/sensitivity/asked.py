@@ -5,8 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
+from mechsim.analytic.path_instants import path_instants
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.maths.given import numbers
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
@@ -18,27 +21,44 @@ Subject = str | Form | Mechanism | MovedFamily
 
 
 def moved(
-    model: Subject, *, angles: ArrayLike | None = None, speed: float = 1.0, forces: Forces | None = None
+    model: Subject,
+    *,
+    angles: ArrayLike | None = None,
+    t: ArrayLike | None = None,
+    speed: float = 1.0,
+    forces: Forces | None = None,
 ) -> MovedFamily:
     """Return a subject as one of a family, and how it is moved.
 
     Args:
         model: as `load` takes it, or what moves itself.
-        angles: of the crank, or of the clock of programs, (n,) in [rad]; None spreads them over its range.
-        speed: of the crank in [rad/s]; programs have their own.
+        angles: of the crank, (n,) in [rad]; where neither these nor times are given, instants are spread over
+            the crank's range, or over the duration of motion laws.
+        t: times, (n,) in [s], of motion laws, or of a crank that turns at `speed`.
+        speed: of the crank in [rad/s]; motion laws have their own.
         forces: what acts on it; None takes what its file says.
 
     Raises:
-        InputError: as `load`, or for angles that are no finite numbers.
+        InputError: as `load`, for angles or times that are no finite numbers, and for angles where motion
+            laws drive.
     """
     if isinstance(model, MovedFamily):
         return model
     of = family(model)
-    at = instants_of(of.make({})) if angles is None else np.atleast_1d(numbers(angles))
+    form = of.make({})
+    if angles is None and t is None:
+        return moved_along(of, instants_of(form), speed, forces)
+    given = None if form.programs is not None else speed
+    at = np.atleast_1d(numbers(path_instants(form.mechanism, form.programs, angles, given, 0.0, t).parameter))
     if at.ndim != 1 or not at.size or not np.isfinite(at).all():
         raise InputError(f"{of.name}: angles must be a list of finite numbers; give them in [rad]")
+    return moved_along(of, at, speed, forces)
+
+
+def moved_along(of: DesignFamily, parameter: Array, speed: float, forces: Forces | None) -> MovedFamily:
+    """Return a family moved along its path, at values (n,) of the path parameter in [rad]."""
     loading = Loading() if forces is None else Loading(lambda _: forces)
-    return MovedFamily(of, at, speed, loading)
+    return MovedFamily(of, parameter, speed, loading)
 
 
 def sensitivity(
@@ -47,6 +67,7 @@ def sensitivity(
     to: str | Sequence[str] = ALL,
     *,
     angles: ArrayLike | None = None,
+    t: ArrayLike | None = None,
     speed: float = 1.0,
     forces: Forces | None = None,
 ) -> Sensitivity:
@@ -58,6 +79,7 @@ def sensitivity(
         to: dimensions: parameters, parts of places as pivot.x; of a mechanism without parameters JOINT.at.x;
             "all" is every one.
         angles: as of `moved`.
+        t: as of `moved`.
         speed: as of `moved`.
         forces: as of `moved`.
 
@@ -67,5 +89,5 @@ def sensitivity(
 
     Accuracy: about 1e-15 times the condition of the loops; docs/sensitivity.md has what was measured.
     """
-    subject = moved(model, angles=angles, speed=speed, forces=forces)
+    subject = moved(model, angles=angles, t=t, speed=speed, forces=forces)
     return derivative_table(subject, [of] if isinstance(of, str) else of, to)

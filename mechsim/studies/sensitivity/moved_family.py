@@ -13,7 +13,8 @@ from mechsim.analytic.derivatives.dynamics import efforts_along, machine_numbers
 from mechsim.analytic.derivatives.joint_places import AXES, placed_family
 from mechsim.analytic.derivatives.motion import Followed, derivatives_along, followed_motion
 from mechsim.analytic.derivatives.motion_beside import MotionBeside, motion_beside
-from mechsim.analytic.dynamics import InverseDynamics, Machine, machine, prescribed
+from mechsim.analytic.dynamics import InverseDynamics, Machine, machine
+from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.angles import TURN
@@ -125,7 +126,7 @@ class MovedFamily:
         known = dict(motion_derivatives(self.form, {}, self.angles[:1]).motion.columns())
         left: tuple[str, ...] = ()
         if any(is_effort(one) for one in asked):
-            study = prescribed(self.loading.machine(self.form), self.angles[:1], self.rate)
+            study = prescribed_along(self.loading.machine(self.form), self.angles[:1], self.rate)
             known |= dict(study.columns())
             left = tuple(
                 f"{name}.{part}" for name, one in study.efforts.reactions.items() for part in one.open
@@ -180,7 +181,7 @@ class MovedFamily:
         if self._near is not None:
             with suppress(AssemblyError):
                 return self._near.of(form.mechanism, ahead)
-        found = form.solve(self.angles + ahead, self.rate)
+        found = form.solve_along(self.angles + ahead, self.rate)
         told = dict(found.columns())
         whole = all(one in told for one in columns if not is_effort(one))
         return found if whole else LoopForm(form.mechanism).solve(self.angles + ahead, self.rate)
@@ -190,7 +191,7 @@ class MovedFamily:
         if self._near_unit is not None:
             with suppress(AssemblyError):
                 return moved_efforts(machine, self._near_unit.of(form.mechanism, ahead), self.rate)
-        return prescribed(machine, self.angles + ahead, self.rate)
+        return prescribed_along(machine, self.angles + ahead, self.rate)
 
     def slopes(
         self, columns: Sequence[str], names: Sequence[str], at: Mapping[str, float] | None = None

@@ -87,7 +87,7 @@ def _judged(task: SweepTask, form: Form) -> tuple[float, str]:
     if isinstance(form, LoopForm):
         exact = form.solve_as(motion)
     else:
-        exact = form.solve(motion.angle, motion.speed, motion.acceleration)
+        exact = form.solve_along(motion.angle, motion.speed, motion.acceleration)
     verdict = crosscheck(run, exact)
     far = max(float(one.max()) for one in motion.place_errors(exact).values())
     return far, "" if verdict.passed else verdict.outcome

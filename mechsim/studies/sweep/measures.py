@@ -10,6 +10,7 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, taken
+from mechsim.model.programs import Programs
 from mechsim.studies.sweep.turns import TurnQuantity, Turns, joint_units, quantity
 from mechsim.subjects.python_object import object_of, tried
 from mechsim.subjects.toml_source import nearest
@@ -38,7 +39,8 @@ class TurnMeasure:
         unit: in SI.
         of: the quantity; None for strokes, facts and functions.
         subject: the point of a stroke, or FILE.py:FUNC.
-        angle: of the crank, or of the clock of programs, at which it is taken, in [rad]; None over the turn.
+        angle: path parameter at which it is taken, in [rad]: of the crank, or `pace` of motion laws times the
+            time; None over the turn.
     """
 
     name: str
@@ -91,14 +93,15 @@ class TurnMeasure:
         return OVER[self.kind](values)
 
 
-def measure(text: str, mechanism: Mechanism) -> TurnMeasure:
+def measure(text: str, mechanism: Mechanism, programs: Programs | None = None) -> TurnMeasure:
     """Return the measure that a text asks for.
 
     Args:
         text: range:J, stroke:P, max:Q, min:Q, rms:Q, mean:Q, ripple:Q (root mean square about the mean) with
-            quantities as `turns.quantity` has them, at:ANGLE:Q, crank_range, dead_centres, assemblies, or
-            FILE.py:FUNC of a Motion.
+            quantities as `turns.quantity` has them, at:ANGLE:Q or under motion laws at:TIME:Q, crank_range,
+            dead_centres, assemblies, or FILE.py:FUNC of a Motion.
         mechanism: whose.
+        programs: its motion laws; None where a crank is driven.
 
     Raises:
         InputError: for an unknown word or quantity, with the nearest one.
@@ -119,11 +122,27 @@ def measure(text: str, mechanism: Mechanism) -> TurnMeasure:
         of = quantity(rest, mechanism)
         return TurnMeasure(text, word, of.unit, of)
     if colon and word == "at":
-        angle, _, name = rest.partition(":")
+        place, _, name = rest.partition(":")
         of = quantity(name, mechanism)
-        return TurnMeasure(text, word, of.unit, of, angle=units.parse(angle, "rad", f"the angle of {text}"))
+        return TurnMeasure(text, word, of.unit, of, angle=_parameter(text, place, programs))
     said = f"{word}:" if colon else text
     raise InputError(f"there is no measure {text!r}{nearest(said, WORDS)}")
+
+
+def _parameter(text: str, place: str, programs: Programs | None) -> float:
+    """Return the path parameter at a crank angle, or under motion laws at a time, in [rad]."""
+    if programs is None:
+        return units.parse(place, "rad", f"the angle of {text}")
+    try:
+        time = units.parse(place, "s", f"the time of {text}")
+    except InputError as error:
+        raise InputError(f"{error}; motion laws drive, so that it is taken at a time") from None
+    if not 0.0 <= time <= programs.duration:
+        raise InputError(
+            f"{text} is taken at {time:g} s, and the motion laws last {programs.duration:g} s; give a time "
+            "within them, or a longer duration"
+        )
+    return programs.pace * time
 
 
 def _range(text: str, rest: str, mechanism: Mechanism) -> TurnMeasure:
@@ -163,7 +182,9 @@ def _number(where: str, given: object) -> float:
         raise InputError(f"{where} returns {type(given).__name__}; return one number") from None
 
 
-def measures(texts: "list[str] | tuple[str, ...]", mechanism: Mechanism) -> tuple[TurnMeasure, ...]:
+def measures(
+    texts: "list[str] | tuple[str, ...]", mechanism: Mechanism, programs: Programs | None = None
+) -> tuple[TurnMeasure, ...]:
     """Return the measures that texts ask for, each once.
 
     Raises:
@@ -171,7 +192,7 @@ def measures(texts: "list[str] | tuple[str, ...]", mechanism: Mechanism) -> tupl
     """
     if not texts:
         raise InputError(f"no measure is asked for; give one of {', '.join(WORDS)}")
-    return tuple(measure(text, mechanism) for text in dict.fromkeys(texts))
+    return tuple(measure(text, mechanism, programs) for text in dict.fromkeys(texts))
 
 
 def table_of(asked: "tuple[TurnMeasure, ...]", turns: Turns, places: Mapping[float, int]) -> dict[str, Array]:

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
 from mechsim.analytic.catalog.many_designs import Turning, allowed, can_be_many, ranges, solved, turning
 from mechsim.analytic.closure.many_motion import many_motion
-from mechsim.analytic.dynamics import machine, prescribed
+from mechsim.analytic.dynamics import machine
+from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form, closed_form
 from mechsim.errors import AssemblyError, InputError, MechsimError, MobilityError
 from mechsim.maths.angles import TURN
@@ -241,13 +242,16 @@ def alone(task: SweepTask, form: Form, facts: Mapping[str, float]) -> tuple[dict
 
 def _solved_alone(task: SweepTask, form: Form, facts: Mapping[str, float]) -> dict[str, float]:
     """Return the measures of one design by its formulas or loop equations."""
-    angles, kept = task.angles, {name: np.array([value]) for name, value in facts.items()}
-    motion = form.solve(angles, task.pace)
+    angles, pace, kept = task.angles, task.pace, {name: np.array([value]) for name, value in facts.items()}
+    if form.programs is not None:
+        # the pace goes with the size of the design; the times are the same
+        angles, pace = angles / pace * form.programs.pace, form.programs.pace
+    motion = form.solve_along(angles, pace)
     shape = (1, len(angles))
     efforts: dict[str, Array] = {}
     if task.loaded:
         acting = getattr(form, "forces", None) or Forces()
-        study = prescribed(machine(form, acting), angles, task.pace)
+        study = prescribed_along(machine(form, acting), angles, pace)
         efforts = {name: column.reshape(shape) for name, column in study.columns()}
     transmission = None
     if task.wants(TRANSMISSION):

@@ -140,7 +140,7 @@ def swept_task(
     subject, there = swept_designs(model, set, **asked)
     designs = _designs(subject.name, vary or {}, design, sample, there)
     texts = [measure] if isinstance(measure, str) else list(measure)
-    asked_for = measures(texts, subject.form.mechanism)
+    asked_for = measures(texts, subject.form.mechanism, subject.form.programs)
     if settings is not None and settings.jacobian == "auto":
         settings = replace(settings, jacobian="dense")
     task = _hard_enough(SweepTask(subject, designs, asked_for, int(samples), float(speed), settings))

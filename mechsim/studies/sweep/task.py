@@ -159,10 +159,10 @@ class SweepTask:
         for angle in self.places:
             place = (angle - begin) / whole * self.intervals
             if abs(place - round(place)) > ON_RECORD:
-                apart = whole / self.intervals
+                scale, unit = (1.0, "rad") if programs is None else (programs.pace, "s")
                 raise InputError(
-                    f"at {angle:.6g} rad nothing is recorded, but every {apart:.6g} rad; choose --samples so "
-                    "that a pose lies there"
+                    f"at {angle / scale:.6g} {unit} nothing is recorded, but every "
+                    f"{whole / self.intervals / scale:.6g} {unit}; choose --samples so that a pose lies there"
                 )
             found = np.append(found, round(place) % (self.samples if programs is None else self.samples + 1))
         return found

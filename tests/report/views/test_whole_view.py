@@ -50,7 +50,7 @@ def test_programs_are_shown_over_their_time():
     assert (slider.name, slider.unit) == ("time", "s")
     assert grid.error < 1e-8
     time = np.array([0.3217])
-    exact = form.solve(form.programs.pace * time, form.programs.pace)
+    exact = form.solve(t=time)
     for link, moved in exact.links.items():
         found = interpolated(grid.sliders, grid.position[link], [time[0]])
         np.testing.assert_allclose(found, moved.position[0], atol=1e-8)
@@ -67,7 +67,7 @@ def test_two_drivers_moved_by_hand_find_the_poses_that_the_loops_have(monkeypatc
     at = {"left": 2.03, "right": 0.97}
     (solved,) = (
         ms.load("five_bar", drive={"left": "2.03 + 0*t", "right": "0.97 + 0.000001*t"})
-        .solve([0.0])
+        .solve(t=[0.0])
         .points["P"]
         .position
     )

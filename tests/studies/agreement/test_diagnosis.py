@@ -125,9 +125,7 @@ def test_a_program_out_of_phase_is_named():
     )
 
     def claimed(other):
-        return lambda drivers, t: {
-            "P": other.solve(other.programs.pace * t, other.programs.pace).points["P"].position
-        }
+        return lambda drivers, t: {"P": other.solve(t=t).points["P"].position}
 
     first = said(claimed(late), form).findings[0]
     assert (first.kind, first.what, first.sure) == ("phase", "left", True)

@@ -23,9 +23,8 @@ BOUND = 1e-9
 def judged(name, rows, spoil=lambda values: values):
     """Largest error of a mechanism's derivatives, by the largest of their kind by the same dimension."""
     path, at = str(MECHANISMS / f"{name}.toml"), float(rows[0]["at"])
-    of = ms.moved(path, angles=[at], speed=20.0)
-    if not of.offset:
-        of = ms.moved(path, angles=[of.rate * at])
+    laws = ms.load(path).programs is not None
+    of = ms.moved(path, t=[at]) if laws else ms.moved(path, angles=[at], speed=20.0)
     drives = {
         f"{word}:{one}": f"drive {one}" for word in ("torque", "force") for one in of.form.mechanism.drivers
     }

@@ -1,0 +1,117 @@
+"""The instants at which a motion is requested: crank angles with rates, or times in s."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
+from mechsim.maths.given import number, numbers
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.programs import Programs
+
+EXAMPLE = "t=[0, 0.1, 0.2]"
+
+
+@dataclass(frozen=True, slots=True)
+class PathInstants:
+    """Instants of a motion.
+
+    Attributes:
+        parameter: the path parameter: the crank angle, or under motion laws their normalised time, in [rad].
+        rate: its rate, scalar or (n,) in [rad/s].
+        second: its second rate, scalar or (n,) in [rad/s2].
+        time: where the instants were requested by time, (n,) in [s]; else None.
+    """
+
+    parameter: ArrayLike
+    rate: ArrayLike
+    second: ArrayLike
+    time: Array | None = None
+
+
+def path_instants(
+    mechanism: Mechanism,
+    programs: Programs | None,
+    angles: ArrayLike | None,
+    speed: ArrayLike | None,
+    acceleration: ArrayLike,
+    t: ArrayLike | None,
+) -> PathInstants:
+    """Return the instants that crank angles and rates name, or times.
+
+    Args:
+        mechanism: what moves.
+        programs: its motion laws; None where a crank is driven.
+        angles: crank angles, (n,) in [rad]; None where times are given.
+        speed: crank speed in [rad/s]; None is 1 at crank angles.
+        acceleration: crank acceleration in [rad/s2].
+        t: times, (n,) in [s]; at time zero the crank stands at `mechanism.start`.
+
+    Raises:
+        InputError: for crank angles or rates where motion laws drive, for both angles and times or neither,
+            and for times that are no finite numbers or beyond a law's table.
+    """
+    if programs is not None:
+        return _under_laws(mechanism, programs, angles, speed, acceleration, t)
+    if t is None and angles is None:
+        raise InputError(f"{mechanism.name}: no instants are given; give crank angles in rad, or times as t=")
+    if t is None:
+        assert angles is not None
+        return PathInstants(angles, 1.0 if speed is None else speed, acceleration)
+    if angles is not None:
+        raise InputError(f"{mechanism.name}: both crank angles and times t are given; leave one of them out")
+    if not mechanism.has_crank:
+        raise InputError(
+            f"{mechanism.name}: times t are given, but no motion law says how "
+            f"{', '.join(mechanism.drivers)} move; give each one, as drive= of ms.load takes it"
+        )
+    time = _times(mechanism.name, t)
+    constant = np.nan if speed is None else number(speed)
+    if not (np.isfinite(constant) and number(acceleration) == 0.0):
+        raise InputError(
+            f"{mechanism.name}: times t of a crank need its constant speed; give speed= as one number in "
+            "rad/s and no acceleration, or give crank angles"
+        )
+    return PathInstants(mechanism.start + constant * time, constant, 0.0, time)
+
+
+def _under_laws(
+    mechanism: Mechanism,
+    programs: Programs,
+    angles: ArrayLike | None,
+    speed: ArrayLike | None,
+    acceleration: ArrayLike,
+    t: ArrayLike | None,
+) -> PathInstants:
+    """Return the instants at times of motion laws."""
+    drivers = ", ".join(programs.drivers)
+    if angles is not None or t is None:
+        given = "no times are given" if angles is None else "angles do not say when"
+        raise InputError(
+            f"{mechanism.name}: motion laws drive {drivers}, and {given}; give times in s, as {EXAMPLE}"
+        )
+    if speed is not None or number(acceleration) != 0.0:
+        what = "speed" if speed is not None else "acceleration"
+        raise InputError(
+            f"{mechanism.name}: motion laws drive {drivers} and determine every rate; leave {what} out"
+        )
+    time = _times(mechanism.name, t)
+    for name, state in programs.by_name.items():
+        # only a law read from a table ends
+        end = getattr(state, "lasts", None)
+        outside = [] if end is None else time[(time < 0.0) | (time > end * (1.0 + 1e-12))]
+        if len(outside):
+            raise InputError(
+                f"{mechanism.name}: t = {outside[0]:g} s is outside the table of {name}, 0 to {end:g} s; "
+                "give times within it, or more rows"
+            )
+    return PathInstants(programs.pace * time, programs.pace, 0.0, time)
+
+
+def _times(name: str, t: ArrayLike) -> Array:
+    time = np.atleast_1d(numbers(t))
+    if time.ndim != 1 or not time.size or not np.isfinite(time).all():
+        raise InputError(f"{name}: times t must be a list of finite numbers in s, as {EXAMPLE}")
+    return time

@@ -1,0 +1,193 @@
+"""Where motion laws drive, motions are requested by time, and crank angles are rejected."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.errors import InputError
+from mechsim.simulation.dynamics.prescribed_motion import driven
+
+LAW = {"crank": "0.3*sin(2*pi*t)"}
+TIMES = np.linspace(0.0, 2.0, 9)
+ANGLES = 0.3 * np.sin(2.0 * np.pi * TIMES)
+
+
+@pytest.fixture(scope="module")
+def swung():
+    """A four-bar whose crank swings by a motion law for 2 s, the fastest rate of which is 1.9 rad/s."""
+    return ms.load("four_bar", drive=LAW, duration=2.0)
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """The points of the four-bar at the crank angles of the motion law, by its closed form."""
+    rate = 0.6 * np.pi * np.cos(2.0 * np.pi * TIMES)
+    return ms.catalog.make("four_bar").solve(ANGLES, rate, -((2.0 * np.pi) ** 2) * ANGLES)
+
+
+def test_solve_takes_times_in_seconds(swung, exact):
+    motion = swung.solve(t=TIMES)
+    np.testing.assert_array_equal(motion.time, TIMES)
+    np.testing.assert_allclose(motion.joints["crank"].value, ANGLES, atol=1e-14)
+    for rate in ("position", "velocity", "acceleration"):
+        np.testing.assert_allclose(
+            getattr(motion.points["B"], rate), getattr(exact.points["B"], rate), atol=1e-11
+        )
+    np.testing.assert_allclose(swung.positions(t=TIMES)["B"], exact.points["B"].position, atol=1e-14)
+
+
+ANGLES_GIVEN = {
+    "solve": lambda form: form.solve(TIMES),
+    "solve with the rates of a run": lambda form: form.solve(TIMES, 1.0, 0.0),
+    "positions": lambda form: form.positions(TIMES),
+    "inverse dynamics": lambda form: ms.dynamics.prescribed(ms.dynamics.machine(form), TIMES, 1.0),
+    "sensitivity": lambda form: ms.sensitivity(form, "B.x", "rocker.at.x", angles=TIMES),
+    "a moved family": lambda form: ms.moved(form, angles=TIMES),
+}
+
+
+@pytest.mark.parametrize("call", ANGLES_GIVEN)
+def test_crank_angles_are_rejected_where_motion_laws_drive(swung, call):
+    with pytest.raises(InputError, match=r"four_bar: motion laws drive crank, .*give times in s, as t=\["):
+        ANGLES_GIVEN[call](swung)
+
+
+def test_other_instants_that_say_nothing_are_rejected_with_the_remedy(swung, tmp_path):
+    with pytest.raises(InputError, match=r"no times are given; give times in s, as t="):
+        swung.solve()
+    with pytest.raises(InputError, match="determine every rate; leave speed out"):
+        swung.solve(t=TIMES, speed=2.0)
+    with pytest.raises(InputError, match="times t must be a list of finite numbers"):
+        swung.solve(t=[0.0, np.nan])
+    path = tmp_path / "crank.csv"
+    path.write_text("t,crank\n" + "".join(f"{0.1 * i},{0.01 * i}\n" for i in range(8)))
+    table = ms.load("four_bar", drive={"crank": str(path)})
+    with pytest.raises(InputError, match=r"t = 0\.8 s is outside the table of crank, 0 to 0\.7 s"):
+        table.solve(t=[0.0, 0.7, 0.8])
+    assert table.solve(t=[0.35]).joints["crank"].value[0] == pytest.approx(0.035)
+
+
+def test_times_serve_in_inverse_dynamics_and_sensitivities(swung):
+    machine = ms.dynamics.machine(swung, ms.Forces(gravity=(0.0, -9.81, 0.0)))
+    run = driven(swung, ms.Forces(gravity=(0.0, -9.81, 0.0)), samples=8, method="pose")
+    found = ms.dynamics.prescribed(machine, t=TIMES).efforts.drives["crank"]
+    np.testing.assert_allclose(found, run.efforts.drives["crank"], atol=1e-12)
+    table = ms.sensitivity(swung, "B.x", "rocker.at.x", t=TIMES)
+    np.testing.assert_array_equal(dict(table.columns())["t"], TIMES)
+    np.testing.assert_allclose(table.values["B.x"], swung.positions(t=TIMES)["B"][:, 0], atol=1e-14)
+
+
+@pytest.mark.parametrize("looped", [False, True])
+def test_a_crank_at_a_known_speed_takes_times_too(looped):
+    form = ms.catalog.make("four_bar")
+    form = LoopForm(form.mechanism) if looped else form
+    start = form.mechanism.start
+    motion = form.solve(t=TIMES, speed=3.0)
+    by_angle = form.solve(start + 3.0 * TIMES, 3.0)
+    np.testing.assert_array_equal(motion.time, TIMES)
+    np.testing.assert_allclose(motion.points["B"].acceleration, by_angle.points["B"].acceleration, atol=1e-11)
+    np.testing.assert_allclose(
+        form.positions(t=TIMES, speed=3.0)["B"], by_angle.points["B"].position, atol=1e-14
+    )
+    run = ms.simulate(form, speed=3.0, samples=4)
+    assert ms.crosscheck(run, form.solve(t=run.motion.time, speed=3.0)).passed
+    with pytest.raises(InputError, match="times t of a crank need its constant speed"):
+        form.solve(t=TIMES)
+    with pytest.raises(InputError, match="both crank angles and times t are given"):
+        form.solve(TIMES, 3.0, t=TIMES)
+    with pytest.raises(InputError, match="no instants are given"):
+        form.solve()
+
+
+def test_several_drivers_without_motion_laws_are_named():
+    with pytest.raises(InputError, match="no motion law says how left, right move; give each one"):
+        LoopForm(ms.load("five_bar").mechanism).solve(t=TIMES)
+
+
+def test_a_run_under_a_motion_law_is_compared_at_the_angles_that_its_crank_had(swung):
+    run = ms.simulate(swung, samples=40)
+    crank = ms.catalog.make("four_bar")
+    assert ms.crosscheck(run, swung).passed
+    assert ms.crosscheck(run, crank).passed
+    assert ms.crosscheck(run, lambda angle: {"B": crank.positions(angle)["B"]}).passed
+    wrong = ms.catalog.make("four_bar", coupler=1.001 * crank.coupler)
+    assert not ms.crosscheck(run, wrong).passed
+    assert not ms.crosscheck(run, lambda angle: {"B": wrong.positions(angle)["B"]}).passed
+
+
+def test_a_run_of_a_crank_is_not_compared_with_motion_laws(swung):
+    run = ms.simulate(ms.catalog.make("four_bar"), speed=1.0, samples=8)
+    with pytest.raises(InputError, match="motion laws drive crank on the analytic side"):
+        ms.crosscheck(run, swung)
+
+
+def test_a_run_of_several_drivers_is_not_compared_with_a_function_of_a_crank_angle():
+    run = ms.simulate(ms.load("five_bar"), samples=8)
+    with pytest.raises(InputError, match=r"motion laws drive left, right .* use ms\.validate"):
+        ms.crosscheck(run, lambda angle: {"P": np.zeros((len(angle), 3))})
+
+
+# a boom lifted by a ram; its size, by which motion laws of slides are normalised, goes with `arm`
+BOOM = """
+name = "boom"
+drivers = ["ram"]
+start = 0.52
+duration = 2
+[programs]
+ram = "20mm/s"
+[parameters]
+arm = 0.4
+[joints.foot]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "boom" }
+[joints.base]
+kind = "revolute"
+a = { link = "ground", at = [0.3, -0.2, 0] }
+b = { link = "barrel" }
+[joints.ram]
+kind = "prismatic"
+a = { link = "barrel", axis = [1, 0, 0] }
+b = { link = "rod", axis = [1, 0, 0] }
+[joints.eye]
+kind = "revolute"
+a = { link = "rod" }
+b = { link = "boom", at = ["arm", 0, 0] }
+[points]
+tip = { link = "boom", at = [1, 0, 0] }
+"""
+
+
+def test_sweeps_measure_designs_at_times_of_motion_laws(tmp_path):
+    path = tmp_path / "boom.toml"
+    path.write_text(BOOM)
+    function = f"{tmp_path / 'fastest.py'}:fastest"
+    (tmp_path / "fastest.py").write_text(
+        "def fastest(motion):\n    return motion.points['tip'].velocity[:, 0].max()\n"
+    )
+    arms = [0.4, 0.6]
+    table = ms.sweep(str(path), {"arm": arms}, ["at:0.5:tip.x", "at:500ms:tip.y"], samples=20)
+    alone = ms.sweep(str(path), {"arm": arms}, ["max:tip.vx", function], samples=20)
+    for i, arm in enumerate(arms):
+        form = ms.load(path, {"arm": arm})
+        place = form.positions(t=[0.5])["tip"][0]
+        assert table["at:0.5:tip.x"].values[i] == pytest.approx(place[0], abs=1e-13)
+        assert table["at:500ms:tip.y"].values[i] == pytest.approx(place[1], abs=1e-13)
+        fastest = form.solve(t=np.linspace(0.0, 2.0, 20)).points["tip"].velocity[:, 0].max()
+        assert alone["max:tip.vx"].values[i] == pytest.approx(fastest, rel=1e-12)
+        assert alone["fastest.py:fastest"].values[i] == pytest.approx(fastest, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("measure", "reason"),
+    [
+        ("at:30deg:tip.x", "motion laws drive, so that it is taken at a time"),
+        ("at:2.5:tip.x", r"taken at 2\.5 s, and the motion laws last 2 s"),
+    ],
+)
+def test_sweeps_reject_angles_and_times_beyond_motion_laws(tmp_path, measure, reason):
+    path = tmp_path / "boom.toml"
+    path.write_text(BOOM)
+    with pytest.raises(InputError, match=reason):
+        ms.sweep(str(path), {"arm": [0.4]}, measure)
