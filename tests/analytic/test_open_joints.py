@@ -95,8 +95,8 @@ def test_a_coordinate_held_takes_one_freedom_and_leaves_the_others_whole():
     assert np.linalg.matrix_rank(np.vstack([freedoms, left]), tol=1e-12) == 5
 
 
-def test_what_hundreds_of_loose_bodies_leave_open_is_known():
-    names = [f"b{i}" for i in range(200)]
+def test_what_dozens_of_loose_bodies_leave_open_is_known():
+    names = [f"b{i}" for i in range(60)]
     joints = [Joint(f"j{name}", "floating", End(GROUND), End(name)) for name in names]
     pose = Pose(np.zeros(3), np.eye(3))
     crank = Joint("crank", "revolute", End(GROUND), End("c", (0.1, 0.0, 0.0)))

@@ -94,6 +94,7 @@ def test_a_signal_that_ends_a_command_leaves_nothing_behind(
         os.killpg(process.pid, 0)
 
 
+@pytest.mark.slow
 def test_an_interrupt_from_the_keyboard_that_ends_the_encoder_too_is_no_fault_of_the_encoder(
     tmp_path: Path,
 ) -> None:

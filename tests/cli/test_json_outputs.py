@@ -74,7 +74,7 @@ def undescribed(value, schema, path=""):
     return []
 
 
-@pytest.mark.usefixtures("budget_by_processor")
+@pytest.mark.usefixtures("fast_clock")
 @pytest.mark.parametrize("line", LINES)
 def test_what_is_printed_is_as_the_schema_says(line, monkeypatch, capsys, tmp_path):
     line = line.format(folder=tmp_path)

@@ -43,6 +43,7 @@ def test_two_points_may_be_named_at_once(mechsim, finger, monkeypatch):
     assert asked == ["pad", "lever", "P"]
 
 
+@pytest.mark.slow
 def test_what_is_held_stands_still_in_what_is_left(mechsim, tmp_path, monkeypatch):
     few_trials(monkeypatch)
     (tmp_path / "floating.xml").write_text(FLOATING)

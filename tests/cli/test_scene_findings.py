@@ -51,6 +51,7 @@ def test_what_is_wrong_with_a_scene_that_cannot_be_judged_is_told(mechsim, file)
     assert "open" in [one["kind"] for one in case["findings"]]
 
 
+@pytest.mark.slow
 def test_validate_says_it_too_whatever_the_scene_is_held_against(mechsim, file, tmp_path):
     (tmp_path / "own.py").write_text("def still(angle):\n    return {'rocker': 0 * angle}\n")
     asked = ("validate", file(SOFT), "--drive", "crank=0.3*sin(2*pi*t)")

@@ -76,6 +76,7 @@ def test_what_tune_writes_keeps_the_tolerance_when_stepped_as_its_comment_says(m
     assert judge.closure.errors(states, places).max() == pytest.approx(told["tuned"]["error"], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_what_is_held_stands_still_in_what_is_written(mechsim, tmp_path):
     (tmp_path / "floating.xml").write_text(FLOATING)
     words = ("floating.xml", "--hold-base", "--hold", "swing=0.2", "--key", "home", "--duration", "0.1s")

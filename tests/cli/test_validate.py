@@ -40,6 +40,7 @@ def test_the_gallery_is_listed_and_its_names_are_models(mechsim):
     assert json.loads(out)["name"] == "scotch_yoke"
 
 
+@pytest.mark.slow
 def test_without_names_the_gallery_is_judged_without_steps_and_with_its_option_in_full(mechsim, monkeypatch):
     monkeypatch.setattr(gallery, "files", lambda: {"scotch_yoke": YOKE})
     code, out, err = mechsim("validate", "--json")

@@ -2,6 +2,7 @@ import mujoco
 import numpy as np
 import pytest
 from colours import coloured, hues
+from grids import grid
 
 from mechsim import catalog
 from mechsim.errors import MissingToolError
@@ -61,7 +62,7 @@ def test_geoms_neither_weigh_nor_collide(name):
         np.testing.assert_array_equal(getattr(drawn, array), getattr(plain, array))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", grid(NAMES))
 def test_an_exported_picture_shows_every_link_to_any_user_of_mujoco(name):
     try:
         found = gl_backend.choose()

@@ -67,6 +67,7 @@ def test_every_plot_comes_in_every_format(figures, vectors, form, start):
         assert len(drawing) > 2000
 
 
+@pytest.mark.slow
 def test_a_figure_looks_the_same_drawn_by_its_user_as_by_the_house(figures):
     # marks on the axes are made late, in whatever look then holds
     for figure in figures:

@@ -38,6 +38,7 @@ def shown(cell, names):
     return eval(compile(ast.Expression(last.value), "cell", "eval"), names)
 
 
+@pytest.mark.slow
 def test_the_example_notebook_runs_and_everything_in_it_shows_itself(monkeypatch):
     try:
         gl_backend.choose()

@@ -267,6 +267,7 @@ SURVEY = """(async () => {
 browses = pytest.mark.skipif(PROGRAM is None, reason="no Chromium here; Debian's package chromium brings it")
 
 
+@pytest.mark.slow
 @browses
 def test_a_browser_shows_and_plays_everything_without_complaint(section, tmp_path):
     section = replace(section, video=film_of(tmp_path))

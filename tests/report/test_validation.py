@@ -113,6 +113,7 @@ def test_a_case_without_steps_is_told_by_a_still_its_paths_and_what_its_formula_
     assert "what explains the difference" in page
 
 
+@pytest.mark.slow
 def test_the_page_tells_of_several_drivers(monkeypatch, tmp_path):
     monkeypatch.setattr(render, "write_video", lambda path, *_, **__: path.touch())
     from mechsim.report.validation import write_validation_report

@@ -41,6 +41,7 @@ def test_torque_and_reactions_are_kept_within_the_tolerance_and_the_estimate_is_
     assert crosscheck_driven(run, machine).passed
 
 
+@pytest.mark.slow
 def test_a_tolerance_of_rounding_is_missed_with_a_reason_and_kept_by_poses():
     machine = of("warp_knitter")
     run = driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-13)

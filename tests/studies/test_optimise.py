@@ -31,6 +31,7 @@ def test_a_straighter_line_is_no_shorter_and_its_crank_turns_fully():
     assert np.ptp(columns["C.x"][9:28]) >= found.limits["length of the line"] * (1.0 - 1e-9)
 
 
+@pytest.mark.slow
 def test_less_torque_ripple_keeps_swing_transmission_and_size():
     found = searched("torque_ripple")
     assert found.outcome == "found"
@@ -57,6 +58,7 @@ def test_counterweights_are_those_of_berkof_and_lowen():
         assert found.values[name] == pytest.approx(value, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_generated_function_is_the_nearest_of_its_neighbours():
     found = searched("function_generation")
     assert found.after < 0.05 * found.before

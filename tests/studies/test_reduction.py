@@ -104,6 +104,7 @@ def found(cluttered):
         return reduced(*cluttered[:2], BOUND)
 
 
+@pytest.mark.slow
 def test_a_reduced_scene_keeps_the_tolerance_in_plain_mujoco_over_motions_not_used_to_choose(found):
     text = with_comment(found, "scene.xml", BOUND, "m")
     assert found.kept(BOUND)
@@ -272,6 +273,7 @@ JUMPY = """<mujoco><option timestep="0.002"/><worldbody><body name="arm">
 </mujoco>"""
 
 
+@pytest.mark.slow
 def test_longer_steps_fitted_to_two_motions_hold_over_a_third_where_others_do_not(tmp_path):
     user, spec = scene(tmp_path, JUMPY, ctrl="0.05*sin(2*pi*t)", duration=0.2)
     one, to_fit, held_back = (bench(of, spec) for of in (user, motion_to_fit(user), second_motion(user)))

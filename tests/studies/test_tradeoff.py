@@ -232,7 +232,7 @@ def test_the_seed_settles_which_trials_a_short_budget_leaves_out():
     assert [p.as_dict()["family"] for p in again.points] == [p.as_dict()["family"] for p in quick.points]
 
 
-@pytest.mark.usefixtures("budget_by_processor")
+@pytest.mark.usefixtures("fast_clock")
 def test_the_command_writes_table_plot_and_json(tmp_path, capsys):
     table, plot = tmp_path / "out.csv", tmp_path / "out.svg"
     words = ("slider_crank", "--budget", "2.5s", "--json", "-o", str(table), "--plot", str(plot))

@@ -108,7 +108,7 @@ LIMITED = FINGER.replace(
 )
 
 
-@pytest.mark.parametrize(("most", "same"), [(60, True), (5, False)])
+@pytest.mark.parametrize(("most", "same"), [pytest.param(60, True, marks=pytest.mark.slow), (5, False)])
 def test_a_limit_that_is_freed_is_switched_off_only_where_it_is_not_met(tmp_path, most, same):
     one = scene(tmp_path, ctrl=FED, text=LIMITED.replace("{most}", str(most)), duration=0.2)
     one = replace(one, free=("limits",))
@@ -123,6 +123,7 @@ def test_a_limit_that_is_freed_is_switched_off_only_where_it_is_not_met(tmp_path
     assert not freed(replace(one, free=()))
 
 
+@pytest.mark.slow
 def test_a_search_keeps_the_tolerance_for_less_than_the_file_as_it_is(driven):
     found = tuned(replace(driven, duration=0.1), 5e-6, seconds=60.0)
     assert found.published.errors.closure > 5e-6

@@ -34,6 +34,7 @@ def place_error(model, form, turns=3.0):
     return max(gaps), angles[-1]
 
 
+@pytest.mark.slow
 def test_an_exported_model_keeps_its_tolerance_when_stepped_as_its_comment_says():
     form = catalog.make("four_bar")
     spec = exported(form.mechanism, Scene())

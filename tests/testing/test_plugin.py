@@ -63,6 +63,7 @@ def test_the_sample_project_is_green_but_for_the_test_that_is_red_on_purpose(pro
     assert told["mechsim.worst"] == "position of piston"
 
 
+@pytest.mark.slow
 def test_a_toml_file_with_a_wrong_formula_is_red_by_itself_under_xdist_too(project):
     description = project / "models" / "pump.toml"
     description.write_text(description.read_text().replace("pump.py:piston", "pump.py:mistyped"))

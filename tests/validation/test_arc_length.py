@@ -42,6 +42,7 @@ def crank_and_rocker(drive: FourBar) -> System:
     return System(residual, periods=(TURN, TURN), name="four-bar")
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(st.floats(0.3, 3.0), st.floats(0.05, 1.0), st.sampled_from([1.0, -1.0]))
 def test_an_ellipse_closes_after_its_circumference_with_every_point_on_it(a, ratio, way):

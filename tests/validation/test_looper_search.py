@@ -12,6 +12,7 @@ from mechsim.analytic.catalog.looper import Looper
 from mechsim.errors import InputError
 
 
+@pytest.mark.slow
 def test_a_straighter_looper_with_the_paper_s_coupler_keeps_every_condition():
     found = straighter(4e-3, Looper())
     assert broken(found, Conditions()) == []
@@ -43,6 +44,7 @@ def test_conditions_condemn_linkages_that_break_them():
     assert broken(stiff, Conditions()) == ["full turning of the crank"]
 
 
+@pytest.mark.slow
 def test_a_search_without_an_answer_says_so():
     with pytest.raises(InputError, match="relax"):
         straighter(4e-3, Looper(), Conditions(stroke=(0.05, 0.06)))

@@ -134,7 +134,7 @@ def test_a_peer_that_is_not_installed_is_named_with_the_extra_and_the_others_run
     monkeypatch.delitem(sys.modules, "by_exudyn", raising=False)
     with pytest.raises(InputError, match=r"exudyn is not installed.*\[peers\]"):
         protocol.load("by_exudyn")
-    monkeypatch.setattr(importlib.import_module("by_mechsim"), "STEPS", (20, 40))
+    monkeypatch.setattr(importlib.import_module("by_mechsim"), "STEPS", (20,))
     rows = compare.measured(("by_exudyn", "by_mechsim"), names=("four_bar",), rounds=1)
     assert "mechsim, poses" in {row.family for row in rows}
     said = capsys.readouterr().err.splitlines()

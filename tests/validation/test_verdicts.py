@@ -15,6 +15,7 @@ def studies():
     sys.path.remove(str(FOLDER))
 
 
+@pytest.mark.slow
 def test_no_random_mechanism_is_refused_and_every_run_agrees_with_its_verdict():
     import verdicts
 
@@ -25,6 +26,7 @@ def test_no_random_mechanism_is_refused_and_every_run_agrees_with_its_verdict():
     assert found.tried["pose, close"] == found.tried["step, close"] >= 1
 
 
+@pytest.mark.slow
 def test_errors_lie_below_their_bounds_but_not_far_below(monkeypatch):
     import bounds
 

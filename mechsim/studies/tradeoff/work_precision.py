@@ -4,6 +4,7 @@ import csv
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,7 @@ class Point:
     @property
     def cost(self) -> float:
         """The median processor time of stepping one turn, in [s]."""
-        return float(np.median(self.times))
+        return median(self.times)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the point as a row of the CSV and of the JSON."""

@@ -166,7 +166,9 @@ def test_a_joint_in_another_place_of_a_model_without_parameters_is_named():
     assert found.findings[0].sure
 
 
-@pytest.mark.parametrize(("factor", "kind"), [(0.0, "gravity"), (None, "mass")])
+@pytest.mark.parametrize(
+    ("factor", "kind"), [(0.0, "gravity"), pytest.param(None, "mass", marks=pytest.mark.slow)]
+)
 def test_gravity_and_masses_are_named_by_a_torque(factor, kind):
     form = ms.catalog.make("four_bar")
     machine = dynamics.machine(form, Forces(gravity=(0.0, -9.81, 0.0)))

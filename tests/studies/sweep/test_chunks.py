@@ -72,6 +72,7 @@ def cluster(folder):
             yield address, (first, second)
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_what_one_process_gives_though_a_worker_is_killed(tmp_path):
     here = tmp_path / "here.nc"
     ms.sweep("four_bar", VARY, MEASURES, output=here)
@@ -95,6 +96,7 @@ def test_a_cluster_gives_what_one_process_gives_though_a_worker_is_killed(tmp_pa
     assert there.read_bytes() == here.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_leaves_parts_from_which_the_same_file_comes(tmp_path):
     cut, whole = tmp_path / "cut.nc", tmp_path / "whole.nc"
     with started("-m", "mechsim", "sweep", *WORDS.split(), "-o", str(cut)) as one:
