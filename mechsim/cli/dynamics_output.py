@@ -142,6 +142,14 @@ def _rows(study: InverseDynamics, turn: Fluctuation | None, even: Fluctuation | 
         note = _left_open(one)
         rows.append(row(f"force in {name} on {one['on']}", one["force"], "N", note))
         rows.append(row(f"moment in {name} on {one['on']}", one["moment"], "N m"))
+    for name, one in facts["couplings"].items():
+        what = "torque" if one["unit"] == "N m" else "force"
+        if one["by"] == "teeth":
+            note = f"{what} {one['effort']['largest']:.6g} {one['unit']}"
+            rows.append(row(f"teeth of {name} on {one['links'][0]}", one["force"], "N", note))
+        elif one["by"] == "ideal transmission":
+            note = f"ideal transmission: acts in reverse on {', '.join(one['links'])}"
+            rows.append(row(f"{what} of coupling {name}", one["effort"], one["unit"], note))
     rows.append(row("shaking force on the frame", facts["shaking_force"], "N"))
     rows.append(row("shaking moment about the origin", facts["shaking_moment"], "N m"))
     for one in (turn, even):

@@ -187,6 +187,15 @@ OUTPUTS: dict[str, Schema] = {
                     on=TEXT, by=TEXT, force=PEAK, moment=PEAK, not_determined=TEXTS, partly_determined=TEXTS
                 )
             ),
+            "couplings": named(
+                record(
+                    {"force": PEAK},
+                    effort=PEAK,
+                    unit=TEXT,
+                    by={"enum": ["teeth", "thread", "ideal transmission"]},
+                    links=TEXTS,
+                )
+            ),
             "indeterminacy": WHOLE,
             "shaking_force": PEAK,
             "shaking_moment": PEAK,

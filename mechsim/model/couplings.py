@@ -24,12 +24,14 @@ class Gear:
         driven: name of another revolute joint.
         ratio: turns of `driven` per turn of `driver`; negative for outside meshing.
         phase: angle of `driven` where `driver` is at zero, in [rad].
+        pressure_angle: of the teeth, in [rad]; 0 leaves the tooth force tangential.
     """
 
     driver: str
     driven: str
     ratio: float
     phase: float = 0.0
+    pressure_angle: float = 0.0
 
     @property
     def name(self) -> str:
@@ -48,6 +50,8 @@ class Coupling:
         coefficients: of the polynomial p from the constant up, in SI, five at the most.
         zeros: from which either side is counted, in the coordinates' own units.
         turns: whether whole turns between both sides do not count, as of gears.
+        pressure_angle: of the teeth of a gear pair or a rack and pinion, in [rad]; 0 leaves the tooth force
+            tangential. None for what has no teeth: an ideal transmission.
     """
 
     name: str
@@ -56,6 +60,7 @@ class Coupling:
     coefficients: tuple[float, ...]
     zeros: tuple[float, float] = (0.0, 0.0)
     turns: bool = False
+    pressure_angle: float | None = None
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.coefficients) <= MOST + 1:

@@ -17,10 +17,10 @@ PARTLY = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reaction:
-    """What the geometry of a joint transmits to its link b from its link a.
+    """What the geometry of a joint transmits to its link b from its link a; of a screw, its thread's too.
 
     Friction, springs and the drive in the joint act along its freedom and are not in it; a link's own
-    balance is: reactions + those + weight + loads = inertia.
+    balance is: reactions + those + weight + loads + efforts of couplings = inertia.
 
     Attributes:
         link: the link b on which it acts.
@@ -74,6 +74,25 @@ class Reaction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MeshForce:
+    """The force of the teeth of a gear, bevel or rack pair, which acts at the pitch point.
+
+    Attributes:
+        link: the driven wheel or rack, on which it acts.
+        by: the driver, on which its reverse acts.
+        force: in ground axes, (n, 3) in [N].
+        point: the pitch point in the ground frame, (n, 3) in [m].
+    """
+
+    link: str
+    by: str
+    force: Array
+    point: Array
+
+    __repr__ = short_repr
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Efforts:
     """Forces and energies of a machine under a moving crank at n instants, in SI; ground frame.
 
@@ -87,10 +106,14 @@ class Efforts:
             a flywheel takes; the drive's own inertia is not in it.
         reactions: joint -> what it transmits.
         gears: "driver-driven" of gears and other couplings -> torque on the driven joint's link b about its
-            axis, or force along it, (n,) in [N m] or [N]; on the driver's is -slope times it.
+            axis, or force along it, (n,) in [N m] or [N]; on the driver's is -slope times it. Each acts in
+            reverse on the joint's link a, except in screws, whose reaction contains them, and where `meshes`
+            has a tooth force in their place.
+        meshes: those couplings that have a pitch point -> the tooth force there.
         drives: driven or held coordinate -> torque on the joint's link b about its axis, or force along it,
             (n,) in [N m] or [N]. Empty where a crank is driven. Otherwise angle, speed and acceleration are
             those of the programs' clock, and the torque is the drives' power by its speed.
+        holds: coordinate locked while a crank is driven -> likewise; of those under programs, in `drives`.
         drive_accelerations: driven coordinate -> its acceleration, (n,) in [rad/s2] or [m/s2].
         straight: names among gears and drives that are forces in [N].
         kinetic: energy of motion, flywheel included, (n,) in [J].
@@ -122,8 +145,10 @@ class Efforts:
     residual: Array
     sliding: Array
     drives: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    holds: Mapping[str, Array] = field(default_factory=dict[str, Array])
     drive_accelerations: Mapping[str, Array] = field(default_factory=dict[str, Array])
     straight: frozenset[str] = frozenset()
+    meshes: Mapping[str, MeshForce] = field(default_factory=dict[str, MeshForce])
     meeting: NDArray[np.bool_] | None = None
 
     __repr__ = short_repr
@@ -150,12 +175,17 @@ class Efforts:
             yield name, getattr(self, name)
         for name, effort in self.drives.items():
             yield f"drive {name}", effort
+        for name, effort in self.holds.items():
+            yield f"hold {name}", effort
         for name in ("power_in", "power_loads", "power_lost"):
             yield name, getattr(self, name)
         for name, one in self.reactions.items():
             yield from wrench_columns(name, one.force, one.moment)
         for name, torque in self.gears.items():
             yield f"gear {name}", torque
+        for name, mesh in self.meshes.items():
+            for part, column in zip(COMPONENTS, mesh.force.T, strict=False):
+                yield f"mesh {name}.{part}", column
 
 
 def wrench_columns(name: str, force: Array, moment: Array) -> Iterator[tuple[str, Array]]:

@@ -128,6 +128,12 @@ class Mechanism:
                 if not abs(number(value)) < np.inf:
                     raise InputError(f"{what}: coordinate {name!r} is {value}; give a finite number")
         _unique(self.name, "driver or hold of the coordinate", [*self.drivers, *self.holds])
+        for named in (*self.gears, *self.couplings):
+            if not 0.0 <= number(named.pressure_angle or 0.0) < np.pi / 2:
+                raise InputError(
+                    f"pressure angle of coupling {named.name!r} is {named.pressure_angle} rad; "
+                    "give 0 or more, and less than 90 deg"
+                )
         for coupling in self.couplings:
             for name in coupling.coordinates:
                 _known(f"coupling {coupling.name!r}", "coordinate", name, known)
@@ -197,7 +203,14 @@ class Mechanism:
     def laws(self) -> tuple[Coupling, ...]:
         """All couplings: those of gears, of screws, and those of its own, in this order."""
         gears = tuple(
-            Coupling(gear.name, gear.driven, gear.driver, (gear.phase, gear.ratio), turns=True)
+            Coupling(
+                gear.name,
+                gear.driven,
+                gear.driver,
+                (gear.phase, gear.ratio),
+                turns=True,
+                pressure_angle=gear.pressure_angle,
+            )
             for gear in self.gears
         )
         screws = tuple(

@@ -1,5 +1,6 @@
 """What `mechsim show` and the report say about a mechanism."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from mechsim.errors import MechsimError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Fluctuation, FreeRun, Reaction
+from mechsim.model.meshes import threads_of
 
 # what there is to say of a mechanism that is not of the catalogue
 OWN = "a mechanism of one's own, by its loop equations"
@@ -210,6 +212,7 @@ def study_facts(study: InverseDynamics) -> dict[str, Any]:
             }
             for name, one in found.reactions.items()
         },
+        "couplings": _coupling_facts(study, peak),
         "indeterminacy": study.indeterminacy,
         "shaking_force": peak(_norm(study.shaking_force)),
         "shaking_moment": peak(_norm(study.shaking_moment)),
@@ -219,6 +222,26 @@ def study_facts(study: InverseDynamics) -> dict[str, Any]:
         },
         "power_balance": float(np.abs(sides).max()),
     }
+
+
+def _coupling_facts(
+    study: InverseDynamics, peak: Callable[[Array], dict[str, float]]
+) -> dict[str, dict[str, Any]]:
+    """Return each coupling's effort on its driven coordinate, and what carries it."""
+    found, mechanism = study.efforts, study.machine.mechanism
+    threads, facts = threads_of(mechanism), dict[str, dict[str, Any]]()
+    for name, law in mechanism.named_laws.items():
+        own: dict[str, Any] = {"effort": peak(found.gears[name])}
+        own["unit"] = "N" if name in found.straight else "N m"
+        mesh = found.meshes.get(name)
+        if mesh is not None:
+            own |= {"by": "teeth", "links": [mesh.link, mesh.by], "force": peak(_norm(mesh.force))}
+        else:
+            joints = [joint for joint in mechanism.joints if {*joint.coordinates} & {*law.coordinates}]
+            carriers = sorted({joint.a.link for joint in joints})
+            own |= {"by": "thread" if name in threads else "ideal transmission", "links": carriers}
+        facts[name] = own
+    return facts
 
 
 def _norm(vector: Array) -> Array:

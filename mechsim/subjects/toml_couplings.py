@@ -6,19 +6,21 @@ from typing import Any
 from mechsim.maths.angles import TURN
 from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.joint_kinds import KINDS
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.meshes import mesh_of
 from mechsim.subjects.key_kinds import Number
 from mechsim.subjects.toml_drivers import FileCoordinates
-from mechsim.subjects.toml_source import KeyPath
+from mechsim.subjects.toml_source import KeyPath, TomlSource
 from mechsim.units import Unit
 
 Side = str | dict[str, float]
 
 # what tells a kind of coupling, and the keys that go with it
 _TOLD = {
-    "ratio": ("phase",),
-    "radius": ("phase",),
-    "travel": ("phase",),
-    "coefficients": ("zeros", "turns"),
+    "ratio": ("phase", "pressure_angle"),
+    "radius": ("phase", "pressure_angle"),
+    "travel": ("phase", "pressure_angle"),
+    "coefficients": ("zeros", "turns", "pressure_angle"),
 }
 
 
@@ -39,6 +41,21 @@ def couplings_of(
     return tuple(gears), tuple(others)
 
 
+def require_pitch_points(source: TomlSource, mechanism: Mechanism, read: Mapping[str, Any]) -> None:
+    """Refuse a pressure angle of couplings whose geometry gives teeth no place."""
+    for name, one in read.get("couplings", {}).items():
+        if not one.get("pressure_angle"):
+            continue
+        sides = one["driven"], one.get("driver", {})
+        law = next(law for law in mechanism.laws if (law.left, law.right) == sides)
+        if mesh_of(mechanism, law) is None:
+            why = (
+                "is of teeth, and this coupling has no pitch point; couple two hinges whose axes are "
+                "parallel or meet, or a hinge and a slide across it, on the same link, or take it out"
+            )
+            raise source.refusal(("couplings", name, "pressure_angle"), why)
+
+
 def _coupling(of: FileCoordinates, name: str, one: Mapping[str, Any], path: KeyPath) -> Gear | Coupling:
     source = of.values.source
     told = [key for key in _TOLD if key in one]
@@ -53,8 +70,9 @@ def _coupling(of: FileCoordinates, name: str, one: Mapping[str, Any], path: KeyP
         given = one.get(side, {})
         for coordinate in (given,) if isinstance(given, str) else given:
             of.require(coordinate, (*path, side))
+    teeth = one.get("pressure_angle")
     if told[0] == "coefficients":
-        return _polynomial(of, name, one, path)
+        return _polynomial(of, name, one, path, teeth)
     driver, driven = (_alone(of, one, side, path) for side in ("driver", "driven"))
     phase = of.value(driven, one.get("phase", 0.0), (*path, "phase"))
     units = of.units[driver], of.units[driven]
@@ -62,14 +80,16 @@ def _coupling(of: FileCoordinates, name: str, one: Mapping[str, Any], path: KeyP
         if units[0] != units[1]:
             raise source.refusal(path, "is between a turn and a displacement; give radius or travel")
         if KINDS[of.kinds[driver]].hinge and KINDS[of.kinds[driven]].hinge:
-            return Gear(driver, driven, one["ratio"], phase)
-        return Coupling(name, driven, driver, (phase, one["ratio"]), turns=units[0] == "rad")
+            return Gear(driver, driven, one["ratio"], phase, teeth or 0.0)
+        turns = units[0] == "rad"
+        return Coupling(name, driven, driver, (phase, one["ratio"]), turns=turns, pressure_angle=teeth)
     if units[0] == units[1]:
         raise source.refusal(path, "is a rack between two of a kind; give a turn and a displacement")
     radius = one["radius"] if told[0] == "radius" else one["travel"] / TURN
     if radius == 0.0:
         raise source.refusal((*path, told[0]), "is 0; give a length, negative for the other sense")
-    return Coupling(name, driven, driver, (phase, radius if units[0] == "rad" else 1.0 / radius))
+    slope = radius if units[0] == "rad" else 1.0 / radius
+    return Coupling(name, driven, driver, (phase, slope), pressure_angle=teeth or 0.0)
 
 
 def _alone(of: FileCoordinates, one: Mapping[str, Any], side: str, path: KeyPath) -> str:
@@ -83,7 +103,9 @@ def _alone(of: FileCoordinates, one: Mapping[str, Any], side: str, path: KeyPath
     return given
 
 
-def _polynomial(of: FileCoordinates, name: str, one: Mapping[str, Any], path: KeyPath) -> Coupling:
+def _polynomial(
+    of: FileCoordinates, name: str, one: Mapping[str, Any], path: KeyPath, teeth: float | None
+) -> Coupling:
     values = of.values
     driven: Side = one["driven"]
     driver: Side = one.get("driver", {})
@@ -99,7 +121,8 @@ def _polynomial(of: FileCoordinates, name: str, one: Mapping[str, Any], path: Ke
         _zero(of, side, written, (*path, "zeros", i))
         for i, (side, written) in enumerate(zip((driven, driver), one.get("zeros", (0.0, 0.0)), strict=True))
     ]
-    return Coupling(name, driven, driver, tuple(coefficients), (zeros[0], zeros[1]), one.get("turns", False))
+    pair, turns = (zeros[0], zeros[1]), one.get("turns", False)
+    return Coupling(name, driven, driver, tuple(coefficients), pair, turns, teeth)
 
 
 def _zero(of: FileCoordinates, side: Side, written: Any, path: KeyPath) -> float:

@@ -84,6 +84,9 @@ _COUPLING = Keys(
         "phase": Amount("driven coordinate where the driver's is zero; 0 if left out"),
         "zeros": Several(Amount("a coordinate"), "of driven and driver, from which a polynomial counts", 2),
         "turns": Truth("whether whole turns between both sides of a polynomial do not count"),
+        "pressure_angle": Number(
+            "rad", "of the teeth of a gear or rack, 0 to 90 deg; 0 if left out: the tooth force is tangential"
+        ),
     },
     "driven = ratio * driver + phase, a rack, or a polynomial: told by its keys",
     ("driven",),

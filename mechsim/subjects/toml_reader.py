@@ -18,7 +18,7 @@ from mechsim.model.vertical import Up, against
 from mechsim.subjects.checked_values import Values
 from mechsim.subjects.key_kinds import Keys
 from mechsim.subjects.parameter_units import parameter_units, require_kinds
-from mechsim.subjects.toml_couplings import couplings_of
+from mechsim.subjects.toml_couplings import couplings_of, require_pitch_points
 from mechsim.subjects.toml_drivers import (
     FileProgram,
     coordinates_of,
@@ -92,6 +92,7 @@ def toml_subject(
             counted=counted,
             up=_up(read),
         )
+    require_pitch_points(source, mechanism, read)
     form = LoopForm(
         mechanism,
         parameters=values.parameters,

@@ -98,6 +98,8 @@ def _gear(gear: Gear) -> Iterator[str]:
     yield f"driven = {quoted(gear.driven)}"
     yield f"ratio = {number(gear.ratio)}"
     yield f"phase = {number(gear.phase)}"
+    if gear.pressure_angle:
+        yield f"pressure_angle = {number(gear.pressure_angle)}"
 
 
 def _gear_name(mechanism: Mechanism, index: int, taken: list[str]) -> str:
@@ -116,6 +118,8 @@ def _coupling(coupling: Coupling) -> Iterator[str]:
         yield f"zeros = {listed(coupling.zeros)}"
     if coupling.turns:
         yield "turns = true"
+    if coupling.pressure_angle is not None:
+        yield f"pressure_angle = {number(coupling.pressure_angle)}"
 
 
 def _side(side: str | Mapping[str, float]) -> str:

@@ -264,6 +264,7 @@ EFFORTS = (
         "moment", "N m", errors.of_reactions("moment"), "moment", REACTION, errors.reactions, "moment in {}"
     ),
     Quantity("gear torque", "N m", errors.gear_torque, "moment", REACTION, errors.gears, "torque of gear {}"),
+    Quantity("mesh force", "N", errors.mesh_force, "force", REACTION, errors.meshes, "teeth of {}"),
     Quantity("driver effort", "N m", errors.drive_effort, "moment", REACTION, errors.drives, "drive of {}"),
     Quantity("kinetic energy", "J", of("kinetic"), "kinetic energy", ENERGY),
     Quantity("potential energy", "J", of("potential"), "potential energy", ENERGY),
@@ -332,7 +333,8 @@ def efforts_scales(exact: Efforts) -> dict[str, float]:
         "force": force,
         "moment": force * exact.size,
         "kinetic energy": kinetic,
-        "potential energy": float(np.abs(exact.potential).max()),
+        # weight that does no work leaves rounding of places alone
+        "potential energy": max(float(np.abs(exact.potential).max()), IDLE * force * exact.size),
         "power": torque * float(np.abs(exact.speed).max()),
         "1": 1.0,
     }

@@ -132,18 +132,29 @@ def of_reactions(kind: Literal["force", "moment"]) -> Error:
 
 
 def drives(found: Efforts, exact: Efforts) -> Iterable[str]:
-    """Return the drivers and holds that programs move."""
-    return exact.drives
+    """Return the drivers that programs move, and holds."""
+    return [*exact.drives, *exact.holds]
 
 
 def drive_effort(found: Efforts, exact: Efforts, name: str) -> Array:
     """Return the error of the torque of one drive, of a force times the size."""
-    return _along(found.drives[name], exact.drives[name], exact, name)
+    own, true = ({**one.drives, **one.holds}[name] for one in (found, exact))
+    return _along(own, true, exact, name)
 
 
 def gear_torque(found: Efforts, exact: Efforts, name: str) -> Array:
     """Return the error of the torque between two gears, of a force between racks times the size."""
     return _along(found.gears[name], exact.gears[name], exact, name)
+
+
+def meshes(found: Efforts, exact: Efforts) -> Iterable[str]:
+    """Return the couplings with teeth."""
+    return exact.meshes
+
+
+def mesh_force(found: Efforts, exact: Efforts, name: str) -> Array:
+    """Return the error of the force at a pitch point."""
+    return np.where(_untold(exact), 0.0, lengths(found.meshes[name].force - exact.meshes[name].force))
 
 
 def _along(found: Array, true: Array, exact: Efforts, name: str) -> Array:

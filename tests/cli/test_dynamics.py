@@ -33,6 +33,25 @@ def test_a_prescribed_crank_is_told_as_json_with_a_verdict_and_written_as_a_tabl
     assert plot.read_bytes().startswith(b"<?xml")
 
 
+def test_couplings_are_reported_with_what_carries_them(capsys, monkeypatch, tmp_path):
+    csv = tmp_path / "out.csv"
+    words = ("--samples", "8", "--json", "--csv", str(csv))
+    code, out, _ = run(capsys, monkeypatch, "planetary_gear", *words)
+    told = json.loads(out)["couplings"]["carrier-planet"]
+    assert code == 0
+    # the ring stands, as the frame does
+    assert (told["by"], told["links"], told["unit"]) == ("teeth", ["planet", "ground"], "N m")
+    table = files.read(csv)
+    force = np.hypot(table["mesh carrier-planet.fx"], table["mesh carrier-planet.fy"])
+    assert force.max() == pytest.approx(told["force"]["largest"], rel=1e-12)
+    # a torque over the planet's radius
+    assert force == pytest.approx(np.abs(table["gear carrier-planet"]) / 0.018, rel=1e-9)
+    words = ("--samples", "8", "--method", "none")
+    _, out, _ = run(capsys, monkeypatch, "parallel_gripper", *words)
+    assert "ideal transmission: acts in reverse on ground" in " ".join(out.split())
+    assert "teeth of right-left on driver_l" in out
+
+
 def test_friction_flywheel_and_a_load_table_change_the_torque(capsys, monkeypatch, tmp_path):
     load = tmp_path / "load.csv"
     turn = repr(2.0 * np.pi)

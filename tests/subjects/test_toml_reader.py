@@ -226,6 +226,16 @@ CHANGES = {
         'a = { link = "ground", axis = [0, 0, 0] }',
         ("line 13", "zero vector"),
     ),
+    "teeth where no pitch point is": (
+        "[points]",
+        '[couplings.c]\ndriven = "A"\ndriver = "crank"\ncoefficients=[0, 1, 2]\npressure_angle=1\n[points]',
+        ("couplings.c.pressure_angle", "no pitch point"),
+    ),
+    "a pressure angle of 90 deg": (
+        "[points]",
+        '[couplings.c]\ndriver = "crank"\ndriven = "A"\nratio = 2\npressure_angle = "90 deg"\n[points]',
+        ("pressure angle of coupling 'crank-A'", "less than 90 deg"),
+    ),
     "a table for a list": ('["crank"]', "{}", ("line 3", "drivers")),
     "nests": ("start = 10", f"start = {'[' * 5000}{']' * 5000}", ("nests too deep",)),
 }

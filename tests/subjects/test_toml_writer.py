@@ -137,11 +137,13 @@ driver = "crank"
 driven = "second"
 ratio = -2
 phase = 75
+pressure_angle = 20
 [couplings.feed]
 driver = "crank"
 driven = "rack"
 travel = "36 mm"
 phase = 2
+pressure_angle = "0.4 rad"
 [couplings.lift]
 driver = "rack"
 driven = "nut.turn"
@@ -211,7 +213,9 @@ def test_couplings_are_what_their_keys_say_in_si(press):
     mechanism = press.mechanism
     (mesh,) = mechanism.gears
     assert (mesh.driver, mesh.driven, mesh.ratio, mesh.phase) == ("crank", "second", -2, np.deg2rad(75))
+    assert mesh.pressure_angle == np.deg2rad(20)
     feed, lift, both, twin = mechanism.couplings
+    assert [one.pressure_angle for one in mechanism.couplings] == [0.4, None, None, None]
     assert (feed.left, feed.right) == ("rack", "crank")
     np.testing.assert_allclose(feed.coefficients, [0.002, 0.036 / (2 * np.pi)], rtol=1e-15)
     # an angle in degrees over a length in millimetres

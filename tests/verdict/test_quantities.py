@@ -103,8 +103,20 @@ def spoiled_efforts(kind):
         return replace(EXACT, drives={name: effort + 1e-2 for name, effort in EXACT.drives.items()})
     if kind == "gear torque":
         return replace(EXACT, gears={name: torque + 1e-3 for name, torque in EXACT.gears.items()})
+    if kind == "mesh force":
+        ((name, mesh),) = EXACT.meshes.items()
+        return replace(EXACT, meshes={name: replace(mesh, force=mesh.force + 1.0)})
     wrong = {kind: getattr(EXACT.reactions["A"], kind) + 1.0}
     return replace(EXACT, reactions=changed(EXACT.reactions, "A", **wrong))
+
+
+def test_potential_energy_that_is_rounding_is_measured_by_the_forces():
+    exact = replace(EXACT, potential=np.zeros(len(ANGLES)))
+    force, size = efforts_scales(exact)["force"], exact.size
+    rounded = replace(exact, potential=np.full(len(ANGLES), 1e-16 * force * size))
+    assert judge_efforts(rounded, exact, road="pose").passed
+    wrong = replace(exact, potential=np.full(len(ANGLES), 1e-12 * force * size))
+    assert missed(judge_efforts(wrong, exact, road="pose")) == {"potential energy"}
 
 
 @pytest.mark.parametrize("road", ["pose", "step"])

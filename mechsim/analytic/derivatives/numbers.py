@@ -81,6 +81,7 @@ def _numbers(mechanism: Mechanism) -> Iterator[object]:
         yield joint.cross_angle
     for law in mechanism.laws:
         yield from (law.coefficients, law.zeros, [*law.left_terms.values()], [*law.right_terms.values()])
+        yield law.pressure_angle or 0.0
     yield [*mechanism.holds.values()]
     for _, local in mechanism.points.values():
         yield local
@@ -146,7 +147,9 @@ def _joint(joint: Joint, take: Taker) -> GivenJoint:
 def _coupling(law: Coupling, take: Taker) -> GivenCoupling:
     coefficients, zeros = take.tuple(len(law.coefficients)), take.tuple(2)
     left, right = take.terms(law.left_terms), take.terms(law.right_terms)
-    return GivenCoupling(law.name, left, right, coefficients, (zeros[0], zeros[1]), law.turns)
+    teeth = take.some(1)[0]
+    teeth = None if law.pressure_angle is None else teeth
+    return GivenCoupling(law.name, left, right, coefficients, (zeros[0], zeros[1]), law.turns, teeth)
 
 
 def _link(link: Link, take: Taker) -> Link:

@@ -229,6 +229,7 @@ def moved_as(
         torque=torque,
         reactions=held.reactions,
         gears=held.gears,
+        meshes=held.meshes,
         kinetic=kinetic_energy(unit, w, flywheel),
         potential=part.energy,
         power_in=torque * w,
@@ -238,6 +239,7 @@ def moved_as(
         sliding=_sliding(acting.dry, np.where(standing, 0.0, np.sign(w))),
         drive_accelerations=_drive_accelerations(unit, w),
         drives={**held.drives, **held.holds} if unit.drivers else {},
+        holds={} if unit.drivers else held.holds,
         straight=unit.mechanism.straight,
         meeting=held.meeting,
     )

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.closure import RANK_TOLERANCE
 from mechsim.analytic.closure.loop_equations import row_units
+from mechsim.analytic.dynamics.mesh_forces import magnitude, mesh_forces, shares
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.maths.arrays import Array
 from mechsim.maths.complex_step import least_norm, null_space
-from mechsim.model.efforts import Reaction
+from mechsim.model.efforts import MeshForce, Reaction
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
 from mechsim.model.mechanism import Mechanism
@@ -33,6 +34,7 @@ class Balance:
         reactions: joint -> reaction.
         gears: "driver-driven" of gears and other couplings -> torque on the driven joint's link b about its
             axis, or force along it, (n,) in [N m] or [N]; on the driver's is -slope times it.
+        meshes: gear, bevel and rack pair -> force at its pitch point.
         residual: largest imbalance left of any link, relative to the largest wrench, (n,).
         indeterminacy: number of independent self-stresses: forces the joints can hold against each
             other without any load.
@@ -43,6 +45,7 @@ class Balance:
     holds: Mapping[str, Array]
     reactions: Mapping[str, Reaction]
     gears: Mapping[str, Array]
+    meshes: Mapping[str, MeshForce]
     residual: Array
     indeterminacy: int
     meeting: NDArray[np.bool_]
@@ -77,6 +80,7 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
             for joint, span in zip(mechanism.joints, _spans(mechanism), strict=True)
         },
         {name: told[name] for name in mechanism.named_laws},
+        mesh_forces(unit, told),
         left / size,
         slack.shape[-1],
         ~sound,
@@ -122,6 +126,15 @@ def _reaction(
 ) -> Reaction:
     wrench, point = _wrench(unit, joint, span, multipliers[..., None])
     alone, _ = _wrench(unit, joint, span, slack)
+    apart: list[Array] = []
+    for share in shares(unit, joint):
+        row = _row(unit.mechanism, share.coupling, multipliers)
+        effort, stress = multipliers[:, row, None], slack[:, None, row]
+        wrench = wrench + (share.linear * effort + share.separating * magnitude(effort))[..., None]
+        alone = alone + share.linear[..., None] * stress
+        apart.append(share.separating[..., None] * stress)
+    # what separates teeth has the size of an effort, not its sign: it may differ whatever the others do
+    alone = np.concatenate([alone, *apart], -1)
     scale = np.array([unit.mechanism.size] * 3 + [1.0] * 3)
     alone = np.real(alone) * scale[:, None]
     undone = np.abs(alone[sound]).max((0, 2), initial=0.0)
@@ -162,3 +175,10 @@ def _named(mechanism: Mechanism, multipliers: Array) -> dict[str, Array]:
     names = [*mechanism.named_laws, *mechanism.holds, *mechanism.drivers]
     first = multipliers.shape[1] - len(names)
     return {name: multipliers[:, first + i] for i, name in enumerate(names)}
+
+
+def _row(mechanism: Mechanism, coupling: str, multipliers: Array) -> int:
+    """Return the row of a coupling among all multipliers, (n, m)."""
+    names = [*mechanism.named_laws]
+    first = multipliers.shape[1] - len(names) - len(mechanism.holds) - len(mechanism.drivers)
+    return first + names.index(coupling)

@@ -86,8 +86,8 @@ def sliding(loaded: LoadedModel, fields: Fields, qvel: Array) -> Array:
     return np.sign(np.concatenate(rates, 1))
 
 
-def loop_forces(loaded: LoadedModel, fields: Fields, jacobian: Array, multipliers: Array) -> AppliedForces:
-    """Return the forces that close the loops, (n, m): a multiplier acts on the first point of its pair."""
+def loop_forces(loaded: LoadedModel, fields: Fields, multipliers: Array) -> AppliedForces:
+    """Return the forces of cut joints, (n, m): a multiplier acts on the first point of its pair."""
     loops, forces = loaded.loops, loaded.nothing(len(multipliers))
     for number, pair in enumerate(loops.pairs):
         force = multipliers[:, 3 * number : 3 * number + 3]
@@ -100,8 +100,6 @@ def loop_forces(loaded: LoadedModel, fields: Fields, jacobian: Array, multiplier
         couple = (np.swapaxes(pair.apart(*rotations)[1], 1, 2) @ moment[..., None])[..., 0]
         for body, sign in zip(pair.bodies, (1.0, -1.0), strict=True):
             forces.wrenches[:, body, 3:] += sign * couple
-    rows = loops.coupled_rows
-    forces.generalised[:] += np.einsum("nm,nmv->nv", multipliers[:, rows], jacobian[:, rows])
     return forces
 
 

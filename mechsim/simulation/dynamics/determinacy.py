@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
-from mechsim.simulation.dynamics.applied import loop_forces
+from mechsim.simulation.dynamics.applied import loop_forces, together
 from mechsim.simulation.dynamics.efforts import row_scale, situation
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
+from mechsim.simulation.dynamics.mesh_forces import coupling_forces
 from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recorded_motion import States
@@ -42,7 +43,10 @@ def settled(loaded: LoadedModel) -> Known:
     size = np.array([1.0] * 3 + [loaded.mechanism.size] * 3)
 
     def carried(multipliers: Array) -> dict[str, Array]:
-        stressed = loop_forces(loaded, at.plain, at.jacobian, multipliers)
+        stressed = together(
+            loop_forces(loaded, at.plain, multipliers),
+            coupling_forces(loaded, at.plain, at.jacobian, multipliers),
+        )
         fields = loaded.look(loaded.looking(native=False), at.states, stressed)
         found = {
             joint.name: transmitted(loaded, joint, fields, multipliers) for joint in loaded.mechanism.joints

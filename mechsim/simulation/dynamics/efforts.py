@@ -13,6 +13,7 @@ from mechsim.model.motion import join, put, weighed
 from mechsim.simulation.dynamics.applied import Fields, dry_friction, loop_forces, native, sliding, together
 from mechsim.simulation.dynamics.friction import oppose
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
+from mechsim.simulation.dynamics.mesh_forces import coupling_forces, mesh_forces
 from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.dynamics.rigid_forces import rigid_forces, soften
 from mechsim.simulation.poses import follow
@@ -117,8 +118,10 @@ def efforts(loaded: LoadedModel, at: Situation, qacc: Array, multipliers: Array,
     else:
         drive.generalised[:, driven.dofs] = multipliers[:, loaded.loops.driven_rows]
     placed = native(loaded.model, at.plain)
-    loops = loop_forces(loaded, at.plain, at.jacobian, multipliers)
-    fields = loaded.look(loaded.looking(native=False), at.states, together(at.outer, placed, loops, drive))
+    loops = loop_forces(loaded, at.plain, multipliers)
+    coupled = coupling_forces(loaded, at.plain, at.jacobian, multipliers)
+    everything = together(at.outer, placed, loops, coupled, drive)
+    fields = loaded.look(loaded.looking(native=False), at.states, everything)
     lost, outer, motor = powers(loaded, at)
     rates = at.states.qvel
     # rounding is measured by accelerations: links that all turn evenly have none, and those that creep next
@@ -137,7 +140,9 @@ def efforts(loaded: LoadedModel, at: Situation, qacc: Array, multipliers: Array,
             joint.name: transmitted(loaded, joint, fields, multipliers) for joint in loaded.mechanism.joints
         },
         gears=_coupled(loaded, multipliers, [*loaded.mechanism.named_laws], 0),
+        meshes=mesh_forces(loaded, at.plain, multipliers),
         drives=_drives(loaded, multipliers),
+        holds=_holds(loaded, multipliers) if driven is None else {},
         drive_accelerations=_drive_accelerations(loaded, qacc),
         straight=loaded.mechanism.straight,
         kinetic=_kinetic(loaded, rates, at.plain["inertia"]),
@@ -201,12 +206,16 @@ def _coupled(loaded: LoadedModel, multipliers: Array, names: Sequence[str], afte
 
 def _drives(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
     """Return the force of each driver and hold; nothing where a crank is driven."""
-    mechanism, drive = loaded.mechanism, loaded.loops.drive
+    drive = loaded.loops.drive
     if drive is None:
         return {}
     forces = multipliers[:, loaded.loops.driven_rows].T
-    held = _coupled(loaded, multipliers, [*mechanism.holds], len(mechanism.laws))
-    return {**dict(zip(drive.names, forces, strict=True)), **held}
+    return {**dict(zip(drive.names, forces, strict=True)), **_holds(loaded, multipliers)}
+
+
+def _holds(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
+    """Return the force of each hold."""
+    return _coupled(loaded, multipliers, [*loaded.mechanism.holds], len(loaded.mechanism.laws))
 
 
 def _wound(loaded: LoadedModel, fields: Fields) -> Array:

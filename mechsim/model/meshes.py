@@ -1,0 +1,193 @@
+"""Gear, bevel and rack pairs: the pitch point at which their teeth touch, and the direction of their force.
+
+Two wheels that the same link carries roll on each other along a line, the pitch line: the axis about which
+the one rotates as seen from the other. Parallel shafts have one parallel to both, crossing shafts of a bevel
+pair one through the point where they meet, a rack and its pinion one along the pinion's shaft.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechsim.maths.arrays import Array
+from mechsim.model.couplings import Coupling
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import End, Joint
+from mechsim.model.mechanism import Mechanism
+
+# lengths below this fraction of the mechanism's size, and cosines below it, are rounding
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class ToothedLink:
+    """A wheel or rack as the carrier sees it.
+
+    Attributes:
+        joint: by which the carrier carries it.
+        link: that turns or slides with the joint.
+        end: the joint's side on the carrier.
+        sign: +1 where the wheel is the joint's link b, -1 where it is link a.
+    """
+
+    joint: Joint
+    link: str
+    end: End
+    sign: float
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is a wheel, not a rack."""
+        return KINDS[self.joint.kind].hinge
+
+    @property
+    def axis(self) -> Array:
+        """Of its joint, in the carrier's frame, (3,)."""
+        return self.end.frame[:, 2]
+
+    @property
+    def twist(self) -> tuple[Array, Array]:
+        """Its angular velocity and the velocity of its point in the carrier's origin, per unit of rate."""
+        along = self.sign * self.axis
+        if not self.turns:
+            return np.zeros(3), along
+        return along, np.cross(self.end.point, along)
+
+    def velocity(self, point: Array) -> Array:
+        """Return the velocity of its point there, per unit of the coordinate's rate, (3,)."""
+        spin, origin = self.twist
+        return origin + np.cross(spin, point)
+
+    def inward(self, point: Array) -> Array:
+        """Return the vector from a point to the nearest of its axis, (3,)."""
+        gap = np.asarray(self.end.point) - point
+        return gap - self.axis * (self.axis @ gap)
+
+
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    """Where two toothed links touch, in the frame of the link that carries both.
+
+    Attributes:
+        driven: the wheel or rack of the coupling's driven coordinate.
+        driver: the other.
+        carrier: the link that carries both.
+        point: the pitch point, (3,) in [m].
+        tangential: force on the driven one per unit of effort on the driven coordinate, (3,).
+        separating: force on it that the pressure angle adds, per unit of that effort's size, (3,).
+    """
+
+    driven: ToothedLink
+    driver: ToothedLink
+    carrier: str
+    point: Array
+    tangential: Array
+    separating: Array
+
+
+def meshes_of(mechanism: Mechanism) -> dict[str, Mesh]:
+    """Return name of a coupling, as `Mechanism.named_laws` has it -> its mesh, of those that have one."""
+    found = {name: mesh_of(mechanism, law) for name, law in mechanism.named_laws.items()}
+    return {name: mesh for name, mesh in found.items() if mesh is not None}
+
+
+def threads_of(mechanism: Mechanism) -> dict[str, Joint]:
+    """Return name of a coupling -> the screw joint whose thread it is."""
+    screws = [joint for joint in mechanism.joints if KINDS[joint.kind].led]
+    return {
+        name: joint
+        for name, law in mechanism.named_laws.items()
+        for joint in screws
+        if {*law.coordinates} == {*joint.coordinates}
+    }
+
+
+def mesh_of(mechanism: Mechanism, law: Coupling) -> Mesh | None:
+    """Return the mesh of a coupling; None for an ideal transmission, which has no pitch point.
+
+    The pitch point lies on the pitch line, halfway between the planes across the shafts through the points
+    of the joints; a joint whose point lies where shafts meet does not count.
+    """
+    pair = _toothed(mechanism, law)
+    if pair is None:
+        return None
+    driven, driver = pair
+    weights = [next(iter(terms.values())) for terms in (law.left_terms, law.right_terms)]
+    rate = law.slope * weights[1] / weights[0]
+    (spin2, origin2), (spin1, origin1) = driven.twist, driver.twist
+    line = _pitch_line(rate * spin2 - spin1, rate * origin2 - origin1, mechanism.size)
+    point = None if line is None else _pitch_point(pair, *line, mechanism.size)
+    if line is None or point is None:
+        return None
+    moved = driven.velocity(point)
+    tangential = weights[0] * moved / (moved @ moved)
+    apart = np.cross(line[1], tangential)
+    small = min((one for one in pair if one.turns), key=lambda one: _size(one.velocity(point)))
+    inwards = np.real(apart @ small.inward(point)) > 0.0
+    separating = apart * np.tan(law.pressure_angle or 0.0) * (1.0 if inwards == (small is driven) else -1.0)
+    return Mesh(driven, driver, driven.end.link, point, tangential, separating)
+
+
+def _toothed(mechanism: Mechanism, law: Coupling) -> tuple[ToothedLink, ToothedLink] | None:
+    """Return driven and driver of a coupling with teeth whose joints share one link, which carries both."""
+    sides = [*law.left_terms], [*law.right_terms]
+    if law.pressure_angle is None or len(law.coefficients) != 2 or [len(side) for side in sides] != [1, 1]:
+        return None
+    joints: Mapping[str, Joint] = {joint.name: joint for joint in mechanism.joints}
+    pair = [joints.get(side[0]) for side in sides]
+    driven, driver = pair
+    if driven is None or driver is None or not all(_carries(joint) for joint in (driven, driver)):
+        return None
+    shared = {driven.a.link, driven.b.link} & {driver.a.link, driver.b.link}
+    if len(shared) != 1 or driven is driver:
+        return None
+    carrier = shared.pop()
+    return _wheel(driven, carrier), _wheel(driver, carrier)
+
+
+def _carries(joint: Joint) -> bool:
+    """Whether a joint guides a wheel or a rack: a hinge, or a slide."""
+    kind = KINDS[joint.kind]
+    return kind.hinge or (kind.single and bool(kind.slides))
+
+
+def _wheel(joint: Joint, carrier: str) -> ToothedLink:
+    if joint.a.link == carrier:
+        return ToothedLink(joint, joint.b.link, joint.a, 1.0)
+    return ToothedLink(joint, joint.a.link, joint.b, -1.0)
+
+
+def _pitch_line(spin: Array, origin: Array, size: float) -> tuple[Array, Array] | None:
+    """Return a point and the direction of the axis of a twist that has no pitch; None where it has none."""
+    square = spin @ spin
+    if not _size(spin) > ROUNDING:
+        return None
+    if not abs(np.real(spin @ origin)) <= ROUNDING * size * np.real(square):
+        return None
+    return np.cross(spin, origin) / square, spin / np.sqrt(square)
+
+
+def _pitch_point(
+    pair: tuple[ToothedLink, ToothedLink], start: Array, along: Array, size: float
+) -> Array | None:
+    """Return the pitch point on a pitch line; None where a wheel would have no radius."""
+
+    def rolls(point: Array) -> bool:
+        return all(_size(one.velocity(point)) > (ROUNDING * size if one.turns else 0.0) for one in pair)
+
+    points: list[Array] = []
+    for one in pair:
+        slope = one.axis @ along
+        if one.turns and abs(np.real(slope)) > ROUNDING:
+            points.append(start + along * (one.axis @ (np.asarray(one.end.point) - start) / slope))
+    points = [point for point in points if rolls(point)]
+    if not points:
+        return None
+    point = np.sum(points, 0) / len(points)
+    return point if rolls(point) else None
+
+
+def _size(vector: Array) -> float:
+    """Return the length of a vector whose numbers may be complex steps."""
+    return float(np.linalg.norm(np.real(vector)))

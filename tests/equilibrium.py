@@ -1,0 +1,238 @@
+"""Newton's and Euler's laws of each link, from the accelerations of a motion and its reported efforts.
+
+Nothing of either method is used: only the description of the mechanism and of what acts, the motion of the
+links, and the reported forces.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechsim.model.efforts import Efforts
+from mechsim.model.forces import Forces, located
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import Motion
+
+
+@dataclass(frozen=True)
+class Action:
+    """A force at a point and a moment on a link, (n, 3) each in ground axes, and its reverse on another."""
+
+    name: str
+    on: str
+    by: str | None
+    force: np.ndarray
+    point: np.ndarray
+    moment: np.ndarray
+
+
+class Posture:
+    """Where links are and how they move, at n instants."""
+
+    def __init__(self, motion: Motion) -> None:
+        self.motion, self.n = motion, len(motion)
+
+    def turned(self, link: str, vector: object) -> np.ndarray:
+        """Return a vector of a link's frame in the ground frame."""
+        values = np.asarray(vector, dtype=np.float64)
+        if link == GROUND:
+            return np.broadcast_to(values, (self.n, 3))
+        return self.motion.links[link].rotation @ values
+
+    def point(self, link: str, local: object) -> np.ndarray:
+        """Return a point of a link."""
+        arm = self.turned(link, local)
+        return arm if link == GROUND else self.motion.links[link].position + arm
+
+    def spin(self, link: str) -> np.ndarray:
+        """Return the angular velocity of a link."""
+        return np.zeros((self.n, 3)) if link == GROUND else self.motion.links[link].angular_velocity
+
+    def velocity(self, link: str, point: np.ndarray) -> np.ndarray:
+        """Return the velocity of the point of a link that is at a place."""
+        if link == GROUND:
+            return np.zeros((self.n, 3))
+        moved = self.motion.links[link]
+        return moved.velocity + np.cross(moved.angular_velocity, point - moved.position)
+
+
+def largest_imbalance(
+    mechanism: Mechanism, forces: Forces, motion: Motion, efforts: Efforts, without: str | None = None
+) -> float:
+    """Return by how much any link misses its balance, as a part of the largest force on any.
+
+    Args:
+        mechanism: with an inertia on every link.
+        forces: what acts: gravity, springs, friction, loads and couples.
+        motion: of all links.
+        efforts: at the same instants.
+        without: name of an action to leave out.
+    """
+    at = Posture(motion)
+    acting = [one for one in actions(mechanism, forces, motion, efforts) if one.name != without]
+    scale = max(
+        float(np.linalg.norm(part, axis=1).max(initial=0.0)) / unit
+        for one in actions(mechanism, forces, motion, efforts)
+        for part, unit in ((one.force, 1.0), (one.moment, mechanism.size))
+    )
+    worst = 0.0
+    for link in mechanism.links:
+        assert link.inertia is not None
+        centre = at.point(link.name, link.inertia.centre)
+        force, moment = _inertial(at, link.name, link.inertia)
+        for one in acting:
+            for named, sign in ((one.on, -1.0), (one.by, 1.0)):
+                if named == link.name:
+                    force = force + sign * one.force
+                    moment = moment + sign * (one.moment + np.cross(one.point - centre, one.force))
+        worst = max(worst, float(np.abs(force).max()), float(np.abs(moment).max()) / mechanism.size)
+    return worst / scale
+
+
+def actions(mechanism: Mechanism, forces: Forces, motion: Motion, efforts: Efforts) -> Iterator[Action]:
+    """Yield all that acts on the links: what is described, and what is reported."""
+    at, none = Posture(motion), np.zeros((len(motion), 3))
+    for link in mechanism.links:
+        assert link.inertia is not None
+        weight = none + link.inertia.mass * np.asarray(forces.gravity)
+        yield Action(
+            f"weight of {link.name}", link.name, None, weight, at.point(link.name, link.inertia.centre), none
+        )
+    for i, load in enumerate(forces.loads):
+        link, local = located(mechanism, load.place)
+        yield Action(
+            f"load {i}", link, None, load.force.at(motion.angle, motion.time), at.point(link, local), none
+        )
+    for i, couple in enumerate(forces.couples):
+        yield Action(
+            f"couple {i}", couple.link, None, none, none, couple.moment.at(motion.angle, motion.time)
+        )
+    yield from _springs(mechanism, forces, at)
+    yield from _friction(mechanism, forces, at)
+    for name, one in efforts.reactions.items():
+        yield Action(f"reaction of {name}", one.link, one.by, one.force, one.point, one.moment)
+    for name, one in efforts.meshes.items():
+        yield Action(f"teeth of {name}", one.link, one.by, one.force, one.point, none)
+    if not efforts.drives:
+        yield along_coordinate(mechanism, at, mechanism.crank.name, efforts.torque, "drive")
+    for name, effort in {**efforts.drives, **efforts.holds}.items():
+        yield along_coordinate(mechanism, at, name, effort, f"drive of {name}")
+    yield from _ideal_transmissions(mechanism, at, efforts)
+
+
+def along_coordinate(
+    mechanism: Mechanism, at: Posture, coordinate: str, effort: np.ndarray, name: str
+) -> Action:
+    """Return an effort on a joint's coordinate: on its link b, by its link a."""
+    joint = next(joint for joint in mechanism.joints if coordinate in joint.coordinates)
+    kind, index = KINDS[joint.kind], joint.coordinates.index(coordinate)
+    axis = {"x": 0, "y": 1}.get(kind.slides[index], 2) if index < len(kind.slides) else 2
+    vector = effort[:, None] * at.turned(joint.a.link, joint.a.frame[:, axis])
+    point, none = at.point(joint.b.link, joint.b.point), np.zeros((at.n, 3))
+    parts = (vector, none) if index < len(kind.slides) else (none, vector)
+    return Action(name, joint.b.link, joint.a.link, parts[0], point, parts[1])
+
+
+def _ideal_transmissions(mechanism: Mechanism, at: Posture, efforts: Efforts) -> Iterator[Action]:
+    """Yield the efforts of couplings that have neither teeth nor a thread."""
+    screws = [{*joint.coordinates} for joint in mechanism.joints if joint.kind == "screw"]
+    for name, law in mechanism.named_laws.items():
+        if name in efforts.meshes or {*law.coordinates} in screws:
+            continue
+        joints = at.motion.joints
+        right = sum(weight * joints[of].value for of, weight in law.right_terms.items()) - law.zeros[1]
+        slope = np.polynomial.Polynomial(law.coefficients).deriv()(right + np.zeros(at.n))
+        for terms, factor in ((law.left_terms, np.ones(at.n)), (law.right_terms, -slope)):
+            for of, weight in terms.items():
+                effort = weight * factor * efforts.gears[name]
+                yield along_coordinate(mechanism, at, of, effort, f"coupling {name} on {of}")
+
+
+def _springs(mechanism: Mechanism, forces: Forces, at: Posture) -> Iterator[Action]:
+    none = np.zeros((at.n, 3))
+    for i, spring in enumerate(forces.springs):
+        (link_a, a), (link_b, b) = (located(mechanism, place) for place in (spring.a, spring.b))
+        first, second = at.point(link_a, a), at.point(link_b, b)
+        gap = second - first
+        length = np.linalg.norm(gap, axis=1, keepdims=True)
+        closing = at.velocity(link_b, second) - at.velocity(link_a, first)
+        rate = (closing * gap).sum(1, keepdims=True) / length
+        tension = spring.stiffness * (length - spring.rest) + spring.damping * rate
+        yield Action(f"spring {i}", link_a, link_b, tension * gap / length, first, none)
+    for spring in forces.joint_springs:
+        stretch = at.motion.joints[spring.joint].value - spring.rest
+        if mechanism.joint(spring.joint).kind == "revolute":
+            stretch = np.angle(np.exp(1j * stretch))
+        name = f"spring in {spring.joint}"
+        yield along_coordinate(mechanism, at, spring.joint, -spring.stiffness * stretch, name)
+
+
+def _friction(mechanism: Mechanism, forces: Forces, at: Posture) -> Iterator[Action]:
+    """Yield friction in joints that slide or turn about one axis, or about all."""
+    for rubbing in forces.friction:
+        joint = mechanism.joint(rubbing.joint)
+        spin = at.spin(joint.b.link) - at.spin(joint.a.link)
+        name, point = f"friction in {joint.name}", at.point(joint.b.link, joint.b.point)
+        if joint.kind == "spherical":
+            speed = np.linalg.norm(spin, axis=1, keepdims=True)
+            couple = -(rubbing.viscous + rubbing.coulomb / np.where(speed > 0.0, speed, 1.0)) * spin
+            yield Action(name, joint.b.link, joint.a.link, np.zeros((at.n, 3)), point, couple)
+            continue
+        axis = at.turned(joint.a.link, joint.a.axis)
+        moved = at.velocity(joint.b.link, point) - at.velocity(joint.a.link, point)
+        rates = {"slide": (moved * axis).sum(1), "turn": (spin * axis).sum(1)}
+        mixed, sliding = KINDS[joint.kind].mixed, bool(KINDS[joint.kind].slides)
+        own = (rubbing.viscous, rubbing.coulomb)
+        sizes = {"slide": own, "turn": (rubbing.viscous_turn, rubbing.coulomb_turn) if mixed else own}
+        resisted = {
+            kind: -(viscous * rates[kind] + dry * np.sign(rates[kind]))[:, None] * axis
+            for kind, (viscous, dry) in sizes.items()
+        }
+        force = resisted["slide"] if sliding else np.zeros((at.n, 3))
+        couple = resisted["turn"] if mixed or not sliding else np.zeros((at.n, 3))
+        yield Action(name, joint.b.link, joint.a.link, force, point, couple)
+
+
+def _inertial(at: Posture, link: str, inertia: object) -> tuple[np.ndarray, np.ndarray]:
+    """Return m a of the centre of mass, and I alpha + omega x I omega about it."""
+    moved = at.motion.links[link]
+    spin, arm = moved.angular_velocity, at.turned(link, inertia.centre)
+    turning = np.cross(moved.angular_acceleration, arm) + np.cross(spin, np.cross(spin, arm))
+    matrix = moved.rotation @ np.asarray(inertia.moments) @ np.swapaxes(moved.rotation, 1, 2)
+    moment = (matrix @ moved.angular_acceleration[..., None])[..., 0]
+    moment = moment + np.cross(spin, (matrix @ spin[..., None])[..., 0])
+    return inertia.mass * (moved.acceleration + turning), moment
+
+
+def largest_work(mechanism: Mechanism, motion: Motion, efforts: Efforts) -> float:
+    """Return the largest power of any reaction in its joint, or of teeth at their pitch point.
+
+    It is a part of the largest force times the largest speed. What geometry transmits does no work.
+    """
+    at, power, force, speed = Posture(motion), 0.0, 0.0, 0.0
+    pairs = [(one, one.moment) for one in efforts.reactions.values()]
+    pairs += [(one, np.zeros_like(one.force)) for one in efforts.meshes.values()]
+    for one, moment in pairs:
+        velocities = [at.velocity(link, one.point) for link in (one.link, one.by)]
+        spins = [mechanism.size * at.spin(link) for link in (one.link, one.by)]
+        moment = moment / mechanism.size
+        work = one.force * (velocities[0] - velocities[1]) + moment * (spins[0] - spins[1])
+        power = max(power, float(np.abs(work.sum(1)).max()))
+        force = max(force, *(float(np.abs(part).max()) for part in (one.force, moment)))
+        speed = max(speed, *(float(np.abs(part).max()) for part in (*velocities, *spins)))
+    return power / (force * speed)
+
+
+def largest_slip(mechanism: Mechanism, motion: Motion, efforts: Efforts) -> float:
+    """Return the largest speed with which pitch circles slip, as a part of the largest speed of any wheel."""
+    at, slip, speed = Posture(motion), 0.0, 0.0
+    for one in efforts.meshes.values():
+        velocities = [at.velocity(link, one.point) for link in (one.link, one.by)]
+        slip = max(slip, float(np.abs(velocities[0] - velocities[1]).max()))
+        speed = max(
+            speed, *(mechanism.size * float(np.abs(at.spin(link)).max()) for link in (one.link, one.by))
+        )
+    return slip / speed if efforts.meshes else 0.0

@@ -1,0 +1,121 @@
+"""Random gear trains: wheels, racks, bevel wheels and a screw on the frame and on an arm that turns."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mechsim.model.couplings import Coupling, Gear
+from mechsim.model.inertia import Inertia
+from mechsim.model.joint_kinds import KindName
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Link, Pose
+from mechsim.model.mechanism import Mechanism
+
+
+@dataclass
+class Workshop:
+    """Links that stand anywhere, and joints put between them where all coordinates are zero."""
+
+    chance: np.random.Generator
+    poses: dict[str, Pose] = field(default_factory=dict)
+    joints: list[Joint] = field(default_factory=list)
+
+    def direction(self) -> np.ndarray:
+        """Return any unit vector."""
+        found = self.chance.normal(size=3)
+        return found / np.linalg.norm(found)
+
+    def across(self, axis: np.ndarray) -> np.ndarray:
+        """Return any unit vector across another."""
+        found = np.cross(axis, self.direction())
+        return found / np.linalg.norm(found)
+
+    def link(self, name: str) -> None:
+        """Add a link whose frame stands anywhere."""
+        turned = np.linalg.qr(self.chance.normal(size=(3, 3)))[0]
+        turned *= np.linalg.det(turned)
+        self.poses[name] = Pose(self.chance.uniform(-0.1, 0.1, 3), turned)
+
+    def joint(
+        self,
+        name: str,
+        kind: KindName,
+        carrier: str,
+        link: str,
+        point: np.ndarray,
+        axis: np.ndarray,
+        **more: float,
+    ) -> None:
+        """Join a new link to another; either is side a, and the axis points either way."""
+        if link not in self.poses:
+            self.link(link)
+        axis = axis * self.chance.choice([-1.0, 1.0])
+        mark, sides = self.across(axis), [carrier, link]
+        if self.chance.random() < 0.4:
+            sides.reverse()
+        ends = [self.end(side, point, axis, mark) for side in sides]
+        self.joints.append(Joint(name, kind, *ends, **more))
+
+    def end(self, link: str, point: np.ndarray, axis: np.ndarray, mark: np.ndarray) -> End:
+        """Return a side of a joint where it stands in the ground frame."""
+        pose = self.poses.get(link, Pose(np.zeros(3), np.eye(3)))
+        back = pose.rotation.T
+        local = back @ (point - pose.position)
+        return End(link, *(tuple(vector.tolist()) for vector in (local, back @ axis, back @ mark)))
+
+    def inertia(self) -> Inertia:
+        """Return a body of any shape."""
+        spread = self.chance.normal(size=(3, 3))
+        spread = spread @ spread.T + 0.5 * np.eye(3)
+        moments = 2e-4 * (np.trace(spread) * np.eye(3) - spread)
+        rows = tuple(tuple(row) for row in moments.tolist())
+        return Inertia(1.0, tuple(self.chance.uniform(-0.03, 0.03, 3).tolist()), rows)
+
+
+def train(seed: int, pressure_angle: float | None = None) -> Mechanism:
+    """Return a train: a pair and a bevel pair on the frame, a planet, a wheel and a rack on an arm, a nut.
+
+    Its crank is the arm. The wheel `skew` passes the crank's axis, and is geared to it by no teeth; `cam`
+    slides by a polynomial.
+    """
+    chance = np.random.default_rng(seed)
+    shop = Workshop(chance)
+    main, origin = shop.direction(), chance.uniform(-0.05, 0.05, 3)
+    shop.joint("crank", "revolute", GROUND, "arm", origin, main)
+
+    def beside(point: np.ndarray) -> np.ndarray:
+        away = chance.uniform(0.03, 0.08) * shop.across(main)
+        return point + away + chance.uniform(-0.02, 0.02) * main
+
+    def slope() -> float:
+        return float(chance.uniform(0.4, 0.8) ** chance.choice([-1.0, 1.0]) * chance.choice([-1.0, 1.0]))
+
+    planet_at = beside(origin)
+    shop.joint("wheel", "revolute", GROUND, "wheel", beside(origin), main)
+    shop.joint("planet", "revolute", "arm", "planet", planet_at, main)
+    shop.joint("second", "revolute", "arm", "second", beside(planet_at), main)
+    shop.joint("rack", "prismatic", "arm", "rack", beside(planet_at), shop.across(main))
+    bevel = shop.across(main) + chance.uniform(-0.8, 0.8) * main
+    bevel /= np.linalg.norm(bevel)
+    apex = origin + chance.uniform(0.02, 0.04) * main
+    shop.joint("bevel", "revolute", GROUND, "bevel", apex + chance.uniform(0.03, 0.05) * bevel, bevel)
+    shop.joint("skew", "revolute", GROUND, "skew", beside(apex) + 0.05 * bevel, bevel)
+    shop.joint("cam", "prismatic", "wheel", "cam", beside(origin), shop.direction())
+    nut, guide = shop.across(main), beside(origin)
+    shop.joint("thread", "screw", "bevel", "nut", apex + 0.1 * bevel, bevel, lead=0.004)
+    shop.joint("guide", "prismatic", GROUND, "nut", guide + 0.03 * nut, bevel)
+    angles = chance.uniform(0.2, 0.5, 5) if pressure_angle is None else np.full(5, pressure_angle)
+    gears = (
+        Gear("crank", "wheel", slope(), 0.0, float(angles[0])),
+        Gear("crank", "planet", slope(), 0.0, float(angles[1])),
+        Gear("planet", "second", slope(), 0.0, float(angles[2])),
+        Gear("crank", "bevel", slope(), 0.0, float(angles[3])),
+        Gear("crank", "skew", slope()),
+    )
+    couplings = (
+        Coupling("mesh", "rack", "planet", (0.0, 0.03 * slope()), pressure_angle=float(angles[4])),
+        Coupling("groove", "cam", "wheel", (0.0, 0.01, 0.004, -0.002)),
+    )
+    links = tuple(Link(name, inertia=shop.inertia()) for name in shop.poses)
+    points = {name: (name, (0.01, -0.02, 0.015)) for name in shop.poses}
+    return Mechanism("train", links, tuple(shop.joints), "crank", points, gears, shop.poses, 0.0, couplings)
