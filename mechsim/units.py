@@ -9,14 +9,15 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import field
 from functools import cache
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError
 
 Array = NDArray[np.float64]
+Given = TypeVar("Given")
 # (unit as written, SI unit) -> how many of the second one of the first is: those written most, so that pint's
 # definitions need not be read for them, and others as they are met
 FACTORS: dict[tuple[str, str], float] = {
@@ -168,6 +169,16 @@ def parse_speed(text: str, name: str = "the speed") -> float:
 def parse_time(text: str, name: str = "the time") -> float:
     """Return a time in [s]."""
     return parse(text, "s", name)
+
+
+def si(value: Given | str, unit: Unit, name: str = "the value") -> Given | float:
+    """Return a quantity in SI: text is read as by `parse`, all else is returned as it is."""
+    return parse(value, unit, name) if isinstance(value, str) else value
+
+
+def si_angles(value: ArrayLike, name: str = "the angles") -> ArrayLike:
+    """Return angles in [rad]: text is read as by `parse_angles`, all else is returned as it is."""
+    return parse_angles(value, name) if isinstance(value, str) else value
 
 
 def parse_vector(text: str, unit: Unit, name: str = "the vector") -> tuple[float, ...]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mechsim import units
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import number, numbers
@@ -44,8 +45,8 @@ def path_instants(
     Args:
         mechanism: what moves.
         programs: its motion laws; None where a crank is driven.
-        angles: crank angles, (n,) in [rad]; None where times are given.
-        speed: crank speed in [rad/s]; None is 1 at crank angles.
+        angles: crank angles, (n,) in [rad] or text; None where times are given.
+        speed: crank speed in [rad/s] or text; None is 1 at crank angles.
         acceleration: crank acceleration in [rad/s2].
         t: times, (n,) in [s]; at time zero the crank stands at `mechanism.start`.
 
@@ -53,6 +54,8 @@ def path_instants(
         InputError: for crank angles or rates where motion laws drive, for both angles and times or neither,
             and for times that are no finite numbers or beyond a law's table.
     """
+    angles = None if angles is None else units.si_angles(angles, "the crank angles")
+    speed = units.si(speed, "rad/s", "the crank's speed")
     if programs is not None:
         return _under_laws(mechanism, programs, angles, speed, acceleration, t)
     if t is None and angles is None:

@@ -62,7 +62,7 @@ class FramedPage:
 
 
 @overload
-def show(mechanism: "Form | Mechanism", *, speed: float = SPEED, height: int = 720) -> FramedPage: ...
+def show(mechanism: "Form | Mechanism", *, speed: float | str = SPEED, height: int = 720) -> FramedPage: ...
 @overload
 def show(
     mechanism: "Mechanism",
@@ -89,8 +89,8 @@ def show(mechanism: Any, motion: "Motion | None" = None, look: "Look | None" = N
     return turned(mechanism, **asked)
 
 
-def turned(source: "Form | Mechanism", *, speed: float = SPEED, height: int = 720) -> FramedPage:
-    """Return a page to turn a mechanism by hand, its crank turning at a speed in [rad/s].
+def turned(source: "Form | Mechanism", *, speed: float | str = SPEED, height: int = 720) -> FramedPage:
+    """Return a page to turn a mechanism by hand, its crank turning at a speed in [rad/s] or as "600rpm".
 
     Raises:
         InputError: for what does not move.
@@ -100,11 +100,12 @@ def turned(source: "Form | Mechanism", *, speed: float = SPEED, height: int = 72
     from mechsim.model.mechanism import described
     from mechsim.pictures.view import page
     from mechsim.report.views import mechanism_view
+    from mechsim.units import si
 
     if isinstance(source, str):
         raise InputError(f"{source!r} is a name; give ms.load({source!r})")
     form = source if isinstance(source, ClosedForm | LoopForm) else LoopForm(described(source))
-    return FramedPage(page(mechanism_view(form, speed)), height)
+    return FramedPage(page(mechanism_view(form, si(speed, "rad/s", "the speed"))), height)
 
 
 def film(

@@ -25,16 +25,17 @@ from mechsim.simulation.place_tolerance import within
 from mechsim.simulation.run_result import Method, Run
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stepping import Watch, unwatched
+from mechsim.units import si
 
 
 @quiet()
 def simulate(
     source: Source,
     *,
-    speed: float | None = None,
+    speed: float | str | None = None,
     turns: float = 1.0,
     profile: CrankProfile | None = None,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     settings: Settings | None = None,
     method: Method | None = None,
     samples: int | None = None,
@@ -50,12 +51,12 @@ def simulate(
     Args:
         source: a Mechanism, or what has one, as those of the catalogue have; or a specification, an
             MJCF file or text whose sites are the tracked points.
-        speed: constant crank speed in [rad/s], negative backwards; or give `profile`.
+        speed: constant crank speed in [rad/s], negative backwards, or text, as "600rpm"; or give `profile`.
         turns: of the crank, at constant speed.
         profile: the crank's angle over time.
-        tolerance: bound on the place of any tracked point, in [m]; the number of steps is then chosen
-            by trials and the result checked against it. None steps as the settings say and calls the
-            run met within a ten-thousandth of the stroke.
+        tolerance: bound on the place of any tracked point, in [m] or text, as "10um"; the number of steps
+            is then chosen by trials and the result checked against it. None steps as the settings say and
+            calls the run met within a ten-thousandth of the stroke.
         settings: how to step; with a tolerance their number of steps is replaced, and where no number keeps
             it, their hardness, unless that is given.
         method: "step" integrates in time; "pose" solves each crank angle by itself, to rounding. None
@@ -80,6 +81,7 @@ def simulate(
             leave its range.
         MobilityError: where the crank does not settle the poses asked for, or cannot move.
     """
+    speed, tolerance = si(speed, "rad/s", "the crank speed"), si(tolerance, "m", "the tolerance")
     _check(tolerance, method, samples)
     for name, given, kind in (
         ("scene", scene, Scene),

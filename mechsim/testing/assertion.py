@@ -21,12 +21,12 @@ Formula = str | Path | Callable[..., Any]
 def assert_agrees(
     model: Model,
     formula: Formula | None = None,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     *,
     set: Mapping[str, str | float] | None = None,
     drive: Mapping[str, str | State] | None = None,
     duration: str | float | None = None,
-    speed: float = SPEED,
+    speed: float | str = SPEED,
 ) -> Agreement:
     """Return how a model and a formula agree, and fail where they do not.
 
@@ -34,11 +34,12 @@ def assert_agrees(
         model: a name, FILE.toml, FILE.xml, FILE.py:OBJECT, or what `ms.load` returns.
         formula: a function of the drivers' coordinates, FILE.py:FUNC or FILE.csv; None takes the one that
             the model's file names. It is run.
-        tolerance: bound on places in [m], on other quantities in proportion; None takes 1e-8 of the reach.
+        tolerance: bound on places in [m] or text, as "10um", on other quantities in proportion;
+            None takes 1e-8 of the reach.
         set: parameter -> its value, as `ms.load` takes it.
         drive: coordinate -> its program, as `ms.load` takes it.
         duration: of the programs, as `ms.load` takes it.
-        speed: of a crank, in [rad/s].
+        speed: of a crank, in [rad/s], or text, as "600rpm".
 
     Raises:
         AssertionError: where a quantity is beyond its bound: verdict, likely cause, the command that shows it

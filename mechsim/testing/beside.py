@@ -25,7 +25,7 @@ class Beside:
         return load(str(self._found(model)), **asked)
 
     def assert_agrees(
-        self, model: Model, formula: Formula | None = None, tolerance: float | None = None, **asked: Any
+        self, model: Model, formula: Formula | None = None, tolerance: float | str | None = None, **asked: Any
     ) -> Agreement:
         """Return how a model of the folder and a formula agree, as `ms.testing.assert_agrees` does."""
         __tracebackhide__ = True

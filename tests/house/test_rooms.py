@@ -16,8 +16,8 @@ FILES = house.modules()
 MAY = {
     "maths": set(),
     "model": {"maths"},
-    "analytic": {"maths", "model"},
-    "simulation": {"maths", "model"},
+    "analytic": {"maths", "model", "units"},
+    "simulation": {"maths", "model", "units"},
     "verdict": {"maths", "model"},
     "shapes": {"maths", "model"},
     "theory": {"maths", "model", "analytic"},

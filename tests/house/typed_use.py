@@ -15,5 +15,6 @@ verdict = ms.crosscheck(run.motion, exact)
 assert_type(verdict.passed, bool)
 assert_type(ms.units.parse_length("13 mm"), float)
 ms.render.Look, ms.plots.motion_plot, ms.course.constant, ms.rods.with_inertia, ms.motors
-ms.simulate(drive, speed="600rpm")  # type: ignore[arg-type]
+ms.simulate(drive, speed="600rpm", tolerance="1um")
+ms.simulate(drive, speed=[600])  # type: ignore[arg-type, list-item]
 ms.nothing  # type: ignore[attr-defined]

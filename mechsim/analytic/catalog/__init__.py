@@ -8,6 +8,7 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.bennett import Bennett
 from mechsim.analytic.catalog.four_bar import FourBar
 from mechsim.analytic.catalog.looper import Looper
+from mechsim.analytic.catalog.parameter_text import parameter_value
 from mechsim.analytic.catalog.rrsrr import Rrsrr
 from mechsim.analytic.catalog.rssr import Rssr
 from mechsim.analytic.catalog.slider_crank import SliderCrank
@@ -24,16 +25,18 @@ def make(name: str, /, **values: Any) -> ClosedForm:
 
     Args:
         name: as listed in `DRIVES`.
-        values: lengths in [m], angles in [rad]; names as the class declares them.
+        values: lengths in [m], angles in [rad], or text with a unit, as "14mm"; names as the class declares
+            them.
 
     Raises:
         InputError: for an unknown name or parameter (with the nearest known one) or a bad value.
     """
-    known = list(parameters(name))
+    known = parameters(name)
     for parameter in values:
         if parameter not in known:
-            raise InputError(f"{name} has no parameter {parameter!r}{nearest(parameter, known)}")
-    return DRIVES[name](**values)
+            raise InputError(f"{name} has no parameter {parameter!r}{nearest(parameter, list(known))}")
+    given = {one: parameter_value(name, known[one], one, value) for one, value in values.items()}
+    return DRIVES[name](**given)
 
 
 def parameters(name: str) -> dict[str, Field[Any]]:

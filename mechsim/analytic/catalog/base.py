@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mechsim import units
 from mechsim.analytic.catalog.first_configuration import first_sign_angle, segment
 from mechsim.analytic.catalog.parameter_fields import checked, checked_rate, choice
 from mechsim.analytic.closure.rank import conditioning
@@ -209,8 +210,8 @@ class ClosedForm(ABC):
         The sign of the assembly applies at the first crank angle, as `starting_at` has it.
 
         Args:
-            angles: crank angles, (n,) in [rad], in any order.
-            speed: crank speed, scalar or (n,) in [rad/s]; None is 1 at crank angles.
+            angles: crank angles, (n,) in [rad], in any order, or text, as "0:360:5deg".
+            speed: crank speed, scalar or (n,) in [rad/s], or text, as "600rpm"; None is 1 at crank angles.
             acceleration: crank acceleration, scalar or (n,) in [rad/s2].
             t: times, (n,) in [s], in place of crank angles: the crank turns at a constant `speed` and stands
                 at the mechanism's `start` at time zero.
@@ -325,7 +326,8 @@ class ClosedForm(ABC):
         return self.description
 
     def _angles(self, angles: ArrayLike) -> Array:
-        """Return crank angles as an array; raise InputError for what are none."""
+        """Return crank angles as an array, from text too; raise InputError for what are none."""
+        angles = units.si_angles(angles, f"the crank angles of {self.name}")
         try:
             given = np.atleast_1d(np.asarray(angles, dtype=np.float64))
         except (TypeError, ValueError):

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mechsim import units
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 
@@ -70,6 +71,7 @@ def checked(mechanism: str, name: str, value: Any, default: Any, rule: Mapping[s
 
 def checked_rate(mechanism: str, what: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Return a crank rate for each crank angle; raise InputError for what is none."""
+    value = units.si(value, "rad/s", f"the crank's {what}") if what == "speed" else value
     try:
         rate = np.broadcast_to(np.asarray(value, dtype=np.float64), shape)
     except (TypeError, ValueError):

@@ -102,8 +102,8 @@ class LoopForm:
         """Return the motion at crank angles, as `closure.solve`, or at times.
 
         Args:
-            angles: crank angles, (n,) in [rad]; where motion laws drive, give `t`.
-            speed: crank speed, scalar or (n,) in [rad/s]; None is 1 at crank angles.
+            angles: crank angles, (n,) in [rad] or text, as "0:360:5deg"; where motion laws drive, give `t`.
+            speed: crank speed, scalar or (n,) in [rad/s] or text, as "600rpm"; None is 1 at crank angles.
             acceleration: crank acceleration, scalar or (n,) in [rad/s2].
             t: times, (n,) in [s], of motion laws, or of a crank at a constant `speed` that stands at the
                 mechanism's `start` at time zero.

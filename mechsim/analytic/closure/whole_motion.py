@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mechsim import units
 from mechsim.analytic.closure.assembly import crank_angles
 from mechsim.analytic.closure.checked_start import checked_start
 from mechsim.analytic.closure.followed_path import FollowedPath
@@ -86,8 +87,8 @@ def solve(
     Args:
         mechanism: the mechanism, whose guess selects the assembly; or what has one, as those of the
             catalogue have, whose parameters select it at the first crank angle.
-        angles: crank angles, not wrapped, in any order, (n,) in [rad].
-        speed: crank speed, scalar or (n,) in [rad/s].
+        angles: crank angles, not wrapped, in any order, (n,) in [rad] or text, as "0:360:5deg".
+        speed: crank speed, scalar or (n,) in [rad/s] or text, as "600rpm".
         acceleration: crank acceleration, scalar or (n,) in [rad/s2].
         through: "smooth" or "fold" where two assemblies meet.
 
@@ -98,6 +99,7 @@ def solve(
     Accuracy: relative errors of about 1e-15 times the condition of the loops; within 5e-3 rad of a change
         point 1e-12.
     """
+    angles, speed = units.si_angles(angles), units.si(speed, "rad/s", "the crank's speed")
     asked = crank_angles(described(mechanism), angles)
     rate = crank_rate(described(mechanism), "speed", speed, len(asked))
     mechanism = starting_at(mechanism, asked, float(rate[0]))

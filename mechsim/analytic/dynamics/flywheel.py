@@ -12,6 +12,7 @@ from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.maths.roots import root
 from mechsim.model.efforts import Fluctuation
+from mechsim.units import si
 
 # the smallest coefficient of fluctuation that can be told from rounding
 LEAST = 1e-9
@@ -19,8 +20,8 @@ LEAST = 1e-9
 ANGLES = 1024
 
 
-def fluctuation(machine: Machine, mean: float) -> Fluctuation:
-    """Return how the crank's speed varies over the turn at a mean speed in [rad/s].
+def fluctuation(machine: Machine, mean: float | str) -> Fluctuation:
+    """Return how the crank's speed varies over the turn at a mean speed in [rad/s], or as "600rpm".
 
     J w2 / 2 = K + integral of (T + Q); the constant torque T makes up the turn's balance and K the mean
     speed. Friction that grows with speed, and loads over time, are taken as at the mean speed.
@@ -29,13 +30,14 @@ def fluctuation(machine: Machine, mean: float) -> Fluctuation:
         InputError: for a mean speed of zero.
         AssemblyError: where the crank cannot turn fully.
     """
+    mean = si(mean, "rad/s", "mean crank speed")
     if not 0.0 < abs(mean) < np.inf:
         raise InputError(f"mean crank speed is {mean} rad/s; give a finite speed other than 0")
     angle, inertia, gained, torque = _turn(machine, mean)
     return _even(machine, angle, inertia, gained, torque, mean)
 
 
-def flywheel_for(machine: Machine, mean: float, coefficient: float) -> Fluctuation:
+def flywheel_for(machine: Machine, mean: float | str, coefficient: float) -> Fluctuation:
     """Return the turn with the smallest flywheel that keeps the coefficient of speed fluctuation.
 
     The flywheel found replaces that of the machine's forces; it is zero where none is needed.
@@ -43,6 +45,7 @@ def flywheel_for(machine: Machine, mean: float, coefficient: float) -> Fluctuati
     Raises:
         InputError: for a coefficient so small that rounding of the speed is larger.
     """
+    mean = si(mean, "rad/s", "mean crank speed")
     if not LEAST <= coefficient < np.inf:
         raise InputError(
             f"coefficient of speed fluctuation is {coefficient}; give {LEAST:g} or more, as 0.02"

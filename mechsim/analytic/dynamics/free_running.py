@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mechsim import units
 from mechsim.analytic.dynamics.free_run_events import Runner
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.errors import InputError
@@ -16,15 +17,15 @@ TOLERANCE = 3e-13
 def free_run(
     machine: Machine,
     *,
-    angle: float | None = None,
-    speed: float = 0.0,
+    angle: float | str | None = None,
+    speed: float | str = 0.0,
     turns: float | None = None,
-    duration: float | None = None,
+    duration: float | str | None = None,
     times: ArrayLike | None = None,
     samples: int = 721,
     tolerance: float = TOLERANCE,
 ) -> FreeRun:
-    """Let a machine run by itself from a crank angle and speed.
+    """Let a machine run by itself from a crank angle and speed; quantities in SI, or text, as "600rpm".
 
     Dry friction holds a crank at rest until what drives it is larger; every rest and change of
     direction is an event of its own, so that no step is taken across it.
@@ -45,6 +46,8 @@ def free_run(
     Accuracy: crank angle about 1e-11 rad a turn at the default tolerance; `energy_error` says how
         well the energy balance came out.
     """
+    angle, speed = units.si(angle, "rad", "the start angle"), units.si(speed, "rad/s", "the speed")
+    duration = units.si(duration, "s", "the duration")
     instants = None if times is None else np.asarray(times, dtype=np.float64)
     if instants is not None:
         if len(instants) < 2 or instants[0] != 0.0 or not (np.diff(instants) > 0.0).all():

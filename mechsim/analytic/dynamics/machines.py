@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mechsim import units
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.dynamics.unit_motion import UnitMotion, from_motion
 from mechsim.analytic.forms import Form
@@ -82,7 +83,7 @@ def machine(
     *,
     mechanism: Mechanism | None = None,
     density: float = STEEL,
-    diameter: float | None = None,
+    diameter: float | str | None = None,
 ) -> Machine:
     """Return a catalogue mechanism, or any other, as a machine.
 
@@ -93,7 +94,7 @@ def machine(
             it has none. `Forces()` is none in any case.
         mechanism: the description of the catalogue mechanism with inertias of one's own.
         density: of the rods that links without inertia are made of, in [kg/m3].
-        diameter: of those rods in [m]; None takes 0.05 of the mechanism's size.
+        diameter: of those rods in [m] or text, as "5mm"; None takes 0.05 of the mechanism's size.
 
     Raises:
         InputError: for forces that name what the mechanism does not have, and for one that is to fold where
@@ -106,7 +107,7 @@ def machine(
             "large enough; leave out through=fold"
         )
     bare = mechanism or drive.mechanism
-    described = with_inertia(bare, density, diameter)
+    described = with_inertia(bare, density, units.si(diameter, "m", "diameter of the rods"))
     acting = acting_on(source, forces)
     acting.check(described)
     _check_crank(described, acting, getattr(drive, "programs", None))

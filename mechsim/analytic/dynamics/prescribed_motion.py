@@ -114,8 +114,8 @@ def prescribed(
 
     Args:
         machine: the machine; its motor is left out.
-        angles: crank angles, (n,) in [rad]; where motion laws drive, give `t`.
-        speed: of the crank, scalar or (n,) in [rad/s].
+        angles: crank angles, (n,) in [rad] or text, as "0:360:5deg"; where motion laws drive, give `t`.
+        speed: of the crank, scalar or (n,) in [rad/s], or text, as "600rpm".
         acceleration: of the crank, scalar or (n,) in [rad/s2].
         t: times, (n,) in [s], of motion laws, or of a crank at a constant `speed` that stands at the
             mechanism's `start` at time zero.

@@ -31,6 +31,7 @@ from mechsim.simulation.run_result import SteppedFreeRun
 from mechsim.simulation.settings import HARDNESS, Settings, set_armature
 from mechsim.simulation.stepping import Watch, unwatched
 from mechsim.simulation.telling import RANK_TOLERANCE
+from mechsim.units import si
 
 # turns of the crank at its expected speed after which a run for turns is given up
 PATIENCE = 20.0
@@ -56,18 +57,20 @@ def free_run(
     source: Mechanism | Described,
     forces: Forces | None = None,
     *,
-    angle: float | None = None,
-    speed: float = 0.0,
+    angle: float | str | None = None,
+    speed: float | str = 0.0,
     turns: float | None = None,
-    duration: float | None = None,
-    tolerance: float | None = None,
+    duration: float | str | None = None,
+    tolerance: float | str | None = None,
     samples: int = 720,
-    timestep: float | None = None,
+    timestep: float | str | None = None,
     settings: Settings | None = None,
     cut: tuple[str, ...] | None = None,
     watch: Watch = unwatched,
 ) -> SteppedFreeRun:
     """Let a machine run by itself from a crank angle and speed, stepped in MuJoCo.
+
+    Quantities are numbers in SI, or text with a unit, as "600rpm".
 
     Args:
         source: a Mechanism, or what has one, as `ms.load` returns; links without an inertia are rods, as in
@@ -90,6 +93,9 @@ def free_run(
         InputError: where it is not said when to end, or values cannot be used.
         AssemblyError: if the loops do not close at the start.
     """
+    angle, speed = si(angle, "rad", "the start angle"), si(speed, "rad/s", "the speed")
+    duration, timestep = si(duration, "s", "the duration"), si(timestep, "s", "the time step")
+    tolerance = si(tolerance, "rad", "the tolerance")
     _check(
         speed=speed,
         turns=turns,

@@ -24,6 +24,7 @@ from mechsim.simulation.refine import Promise
 from mechsim.simulation.run_result import Driven, Method
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stepping import Watch, step, unwatched
+from mechsim.units import si
 
 # instants recorded a turn where nothing else is asked
 SAMPLES = 72
@@ -40,7 +41,7 @@ def driven(
     source: Mechanism | Described,
     forces: Forces | None = None,
     *,
-    speed: float | None = None,
+    speed: float | str | None = None,
     turns: float = 1.0,
     profile: CrankProfile | None = None,
     programs: Programs | None = None,
@@ -58,7 +59,7 @@ def driven(
             `rods.with_inertia`.
         forces: what acts; the motor is left out, for the drive is in its place. None takes the forces of the
             source, as a file's `[forces]`, and none where it has none.
-        speed: constant crank speed in [rad/s], negative backwards; or give `profile`.
+        speed: constant crank speed in [rad/s], negative backwards, or text, as "600rpm"; or give `profile`.
         turns: of the crank, at constant speed.
         profile: the crank's angle over time.
         programs: of the drivers, in place of speed or profile; angles are then those of their clock. None
@@ -87,6 +88,7 @@ def driven(
         raise InputError(f"tolerance of torque is {tolerance}; give a part above 0, as in 1e-6")
     if samples is not None and not samples >= 1:
         raise InputError(f"{samples} samples asked for; take at least 1")
+    speed = si(speed, "rad/s", "the crank speed")
     if programs is None and speed is None and profile is None:
         programs = getattr(source, "programs", None)
     mechanism, acting = described(source), acting_on(source, forces)

@@ -13,6 +13,7 @@ from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
+from mechsim.maths.given import number
 from mechsim.model.finding import Finding
 from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
@@ -29,6 +30,7 @@ from mechsim.studies.agreement.noise import Noise, noise_data, noise_report
 from mechsim.studies.agreement.table_claims import claims_of_table, read_table, tabled_comparand
 from mechsim.subjects.families import family as dimension_family
 from mechsim.subjects.python_object import object_of
+from mechsim.units import si
 from mechsim.verdict.checks import Check, Verdict, concluded
 
 Against = str | Path | Callable[..., Any]
@@ -124,8 +126,8 @@ def validate(
     set: Mapping[str, str | float] | None = None,
     drive: Mapping[str, str | State] | None = None,
     duration: str | float | None = None,
-    speed: float = SPEED,
-    tolerance: float | None = None,
+    speed: float | str = SPEED,
+    tolerance: float | str | None = None,
     attribute: bool = True,
 ) -> Agreement:
     """Hold a model against somebody's formula or table, and say whether and why they differ.
@@ -138,16 +140,22 @@ def validate(
         set: parameter -> its value, as `load` takes it.
         drive: coordinate -> its program, as `load` takes it.
         duration: of the programs, as `load` takes it.
-        speed: of a crank, in [rad/s].
-        tolerance: bound on places in [m], on other quantities in proportion; None takes 1e-8 of the reach.
+        speed: of a crank, in [rad/s], or text, as "600rpm".
+        tolerance: bound on places in [m] or text, as "10um", on other quantities in proportion;
+            None takes 1e-8 of the reach.
         attribute: whether a run in time is made, and its distance from the claim taken apart.
 
     Raises:
         InputError: for a model, a function or a table that cannot be used; one sentence.
         AssemblyError: where the loops of the model close nowhere.
     """
+    pace, bound = si(speed, "rad/s", "the speed"), si(tolerance, "m", "the tolerance")
+    if not 0.0 < abs(number(pace)) < np.inf:
+        raise InputError(f"the speed is {speed}; give a finite one other than 0, as '600rpm'")
+    if bound is not None and not 0.0 < number(bound) < np.inf:
+        raise InputError(f"the tolerance is {tolerance}; give a finite length above 0, as '10um'")
     found = _family(model, set, drive, duration)
-    return held(found, against, speed=speed, tolerance=tolerance, attribute=attribute)
+    return held(found, against, speed=pace, tolerance=bound, attribute=attribute)
 
 
 def held(

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim import files
+from mechsim import files, units
 from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
 from mechsim.studies.fit.calibration import Fit, fit_dimensions
@@ -22,7 +22,7 @@ def fit(
     vary: str | Sequence[str],
     *,
     offset: bool = False,
-    speed: float = 1.0,
+    speed: float | str = 1.0,
     forces: Forces | None = None,
 ) -> Fit:
     """Return the dimensions with which a subject moves most nearly as it was measured.
@@ -35,7 +35,7 @@ def fit(
         vary: dimensions to find.
         offset: whether the zero of the crank's encoder is unknown, too: CRANK.offset is how far the crank
             stood ahead of the angles in the table.
-        speed: of the crank in [rad/s], which only rates and efforts depend on.
+        speed: of the crank in [rad/s] or text, as "600rpm", which only rates and efforts depend on.
         forces: what acts on it, where efforts were measured; None takes what its file says.
 
     Raises:
@@ -45,7 +45,8 @@ def fit(
     subject = model
     if not isinstance(subject, MovedFamily):
         # the table has the instants
-        subject = moved_along(family(subject), np.zeros(1), speed, forces)
+        pace = units.si(speed, "rad/s", "the speed")
+        subject = moved_along(family(subject), np.zeros(1), pace, forces)
     if isinstance(table, Mapping):
         columns: Mapping[str, Array] = {
             name: np.asarray(one, dtype=np.float64) for name, one in table.items()

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mechsim import units
 from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.analytic.path_instants import path_instants
@@ -25,17 +26,17 @@ def moved(
     *,
     angles: ArrayLike | None = None,
     t: ArrayLike | None = None,
-    speed: float = 1.0,
+    speed: float | str = 1.0,
     forces: Forces | None = None,
 ) -> MovedFamily:
     """Return a subject as one of a family, and how it is moved.
 
     Args:
         model: as `load` takes it, or what moves itself.
-        angles: of the crank, (n,) in [rad]; where neither these nor times are given, instants are spread over
-            the crank's range, or over the duration of motion laws.
+        angles: of the crank, (n,) in [rad] or text, as "0:360:5deg"; where neither these nor times are given,
+            instants are spread over the crank's range, or over the duration of motion laws.
         t: times, (n,) in [s], of motion laws, or of a crank that turns at `speed`.
-        speed: of the crank in [rad/s]; motion laws have their own.
+        speed: of the crank in [rad/s] or text, as "600rpm"; motion laws have their own.
         forces: what acts on it; None takes what its file says.
 
     Raises:
@@ -44,15 +45,16 @@ def moved(
     """
     if isinstance(model, MovedFamily):
         return model
+    pace = units.si(speed, "rad/s", "the speed")
     of = family(model)
     form = of.make({})
     if angles is None and t is None:
-        return moved_along(of, instants_of(form), speed, forces)
-    given = None if form.programs is not None else speed
+        return moved_along(of, instants_of(form), pace, forces)
+    given = None if form.programs is not None else pace
     at = np.atleast_1d(numbers(path_instants(form.mechanism, form.programs, angles, given, 0.0, t).parameter))
     if at.ndim != 1 or not at.size or not np.isfinite(at).all():
         raise InputError(f"{of.name}: angles must be a list of finite numbers; give them in [rad]")
-    return moved_along(of, at, speed, forces)
+    return moved_along(of, at, pace, forces)
 
 
 def moved_along(of: DesignFamily, parameter: Array, speed: float, forces: Forces | None) -> MovedFamily:
@@ -68,7 +70,7 @@ def sensitivity(
     *,
     angles: ArrayLike | None = None,
     t: ArrayLike | None = None,
-    speed: float = 1.0,
+    speed: float | str = 1.0,
     forces: Forces | None = None,
 ) -> Sensitivity:
     """Return quantities of a subject and their exact derivatives by dimensions, the drivers held as they are.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mechsim import units
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.memory import require_room
@@ -51,7 +52,7 @@ def sweep(
     sample: str | None = None,
     set: Mapping[str, str | float] | None = None,
     samples: int | None = None,
-    speed: float = 1.0,
+    speed: float | str = 1.0,
     settings: Settings | None = None,
     output: str | Path | None = None,
     resume: bool = False,
@@ -71,7 +72,7 @@ def sweep(
         sample: "sobol:N", "halton:N", "latin:N" or "random:N".
         set: parameter -> its value where it does not vary, as `load` takes it.
         samples: poses a turn, or over the programs of drivers; None for 72.
-        speed: of the crank in [rad/s].
+        speed: of the crank in [rad/s], or text, as "600rpm".
         settings: how designs are stepped in MuJoCo, in place of motions by formulas and loop equations.
             Without a hardness, loops are as hard as what is measured asks for. Poses are then some of the
             steps, about 72 where `samples` does not say, and the steps of a turn are made a multiple of
@@ -126,7 +127,7 @@ def swept_task(
     sample: str | None = None,
     set: Mapping[str, str | float] | None = None,
     samples: int | None = None,
-    speed: float = 1.0,
+    speed: float | str = 1.0,
     settings: Settings | None = None,
     **asked: Any,
 ) -> SweepTask:
@@ -139,11 +140,12 @@ def swept_task(
         raise InputError(f"{samples} samples a turn; give {least} to {MOST_SAMPLES:,}")
     subject, there = swept_designs(model, set, **asked)
     designs = _designs(subject.name, vary or {}, design, sample, there)
+    rate = float(units.si(speed, "rad/s", "the speed"))
     texts = [measure] if isinstance(measure, str) else list(measure)
     asked_for = measures(texts, subject.form.mechanism, subject.form.programs)
     if settings is not None and settings.jacobian == "auto":
         settings = replace(settings, jacobian="dense")
-    task = _hard_enough(SweepTask(subject, designs, asked_for, int(samples), float(speed), settings))
+    task = _hard_enough(SweepTask(subject, designs, asked_for, int(samples), rate, settings))
     require_measurable(task)
     return task
 

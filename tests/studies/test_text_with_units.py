@@ -1,0 +1,114 @@
+"""Quantities given as text with units in Python: the same results as numbers in SI, or one sentence."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.prescribed_motion import driven
+
+RSSR = "rssr"
+FORM = ms.catalog.make(RSSR)
+# a turn a second, in rad/s
+ONE_TURN = ms.units.parse_speed("60rpm")
+
+
+def same(one, other):
+    """Whether two records hold the same columns, to the last bit."""
+    first, second = dict(one.columns()), dict(other.columns())
+    return first.keys() == second.keys() and all(np.array_equal(first[k], second[k]) for k in first)
+
+
+def test_catalogue_parameters_are_read_with_units():
+    given = ms.catalog.make(RSSR, crank="14mm", gamma1="10deg", pivot=("39mm", -0.008, "4 mm"), branch="-1")
+    assert given == ms.catalog.make(
+        RSSR, crank=0.014, gamma1=np.deg2rad(10.0), pivot=(0.039, -0.008, 0.004), branch=-1
+    )
+    assert ms.catalog.make(RSSR, pivot="39,-8,4mm") == ms.catalog.make(RSSR, pivot=(0.039, -0.008, 0.004))
+
+
+def test_motions_take_speeds_and_angles_as_text():
+    for form in (ms.catalog.make(RSSR), ms.load(RSSR)):
+        expected = form.solve(np.deg2rad(np.arange(0, 91, 30)), ms.units.rpm(600))
+        given = form.solve("0:90:30deg", speed="600rpm")
+        np.testing.assert_allclose(given.angle, expected.angle, rtol=0, atol=1e-15)
+        np.testing.assert_array_equal(given.speed, expected.speed)
+    loops = ms.load("klann")
+    given, expected = loops.solve("0.1", speed="60rpm"), loops.solve([0.1], ONE_TURN)
+    assert same(given, expected)
+
+
+def test_runs_take_speeds_and_tolerances_as_text():
+    form = ms.catalog.make(RSSR)
+    asked = {"samples": 8}
+    given = ms.simulate(form.mechanism, speed="600rpm", tolerance="10um", **asked)
+    expected = ms.simulate(form.mechanism, speed=20.0 * np.pi, tolerance=1e-5, **asked)
+    assert given.tolerance == 1e-5
+    assert same(given.motion, expected.motion)
+
+
+def test_dynamics_take_speeds_and_sizes_as_text():
+    machine = ms.dynamics.machine(ms.catalog.make(RSSR), diameter="5mm")
+    assert machine == ms.dynamics.machine(ms.catalog.make(RSSR), diameter=0.005)
+    given = ms.dynamics.prescribed(machine, "0:90:45deg", "60rpm")
+    np.testing.assert_array_equal(given.efforts.speed, np.full(3, ONE_TURN))
+    assert same(
+        driven(machine.mechanism, machine.forces, speed="60rpm", samples=4).efforts,
+        driven(machine.mechanism, machine.forces, speed=ONE_TURN, samples=4).efforts,
+    )
+    assert ms.dynamics.fluctuation(machine, "60rpm").mean == ONE_TURN
+    free = ms.dynamics.free_run(machine, speed="60rpm", duration="5 ms")
+    assert (free.speed[0], free.time[-1]) == (ONE_TURN, 0.005)
+    stepped = free_run(machine.mechanism, speed="60rpm", duration="5 ms", timestep="0.1ms", samples=5)
+    assert stepped.timestep == 1e-4
+
+
+def test_comparisons_take_speeds_and_tolerances_as_text():
+    form = ms.catalog.make("four_bar")
+
+    def formula(crank):
+        return {"C": form.solve(crank).points["C"].position}
+
+    verdict = ms.testing.assert_agrees(form, formula, tolerance="10um", speed="60rpm")
+    assert {check.bound for check in verdict.checks} == {1e-5}
+    assert ms.validate(form, formula, tolerance="10um", attribute=False).passed
+
+
+def test_studies_take_speeds_as_text():
+    given = ms.sensitivity("four_bar", "C.vx", "crank", angles="0:90:45deg", speed="60rpm")
+    expected = ms.sensitivity("four_bar", "C.vx", "crank", angles=np.deg2rad([0, 45, 90]), speed=ONE_TURN)
+    np.testing.assert_allclose(given.of("C.vx")["crank"], expected.of("C.vx")["crank"], rtol=1e-13)
+    swept = [
+        ms.sweep("four_bar", {"crank": [0.03]}, "max:C.vx", speed=speed) for speed in ("60rpm", ONE_TURN)
+    ]
+    np.testing.assert_array_equal(swept[0]["max:C.vx"], swept[1]["max:C.vx"])
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (
+            lambda: ms.catalog.make(RSSR, crank="14rpm"),
+            "crank of rssr '14rpm' has unit 'rpm'",
+        ),
+        (lambda: ms.simulate(FORM, speed="10mm"), "the crank speed '10mm' has unit 'mm'"),
+        (
+            lambda: ms.simulate(FORM, speed=1.0, tolerance="fine"),
+            "the tolerance 'fine' is not",
+        ),
+        (
+            lambda: ms.simulate(FORM, speed=1.0, tolerance="-1um"),
+            "give a finite length above 0",
+        ),
+        (lambda: FORM.solve([0.0], speed="fast"), "the crank's speed 'fast' is not"),
+        (lambda: ms.testing.assert_agrees(RSSR, dict, tolerance="10 V"), "the tolerance '10 V' has unit 'V'"),
+        (
+            lambda: ms.testing.assert_agrees(RSSR, dict, tolerance=[1]),
+            "tolerance is \\[1\\]; give a finite",
+        ),
+        (lambda: ms.validate(RSSR, dict, speed=None), "the speed is None; give a finite one"),
+    ],
+)
+def test_text_that_is_no_such_quantity_ends_in_one_sentence(call, sentence):
+    with pytest.raises(ms.InputError, match=sentence):
+        call()
