@@ -55,14 +55,14 @@ def test_an_unknown_mechanism_is_refused_with_the_nearest():
 
 @pytest.mark.parametrize("angles", [[np.nan], [np.inf], [], [[0.1, 0.2]], ["a"], None])
 def test_crank_angles_that_are_none_are_refused(angles):
-    with pytest.raises(InputError, match="crank angles (must be a list of finite numbers|in rad)"):
+    with pytest.raises(InputError, match=r"crank angles (must be a list of finite numbers|in rad)"):
         catalog.make("rssr").solve(angles)
 
 
 @pytest.mark.parametrize("rate", [np.nan, np.inf, 1e200, [1.0, 2.0], "fast"])
 @pytest.mark.parametrize("which", ["speed", "acceleration"])
 def test_crank_rates_that_are_none_are_refused(which, rate):
-    with pytest.raises(InputError, match=f"the crank's {which} .*(one|a) finite number"):
+    with pytest.raises(InputError, match=rf"the crank's {which} .*(one|a) finite number"):
         catalog.make("rssr").solve([0.1, 0.2, 0.3], **{which: rate})
 
 
