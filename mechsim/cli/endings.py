@@ -104,7 +104,8 @@ def _failed(error: BaseException) -> int:
         return CLOSED_PIPE
     if isinstance(error, OSError) and error.errno in UNWRITABLE:
         return _refused(f"cannot write: {error.strerror}; make room, or write elsewhere")
-    if isinstance(error, MemoryError):
+    # MuJoCo has an error of its own for it
+    if isinstance(error, MemoryError) or "could not allocate memory" in str(error).lower():
         return _refused(f"not enough memory ({error or 'no figure known'}); ask for less")
     if os.environ.get(DEBUG):
         traceback.print_exception(error)

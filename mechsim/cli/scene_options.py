@@ -70,6 +70,8 @@ def user_scene(path: str, asked: SceneOptions, held: HoldOptions = NOTHING_HELD)
         hold_base=held.hold_base,
         key=asked.key,
         track=asked.track,
+        # without laws of joints the duration is that of the controls
+        duration=asked.duration if asked.drive else None,
     )
     assert isinstance(form, MjcfForm)
     assert form.source is not None

@@ -1,7 +1,7 @@
 """Command `mechsim solve`: a motion in closed form or by loop equations."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,6 +36,8 @@ from mechsim.model.motion import Motion
 from mechsim.subjects.driver_rows import Poses, poses_at
 from mechsim.units import option
 
+# times or crank angles -> the motion there
+Solved = Callable[[Array], Motion]
 # crank angles solved in one go where the results leave part by part
 PART = 1 << 17
 # bytes held for each number that is written as .npz, and as JSON
@@ -84,36 +86,40 @@ def solve(
         _told(drive, poses_at(drive, files.read(asked.at), asked.at), place, as_json)
         return
     moving(drive)
-    programs = drive.programs
-    if programs is not None:
-        times = np.linspace(0.0, programs.duration, asked.samples)
-        motion = drive.solve(t=times)
-        _told(drive, motion, place, as_json)
-        return
-    angles, speed = (
-        units.parse_angles(asked.angles or ANGLES, "the crank angles"),
-        speed_of(asked.speed or SPEED),
-    )
-    asked_angles("--angles", asked.angles or ANGLES)
-    drive = drive.starting_at(angles, speed)
+    drive, instants, solved, what = _instants(drive, asked)
     if as_json or (place is not None and place.suffix.lower() == ".npz"):
-        numbers = len(angles) * (1.0 + 9.0 * len(drive.mechanism.points) + 3.0 * len(drive.mechanism.joints))
-        what = f"{len(angles):,} crank angles"
+        numbers = len(instants) * (
+            1.0 + 9.0 * len(drive.mechanism.points) + 3.0 * len(drive.mechanism.joints)
+        )
         require_room(what, numbers, AS_JSON if as_json else PACKED, "write .csv, which needs no memory")
-        _told(drive, drive.solve(angles, speed), place, as_json)
+        _told(drive, solved(instants), place, as_json)
         return
-    # loop equations are followed from the first angle to the last, a closed form is not
-    each = PART if isinstance(drive, ClosedForm) else len(angles)
+    if not isinstance(drive, ClosedForm):
+        # loop equations that cannot be followed over the whole motion are rejected before a row is written
+        solved(np.array([instants.min(), instants.max()]))
     lost: list[FewDigits | None] = [None]
-    with progress("solve", -(-len(angles) // each)) as tick:
-        parts = _parts(drive, angles, speed, each, tick, lost)
+    with progress("solve", -(-len(instants) // PART)) as tick:
+        parts = _parts(drive, instants, solved, tick, lost)
         if place is not None:
             files.write_in_parts(place, parts)
         else:
             _print(parts)
     tell_digits(lost[0])
     if place is not None:
-        typer.echo(f"wrote {len(angles)} rows to {place}")
+        typer.echo(f"wrote {len(instants)} rows to {place}")
+
+
+def _instants(drive: Form, asked: SolveOptions) -> tuple[Form, Array, Solved, str]:
+    """Return what moves, times under motion laws or else crank angles, what solves there, and their name."""
+    programs = drive.programs
+    if programs is not None:
+        times = np.linspace(0.0, programs.duration, asked.samples)
+        return drive, times, lambda part: drive.solve(t=part), f"{asked.samples:,} samples"
+    angles = units.parse_angles(asked.angles or ANGLES, "the crank angles")
+    speed = speed_of(asked.speed or SPEED)
+    asked_angles("--angles", asked.angles or ANGLES)
+    start = drive.starting_at(angles, speed)
+    return start, angles, lambda part: start.solve(part, speed), f"{len(angles):,} crank angles"
 
 
 def _told(drive: Form, found: Motion | Poses, place: Path | None, as_json: bool) -> None:
@@ -135,11 +141,11 @@ def _told(drive: Form, found: Motion | Poses, place: Path | None, as_json: bool)
 
 
 def _parts(
-    drive: Form, angles: Array, speed: float, each: int, tick: Tick, lost: list[FewDigits | None]
+    drive: Form, instants: Array, solved: Solved, tick: Tick, lost: list[FewDigits | None]
 ) -> Iterator[Motion]:
     """Yield the motion part by part; put into the list of one where it has the fewest digits so far."""
-    for first in range(0, len(angles), each):
-        part = drive.solve(angles[first : first + each], speed)
+    for first in range(0, len(instants), PART):
+        part = solved(instants[first : first + PART])
         lost[0] = worse(lost[0], few_digits(drive, part))
         yield part
         tick()

@@ -8,7 +8,11 @@ from mechsim.errors import InputError
 
 # of the memory that is free, what one piece of work may take
 PART = 0.7
+# and of the address space under `ulimit -v`: about half of that is reserved by allocators and never used
+ADDRESSABLE = 0.4
 PROCESS = Path("/proc/meminfo")
+# of this process, in pages; the first number is the address space it takes
+OWN = Path("/proc/self/statm")
 # of a container: what it may take, and what it has taken
 GROUPS = (
     ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
@@ -17,7 +21,7 @@ GROUPS = (
 
 
 def room() -> float:
-    """Return the bytes of memory that one piece of work may take: of the machine, or of its container."""
+    """Return the bytes of memory that one piece of work may take: of machine, container or `ulimit -v`."""
     free = float("inf")
     with suppress(OSError, ValueError, IndexError):
         line = next(one for one in PROCESS.read_text().splitlines() if one.startswith("MemAvailable"))
@@ -28,7 +32,20 @@ def room() -> float:
     for most, taken in GROUPS:
         with suppress(OSError, ValueError):
             free = min(free, float(Path(most).read_text()) - float(Path(taken).read_text()))
-    return PART * free
+    return min(PART * free, ADDRESSABLE * _address_space())
+
+
+def _address_space() -> float:
+    """Return the bytes of address space that `ulimit -v` leaves this process; infinite without a limit."""
+    # no such module on Windows
+    with suppress(ImportError, OSError, ValueError, IndexError):
+        import resource
+
+        limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+        if limit != resource.RLIM_INFINITY:
+            pages = float(OWN.read_text().split()[0])
+            return max(0.0, limit - pages * os.sysconf("SC_PAGE_SIZE"))
+    return float("inf")
 
 
 def require_room(what: str, count: float, each: float, remedy: str = "") -> None:

@@ -8,17 +8,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
+from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import number
 from mechsim.maths.quintic_spline import quintic_spline
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.work_size import require_revolutions
 
 # times (n,) in [s] -> value [m] or [rad], rate and acceleration, (n,) each
 State = Callable[[Array], tuple[Array, Array, Array]]
 
-# times at which programs are probed for what is not finite and for their fastest rate
+# times at which programs are probed for what is not finite and for their fastest rate: so many evenly spread,
+# and so many at multiples of the golden ratio, for a law may have the period of the even ones
 PROBES = 2048
+GOLDEN = 0.6180339887498949
 # rates beyond these, in [rad/s] or sizes a second, and accelerations beyond the square of the larger, are
 # slips of the pen, and their squares soon beyond what a float holds
 SLOWEST, FASTEST = 1e-12, 1e9
@@ -83,6 +87,19 @@ class Programs:
         values = self.state(np.zeros(1))[0][:, 0]
         return dict(zip(self.drivers, values.tolist(), strict=True))
 
+    @cached_property
+    def fastest(self) -> float:
+        """The pace, or the angular frequency where drivers oscillate faster, in [rad/s]: a cycle at least."""
+        _, rate, second = self.state(_probes(self.duration))
+        quick, quicker = (np.sqrt((one**2).mean(1)) for one in (rate, second))
+        frequency = np.divide(quicker, quick, out=np.zeros_like(quick), where=quick > 0.0)
+        return max(self.pace, float(frequency.max()), TURN / self.duration)
+
+    @property
+    def revolutions(self) -> float:
+        """Revolutions of the fastest driver, or cycles of the one that oscillates most often."""
+        return self.duration * self.fastest / TURN
+
     def lasting(self, duration: float) -> "Programs":
         """Return the same programs over another duration in [s]."""
         return replace(self, duration=duration)
@@ -98,7 +115,8 @@ def programs(mechanism: Mechanism, states: Mapping[str, State], duration: float)
 
     Raises:
         InputError: for a driver without a program, a program without its driver, one that is not finite or
-            beyond all sense fast, or drivers that all stand still or next to it.
+            beyond all sense fast, drivers that all stand still or next to it, or a motion of more revolutions
+            than one run can follow.
     """
     if not 0.0 < number(duration) < np.inf:
         raise InputError(f"the duration is {duration} s; give a finite time above 0")
@@ -117,7 +135,7 @@ def programs(mechanism: Mechanism, states: Mapping[str, State], duration: float)
     chosen = tuple(states[name] for name in mechanism.drivers)
     made = Programs(float(duration), mechanism.drivers, chosen, 1.0)
     with np.errstate(all="ignore"):
-        found = made.state(np.linspace(0.0, duration, PROBES))
+        found = made.state(_probes(duration))
     for name, *parts in zip(made.drivers, *found, strict=True):
         if not all(np.isfinite(part).all() for part in parts):
             raise InputError(
@@ -132,7 +150,15 @@ def programs(mechanism: Mechanism, states: Mapping[str, State], duration: float)
             f"{mechanism.name}: no driver moves by more than {max(paces):.3g} rad or sizes a second; give "
             f"one a program that moves by {SLOWEST:g} at least"
         )
-    return replace(made, pace=max(paces))
+    made = replace(made, pace=max(paces))
+    require_revolutions(mechanism.name, made.revolutions, duration)
+    return made
+
+
+def _probes(duration: float) -> Array:
+    """Return times from 0 to a duration in [s], (2 * PROBES,)."""
+    parts = np.concatenate([np.linspace(0.0, 1.0, PROBES), GOLDEN * np.arange(PROBES) % 1.0])
+    return np.asarray(duration * parts, dtype=np.float64)
 
 
 def _pace(mechanism: Mechanism, name: str, rate: Array, acceleration: Array) -> float:

@@ -5,14 +5,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from mechsim.maths.angles import TURN
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.programs import Programs
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.straight_way import brought
-
-# times at which programs are probed for how quickly they turn round
-PROBES = 2048
 
 Closed = TypeVar("Closed", bound=ClosedModel)
 
@@ -22,11 +18,7 @@ def clock_of(programs: Programs) -> CrankProfile:
 
     Where the programs turn round more often than their clock does, or not once, `fastest` is as if it did.
     """
-    _, rate, second = programs.state(np.linspace(0.0, programs.duration, PROBES))
-    quick, quicker = (np.sqrt((one**2).mean(1)) for one in (rate, second))
-    round_again = np.divide(quicker, quick, out=np.zeros_like(quick), where=quick > 0.0)
-    fastest = max(programs.pace, float(round_again.max()), TURN / programs.duration)
-    return replace(programs.clock, fastest=fastest)
+    return replace(programs.clock, fastest=programs.fastest)
 
 
 def begun(closed: Closed, programs: Programs) -> Closed:

@@ -12,6 +12,7 @@ from mechsim.maths.memory import require_room
 from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import PLACE, Outcome
+from mechsim.model.work_size import require_steps
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.divergence_cause import STIFF, met_last, near_singular
 from mechsim.simulation.model_loops import CLOSED, ModelLoops
@@ -23,7 +24,7 @@ from mechsim.simulation.poses.meeting_motion import held_off, mended
 from mechsim.simulation.recorded_motion import States, evaluate
 from mechsim.simulation.run_result import Run
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.stepping import MOST_STEPS, Steps, Watch, step, unwatched
+from mechsim.simulation.stepping import Steps, Watch, step, unwatched
 from mechsim.simulation.stiffest_part import stiffest_part
 
 # instants recorded a turn where nothing else is asked
@@ -160,11 +161,8 @@ class DrivenRun:
     def _counts(self, settings: Settings) -> tuple[int, int]:
         """Return how many steps the run takes and how many lie between two records."""
         wanted = self.profile.turns * settings.steps_per_turn
-        if wanted > MOST_STEPS:
-            raise InputError(
-                f"{self.profile.turns:g} turns of {settings.steps_per_turn:,} steps are {wanted:.3g} steps, "
-                f"hours of work; take {MOST_STEPS:,} at the most"
-            )
+        what = f"a motion of {self.profile.turns:g} turns with {settings.steps_per_turn:,} steps a turn"
+        require_steps(what, wanted, "take fewer turns or a shorter duration, or longer steps")
         total = max(self.profile.least, int(np.ceil(wanted - 1e-9)))
         if self.samples is None:
             return total, max(1, int(total / max(self.profile.least, SAMPLES * self.profile.turns)))

@@ -12,6 +12,7 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.memory import require_room
 from mechsim.model.crank_profile import CrankProfile
+from mechsim.model.work_size import MAX_STEPS
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import SLIDE, ModelLoops
 from mechsim.simulation.recorded_motion import States
@@ -22,8 +23,6 @@ Watch = Callable[[str, float], None]
 
 # steps in one call into C: long enough that the call costs nothing, short enough for memory
 BLOCK = 4096
-# of a run: at about 10 us a step, more would take hours
-MOST_STEPS = 1_000_000_000
 # bytes held for each step of a crank whose speed changes
 TORQUE = 64.0
 TIME = int(mujoco.mjtState.mjSTATE_TIME)
@@ -189,9 +188,9 @@ def check_step(timestep: float, profile: CrankProfile) -> int:
             f"time step is {timestep:g} s, but a turn of the crank takes {turn:.6g} s; "
             f"take {turn / 4.0:.3g} s at the most"
         )
-    if timestep < turn / MOST_STEPS:
+    if timestep < turn / MAX_STEPS:
         raise InputError(
             f"time step is {timestep:g} s, but a turn of the crank takes {turn:.6g} s; "
-            f"take {turn / MOST_STEPS:.3g} s at the least"
+            f"take {turn / MAX_STEPS:.3g} s at the least"
         )
     return int(np.ceil(turn / timestep - 1e-9))

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -45,6 +46,99 @@ def test_what_memory_does_not_hold_is_refused_at_once_with_what_would_fit(
     assert len(said.splitlines()) == 1
     assert all(word in said for word in TOO_LARGE[words])
     assert list(tmp_path.iterdir()) == []
+
+
+# motions that no run can follow: options, and what the one line says
+TOO_LONG = {
+    "--drive crank=1e6*t": "1.592e+05 revolutions or oscillations in 1 s, and 1,000 are the limit",
+    "--drive crank=1e9rpm": "give a --duration of 6e-05 s or less",
+    "--drive crank=sin(1e5*t)": "give a --duration of 0.062 s or less",
+    "--drive crank=1e-3*sin(1e5*t)": "revolutions or oscillations in 1 s",
+    # the phase of the cosine is a multiple of pi at every even probe
+    "--drive crank=cos(2*pi*2047*t)": "revolutions or oscillations in 1 s",
+    "--drive crank=t --duration 1e5": "in 100000 s, and 1,000 are the limit of one motion",
+    "--drive crank=t --duration 1e300": "give a --duration of 6200 s or less",
+}
+COMMANDS = {
+    "solve": "-o a.csv",
+    "simulate": "-o a.csv",
+    "dynamics": "--csv a.csv",
+    "validate": "",
+    "show": "",
+    "view": "-o a.html",
+    "plot": "-o a.png",
+    "render": "-o a.png",
+    "sensitivity": "--of rocker",
+}
+
+
+def one_line(words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
+    """Return the one line on stderr with which a command rejects what it is given."""
+    monkeypatch.setattr("sys.argv", ["mechsim", *words.split()])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    said = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert len(said.splitlines()) == 1
+    return said
+
+
+@pytest.mark.parametrize("options", TOO_LONG)
+def test_a_motion_of_too_many_revolutions_is_rejected_with_its_size_the_limit_and_a_remedy(
+    options: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert TOO_LONG[options] in one_line(f"solve four_bar {options}", monkeypatch, capsys)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_rejects_a_motion_that_is_too_long_and_writes_nothing(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = f"{command} four_bar --drive crank=1e6*t {COMMANDS[command]}"
+    assert "1,000 are the limit of one motion" in one_line(words, monkeypatch, capsys)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_too_many_steps_of_a_scene_are_rejected(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("pendulum.xml").write_text(
+        """<mujoco><worldbody><body><joint name="pivot"/><geom size=".1"/></body></worldbody>
+        <actuator><motor name="torque" joint="pivot"/></actuator></mujoco>"""
+    )
+    words = "simulate pendulum.xml --ctrl torque=1 --duration 1e5"
+    said = one_line(words, monkeypatch, capsys)
+    assert "a motion of 100000 s with a time step of 0.002 s takes 5e+07 time steps, and 2,000,000" in said
+
+
+def test_memory_that_mujoco_cannot_get_is_no_internal_error(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise mujoco.FatalError("Could not allocate memory")
+
+    monkeypatch.setattr(solve, "form_of", fails)
+    assert "not enough memory" in one_line("solve four_bar", monkeypatch, capsys)
+
+
+def test_a_solution_under_motion_laws_is_the_same_in_parts(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, part in (("whole.csv", solve.PART), ("parts.csv", 10)):
+        monkeypatch.setattr(solve, "PART", part)
+        words = f"mechsim solve four_bar --drive crank=sin(3*t) --duration 2 -o {name}"
+        monkeypatch.setattr("sys.argv", words.split())
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        assert ended.value.code == 0
+    whole, parts = files.read("whole.csv"), files.read("parts.csv")
+    assert whole.keys() == parts.keys()
+    for name, column in whole.items():
+        np.testing.assert_allclose(parts[name], column, rtol=0, atol=1e-12 * np.abs(column).max())
+    capsys.readouterr()
 
 
 def test_a_solution_is_the_same_in_parts(

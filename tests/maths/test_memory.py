@@ -24,3 +24,17 @@ def test_a_container_has_no_more_than_its_share(monkeypatch, tmp_path):
     assert memory.room() == memory.PART * 2e9
     (tmp_path / "max").write_text("max\n")
     assert memory.room() == memory.PART * 8.192e9
+
+
+def test_a_limit_of_the_address_space_counts(monkeypatch, tmp_path):
+    resource = pytest.importorskip("resource")
+    (tmp_path / "info").write_text("MemAvailable:    8000000 kB\n")
+    (tmp_path / "own").write_text("1000 500 1 1 0 1 0\n")
+    monkeypatch.setattr(memory, "PROCESS", tmp_path / "info")
+    monkeypatch.setattr(memory, "GROUPS", [])
+    monkeypatch.setattr(memory, "OWN", tmp_path / "own")
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (5e9, 5e9))
+    left = 5e9 - 1000 * memory.os.sysconf("SC_PAGE_SIZE")
+    assert memory.room() == memory.ADDRESSABLE * left
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (resource.RLIM_INFINITY,) * 2)
+    assert memory.room() == memory.PART * 8.192e9

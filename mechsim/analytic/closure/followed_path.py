@@ -17,17 +17,16 @@ from mechsim.analytic.closure.loop_solver import FEW, TELLING, Linearised, LoopS
 from mechsim.analytic.closure.meeting_cells import folded, meeting_between, through, touched
 from mechsim.analytic.closure.path_cells import Cell, Drive, PathRows, nodes_between, roughness
 from mechsim.analytic.closure.tree_motion import Coordinates
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
 from mechsim.model.motion import Through
+from mechsim.model.work_size import require_travel
 
 # nodes of a cell, its first length and its longest, in radians of the drivers' motion, and how many times as
 # long as the one before it may be at the most
 NODES, FIRST, LONGEST, GROWTH = 9, 0.1, 1.2, 3.0
 # a cell shorter than this ends at a singular pose
 SHORTEST = 1e-13
-# cells that are begun at the most: about a millisecond and two kilobytes each
-MOST_CELLS = 1_000_000
 # so much of a cell that its even nodes do not tell of the odd ones is not smooth
 ROUGH = 1e-4
 # roughness, and the way from what was foretold, at which the length of the next cell aims: they grow as the
@@ -123,10 +122,12 @@ class FollowedPath(PathRows):
 
         Raises:
             AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
-            InputError: for a way that would take too many cells.
+            InputError: for a path that is too long.
         """
         done, self.side, self._ahead = self.cells[sense], 0.0, None
-        self._require_near(self._end(sense), to)
+        begin, words = self._end(sense), self.words
+        who = f"{self._name}: {words.who}"
+        require_travel(who, words.place(begin), words.place(to), abs(to - begin))
         length = AFTER * done[-1].length if done else FIRST
         if not done and self.cells[-sense]:
             length *= GROWTH  # no tangent foretells it
@@ -142,15 +143,6 @@ class FollowedPath(PathRows):
     def _end(self, sense: int) -> float:
         """Return the parameter as far as which the path is followed in one sense."""
         return float(self.cells[sense][-1].nodes[-1]) if self.cells[sense] else self.begin
-
-    def _require_near(self, here: float, to: float) -> None:
-        least = abs(to - here) / LONGEST
-        if least > MOST_CELLS:
-            raise InputError(
-                f"{self._name}: the way of {self.words.who} from {self.words.place(here)} to "
-                f"{self.words.place(to)} takes {least:,.0f} cells at the least, and {MOST_CELLS:,} are "
-                f"followed at the most; ask for a motion {np.ceil(least / MOST_CELLS):.0f} times shorter"
-            )
 
     def _stuck(self, here: float) -> str:
         """Return in one sentence why the path ends."""

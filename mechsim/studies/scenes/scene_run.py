@@ -9,6 +9,7 @@ import numpy as np
 from mujoco import batch
 
 from mechsim.maths.arrays import Array
+from mechsim.model.work_size import MAX_SCENE_STEPS, require_steps
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.scenes.user_scene import UserScene
 
@@ -116,7 +117,10 @@ def stepped(
     """
     model = scene.model if model is None else model
     timestep = float(model.opt.timestep)
-    total = max(1, int(np.ceil((duration or scene.duration) / timestep - 1e-6)))
+    lasts = duration or scene.duration
+    what = f"{scene.path}: a motion of {lasts:g} s with a time step of {timestep:g} s"
+    require_steps(what, lasts / timestep, "give a shorter --duration or longer steps", MAX_SCENE_STEPS)
+    total = max(1, int(np.ceil(lasts / timestep - 1e-6)))
     stride = 1 if records is None else max(1, total // records)
     sims = batch.Batch(model, 1, 1)
     start = mujoco.MjData(model)

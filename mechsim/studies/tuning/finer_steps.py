@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from mechsim.model.work_size import MAX_SCENE_STEPS
 from mechsim.studies.scenes import SceneErrors, SceneRun, UserScene, errors_of, stepped
 from mechsim.studies.scenes.plain_settings import PlainSettings
 from mechsim.studies.scenes.scene_limit import HARDEST
@@ -12,7 +13,6 @@ RATIOS = (1.0, 0.5, 0.25, 0.1, 0.04, 0.016, 0.006, 0.0025, 0.001)
 # which takes springs and servos implicitly, for what another integrator does not bear
 IMPLICIT = "discrete"
 CONSTANT = 2.0
-MOST_STEPS = 2_000_000
 
 
 def finer(
@@ -39,7 +39,7 @@ def finer(
     own = settings.timestep or float(scene.model.opt.timestep)
     tried = [settings]
     if not fixed:
-        ratios = [ratio for ratio in RATIOS if scene.duration / (ratio * own) <= MOST_STEPS]
+        ratios = [ratio for ratio in RATIOS if scene.duration / (ratio * own) <= MAX_SCENE_STEPS]
         tried += [_harder(settings, ratio * own) for ratio in ratios]
     for one in tried:
         found.append(_run(scene, one, records))

@@ -7,6 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mechsim.model.work_size import MAX_SCENE_STEPS
 from mechsim.studies.scenes.plain_settings import FREEABLE, PlainSettings, settings_of
 from mechsim.studies.scenes.scene_limit import HARDEST
 from mechsim.studies.scenes.user_scene import UserScene
@@ -34,7 +35,8 @@ def steps_of(scene: UserScene) -> list[float]:
     own = float(scene.model.opt.timestep)
     longest = max(own, min(0.5 * quickest(scene.model, scene.free), scene.duration / FEWEST))
     steps = [float(f"{ratio * own:.3g}") for ratio in (*RATIOS, *FINER)]
-    return [step for step in steps if step <= longest * (1.0 + 1e-9)]
+    shortest = scene.duration / MAX_SCENE_STEPS
+    return [step for step in steps if shortest <= step <= longest * (1.0 + 1e-9)]
 
 
 def quickest(model: mujoco.MjModel, free: Collection[str] = ()) -> float:
