@@ -17,11 +17,12 @@ from mechsim.cli.scene_options import SceneOptions, expressions, user_scene
 from mechsim.errors import InputError
 from mechsim.files import written_beside
 from mechsim.studies.scenes import MEASURES, UserScene, begun_closed, errors_of, start_error, stepped
-from mechsim.studies.scenes.plain_settings import FREEABLE, settings_of
+from mechsim.studies.scenes.plain_settings import FREEABLE, PlainSettings, settings_of
 from mechsim.studies.scenes.why_broken import why_broken
 from mechsim.studies.tuning.run_lines import feeding, python_of
-from mechsim.studies.tuning.search import AIM, SECONDS, SceneTrial, Tuned, tuned
+from mechsim.studies.tuning.search import AIM, SECONDS, SceneTrial, Tuned, errors_at, tuned
 from mechsim.studies.tuning.tuned_file import KEY, changes, tuned_text, written
+from mechsim.studies.tuning.tuning_report import TuningReport
 
 # rows of the table of what was tried
 ROWS = 14
@@ -79,12 +80,12 @@ def tune(
     with progress("tune", None) as tick:
         found = tuned(scene, wanted, by, seconds=seconds, tell=lambda part, done: tick(done, part))  # pyright: ignore[reportArgumentType]
     _require_runnable(found)
-    told = _written(found, place, script)
+    report, told = _written(found, place, script)
     if as_json:
         print_json(told | {"output": output, "python": python})
     else:
-        _print(found, told, output, python)
-    raise typer.Exit(0 if told["reached"] else 1)
+        _print(report, told, output, python)
+    raise typer.Exit(0 if report.reached else 1)
 
 
 def _freed(text: str) -> tuple[str, ...]:
@@ -99,6 +100,8 @@ def _closed(scene: UserScene, tolerance: float) -> UserScene:
     """Return a scene that can keep a tolerance where it starts; if its file cannot, one begun closed."""
     gap = start_error(scene)
     if gap <= AIM * tolerance:
+        return scene
+    if gap <= tolerance and errors_of(stepped(scene, records=None)).closure <= tolerance:
         return scene
     closed = begun_closed(scene)
     tell(
@@ -133,29 +136,40 @@ def _tolerance(text: str, by: str) -> float:
     return value
 
 
-def _written(found: Tuned, place: Path, script: Path | None) -> dict[str, Any]:
+def _written(found: Tuned, place: Path, script: Path | None) -> tuple[TuningReport, dict[str, Any]]:
     """Write what was found, run it as plain MuJoCo has it, and return what there is to tell."""
     best = found.chosen or found.closest
     scene = replace(found.scene, model=best.settings.applied(found.scene.model))
     said = expressions(scene)
-    text = tuned_text(found.scene, best.settings, _comment(found, best, scene, said), place.parent)
-    outside = written(found.scene, best.settings, text.after, place)
-    error = _error(outside, found)
+    bare = tuned_text(found.scene, best.settings, [], place.parent)
+    reports: list[TuningReport] = []
+
+    def finish(outside: UserScene) -> str:
+        run = stepped(outside, records=None)
+        reports.append(TuningReport(found, errors_at(run, found.limit, found.by)))
+        comment = _comment(reports[0], scene, said)
+        return tuned_text(found.scene, best.settings, comment, place.parent).after
+
+    outside = written(found.scene, best.settings, bare.after, place, finish)
+    report = reports[0]
     if script is not None:
         _write_script(script, found, outside, place, said)
-    return {
+    after = place.read_text(encoding="utf-8")
+    return report, {
         "mechanism": found.scene.mechanism.name,
         "by": found.by,
         "tolerance": found.tolerance,
-        "unit": _unit(found),
-        "reached": error <= found.tolerance,
-        "published": _told(found, found.published),
+        "unit": report.unit,
+        "reached": report.reached,
+        "summary": report.sentences,
+        "published": _told(found, found.published)
+        | {"error": report.published_error, "reached": found.satisfied},
         "tuned": {
-            "error": error,
-            "estimate": best.errors.by(found.by) + _bar(found),
+            "error": report.error,
+            "estimate": best.errors.by(found.by) + found.bar,
             "ms_per_s": 1e3 * best.seconds,
             "settings": dict(changes(found.scene, best.settings)),
-            "errors": best.errors.as_dict(),
+            "errors": report.errors.as_dict(),
         },
         "by_python": None if found.beyond is None else _told(found, found.beyond),
         "limit": {
@@ -163,26 +177,11 @@ def _written(found: Tuned, place: Path, script: Path | None) -> dict[str, Any]:
             "error": found.limit.bars[0],
             "effort_error": found.limit.bars[1],
         },
-        "put_in": list(text.put_in),
-        "diff": _diff(text.before, text.after, found.scene.path, str(place)),
+        "put_in": list(bare.put_in),
+        "diff": _diff(bare.before, after, found.scene.path, str(place)),
         "seconds": found.seconds,
         "tried": [_told(found, one) for one in found.tried],
     }
-
-
-def _unit(found: Tuned) -> str:
-    return "N m" if found.by == "torque" else "m"
-
-
-def _bar(found: Tuned) -> float:
-    return {"closure": 0.0, "trajectory": found.limit.bars[0], "torque": found.limit.bars[1]}[found.by]
-
-
-def _error(scene: UserScene, found: Tuned) -> float:
-    """Return the error of a scene as its file has it, at every step."""
-    limit = None if found.limit.broken else found.limit
-    errors = errors_of(stepped(scene, records=None), limit, torque=found.by == "torque")
-    return errors.by(found.by) + _bar(found)
 
 
 def _told(found: Tuned, trial: SceneTrial) -> dict[str, Any]:
@@ -194,15 +193,15 @@ def _told(found: Tuned, trial: SceneTrial) -> dict[str, Any]:
     }
 
 
-def _comment(found: Tuned, best: SceneTrial, scene: UserScene, said: dict[str, str]) -> list[str]:
-    """Return what the file says of itself: what it keeps, and how it is to be stepped."""
-    kept = "keeps" if found.chosen else "does not keep"
+def _comment(report: TuningReport, scene: UserScene, said: dict[str, str]) -> list[str]:
+    """Return what the file states of itself: what it satisfies, and how it is to be stepped."""
     begun = "from mj_resetData"
     if scene.own_start or scene.key:
         begun = f"from keyframe {KEY if scene.own_start else scene.key}"
+    first, *rest = report.sentences
     return [
-        f"mechsim tune: {kept} {found.tolerance:g} {_unit(found)} by {found.by} over {scene.duration:g} s,",
-        f"errs by {best.errors.by(found.by):.2g}, as published by {found.published.errors.by(found.by):.2g};",
+        f"mechsim tune: {first};",
+        *(f"{one};" for one in rest),
         f"to be stepped {begun}, with before each step, t = data.time, h = {scene.model.opt.timestep:g}:",
         *([f"  {line}" for line in feeding(scene, said)] or ["  nothing"]),
         *(f"  where q({name!r}, t) = {said[name]}" for name in scene.drive),
@@ -232,33 +231,28 @@ def _diff(before: str, after: str, path: str, place: str) -> str:
     return "\n".join(lines)
 
 
-def _print(found: Tuned, told: dict[str, Any], output: str, python: str | None) -> None:
-    unit = told["unit"]
+def _print(report: TuningReport, told: dict[str, Any], output: str, python: str | None) -> None:
+    found, unit = report.found, report.unit
+    after = replace(report.best, errors=report.errors)
     rows = [("as published", *_cells(found.published, found))]
-    shown = sorted(found.tried, key=lambda one: one.seconds)
-    kept = [one for one in shown if one.errors.by(found.by) + _bar(found) <= found.tolerance]
-    rows += [(_summary(found, one), *_cells(one, found)) for one in kept[:ROWS] or [found.closest]]
+    rows.append((f"written: {_summary(found, after)}", *_cells(after, found)))
+    tried = sorted(found.tried, key=lambda one: one.seconds)
+    satisfying = [one for one in tried if one.errors.by(found.by) + found.bar <= found.tolerance]
+    shown = (PlainSettings(), report.best.settings)
+    others = [one for one in satisfying if one.settings not in shown]
+    rows += [(_summary(found, one), *_cells(one, found)) for one in others[:ROWS]]
     if found.beyond is not None:
         rows.append((_summary(found, found.beyond), *_cells(found.beyond, found)))
+    for sentence in report.sentences:
+        typer.echo(sentence)
     head = ("settings changed", f"{found.by} in {unit}", "trajectory in m", "ms a simulated s")
     print_table(f"{told['mechanism']}: {found.by} within {found.tolerance:g} {unit}", head, rows)
-    tuned_, published = told["tuned"], told["published"]
-    before = f"published {published['error']:.2g} {unit}, {published['ms_per_s']:.3g} ms"
-    if not np.isfinite(published["error"]):
-        before = "published it diverges"
-    if told["reached"]:
-        typer.echo(
-            f"{output} keeps it: errs by {tuned_['error']:.2g} {unit}, {tuned_['ms_per_s']:.3g} ms a "
-            f"simulated second ({before})"
-        )
-    else:
-        typer.echo(
-            f"no MJCF file reaches {found.tolerance:g} {unit} here: {output} errs by {tuned_['error']:.2g} "
-            f"{unit} ({before})"
-        )
+    if not report.reached:
+        typer.echo(f"no MJCF file reaches {found.tolerance:g} {unit} here")
         if found.beyond is not None:
             how = f"in {python}" if python else "which --python OUT.py writes"
             typer.echo(f"lines of Python reach {found.beyond.errors.by(found.by):.2g} {unit}, {how}")
+    typer.echo(f"wrote {output}")
     if told["put_in"]:
         typer.echo(f"put into it, as something in them changes: {', '.join(told['put_in'])}")
     typer.echo(told["diff"])
@@ -271,4 +265,8 @@ def _summary(found: Tuned, one: SceneTrial) -> str:
 
 
 def _cells(one: SceneTrial, found: Tuned) -> tuple[str, str, str]:
-    return (f"{one.errors.by(found.by):.2g}", f"{one.errors.trajectory:.2g}", f"{1e3 * one.seconds:.3g}")
+    return (
+        f"{one.errors.by(found.by) + found.bar:.2g}",
+        f"{one.errors.trajectory:.2g}",
+        f"{1e3 * one.seconds:.3g}",
+    )

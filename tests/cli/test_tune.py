@@ -76,6 +76,55 @@ def test_what_tune_writes_keeps_the_tolerance_when_stepped_as_its_comment_says(m
     assert judge.closure.errors(states, places).max() == pytest.approx(told["tuned"]["error"], rel=1e-3)
 
 
+# settings that satisfy 4.9 um and are hard to beat: whatever aims at 0.8 of that takes shorter steps
+CHEAP = FINGER.replace(
+    '<option timestep="0.002"/>',
+    '<option timestep="0.0023" iterations="1"><flag refsafe="disable" island="disable"/></option>',
+).replace(
+    '<equality solref="0.005 1" solimp="0.95 0.99 0.001"/>',
+    '<equality solref="0.00345 1" solimp="0.9999 0.9999 0.001 0.5 2"/>',
+)
+
+
+def tuned_by(mechsim, tolerance, *more):
+    words = ("--ctrl", "servo=0.5*sin(2*pi*t)", "--duration", "0.5s", "--budget", "6s", "-o", "out.xml")
+    answer = mechsim("tune", *more[:1], "--tolerance", tolerance, *words, *more[1:])
+    assert answer.code == 0, answer.err
+    return answer.out
+
+
+def comment_of(path):
+    return " ".join(re.search(r"<!-- mechsim tune.*?-->", path.read_text(), re.DOTALL)[0].split())
+
+
+def test_a_file_that_satisfies_the_tolerance_is_never_made_slower(mechsim, tmp_path):
+    (tmp_path / "cheap.xml").write_text(CHEAP)
+    told = json.loads(tuned_by(mechsim, "4.9um", "cheap.xml", "--json"))
+    assert told["published"]["reached"]
+    assert told["published"]["error"] <= 4.9e-6
+    assert told["tuned"]["ms_per_s"] <= told["published"]["ms_per_s"]
+    assert told["reached"]
+    assert told["tuned"]["error"] <= 4.9e-6
+    assert told["summary"][0].startswith("as published the file satisfies 4.9e-06 m by closure")
+    if not told["tuned"]["settings"]:
+        assert told["tuned"]["error"] == told["published"]["error"]
+        assert "the settings stay as published; no cheaper settings satisfy it" in told["summary"]
+    for sentence in told["summary"]:
+        assert sentence in comment_of(tmp_path / "out.xml")
+
+
+def test_screen_and_file_state_the_same_and_a_worse_trajectory(mechsim, tmp_path):
+    printed = tuned_by(mechsim, "1mm", "finger.xml")
+    first, second, third = printed.splitlines()[:3]
+    comment = comment_of(tmp_path / "out.xml")
+    assert first.startswith("as published the file satisfies 0.001 m by closure over 0.5 s")
+    assert second.startswith("the tuned file satisfies it: error ")
+    assert second.endswith(" times faster")
+    assert third.startswith("its trajectory is worse: up to 0.000")
+    assert "times as far" in third
+    assert all(sentence in comment for sentence in (first, second, third))
+
+
 @pytest.mark.slow
 def test_what_is_held_stands_still_in_what_is_written(mechsim, tmp_path):
     (tmp_path / "floating.xml").write_text(FLOATING)

@@ -12,6 +12,7 @@ from mechsim.studies.scenes import (
     By,
     SceneErrors,
     SceneLimit,
+    SceneRun,
     UserScene,
     errors_of,
     limit_of,
@@ -76,8 +77,10 @@ class Tuned:
         scene: that was tuned.
         by: the measure.
         tolerance: asked for.
-        published: the file as it is.
-        chosen: the cheapest that keeps the tolerance; None where no file can.
+        published: the file as it is, its errors measured at every step.
+        satisfied: whether the file as it is satisfies the tolerance.
+        chosen: the cheapest that satisfies the tolerance; the published settings where they do and nothing
+            tried is cheaper; None where no file can.
         closest: that errs least of all that a file can say.
         beyond: the cheapest that keeps it by what no file can say; None where a file can, or nothing does.
         tried: all, in order.
@@ -89,12 +92,18 @@ class Tuned:
     by: By
     tolerance: float
     published: SceneTrial
+    satisfied: bool
     chosen: SceneTrial | None
     closest: SceneTrial
     beyond: SceneTrial | None
     tried: Sequence[SceneTrial]
     limit: SceneLimit
     seconds: float
+
+    @property
+    def bar(self) -> float:
+        """The error of the limit by which the measure judges, in its unit."""
+        return bar_of(self.by, self.limit)
 
 
 @dataclass
@@ -127,16 +136,19 @@ class _SettingSearch:
         settings = settings.without_idle(self.scene.model)
         if settings not in self.tried:
             run = stepped(self.scene, settings.applied(self.scene.model))
-            limit = self.limit if not self.limit.broken else None
-            errors = errors_of(run, limit, torque=self.by == "torque")
+            errors = errors_at(run, self.limit, self.by)
             self.tried[settings] = SceneTrial(settings, errors, run.seconds_per_second)
             self.tell(self.part, f"{len(self.tried)} settings tried")
         return self.tried[settings]
 
     def error(self, trial: SceneTrial) -> float:
         """Return a trial's error, what is not known of the limit added."""
-        bar = {"closure": 0.0, "trajectory": self.limit.bars[0], "torque": self.limit.bars[1]}[self.by]
-        return trial.errors.by(self.by) + bar
+        return trial.errors.by(self.by) + bar_of(self.by, self.limit)
+
+    def at_every_step(self, trial: SceneTrial) -> SceneTrial:
+        """Return a trial with its errors at every step of the motion."""
+        run = stepped(self.scene, trial.settings.applied(self.scene.model), records=None)
+        return replace(trial, errors=errors_at(run, self.limit, self.by))
 
     def kept(self, trial: SceneTrial) -> bool:
         """Whether a trial keeps the tolerance, with what is left for what it did not see, and the motion."""
@@ -157,6 +169,16 @@ class _SettingSearch:
         """Return what keeps the tolerance, the cheapest first."""
         found = [one for one in self.tried.values() if self.kept(one) and one.settings.in_file == in_file]
         return sorted(found, key=lambda one: one.seconds)
+
+
+def bar_of(by: By, limit: SceneLimit) -> float:
+    """Return the error of the limit by which a measure judges, in its unit."""
+    return {"closure": 0.0, "trajectory": limit.bars[0], "torque": limit.bars[1]}[by]
+
+
+def errors_at(run: SceneRun, limit: SceneLimit, by: By) -> SceneErrors:
+    """Return the errors of a run as a measure needs them."""
+    return errors_of(run, None if limit.broken else limit, torque=by == "torque")
 
 
 @quiet()
@@ -181,25 +203,30 @@ def tuned(
     goal = 0.1 * tolerance if by != "closure" else tolerance
     limit = limit_of(scene, goal, seconds=0.2 * seconds, tell=lambda said: tell(0.0, said))
     search = _SettingSearch(scene, by, tolerance, limit, np.inf, tell, seconds, began)
-    published = search.trial(PlainSettings())
+    published = search.at_every_step(search.trial(PlainSettings()))
+    satisfied = search.error(published) <= tolerance
     extent = 0.0 if limit.broken else half_extent([limit.run.points[:, k] for k in range(len(scene.places))])
     before = published.errors.trajectory
     search.allowed = max(SAME * extent, tolerance, before if np.isfinite(before) else 0.0)
     _climb(search)
     chosen = _refined(search)
-    beyond = None if chosen is not None else _beyond(search)
+    beyond = None if chosen is not None or satisfied else _beyond(search)
     in_file = [one for one in search.tried.values() if one.settings.in_file]
     closest = min(in_file, key=search.error)
     timed = [one for one in (chosen, beyond, None if chosen else closest) if one is not None]
     fair = _timed(search, [published, *timed])
     published = fair[0]
     again = dict(zip((id(one) for one in timed), fair[1:], strict=True))
+    chosen = None if chosen is None else again[id(chosen)]
+    if satisfied and (chosen is None or chosen.seconds > (1.0 - ALIKE) * published.seconds):
+        chosen = published
     return Tuned(
         scene,
         by,
         tolerance,
         published,
-        None if chosen is None else again[id(chosen)],
+        satisfied,
+        chosen,
         again.get(id(closest), closest),
         None if beyond is None else again[id(beyond)],
         [*search.tried.values()],
@@ -246,13 +273,24 @@ def _refined(search: _SettingSearch) -> SceneTrial | None:
         for settings in near:
             search.passing(variants(search.scene, settings))
         around |= {*near}
-    best = [one for one in search.cheapest()[: 2 * TIMED] if _stands(search, one)][:TIMED]
+    best = _standing(search)
     if not best:
         return None
     fair = _timed(search, best)
     least = min(one.seconds for one in fair)
     near = [one for one in fair if one.seconds <= (1.0 + ALIKE) * least]
     return min(near, key=lambda one: (len(one.settings.as_dict()), search.error(one)))
+
+
+def _standing(search: _SettingSearch) -> list[SceneTrial]:
+    """Return the cheapest that satisfy the tolerance at every step, as many as are timed."""
+    found: list[SceneTrial] = []
+    for number, one in enumerate(search.cheapest()):
+        enough = number >= 2 * TIMED and (found or search.part >= 1.0)
+        if enough or len(found) == TIMED:
+            break
+        found += [one] if _stands(search, one) else []
+    return found
 
 
 def _stands(search: _SettingSearch, trial: SceneTrial) -> bool:

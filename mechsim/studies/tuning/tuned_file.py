@@ -1,6 +1,6 @@
 """A user's scene written with other settings into its own text, and read back as plain MuJoCo reads it."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -156,8 +156,21 @@ def _word(value: object) -> str:
 
 
 @quiet()
-def written(scene: UserScene, settings: PlainSettings, text: str, place: Path) -> UserScene:
+def written(
+    scene: UserScene,
+    settings: PlainSettings,
+    text: str,
+    place: Path,
+    finish: Callable[[UserScene], str] | None = None,
+) -> UserScene:
     """Write a text and return its scene, as plain MuJoCo loads the file.
+
+    Args:
+        scene: the scene.
+        settings: that the text has.
+        text: what is read back.
+        place: where it is written.
+        finish: returns the text that stays, the same with a comment on what a run of the file gave.
 
     Raises:
         InputError: where MuJoCo refuses what was written, or reads something else than was meant.
@@ -176,6 +189,13 @@ def written(scene: UserScene, settings: PlainSettings, text: str, place: Path) -
             raise InputError(
                 f"{scene.path}: read back, the tuned text differs in {', '.join(other[:3])}; {WHOLE}"
             )
+        outside = _outside(scene, model, place)
+        if finish is not None:
+            beside.write_text(finish(outside), encoding="utf-8", newline="")
+    return outside
+
+
+def _outside(scene: UserScene, model: mujoco.MjModel, place: Path) -> UserScene:
     return replace(scene, path=str(place), model=model, still=None, key=KEY if scene.own_start else scene.key)
 
 
