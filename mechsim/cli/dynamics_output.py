@@ -144,11 +144,12 @@ def _rows(study: InverseDynamics, turn: Fluctuation | None, even: Fluctuation | 
         rows.append(row(f"moment in {name} on {one['on']}", one["moment"], "N m"))
     for name, one in facts["couplings"].items():
         what = "torque" if one["unit"] == "N m" else "force"
+        left = "" if one["determined"] else "not determined; "
         if one["by"] == "teeth":
-            note = f"{what} {one['effort']['largest']:.6g} {one['unit']}"
+            note = f"{left}{what} {one['effort']['largest']:.6g} {one['unit']}"
             rows.append(row(f"teeth of {name} on {one['links'][0]}", one["force"], "N", note))
         elif one["by"] == "ideal transmission":
-            note = f"ideal transmission: acts in reverse on {', '.join(one['links'])}"
+            note = f"{left}ideal transmission: acts in reverse on {', '.join(one['links'])}"
             rows.append(row(f"{what} of coupling {name}", one["effort"], one["unit"], note))
     rows.append(row("shaking force on the frame", facts["shaking_force"], "N"))
     rows.append(row("shaking moment about the origin", facts["shaking_moment"], "N m"))

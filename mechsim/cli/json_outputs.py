@@ -192,6 +192,7 @@ OUTPUTS: dict[str, Schema] = {
                     {"force": PEAK},
                     effort=PEAK,
                     unit=TEXT,
+                    determined=YES,
                     by={"enum": ["teeth", "thread", "ideal transmission"]},
                     links=TEXTS,
                 )

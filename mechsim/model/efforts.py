@@ -110,6 +110,8 @@ class Efforts:
             reverse on the joint's link a, except in screws, whose reaction contains them, and where `meshes`
             has a tooth force in their place.
         meshes: those couplings that have a pitch point -> the tooth force there.
+        undetermined: couplings whose effort rigid links leave open, as of planets that share a load; the
+            smallest that fit are given. Empty where the method does not report it.
         drives: driven or held coordinate -> torque on the joint's link b about its axis, or force along it,
             (n,) in [N m] or [N]. Empty where a crank is driven. Otherwise angle, speed and acceleration are
             those of the programs' clock, and the torque is the drives' power by its speed.
@@ -149,6 +151,7 @@ class Efforts:
     drive_accelerations: Mapping[str, Array] = field(default_factory=dict[str, Array])
     straight: frozenset[str] = frozenset()
     meshes: Mapping[str, MeshForce] = field(default_factory=dict[str, MeshForce])
+    undetermined: frozenset[str] = frozenset()
     meeting: NDArray[np.bool_] | None = None
 
     __repr__ = short_repr
@@ -173,10 +176,8 @@ class Efforts:
         moved = () if self.drives else ("angle", "speed", "acceleration", "torque")
         for name in (*moved, "kinetic", "potential"):
             yield name, getattr(self, name)
-        for name, effort in self.drives.items():
+        for name, effort in {**self.drives, **self.holds}.items():
             yield f"drive {name}", effort
-        for name, effort in self.holds.items():
-            yield f"hold {name}", effort
         for name in ("power_in", "power_loads", "power_lost"):
             yield name, getattr(self, name)
         for name, one in self.reactions.items():

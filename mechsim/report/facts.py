@@ -233,6 +233,7 @@ def _coupling_facts(
     for name, law in mechanism.named_laws.items():
         own: dict[str, Any] = {"effort": peak(found.gears[name])}
         own["unit"] = "N" if name in found.straight else "N m"
+        own["determined"] = name not in found.undetermined
         mesh = found.meshes.get(name)
         if mesh is not None:
             own |= {"by": "teeth", "links": [mesh.link, mesh.by], "force": peak(_norm(mesh.force))}

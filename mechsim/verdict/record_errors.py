@@ -56,8 +56,8 @@ def reactions(found: Efforts, exact: Efforts) -> Iterable[str]:
 
 
 def gears(found: Efforts, exact: Efforts) -> Iterable[str]:
-    """Return the pairs of gears."""
-    return exact.gears
+    """Return the pairs of gears whose torque is determined."""
+    return [name for name in exact.gears if name not in exact.undetermined]
 
 
 def of(field: str) -> Error:
@@ -148,8 +148,8 @@ def gear_torque(found: Efforts, exact: Efforts, name: str) -> Array:
 
 
 def meshes(found: Efforts, exact: Efforts) -> Iterable[str]:
-    """Return the couplings with teeth."""
-    return exact.meshes
+    """Return the couplings with teeth whose force is determined."""
+    return [name for name in exact.meshes if name not in exact.undetermined]
 
 
 def mesh_force(found: Efforts, exact: Efforts, name: str) -> Array:

@@ -57,9 +57,8 @@ def solved(case: Case, method: str) -> tuple[Motion, Efforts]:
         run = driven(case.mechanism, case.forces, programs=moves, method="pose", samples=5)
         return run.motion, run.efforts
     machine = dynamics.machine(LoopForm(case.mechanism, programs=moves), case.forces)
-    clock = moves.pace * np.linspace(0.0, 1.0, 6)
-    motion = machine.drive.solve(clock, moves.pace, 0.0)
-    return motion, dynamics.prescribed(machine, clock, moves.pace).efforts
+    time = np.linspace(0.0, 1.0, 6)
+    return machine.drive.solve(t=time), dynamics.prescribed(machine, t=time).efforts
 
 
 @cache
@@ -236,9 +235,11 @@ def test_bearings_of_planets_that_share_a_load_are_not_determined():
     study = dynamics.prescribed(dynamics.machine(mechanism), [0.3, 0.4], 5.0)
     for i in range(2):
         assert {"fx", "fy"} <= {*study.efforts.reactions[f"planet{i}"].open}
+    assert study.efforts.undetermined == {*study.efforts.gears}
     single = replace(mechanism, gears=tuple(gears[:3]))
     study = dynamics.prescribed(dynamics.machine(single), [0.3, 0.4], 5.0)
     assert {"fx", "fy"}.isdisjoint(study.efforts.reactions["planet0"].open)
+    assert not study.efforts.undetermined
 
 
 @pytest.mark.parametrize("case", ["train 2", "linkage 22"])

@@ -230,6 +230,7 @@ def moved_as(
         reactions=held.reactions,
         gears=held.gears,
         meshes=held.meshes,
+        undetermined=held.undetermined,
         kinetic=kinetic_energy(unit, w, flywheel),
         potential=part.energy,
         power_in=torque * w,
@@ -302,9 +303,10 @@ def _joined(parts: Sequence[InverseDynamics]) -> InverseDynamics:
         name: replace(one, determined=np.all([part.efforts.reactions[name].known for part in parts], 0))
         for name, one in whole.reactions.items()
     }
+    undetermined = frozenset[str]().union(*(part.efforts.undetermined for part in parts))
     return InverseDynamics(
         machine=parts[0].machine,
-        efforts=replace(whole, reactions=reactions),
+        efforts=replace(whole, reactions=reactions, undetermined=undetermined),
         load=np.concatenate([part.load for part in parts]),
         reduced=join([part.reduced for part in parts]),
         second_torque=np.concatenate([part.second_torque for part in parts]),

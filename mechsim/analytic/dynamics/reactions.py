@@ -35,6 +35,7 @@ class Balance:
         gears: "driver-driven" of gears and other couplings -> torque on the driven joint's link b about its
             axis, or force along it, (n,) in [N m] or [N]; on the driver's is -slope times it.
         meshes: gear, bevel and rack pair -> force at its pitch point.
+        undetermined: couplings whose effort self-stresses change.
         residual: largest imbalance left of any link, relative to the largest wrench, (n,).
         indeterminacy: number of independent self-stresses: forces the joints can hold against each
             other without any load.
@@ -46,6 +47,7 @@ class Balance:
     reactions: Mapping[str, Reaction]
     gears: Mapping[str, Array]
     meshes: Mapping[str, MeshForce]
+    undetermined: frozenset[str]
     residual: Array
     indeterminacy: int
     meeting: NDArray[np.bool_]
@@ -81,6 +83,11 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
         },
         {name: told[name] for name in mechanism.named_laws},
         mesh_forces(unit, told),
+        frozenset(
+            name
+            for name in mechanism.named_laws
+            if (np.abs(slack[sound, _row(mechanism, name, multipliers)]) > SETTLED).any()
+        ),
         left / size,
         slack.shape[-1],
         ~sound,

@@ -21,7 +21,7 @@ def is_effort(name: str) -> bool:
     return (
         name in alone
         or ending in COMPONENTS
-        or name.startswith(("drive ", "gear ", "power_", "torque:", "force:", "moment:"))
+        or name.startswith(("drive ", "gear ", "mesh ", "power_", "torque:", "force:", "moment:"))
     )
 
 
