@@ -56,6 +56,8 @@ class DrivenRun:
         start: closed state and rates at time zero, (nq,) and (nv,).
         samples: instants recorded after the first; None takes about `SAMPLES` a turn.
         watch: told now and then how far a run has come, in words and as a part of the whole.
+        total: steps over the whole motion; None as the settings have them.
+        ending: where the run ends, if not with the motion that was requested, in one sentence.
     """
 
     closed: ClosedModel
@@ -63,6 +65,8 @@ class DrivenRun:
     start: tuple[Array, Array]
     samples: int | None = None
     watch: Watch = unwatched
+    total: int | None = None
+    ending: str = ""
 
     @property
     def cycle(self) -> float:
@@ -130,7 +134,7 @@ class DrivenRun:
     def _note(self) -> str:
         """Return what is to be said of a stepped run, in sentences; nothing where there is nothing."""
         changed = CHANGED + (TOUCHING if self.closed.touching else UNTOUCHED)
-        said = (self.closed.note, changed if self.closed.own else "", self._meetings())
+        said = (self.closed.note, changed if self.closed.own else "", self._meetings(), self.ending)
         return "; ".join(one for one in said if one)
 
     def _meetings(self) -> str:
@@ -163,7 +167,7 @@ class DrivenRun:
         wanted = self.profile.turns * settings.steps_per_turn
         what = f"a motion of {self.profile.turns:g} turns with {settings.steps_per_turn:,} steps a turn"
         require_steps(what, wanted, "take fewer turns or a shorter duration, or longer steps")
-        total = max(self.profile.least, int(np.ceil(wanted - 1e-9)))
+        total = self.total or max(self.profile.least, int(np.ceil(wanted - 1e-9)))
         if self.samples is None:
             return total, max(1, int(total / max(self.profile.least, SAMPLES * self.profile.turns)))
         stride = -(-total // self.samples)

@@ -14,6 +14,7 @@ from mechsim.simulation import closed_model
 from mechsim.simulation.begun import begun, clock_of
 from mechsim.simulation.closed_model import ClosedModel, Source
 from mechsim.simulation.driven_run import DrivenRun, check_records, first_state, solved
+from mechsim.simulation.fixed_step import with_timestep
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.open_freedoms import (
     require_determined,
@@ -37,6 +38,7 @@ def simulate(
     profile: CrankProfile | None = None,
     tolerance: float | str | None = None,
     settings: Settings | None = None,
+    timestep: float | str | None = None,
     method: Method | None = None,
     samples: int | None = None,
     scene: Scene | None = None,
@@ -59,6 +61,8 @@ def simulate(
             calls the run met within a ten-thousandth of the stroke.
         settings: how to step; with a tolerance their number of steps is replaced, and where no number keeps
             it, their hardness, unless that is given.
+        timestep: in [s] or text, as "2ms"; kept exactly: the run ends with the last whole step within its
+            duration. It replaces the number of steps of the settings.
         method: "step" integrates in time; "pose" solves each crank angle by itself, to rounding. None
             takes what is asked for: "step" where a tolerance or settings are given, or where the crank
             leaves the tracked points a freedom; else "pose". The run names it.
@@ -82,7 +86,8 @@ def simulate(
         MobilityError: where the crank does not settle the poses asked for, or cannot move.
     """
     speed, tolerance = si(speed, "rad/s", "the crank speed"), si(tolerance, "m", "the tolerance")
-    _check(tolerance, method, samples)
+    timestep = si(timestep, "s", "the time step")
+    _check(tolerance, method, samples, timestep)
     for name, given, kind in (
         ("scene", scene, Scene),
         ("settings", settings, Settings),
@@ -108,7 +113,7 @@ def simulate(
         profile = constant(speed, turns, closed.angle)
     samples = None if samples is None else int(samples)
     check_records(closed, profile, samples)
-    if method is None and (tolerance is not None or settings is not None):
+    if method is None and (tolerance is not None or settings is not None or timestep is not None):
         method = "step"
     closed, method = _movable(closed, method, programs)
     if method == "pose":
@@ -118,11 +123,22 @@ def simulate(
     run = DrivenRun(closed, profile, start, samples, watch or unwatched)
     run.require_decided()
     settings = settings or Settings()
+    if timestep is not None:
+        run, settings = with_timestep(run, settings, timestep)
     return run.stepped(settings) if tolerance is None else within(run, settings, tolerance)
 
 
-def _check(tolerance: float | None, method: Method | None, samples: int | None) -> None:
+def _check(
+    tolerance: float | None, method: Method | None, samples: int | None, timestep: float | None
+) -> None:
     """Refuse values that cannot be used."""
+    if timestep is not None and not 0.0 < number(timestep) < np.inf:
+        raise InputError(f"time step is {timestep} s; give a finite time above 0")
+    if timestep is not None and (tolerance is not None or method == "pose"):
+        other = (
+            "method 'pose' takes no steps" if tolerance is None else "a tolerance chooses the step by itself"
+        )
+        raise InputError(f"time step is {timestep:g} s, but {other}; leave one of them out")
     if tolerance is not None and not 0.0 < number(tolerance) < np.inf:
         remedy = units_remedy(tolerance, "units.parse_length('1 um')")
         raise InputError(f"tolerance is {tolerance} m; give a finite length above 0{remedy}")

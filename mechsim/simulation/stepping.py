@@ -178,19 +178,25 @@ def _torque(loops: ModelLoops, profile: CrankProfile, timestep: float, steps: in
     return np.diff(rates, axis=0) / timestep * loops.model.dof_armature[loops.moved_dofs]
 
 
-def check_step(timestep: float, profile: CrankProfile) -> int:
-    """Return the steps a turn that a time step makes, or say that it is too large or too small."""
+def check_step(timestep: float, profile: CrankProfile, cycle: str = "a turn of the crank") -> int:
+    """Return the steps a turn that a time step makes, or say that it is too large or too small.
+
+    Args:
+        timestep: in [s].
+        profile: of the crank, or of the clock of motion laws.
+        cycle: what takes a turn of the profile, for messages.
+    """
     if not 0.0 < timestep < np.inf:
         raise InputError(f"time step is {timestep} s; give a finite time above 0")
     turn = 2.0 * np.pi / profile.fastest
     if timestep > turn / 4.0:
         raise InputError(
-            f"time step is {timestep:g} s, but a turn of the crank takes {turn:.6g} s; "
+            f"time step is {timestep:g} s, but {cycle} takes {turn:.6g} s; "
             f"take {turn / 4.0:.3g} s at the most"
         )
     if timestep < turn / MAX_STEPS:
         raise InputError(
-            f"time step is {timestep:g} s, but a turn of the crank takes {turn:.6g} s; "
+            f"time step is {timestep:g} s, but {cycle} takes {turn:.6g} s; "
             f"take {turn / MAX_STEPS:.3g} s at the least"
         )
     return int(np.ceil(turn / timestep - 1e-9))

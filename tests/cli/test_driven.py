@@ -160,3 +160,12 @@ def test_how_far_places_are_from_where_programs_want_them_is_told_where_it_is_be
     assert f"places are up to {far:.2g} m from where programs want them" in fine.out
     assert (fine.code, coarse.code) == (0, 0)
     assert "programs want" not in coarse.out
+
+
+def test_a_time_step_is_kept_under_motion_laws(mechsim):
+    words = ["simulate", "arm.toml", *DRIVE, "--duration", "1s", "--timestep", "2ms", "--json"]
+    said = json.loads(mechsim(*words).out)
+    assert (said["steps"], said["settings"]["timestep"]) == (500, 0.002)
+    code, _, said = mechsim(*words[:-1], "--samples", "72")
+    assert (code, said.count("\n")) == (2, 1)
+    assert "take 50 or 100 intervals (--samples 51 or 101)" in said

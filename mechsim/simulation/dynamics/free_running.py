@@ -84,7 +84,8 @@ def free_run(
         tolerance: bound on the error of the crank angle at every instant in [rad]; the time step is then
             chosen by trials, and the error taken from a run with steps twice as long (`angle_tolerance`).
         samples: instants recorded after the first, about as many where only turns are given.
-        timestep: in [s]; None takes the settings' part of a turn at the speed to be expected.
+        timestep: longest step in [s], shortened so that records are even; None takes the settings' part of a
+            turn at the speed to be expected.
         settings: how to step; the flywheel in them is left out.
         cut: joints at which the loops are cut; None lets the generator choose.
         watch: told now and then how far the run has come, in words and as a part of the whole, 0 to 1.

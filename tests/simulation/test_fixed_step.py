@@ -1,0 +1,80 @@
+"""A time step that is given is kept exactly, or rejected with the limit and the remedy."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.errors import InputError
+
+LAW = {"crank": "0.3*sin(2*pi*t)"}
+SPEED = ms.units.rpm(600)
+
+
+@pytest.fixture(scope="module")
+def swung():
+    return ms.load("four_bar", drive=LAW, duration=1.0)
+
+
+def taken(model, timestep, **asked):
+    """Return a stepped run, whose records prove its step by their times."""
+    run = ms.simulate(model, timestep=timestep, **asked)
+    assert run.method == "step"
+    assert run.timestep == pytest.approx(timestep, rel=1e-12)
+    assert run.motion.time is not None
+    assert run.motion.time[-1] == pytest.approx(run.steps * timestep, rel=1e-12)
+    return run
+
+
+def test_a_step_is_kept_under_motion_laws(swung):
+    run = taken(swung, 0.002)
+    assert run.steps == 500
+    assert run.outcome == "met"
+    # the crank follows its law at these times; a force constant over a step makes it lag by (w dt)^2/12
+    lag = 0.3 * (2.0 * np.pi * 0.002) ** 2 / 12.0
+    crank = run.motion.joints["crank"].value
+    np.testing.assert_allclose(crank, 0.3 * np.sin(2.0 * np.pi * run.motion.time), atol=1.01 * lag)
+
+
+def test_a_step_is_kept_under_the_laws_of_several_drivers():
+    assert taken(ms.load("five_bar"), 0.0025).steps == 400
+
+
+@pytest.mark.parametrize(("speed", "steps"), [(SPEED, 50), (1.01 * SPEED, 49)])
+def test_a_step_is_kept_with_a_crank_whether_it_divides_the_turn_or_not(speed, steps):
+    run = taken(ms.catalog.make("rssr"), 0.002, speed=speed)
+    assert run.steps == steps
+    assert ("the run ends at 0.098 s" in run.note) == (steps == 49)
+
+
+def test_records_lie_on_whole_steps(swung):
+    run = taken(swung, 0.002, samples=100)
+    np.testing.assert_allclose(run.motion.time, np.linspace(0.0, 1.0, 101), atol=1e-12)
+    with pytest.raises(InputError, match=r"71 equal .* 500 steps of 0\.002 s; take 50 or 100 intervals"):
+        ms.simulate(swung, timestep=0.002, samples=71)
+
+
+REJECTED = {
+    "too long for the laws": (
+        {"timestep": 0.3},
+        r"a cycle of the motion laws takes 1 s; take 0\.25 s at the most",
+    ),
+    "too short": ({"timestep": 1e-300}, "at the least"),
+    "not above zero": ({"timestep": 0.0}, "give a finite time above 0"),
+    "text that is no time": ({"timestep": "2mm"}, "the time step"),
+    "with a tolerance": ({"timestep": 0.002, "tolerance": 1e-6}, "leave one of them out"),
+    "without steps": ({"timestep": 0.002, "method": "pose"}, "method 'pose' takes no steps"),
+}
+
+
+@pytest.mark.parametrize("case", REJECTED)
+def test_a_step_that_cannot_be_used_is_rejected(swung, case):
+    asked, reason = REJECTED[case]
+    with pytest.raises(InputError, match=reason):
+        ms.simulate(swung, **asked)
+
+
+def test_a_step_too_long_for_a_short_swing_is_rejected_with_the_longest():
+    time = np.linspace(0.0, 0.05, 20)
+    profile = ms.simulation.table(time, 1.0 + 0.1 * np.sin(60.0 * time))
+    with pytest.raises(InputError, match=r"lasts 0\.05 s and needs 48 steps at least; take 0\.00104 s"):
+        ms.simulate(ms.catalog.make("rssr"), profile=profile, timestep=0.002)
