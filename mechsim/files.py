@@ -1,8 +1,11 @@
 """Files written whole or not at all: a motion as a table of columns (`.csv`, `.npz`), numbers as JSON."""
 
+import csv
+import io
 import json
 import math
 import os
+import re
 import secrets
 import shutil
 import stat
@@ -25,6 +28,8 @@ EXTENSIONS = (".csv", ".npz")
 # bytes in memory for each byte of text, and for each of an unpacked table, whose numbers may be of one byte
 IN_MEMORY, UNPACKED = 10.0, 10.0
 SHORTER = "give a shorter table"
+# characters of a file's name that come from a name of a mechanism
+LONGEST_STEM = 100
 # rows formatted in one go: long enough to be fast, short enough to stay in the cache
 ROWS = 4096
 
@@ -62,6 +67,11 @@ def place_of(path: str | Path) -> Path:
     except (OSError, ValueError) as error:
         raise _cannot_write(path, error) from error
     return place
+
+
+def stem_of(name: str) -> str:
+    """Return a name as the beginning of a file's, without what leads to another folder or upsets a shell."""
+    return re.sub(r"[^\w.+-]+", "_", name)[-LONGEST_STEM:].lstrip("-.") or "_"
 
 
 def require_place(path: str | Path) -> None:
@@ -195,7 +205,7 @@ def write_in_parts(path: str | Path, parts: Iterable[Tabled]) -> None:
         for number, part in enumerate(parts):
             table = dict(part.columns())
             if number == 0:
-                file.write(",".join(table) + "\n")
+                file.write(csv_head(table))
             file.writelines(csv_lines(table))
 
 
@@ -226,8 +236,15 @@ def read(path: str | Path) -> Table:
 
 def _write_csv(path: Path, table: Mapping[str, Array]) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(",".join(table) + "\n")
+        file.write(csv_head(table))
         file.writelines(csv_lines(table))
+
+
+def csv_head(names: Iterable[str]) -> str:
+    """Return the first line of a table: names with commas between, in quotes where they hold a comma."""
+    line = io.StringIO()
+    csv.writer(line, lineterminator="\n").writerow(names)
+    return line.getvalue()
 
 
 def csv_lines(table: Mapping[str, Array]) -> Iterator[str]:
@@ -246,7 +263,7 @@ def _read_csv(path: Path) -> Table:
         head, *lines = file.read().splitlines() or [""]
     if not lines:
         raise ValueError("it has no row of numbers")
-    names = [name.strip() for name in head.split(",")]
+    names = [name.strip() for name in next(csv.reader([head]), [])]
     try:
         rows = np.loadtxt(lines, delimiter=",", ndmin=2)
     except ValueError:

@@ -28,15 +28,17 @@ def print_table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) 
     """Print a table that fits the terminal, or plain wide text where there is none."""
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     told = sys.stdout.isatty() or "COLUMNS" in os.environ
     console = Console(width=None if told else 160)
-    table = Table(title=title, title_justify="left", header_style="bold")
+    # names may hold what the library would take for its own markup
+    table = Table(title=Text(title), title_justify="left", header_style="bold")
     for name in head:
-        table.add_column(name, overflow="fold")
+        table.add_column(Text(name), overflow="fold")
     for row in rows:
-        table.add_row(*row)
-    console.print(table, markup=False)
+        table.add_row(*map(Text, row))
+    console.print(table)
 
 
 class Tick(Protocol):
@@ -113,7 +115,7 @@ def progress(what: str, total: int | None, *, quiet: bool = False, at_least: boo
 
     far = () if total is None else (MofNCompleteColumn(),)
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         *far,
         TimeElapsedColumn(),

@@ -155,6 +155,6 @@ def _print(parts: Iterator[Motion | Poses]) -> None:
     for number, part in enumerate(parts):
         columns = dict(part.columns())
         if number == 0:
-            print(",".join(columns))
+            sys.stdout.write(files.csv_head(columns))
         rows = np.column_stack(list(columns.values()))
         sys.stdout.writelines(",".join(map(repr, row.tolist())) + "\n" for row in rows)

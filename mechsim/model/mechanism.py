@@ -27,6 +27,8 @@ Source = TypeVar("Source")
 # joints of a link nearer to each other than this part of all that is known of the links lie in one place, but
 # for the digits of their file
 ONE_PLACE = 1e-5
+# characters of a name
+LONGEST_NAME = 200
 # points whose distances to all others are taken at once
 ROWS = 500
 
@@ -69,6 +71,7 @@ class Mechanism:
 
     def __post_init__(self) -> None:
         self._require_kinds()
+        _require_name("a mechanism is called", self.name)
         require_axis(self.name, self.up)
         names = [link.name for link in self.links]
         _unique(self.name, "link", [GROUND, *names])
@@ -298,12 +301,20 @@ def _extent(points: list[Vector]) -> float:
 
 def _unique(mechanism: str, what: str, names: list[str]) -> None:
     for name in names:
-        if not name.strip() or any(character < " " for character in name):
-            raise InputError(
-                f"mechanism {mechanism!r} has a {what} called {name!r}; give it a name of letters in one line"
-            )
+        _require_name(f"mechanism {mechanism!r} has a {what} called", name)
         if names.count(name) > 1:
             raise InputError(f"mechanism {mechanism!r} has more than one {what} called {name!r}; rename one")
+
+
+def _require_name(who: str, name: str) -> None:
+    """Refuse a name that no file, table or picture could show as it is."""
+    if not name or not name.isprintable() or name != name.strip():
+        raise InputError(
+            f"{who} {name!r}; give it a name of printable characters in one line, without a space at "
+            "either end"
+        )
+    if len(name) > LONGEST_NAME:
+        raise InputError(f"{who} {name[:20]!r}..., of {len(name)} characters; give it {LONGEST_NAME} at most")
 
 
 def _known(who: str, what: str, name: str, known: list[str]) -> None:

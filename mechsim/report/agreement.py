@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from mechsim.errors import MissingToolError, OutputError
-from mechsim.files import written_beside
+from mechsim.files import stem_of, written_beside
 from mechsim.pictures import plots
 from mechsim.pictures.plots.agreement import TwoCurves, agreement_plot
 from mechsim.report.page import Section, write_report
@@ -77,7 +77,7 @@ def _curves(found: Agreement, i: int) -> TwoCurves:
 
 def _stems(found: Agreement) -> list[str]:
     names = [curves.name for curves in worst_first(found)[:DRAWN]]
-    return [f"against_{name.replace(':', '_').replace('/', '_')}" for name in names]
+    return [f"against_{stem_of(name)}" for name in names]
 
 
 def _still(folder: Path, found: Agreement, notes: list[str]) -> bytes | None:

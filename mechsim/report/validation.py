@@ -1,7 +1,6 @@
 """The page of a validation: each case with its facts, pictures, plots, verdict and cost."""
 
 import math
-import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import MissingToolError, OutputError
-from mechsim.files import written_beside
+from mechsim.files import stem_of, written_beside
 from mechsim.pictures import plots
 from mechsim.pictures.view import page, three_js
 from mechsim.report.agreement import explanations
@@ -54,7 +53,7 @@ def write_validation_report(
         turned = _turned(folder, name, case)
         drawings = _plots(case)
         for kind, drawing in drawings.items():
-            with written_beside(folder / f"{_stem(name)}_{kind}.svg") as beside:
+            with written_beside(folder / f"{stem_of(name)}_{kind}.svg") as beside:
                 beside.write_bytes(drawing)
         sections.append(
             Section(
@@ -74,11 +73,6 @@ def write_validation_report(
     return notes
 
 
-def _stem(name: str) -> str:
-    """Return how files of a case begin: one called by the path of its file lies in this folder too."""
-    return re.sub(r"[/\\:]+", "_", name)
-
-
 def _drawn(folder: Path, name: str, case: Case, notes: list[str]) -> tuple[bytes | None, Path | None]:
     """Write a still and, of a stepped run, a video; return the still's bytes and the video's path.
 
@@ -89,7 +83,7 @@ def _drawn(folder: Path, name: str, case: Case, notes: list[str]) -> tuple[bytes
 
     mechanism, motion = case.drive.mechanism, case.run.motion
     look = Look(size=SIZE, **drawn_as(case.drive))
-    picture, video = folder / f"{_stem(name)}.png", folder / f"{_stem(name)}.mp4"
+    picture, video = folder / f"{stem_of(name)}.png", folder / f"{stem_of(name)}.mp4"
     still: bytes | None = None
     try:
         write_picture(picture, mechanism, motion, look, angle=float(motion.angle[0]), paths="whole")
@@ -114,7 +108,7 @@ def _turned(folder: Path, name: str, case: Case) -> str:
     shown = case_view(case)
     if shown is None:
         return ""
-    library, place = folder / "three.min.js", folder / f"{_stem(name)}.view.html"
+    library, place = folder / "three.min.js", folder / f"{stem_of(name)}.view.html"
     for path, text in ((library, three_js()), (place, page(shown, library.name))):
         with written_beside(path) as beside:
             beside.write_text(text, encoding="utf-8")

@@ -16,6 +16,7 @@ from mechsim.pictures.plots.figure import (
     angle_axis,
     blank,
     flattened,
+    label_of,
     styled,
 )
 
@@ -87,7 +88,7 @@ def reaction_plot(study: Prescribed) -> "Figure":
             ax.set_xlabel(f"{'xyz'[i]} [{unit}]")
             ax.set_ylabel(f"{'xyz'[j]} [{unit}]")
             ax.set_aspect("equal", adjustable="datalim")
-        axes[len(planes) * block, column].set_title(f"{name}: on {reactions[name].link}")
+        axes[len(planes) * block, column].set_title(label_of(f"{name}: on {reactions[name].link}"))
     for ax in axes.flat:
         if not ax.lines:
             ax.set_axis_off()
@@ -162,7 +163,7 @@ def _torque(ax: "Axes", study: Prescribed, simulated: Efforts | None) -> None:
     shown = {name: values for name, values in lines.items() if np.abs(values).max() > 1e-6 * factor}
     for i, (name, values) in enumerate(shown.items()):
         if len(shown) > 1:
-            ax.plot(degrees, values / factor, color=COLOURS[i + 1], ls="--", lw=1.0, label=name)
+            ax.plot(degrees, values / factor, color=COLOURS[i + 1], ls="--", lw=1.0, label=label_of(name))
     ax.plot(degrees, found.torque / factor, color=COLOURS[0], label="drive")
     if simulated is not None:
         every = max(1, len(simulated) // 48)
@@ -181,7 +182,7 @@ def _drives(ax: "Axes", found: Efforts, simulated: Efforts | None) -> None:
     for i, (name, values) in enumerate(found.drives.items()):
         factor, unit = told[name]
         style: dict[str, Any] = {"color": COLOURS[i % 6], "ls": STYLES[i // 6 % 3]}
-        ax.plot(found.time, values / factor, label=f"{name} [{unit}]", **style)
+        ax.plot(found.time, values / factor, label=label_of(f"{name} [{unit}]"), **style)
         if simulated is not None and simulated.time is not None:
             every = max(1, len(simulated) // 48)
             x, y = simulated.time[::every], simulated.drives[name][::every] / factor
@@ -210,7 +211,7 @@ def _polar(ax: "Axes", study: Prescribed) -> None:
     forces = _settled(study)
     factor, unit = readable(np.concatenate(list(forces.values())), "N")
     for i, (name, force) in enumerate(forces.items()):
-        ax.plot(*(force[:, :2] / factor).T, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], label=name)
+        ax.plot(*(force[:, :2] / factor).T, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], label=label_of(name))
     ax.plot(0.0, 0.0, "+", color=RINGS)
     ax.set_xlabel(f"force along x [{unit}]")
     ax.set_ylabel(f"force along y [{unit}]")

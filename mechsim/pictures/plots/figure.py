@@ -1,6 +1,7 @@
 """What all plots share: how they look, their axes, and how a figure becomes a file."""
 
 import io
+import warnings
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,6 +28,8 @@ COLOURS = [colour[:3] for colour in PALETTE[:6]]
 STYLES = ("-", "--", ":")
 # what varies by less than this part of its scale is rounding
 ROUNDED = 1e-12
+# characters of a label that a legend has room for
+LONGEST_LABEL = 40
 # a legend beside axes that curves may fill
 BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
 
@@ -45,6 +48,8 @@ LOOK: dict[str, Any] = {
     "legend.frameon": False,
     "figure.facecolor": "white",
     "svg.fonttype": "path",
+    # a dollar sign in a name begins no formula
+    "text.parse_math": False,
     # the same plot gives the same bytes
     "svg.hashsalt": "mechsim",
 }
@@ -104,7 +109,9 @@ def drawn(figure: "Figure", form: Format = "svg") -> bytes:
         raise InputError(f"there is no plot format {form!r}; known are {', '.join(FORMATS)}")
     out = io.BytesIO()
     layout = figure.get_layout_engine()
-    with styled():
+    with styled(), warnings.catch_warnings():
+        # letters that the font lacks are drawn as boxes, which is all there is to say
+        warnings.filterwarnings("ignore", "Glyph .* missing", UserWarning)
         # laid out once: left to itself, saving does it again for each of its two passes
         if layout is not None:
             layout.execute(figure)
@@ -125,6 +132,12 @@ def write(path: str | Path, figure: "Figure") -> None:
     drawing = drawn(figure, form_of(path))
     with written_beside(path) as beside:
         beside.write_bytes(drawing)
+
+
+def label_of(name: str) -> str:
+    """Return a name as a legend shows it: not all of a long one, and one that begins with _ at all."""
+    short = name if len(name) <= LONGEST_LABEL else f"{name[: LONGEST_LABEL - 1]}…"
+    return f" {short}" if short.startswith("_") else short
 
 
 def chosen(motion: Motion, points: Sequence[str] | None) -> list[str]:

@@ -19,6 +19,7 @@ from mechsim.pictures.plots.figure import (
     chosen,
     decades,
     flattened,
+    label_of,
     styled,
 )
 
@@ -51,7 +52,7 @@ def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> "Figure"
             flattened(ax, scales[row] / factor, unit)
             # one line for all labels of a column; finding the line costs a third of the plot
             ax.yaxis.set_label_coords(-0.19, 0.5)
-        axes[0, column].set_title(name)
+        axes[0, column].set_title(label_of(name))
         along_axis(axes[2, column], bool(motion.drivers))
     lines = axes[0, 0].get_lines()
     figure.legend(handles=lines, ncols=3, loc="outside upper right", handlelength=1.6)
@@ -115,7 +116,7 @@ def error_plot(
     for i, (label, values) in enumerate(errors.items()):
         size = np.abs(np.asarray(values, dtype=np.float64))
         size = np.where(np.isfinite(size), np.maximum(size, FLOOR), np.nan)
-        ax.semilogy(x, size, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], lw=1.2, label=label)
+        ax.semilogy(x, size, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], lw=1.2, label=label_of(label))
     if bound is not None:
         ax.axhline(bound, color="#b00020", lw=1.2, ls="--", label=f"bound {bound:.1e} {unit}")
     decades(ax.yaxis)

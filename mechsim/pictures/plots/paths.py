@@ -9,7 +9,7 @@ from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.pictures.number_text import readable
-from mechsim.pictures.plots.figure import COLOURS, ROUNDED, blank, chosen, styled
+from mechsim.pictures.plots.figure import COLOURS, ROUNDED, blank, chosen, label_of, styled
 from mechsim.shapes import point_colours
 from mechsim.shapes.camera import upright
 
@@ -57,7 +57,7 @@ def coupler_curve(
     for ax, (i, j) in zip(axes[0], views, strict=True):
         for name, place in places.items():
             colour = colours[name]
-            ax.plot(place[:, i] / factor, place[:, j] / factor, color=colour, label=name)
+            ax.plot(place[:, i] / factor, place[:, j] / factor, color=colour, label=label_of(name))
             ax.plot(*(place[0, [i, j]] / factor), "o", ms=4, color=colour)
             if other is not None:
                 rings = other.points[name].position[:, [i, j]] / factor
@@ -98,7 +98,7 @@ def space_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | No
         # matplotlib's z points up, whichever of the mechanism's axes does
         first, second, height = (place / factor)[:, order].T
         ax.plot(first, second, np.full_like(height, floor), color="#b9bfc8", lw=1.0)
-        ax.plot(first, second, height, color=colour, label=name)
+        ax.plot(first, second, height, color=colour, label=label_of(name))
         ax.plot(first[:1], second[:1], height[:1], "o", ms=4, color=colour)
     for axis, i in zip("xyz", order, strict=True):
         getattr(ax, f"set_{axis}lim")(middle[i] - half, middle[i] + half)

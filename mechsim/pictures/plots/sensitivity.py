@@ -10,7 +10,7 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.path import tangents
 from mechsim.pictures.number_text import readable
-from mechsim.pictures.plots.figure import BESIDE, COLOURS, STYLES, along_axis, blank, styled
+from mechsim.pictures.plots.figure import BESIDE, COLOURS, STYLES, along_axis, blank, label_of, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -117,7 +117,9 @@ def sensitivity_plot(
         for name in order[:LINES]:
             i = names.index(name)
             style = STYLES[i // len(COLOURS) % len(STYLES)]
-            ax.plot(_axis(over, at), lines[name], style, color=COLOURS[i % len(COLOURS)], label=name)
+            ax.plot(
+                _axis(over, at), lines[name], style, color=COLOURS[i % len(COLOURS)], label=label_of(name)
+            )
         left = f", {len(order) - LINES} smaller left out" if len(order) > LINES else ""
         ax.set_title(f"derivatives of {quantity} [{unit} per {' or '.join(per) or '1'}]{left}")
         if order:
@@ -172,7 +174,7 @@ def _draw_path(ax: "Axes", path: PathBand) -> None:
         ax.fill(
             *outline.T, color=colour, alpha=0.35, linewidth=0.0, label=f"{label},\n{times:g} times as wide"
         )
-    ax.plot(*(flat * 1e3).T, color=INK, linewidth=1.0, label=f"path of {path.point}")
+    ax.plot(*(flat * 1e3).T, color=INK, linewidth=1.0, label=label_of(f"path of {path.point}"))
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_title(f"path of {path.point}, seen square to it; at most {widest * 1e3:.3g} mm aside")
     ax.set_xlabel("[mm]")

@@ -1,6 +1,7 @@
 """Mechanism and scene to a MuJoCo model specification."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 
 import mujoco
 import numpy as np
@@ -71,17 +72,32 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
     spec.compiler.degree = False
     spec.compiler.autolimits = True
     _options(spec, scene)
-    bodies = _add_links(spec, mechanism, tree, poses, real=acting is not None)
-    # at level dynamics the crank is free, or driven by its motor
-    if scene.holds("motion") and scene.level != "dynamics" and mechanism.has_crank:
-        spec.joint(CRANK).armature = FLYWHEEL * PLACEHOLDER * mechanism.size
-    for name, (link, point) in mechanism.points.items():
-        bodies[link].add_site(name=name, pos=point)
-    _close(spec, mechanism, tree, bodies)
-    _couple(spec, mechanism)
-    if acting is not None:
-        add_forces(spec, mechanism, tree, bodies, acting)
+    with _repeated_names(mechanism):
+        bodies = _add_links(spec, mechanism, tree, poses, real=acting is not None)
+        # at level dynamics the crank is free, or driven by its motor
+        if scene.holds("motion") and scene.level != "dynamics" and mechanism.has_crank:
+            spec.joint(CRANK).armature = FLYWHEEL * PLACEHOLDER * mechanism.size
+        for name, (link, point) in mechanism.points.items():
+            bodies[link].add_site(name=name, pos=point)
+        _close(spec, mechanism, tree, bodies)
+        _couple(spec, mechanism)
+        if acting is not None:
+            add_forces(spec, mechanism, tree, bodies, acting)
     return spec
+
+
+@contextmanager
+def _repeated_names(mechanism: Mechanism) -> Generator[None]:
+    """Refuse a name that a MuJoCo model has already, as "world" for a link or "A+" for a joint beside "A"."""
+    try:
+        yield
+    except ValueError as error:
+        if "repeated name" not in str(error):
+            raise
+        repeated = " ".join(str(error).split()).removeprefix("Error: ")
+        raise InputError(
+            f"{mechanism.name}: no MuJoCo model can be made ({repeated}); rename that of the mechanism"
+        ) from None
 
 
 def _add_links(

@@ -7,6 +7,7 @@ from tempfile import TemporaryDirectory
 import mujoco
 
 from mechsim.errors import InputError
+from mechsim.files import stem_of
 from mechsim.maths.angles import TURN
 from mechsim.model.crank_profile import constant
 from mechsim.model.mechanism import Mechanism
@@ -88,7 +89,7 @@ def kept(
         tell: told what part is done, and what.
     """
     with TemporaryDirectory() as folder:
-        path = Path(folder, f"{mechanism.name}.xml")
+        path = Path(folder, f"{stem_of(mechanism.name)}.xml")
         path.write_text(to_xml(turning(spec, mechanism, speed)))
         found = tuned(
             turning_scene(str(path), mechanism, speed), tolerance, "closure", seconds=seconds, tell=tell

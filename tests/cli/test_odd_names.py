@@ -1,0 +1,172 @@
+"""Names as a user may write them, in every output: a name is text, never markup, formula or separator."""
+
+import json
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+import mechsim as ms
+from mechsim import catalog, files
+from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.errors import InputError
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import LONGEST_NAME, Mechanism
+from mechsim.model.scene import Scene
+from mechsim.pictures import plots
+from mechsim.pictures.view import page
+from mechsim.report.views import mechanism_view
+from mechsim.simulation import mjcf
+from mechsim.simulation.closed_model import assembled
+from mechsim.subjects.toml_reader import read_toml
+from mechsim.subjects.toml_writer import toml_of
+
+# each breaks an output that does not escape it
+BREAKING = (
+    "[/]",
+    "[bold]",
+    r"$\frac{$",
+    "a,b",
+    'a"b',
+    "a'b",
+    "</script><b>",
+    "../x",
+    "_x_",
+    "{{x}}",
+    "%s",
+    "\\",
+    "=1+1",
+    "😀",
+    "a.b",
+    "--json",
+)
+NAMES = st.text(
+    st.characters(exclude_categories=["C", "Z"], include_characters=" "), min_size=1, max_size=12
+).filter(lambda name: name == name.strip() and name.isprintable())
+
+
+def named(name: str) -> Mechanism:
+    """Return the four-bar with that name, and its links, joints and points called by names made of it."""
+    mechanism = catalog.make("four_bar").mechanism
+    links = {link.name: f"{name}{i}" for i, link in enumerate(mechanism.links)} | {GROUND: GROUND}
+    joints = {joint.name: f"{name}{i}" for i, joint in enumerate(mechanism.joints)}
+    return replace(
+        mechanism,
+        name=name,
+        links=tuple(replace(link, name=links[link.name]) for link in mechanism.links),
+        joints=tuple(
+            replace(
+                joint,
+                name=joints[joint.name],
+                a=replace(joint.a, link=links[joint.a.link]),
+                b=replace(joint.b, link=links[joint.b.link]),
+            )
+            for joint in mechanism.joints
+        ),
+        driver=joints[mechanism.crank.name],
+        points={
+            f"{name}{i}": (links[link], place) for i, (link, place) in enumerate(mechanism.points.values())
+        },
+        guess={links[link]: pose for link, pose in mechanism.guess.items()},
+    )
+
+
+def every_name(test):
+    """Try a test with the breaking names and with random ones."""
+    for name in BREAKING:
+        test = example(name)(test)
+    kept = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+    return settings(max_examples=5, suppress_health_check=kept)(given(NAMES)(test))
+
+
+@every_name
+def test_tables_and_toml_read_back_with_their_names(tmp_path, name):
+    mechanism = named(name)
+    motion = LoopForm(mechanism).solve(np.linspace(0.0, 1.0, 3))
+    for ending in (".csv", ".npz"):
+        files.write(tmp_path / f"motion{ending}", motion)
+        assert list(files.read(tmp_path / f"motion{ending}")) == list(dict(motion.columns()))
+    (tmp_path / "odd.toml").write_text(toml_of(mechanism), encoding="utf-8")
+    read = read_toml(str(tmp_path / "odd.toml")).form.mechanism
+    assert (read.name, read.points, read.drivers) == (mechanism.name, mechanism.points, mechanism.drivers)
+    assert [joint.name for joint in read.joints] == [joint.name for joint in mechanism.joints]
+
+
+@every_name
+def test_a_mujoco_model_has_the_same_names(name):
+    mechanism = named(name)
+    model = mujoco.MjModel.from_xml_string(mjcf.to_xml(assembled(mechanism, Scene())))
+    assert {model.body(i).name for i in range(1, model.nbody)} == {link.name for link in mechanism.links}
+    assert mechanism.points.keys() <= {model.site(i).name for i in range(model.nsite)}
+
+
+@every_name
+def test_plots_show_them_as_they_are(tmp_path, name):
+    mechanism = named(name)
+    motion = LoopForm(mechanism).solve(np.linspace(0.0, 1.0, 3))
+    figure = plots.coupler_curve(mechanism, motion)
+    plots.write(tmp_path / "plot.svg", figure)
+    ET.parse(tmp_path / "plot.svg")
+    (legend,) = [ax.get_legend() for ax in figure.axes]
+    assert [text.get_text().strip() for text in legend.get_texts()] == list(motion.points)
+
+
+def test_a_page_shows_them_as_they_are():
+    name = "</script><b>{{x}}"
+    text = page(mechanism_view(LoopForm(named(name)), 1.0))
+    data = re.search(r'<script[^>]*id="data"[^>]*>(.*?)</script>', text, re.DOTALL)[1]
+    assert json.loads(data)["name"] == name
+    assert "<b>" not in text
+
+
+def test_no_command_ends_in_an_internal_error(mechsim):
+    name = r"_[/]$\frac{$,</script>../x"
+    Path("odd.toml").write_text(toml_of(named(name)), encoding="utf-8")
+    for line in (
+        "solve odd.toml --angles 0:20:10deg",
+        "show odd.toml --angle 30deg",
+        "plot odd.toml --kind motion -o p.png",
+        "plot odd.toml --kind reactions -o p.svg",
+        "export odd.toml --tolerance 1mm -o x.xml",
+    ):
+        told = mechsim(*line.split())
+        assert told.code == 0, (line, told.err)
+        assert "internal error" not in told.err
+        assert "Warning" not in told.err
+    assert name in mechsim("show", "odd.toml", "--json").out.replace("\\\\", "\\")
+
+
+@pytest.mark.parametrize("name", ["", " a", "a ", "a\nb", "a\tb", "\x7f", "\u202eb", "\ufeffa", "x" * 201])
+def test_names_that_no_output_could_show_are_refused_in_one_sentence(name):
+    mechanism = catalog.make("four_bar").mechanism
+    limit = f"give it {LONGEST_NAME} at most" if len(name) > LONGEST_NAME else "printable characters"
+    with pytest.raises(InputError, match=limit):
+        replace(mechanism, name=name)
+    with pytest.raises(InputError, match=limit):
+        replace(mechanism, points={name: (GROUND, (0.0, 0.0, 0.0))})
+
+
+def test_a_link_called_as_mujocos_own_body_is_one_sentence():
+    mechanism = named("world")
+    world = replace(
+        mechanism,
+        links=tuple(replace(link, name=link.name.removesuffix("0")) for link in mechanism.links),
+        joints=tuple(
+            replace(
+                joint,
+                a=replace(joint.a, link=joint.a.link.removesuffix("0")),
+                b=replace(joint.b, link=joint.b.link.removesuffix("0")),
+            )
+            for joint in mechanism.joints
+        ),
+        points={},
+        guess={link.removesuffix("0"): pose for link, pose in mechanism.guess.items()},
+    )
+    with pytest.raises(InputError, match="repeated name 'world' in body"):
+        ms.simulate(world, turns=0.1)
