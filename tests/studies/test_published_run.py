@@ -10,6 +10,7 @@ import pytest
 import mechsim as ms
 from mechsim.cli import main
 from mechsim.cli.json_outputs import output_schema
+from mechsim.studies.scenes.published_run import published_scene
 from mechsim.studies.validate import case_of, position_tolerance
 from mechsim.verdict.quantities import stroke_of
 from tests.sound_scene import changed
@@ -97,6 +98,18 @@ def test_the_command_prints_both_settings_and_json_has_the_published_run(tmp_pat
         told = json.loads(printed)["mechanisms"]["four-bar"]
         assert told["published"]["loop_closure"] > 1e-6
         assert [one["kind"] for one in told["findings"]][-1] == "published"
+
+
+def test_the_run_as_published_starts_in_the_keyframe_that_is_asked_for(tmp_path):
+    first, _ = published_scene(loaded(scene(tmp_path)))
+    there = " ".join(repr(float(value)) for value in first.closure.brought(first.start[0], {"crank": 0.5}))
+    key = f'<keyframe><key name="out" qpos="{there}"/></keyframe></mujoco>'
+    path = scene(tmp_path, ("</mujoco>", key))
+    form = ms.load(path, drive={"crank": "0.5 + 0.01*sin(2*pi*t)"}, duration=0.2, key="out")
+    published, _ = published_scene(form)
+    assert published.start[0] == pytest.approx(form.source.qpos, abs=1e-12)
+    assert published.start[0][0] == pytest.approx(0.5)
+    assert first.start[0][0] == 0.0
 
 
 def test_a_sound_scene_passes_however_short_its_stroke_is(tmp_path):

@@ -221,6 +221,11 @@ def claims_of_table(table: Mapping[str, Column], used: list[str], names: Names, 
     found: dict[tuple[str, str], list[tuple[NamedQuantity, Column]]] = {}
     for name, column in table.items():
         if name in used:
+            if column.uncertainty is not None:
+                raise InputError(
+                    f"{source} has a standard deviation of {name!r}, which states where a driver is and "
+                    "counts as exact; leave it out"
+                )
             continue
         named = names.read(name, None, source)
         found.setdefault((named.kind, named.subject), []).append((named, column))

@@ -73,8 +73,10 @@ def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table"
             deviations[of] = column
     at = values.pop(over)
     # what says when, or what was asked for, was not measured
-    for name in ("angle", "time", "speed", "acceleration", *form.mechanism.drivers):
+    for name in (over, "angle", "time", "speed", "acceleration", *form.mechanism.drivers):
         values.pop(name, None)
+        if name in deviations:
+            raise InputError(f"{where}: column {name} counts as exact; leave out its standard deviation")
     if not values:
         raise InputError(f"{where} holds no measured quantity; add columns as P3.x or rocker.q")
     angles = at if programs is None else programs.pace * at

@@ -11,7 +11,7 @@ from mechsim.errors import MechsimError
 from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.finding import Finding
-from mechsim.model.programs import State
+from mechsim.model.programs import State, steady
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.scenes.plain_settings import settings_of
@@ -133,7 +133,8 @@ def published_run(form: MjcfForm, profile: CrankProfile) -> PublishedRun:
 def published_scene(form: MjcfForm, profile: CrankProfile | None = None) -> tuple[UserScene, str]:
     """Return the scene of a file over the motion of its drivers, and how these are moved, in words.
 
-    Position servos of the file are fed; drivers without one are moved by flywheels.
+    Position servos of the file are fed; drivers without one are moved by flywheels. The run starts where the
+    file was read to start, as in a keyframe.
 
     Args:
         form: read from the file, with motion laws or a crank.
@@ -149,6 +150,8 @@ def published_scene(form: MjcfForm, profile: CrankProfile | None = None) -> tupl
         assert profile is not None
         laws = {form.mechanism.crank.name: profile.state}
     drive, ctrl = _fed(form, laws)
+    # joints that are locked stand still by a flywheel, too
+    drive |= {name: steady(value, 0.0) for name, value in form.mechanism.holds.items()}
     scene = scene_of(
         form.source,
         form.mechanism,
@@ -156,6 +159,7 @@ def published_scene(form: MjcfForm, profile: CrankProfile | None = None) -> tupl
         ctrl=ctrl,
         duration=_duration(form, profile),
         points=form.mechanism.points,
+        begin=form.source.qpos,
     )
     return scene, f"{', '.join(ctrl)} fed" if ctrl else "its drivers carried by flywheels"
 

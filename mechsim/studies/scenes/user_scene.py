@@ -164,6 +164,7 @@ def scene_of(
     points: Mapping[str, tuple[str, Vector]] | None = None,
     key: str | None = None,
     spec: mujoco.MjSpec | None = None,
+    begin: Array | None = None,
 ) -> UserScene:
     """Return a scene and its motion.
 
@@ -180,6 +181,7 @@ def scene_of(
         points: to track: name -> (link, place in its frame in [m]); None for body origins and ends of loops.
         key: keyframe to start from.
         spec: of the scene, in place of the file and without what is held in it; not changed.
+        begin: coordinates (nq,) from which the motion starts, in place of the file's or the keyframe's.
 
     Raises:
         InputError: for an actuator or a joint that is not there, or programs that begin nowhere.
@@ -208,7 +210,7 @@ def scene_of(
     data = mujoco.MjData(model)
     if key is not None:
         mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
-    start = data.qpos.copy(), data.qvel.copy()
+    start = (data.qpos if begin is None else begin).copy(), data.qvel.copy()
     if drive:
         start = _started(closure, model, start[0], drive)
     places = {name: (bodies[link], np.array(local)) for name, (link, local) in points.items()}

@@ -113,6 +113,18 @@ def test_a_standard_deviation_that_is_not_positive_is_rejected(tmp_path, value):
         judged(path)
 
 
+def test_a_standard_deviation_of_where_the_crank_is_is_rejected(tmp_path):
+    def also(table):
+        table["angle ±"] = np.full(len(ANGLES), 1e-3)
+
+    path = measured(tmp_path / "angle.csv", "four_bar", ("B.x", "B.y"), edit=also)
+    with pytest.raises(InputError, match=r"standard deviation of 'angle'.* counts as exact; leave it out"):
+        judged(path)
+    table = {"angle": ANGLES, "angle±": np.full(60, 1e-3), "B.x": np.cos(ANGLES)}
+    with pytest.raises(InputError, match="column angle counts as exact; leave out its standard deviation"):
+        ms.fit("four_bar", table, ["coupler"])
+
+
 def test_right_tables_fail_as_rarely_as_is_stated():
     form = ms.catalog.make("four_bar")
     comparand = Comparand(form, ANGLES, np.ones(60), np.zeros(60))
