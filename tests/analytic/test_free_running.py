@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from grids import grid
 from mpmath import mp
 
 from mechsim import catalog, closure, course, dynamics, motors
@@ -57,7 +58,7 @@ def test_pendulum_carries_three_times_its_weight_at_the_bottom():
     assert study.efforts.reactions["crank"].force[-1] == pytest.approx([0.0, 3 * 9.81, 0.0], abs=1e-9)
 
 
-@pytest.mark.parametrize("name", ["four_bar", "rssr", "warp_knitter"])
+@pytest.mark.parametrize("name", grid(("four_bar", "rssr", "warp_knitter")))
 def test_a_machine_without_losses_keeps_its_energy_over_eight_turns(name):
     machine = dynamics.machine(catalog.make(name), Forces(gravity=DOWN))
     run = dynamics.free_run(machine, angle=0.3, speed=40.0, turns=8.0, samples=81)

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from grids import grid
 
 from mechsim import cli
 
@@ -43,10 +44,10 @@ def run(words: str, folder: Path, **environment: str) -> subprocess.CompletedPro
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        ("list >&-", 0, ""),
+        pytest.param("list >&-", 0, "", marks=pytest.mark.slow),
         ("solve rssr -o out.csv <&- >&- 2>&-", 0, ""),
-        ("solve rsr 2>&-", 2, ""),
-        ("solve rsr 2>/dev/full", 2, ""),
+        pytest.param("solve rsr 2>&-", 2, "", marks=pytest.mark.slow),
+        pytest.param("solve rsr 2>/dev/full", 2, "", marks=pytest.mark.slow),
         ("solve rssr >/dev/full", 2, "No space left on device"),
     ],
 )
@@ -168,7 +169,7 @@ def test_a_fault_of_the_program_never_looks_like_missed(
         assert ("Traceback" in said) is debug
 
 
-@pytest.mark.parametrize("asked", ["osmesa", "nonsense"])
+@pytest.mark.parametrize("asked", grid(("osmesa", "nonsense"), ("nonsense",)))
 def test_a_back_end_that_fails_stops_nothing_that_does_not_draw(asked: str, tmp_path: Path) -> None:
     done = run("simulate rssr --method pose --samples 8", tmp_path, MUJOCO_GL=asked)
     assert done.returncode == 0

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from grids import grid
 
 from mechsim import catalog
 from mechsim.errors import InputError
@@ -17,7 +18,7 @@ from mechsim.studies.extremes.trial import Trial, pushed
 SWINGING = [name for name, drive in catalog.DRIVES.items() if drive.swinging]
 
 
-@pytest.mark.parametrize("name", ["four_bar", "rssr", "warp_knitter", "bennett"])
+@pytest.mark.parametrize("name", grid(("four_bar", "rssr", "warp_knitter", "bennett")))
 def test_the_same_problem_has_the_same_error_at_every_size(name):
     drive = catalog.make(name)
     trials = [scaled.size(drive, value) for value in (1e-5, 1e-1, 1e3)]
@@ -63,7 +64,7 @@ def test_a_massless_rod_is_refused_in_one_line():
         simulate(spec, speed=10.0)
 
 
-@pytest.mark.parametrize("name", SWINGING)
+@pytest.mark.parametrize("name", grid(SWINGING))
 def test_poses_come_to_a_dead_centre_and_are_refused_as_little_beyond(name):
     drive = catalog.make(name)
     for value in (1e-3, 1e-12):
@@ -71,7 +72,7 @@ def test_poses_come_to_a_dead_centre_and_are_refused_as_little_beyond(name):
         assert towards_singular.dead_centre(drive, 10.0 * value, "pose", True).outcome == "cannot assemble"
 
 
-@pytest.mark.parametrize("name", SWINGING)
+@pytest.mark.parametrize("name", grid(SWINGING))
 def test_a_crank_that_just_passes_is_followed_in_its_own_assembly(name):
     trial = towards_singular.tangent(catalog.make(name), 1e-10, "pose")
     assert trial.outcome == trial.right == "met"

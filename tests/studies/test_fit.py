@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from grids import grid
 
 import mechsim as ms
 from mechsim import files
@@ -90,7 +91,7 @@ REFERENCE = Path(__file__).parents[2] / "reference"
 
 @pytest.mark.parametrize(
     ("name", "vary", "effort"),
-    [("four_bar", ["coupler", "rocker"], "torque:crank"), ("five_bar", ["arm"], "torque:left")],
+    grid([("four_bar", ["coupler", "rocker"], "torque:crank"), ("five_bar", ["arm"], "torque:left")]),
 )
 def test_a_table_of_the_reference_data_is_fitted_with_its_own_names(name, vary, effort):
     whole = files.read(REFERENCE / "data" / f"{name}.csv")

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from grids import grid
 
 from mechsim import catalog
 from mechsim.analytic.catalog.base import ClosedForm
@@ -43,7 +44,7 @@ def test_every_mechanism_says_what_could_be_built_wrong(drive):
     assert drive.faults
 
 
-@pytest.mark.parametrize("name", catalog.DRIVES)
+@pytest.mark.parametrize("name", grid(catalog.DRIVES))
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_the_mechanism_built_right_is_accepted(name, method):
     drive = catalog.make(name)
