@@ -23,8 +23,8 @@ class FitOptions:
 
     to: str | None = option(
         None,
-        "Measured motion: columns angle [rad] (or t [s]) and P3.x, rocker.q ... in SI; P3.x± says how well "
-        "one is known.",
+        "Measured motion: columns angle (or t), P3.x, rocker.q ... in SI or with a unit, as P3.x [mm]; P3.x± "
+        "holds standard deviations.",
         metavar="FILE.csv",
     )
     vary: tuple[str, ...] = option((), "Dimensions to find.", read=units.parse_names, metavar="p,...")

@@ -1,14 +1,12 @@
 """A table of measured or published values as claims: columns named like ours, each perhaps with a ±."""
 
 import csv
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from mechsim import units
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
@@ -18,10 +16,9 @@ from mechsim.model.programs import Programs, State, programs, tabled
 from mechsim.studies.agreement.claim import Claim
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.named_quantities import AXES, NamedQuantity, Names, nearest
-from mechsim.studies.measured_columns import deviation_of
+from mechsim.studies.measured_columns import column_in_si, deviation_of
 
 CLOCKS = ("t", "time")
-_UNIT = re.compile(r"(.*?)\s*\[([^\]]*)\]\s*")
 LARGEST = 200_000_000
 
 
@@ -49,7 +46,7 @@ def read_table(path: str) -> dict[str, Column]:
     heads, rows = _rows(path)
     found: dict[str, Array] = {}
     for i, head in enumerate(heads):
-        name, factor = _head(path, head)
+        name, factor = column_in_si(head, path)
         if name in found:
             raise InputError(f"{path} has the column {name!r} twice; leave one out")
         found[name] = factor * np.array([row[i] for row in rows])
@@ -111,21 +108,6 @@ def _number(path: str, row: int, head: str, cell: str) -> float:
     if not np.isfinite(value):
         raise InputError(f"row {row} of {path} has {cell.strip()!r} under {head!r}; give a finite number")
     return value
-
-
-def _head(path: str, head: str) -> tuple[str, float]:
-    """Return the name in a header, and by what its values become SI."""
-    found = _UNIT.fullmatch(head)
-    if found is None:
-        return head, 1.0
-    for unit in ("m", "rad", "m/s", "rad/s", "m/s^2", "N", "N m", "s"):
-        try:
-            return found[1], units.parse(f"1 {found[2]}", unit)
-        except InputError:
-            continue
-    raise InputError(
-        f"{path} has the column {head!r}, whose unit is none that is known; write it as [mm] or [deg]"
-    )
 
 
 def tabled_comparand(

@@ -9,7 +9,7 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import HUGE
-from mechsim.studies.measured_columns import deviation_of
+from mechsim.studies.measured_columns import columns_in_si, deviation_of
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 
 # how far crank angles may lie apart, in [rad]: the path is followed from one to the other
@@ -41,15 +41,16 @@ class MeasuredMotion:
 def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table") -> MeasuredMotion:
     """Return what a table of columns holds: angle (or t under programs), quantities, and ± columns of some.
 
+    A header may name a unit, as `P.x [mm]`; without one it is SI.
+
     Raises:
         InputError: without angle or t, for numbers that are not finite, or a ± column that is of nothing.
     """
-    programs = form.programs
+    columns, programs = columns_in_si(table, where), form.programs
     over = "angle" if programs is None else "t"
-    if over not in table:
+    if over not in columns:
         unit = "crank angles in rad" if over == "angle" else "times in s"
-        raise InputError(f"{where} has no column {over} ({unit}); it has {', '.join(table) or 'none'}")
-    columns = {name: np.asarray(values, dtype=np.float64) for name, values in table.items()}
+        raise InputError(f"{where} has no column {over} ({unit}); it has {', '.join(columns) or 'none'}")
     for name, column in columns.items():
         sound = np.abs(column) <= HUGE
         if not sound.all():

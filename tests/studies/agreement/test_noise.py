@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
+from mechsim import files
 from mechsim.cli import main
 from mechsim.cli.json_outputs import output_schema
 from mechsim.errors import InputError
@@ -123,6 +124,24 @@ def test_a_standard_deviation_of_where_the_crank_is_is_rejected(tmp_path):
     table = {"angle": ANGLES, "angle±": np.full(60, 1e-3), "B.x": np.cos(ANGLES)}
     with pytest.raises(InputError, match="column angle counts as exact; leave out its standard deviation"):
         ms.fit("four_bar", table, ["coupler"])
+
+
+def test_fit_and_validate_read_the_same_table_alike(tmp_path):
+    plain = measured(tmp_path / "m.csv", "slider_crank", ("A.x", "A.y", "B.x"), rod=0.1999)
+    table = dict(files.read(plain))
+    scaled = {f"{name} [mm]": 1e3 * values for name, values in table.items() if name != "angle"}
+    scaled |= {"angle [deg]": np.rad2deg(table["angle"])}
+    head = ",".join(scaled)
+    rows = [",".join(repr(float(value)) for value in row) for row in zip(*scaled.values(), strict=True)]
+    (tmp_path / "mm.csv").write_text("\n".join([head, *rows]))
+    fitted = ms.fit("slider_crank", files.read(tmp_path / "mm.csv"), ["rod"])
+    cause = judged(tmp_path / "mm.csv", "slider_crank").findings[0]
+    assert fitted.values["rod"] == pytest.approx(
+        ms.fit("slider_crank", table, ["rod"]).values["rod"], abs=1e-12
+    )
+    assert fitted.values["rod"] - 0.2 == pytest.approx(0.2 * cause.by, rel=0.02)
+    with pytest.raises(InputError, match=r"'B\.x \[inchworm\]', whose unit is none that is known"):
+        ms.fit("slider_crank", {"angle": [0.0, 1.0], "B.x [inchworm]": [1.0, 2.0]}, ["rod"])
 
 
 def test_right_tables_fail_as_rarely_as_is_stated():
