@@ -87,7 +87,7 @@ _HOMES = _MODULES | {
     "optimise": "studies.optimise.search",
     "sensitivity": "studies.sensitivity.asked",
     "show": "report.notebook",
-    "simulate": "simulation",
+    "simulate": "subjects.named_runs",
     "sweep": "studies.sweep.sweeping",
     "tolerance_study": "studies.sensitivity.study",
     "trace": "theory.continuation",

@@ -52,7 +52,8 @@ def simulate(
 
     Args:
         source: a Mechanism, or what has one, as those of the catalogue have; or a specification, an
-            MJCF file or text whose sites are the tracked points.
+            MJCF file or text whose sites are the tracked points. `mechsim.simulate` takes a name of the
+            catalogue or the gallery, FILE.toml and FILE.py:OBJECT as well.
         speed: constant crank speed in [rad/s], negative backwards, or text, as "600rpm"; or give `profile`.
         turns: of the crank, at constant speed.
         profile: the crank's angle over time.

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from difflib import get_close_matches
 from os import PathLike, fspath
 from typing import Any
 
@@ -139,7 +138,6 @@ def _named(name: str, given: Mapping[str, str], asked: Prescription) -> Form | T
     shown = gallery.files()
     if name in shown and name not in catalog.DRIVES:
         return read_toml(str(shown[name]), given, drivers=tuple(asked.drive))
-    # of two that are as near the catalogue's is meant
-    if name not in catalog.DRIVES and not get_close_matches(name, catalog.DRIVES):
+    if name not in catalog.DRIVES:
         raise InputError(f"there is no mechanism {name!r}{catalog.nearest(name, [*catalog.DRIVES, *shown])}")
     return read_catalog(name, given)

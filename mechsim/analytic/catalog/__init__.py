@@ -59,6 +59,8 @@ def with_theory(theory: str) -> str:
 
 def nearest(name: str, known: list[str]) -> str:
     """Return the tail of a sentence that says what was probably meant."""
-    close = difflib.get_close_matches(name, known, n=1)
-    meant = f"; did you mean {close[0]!r}? " if close else "; "
+    close = difflib.get_close_matches(name, known)
+    # of names that are as near the first is meant
+    alike = {one: difflib.SequenceMatcher(None, one, name).ratio() for one in known if one in close}
+    meant = f"; did you mean {max(alike, key=alike.__getitem__)!r}? " if alike else "; "
     return f"{meant}known are {', '.join(known)}"

@@ -101,6 +101,11 @@ def machine(
             assemblies meet: its links would jump in speed.
     """
     drive = LoopForm(source) if isinstance(source, Mechanism) else source
+    if not isinstance(drive, Form):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise InputError(
+            f"forces act on a mechanism, and this is of type {type(source).__name__}; give what mechsim.load "
+            "or catalog.make returns"
+        )
     if getattr(drive, "through", "smooth") == "fold" and drive.change_points():
         raise InputError(
             f"{drive.name} is to fold at change points, where its links would jump in speed and no force is "
