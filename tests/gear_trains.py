@@ -49,10 +49,16 @@ class Workshop:
         """Join a new link to another; either is side a, and the axis points either way."""
         if link not in self.poses:
             self.link(link)
-        axis = axis * self.chance.choice([-1.0, 1.0])
-        mark, sides = self.across(axis), [carrier, link]
+        sides = [carrier, link]
         if self.chance.random() < 0.4:
             sides.reverse()
+        self.between(name, kind, sides, point, axis * self.chance.choice([-1.0, 1.0]), **more)
+
+    def between(
+        self, name: str, kind: KindName, sides: list[str], point: np.ndarray, axis: np.ndarray, **more: float
+    ) -> None:
+        """Join two links as they stand, side a first."""
+        mark = self.across(axis)
         ends = [self.end(side, point, axis, mark) for side in sides]
         self.joints.append(Joint(name, kind, *ends, **more))
 
@@ -119,3 +125,29 @@ def train(seed: int, pressure_angle: float | None = None) -> Mechanism:
     links = tuple(Link(name, inertia=shop.inertia()) for name in shop.poses)
     points = {name: (name, (0.01, -0.02, 0.015)) for name in shop.poses}
     return Mechanism("train", links, tuple(shop.joints), "crank", points, gears, shop.poses, 0.0, couplings)
+
+
+def screw_feed(seed: int, spindle_first: bool) -> Mechanism:
+    """Return a spindle on an arm, whose nut turns a pinion on the arm by a rack: all joints drive or couple.
+
+    In MuJoCo's model the joint of the spindle leads to a stand-in of its link b, of the arm if that is b.
+    """
+    chance = np.random.default_rng(seed)
+    shop = Workshop(chance)
+    main, origin = shop.direction(), chance.uniform(-0.05, 0.05, 3)
+    across = shop.across(main)
+    shop.joint("crank", "revolute", GROUND, "arm", origin, main)
+    spindle = origin + 0.05 * across
+    shop.link("spindle")
+    sides = ["spindle", "arm"] if spindle_first else ["arm", "spindle"]
+    shop.between("spindle", "revolute", sides, spindle, main)
+    shop.joint("thread", "screw", "spindle", "nut", spindle + 0.03 * main, main, lead=0.02)
+    shop.between("guide", "prismatic", ["nut", "arm"], spindle + 0.04 * np.cross(main, across), main)
+    shop.joint("pinion", "revolute", "arm", "pinion", origin + 0.01 * main, across)
+    gears = (Gear("crank", "spindle", -1.6, 0.0, 0.3),)
+    rack = Coupling("rack", "pinion", "guide", (0.0, 1.0 / 0.015), pressure_angle=0.4)
+    links = tuple(Link(name, inertia=shop.inertia()) for name in shop.poses)
+    points = {name: (name, (0.01, -0.02, 0.015)) for name in shop.poses}
+    return Mechanism(
+        "screw_feed", links, tuple(shop.joints), "crank", points, gears, shop.poses, 0.0, (rack,)
+    )

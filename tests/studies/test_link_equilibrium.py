@@ -99,6 +99,12 @@ def train(seed: int) -> Case:
 
 
 @cache
+def screw_feed(spindle_first: bool) -> Case:
+    mechanism = gear_trains.screw_feed(0, spindle_first)
+    return Case(mechanism, acting(mechanism, 0.1), {"crank": machines.waving(0.1, 0.5, 3.0, 0.4)})
+
+
+@cache
 def of_gallery(name: str) -> Case:
     form = load(str(GALLERY / f"{name}.toml"))
     mechanism = dynamics.machine(form).mechanism
@@ -132,6 +138,9 @@ def acting(mechanism: Mechanism, size: float) -> Forces:
 CASES = {
     **{f"linkage {seed}": lambda seed=seed: linkage(seed) for seed in LINKAGES},
     **{f"train {seed}": lambda seed=seed: train(seed) for seed in TRAINS},
+    # where a geared joint is split in MuJoCo's model, by a stand-in of the wheel or of what carries it
+    "screw feed on its arm": lambda: screw_feed(False),
+    "screw feed, spindle first": lambda: screw_feed(True),
     **{name: lambda name=name: of_gallery(name) for name in ("planetary_gear", "rack_steering")},
 }
 

@@ -1,0 +1,73 @@
+"""Derivatives of tooth forces, and of what bearings carry because of them."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+
+FILE = """
+name = "pinion"
+units = { length = "mm", angle = "deg" }
+drivers = ["crank"]
+[parameters]
+radius = 12
+pressure = 20
+across = 30
+[joints.crank]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "wheel" }
+[joints.second]
+kind = "revolute"
+a = { link = "ground", at = ["across", 5, 3] }
+b = { link = "pinion" }
+[joints.rack]
+kind = "prismatic"
+a = { link = "ground", at = [50, 30, 0], axis = [1, 0, 0] }
+b = { link = "bar", axis = [1, 0, 0] }
+[couplings]
+pair = { driver = "crank", driven = "second", ratio = -1.7, pressure_angle = "pressure" }
+mesh = { driver = "second", driven = "rack", radius = "radius", pressure_angle = "pressure" }
+[links]
+wheel = { outline = [[0, 0, 0], [40, 0, 0]] }
+pinion = { outline = [[0, 0, 0], [40, 0, 0]] }
+bar = { outline = [[0, 0, 0], [40, 0, 0]] }
+[points]
+end = { link = "bar", at = [25, 0, 0] }
+[forces]
+gravity = [0, -9.81, 0]
+loads.push = { at = "end", force = [20, 0, 0] }
+"""
+ANGLES = np.deg2rad([10.0, 40.0, 200.0])
+COLUMNS = ["mesh crank-second.fx", "mesh crank-second.fy", "second.fx", "second.fy", "rack.fy", "crank.fx"]
+
+
+@pytest.fixture
+def path(tmp_path):
+    file = tmp_path / "pinion.toml"
+    file.write_text(FILE, "utf-8")
+    return file
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "unit"), [("pressure", 20.0, "deg"), ("across", 30.0, "mm"), ("radius", 12.0, "mm")]
+)
+def test_derivatives_of_tooth_forces_are_those_of_machines_next_to_it(path, name, value, unit):
+    found = ms.sensitivity(str(path), COLUMNS, [name], angles=ANGLES, speed=30.0)
+    step = 1e-3
+
+    def columns(changed):
+        form = ms.load(path, set={name: f"{changed} {unit}"})
+        return dict(ms.dynamics.prescribed(ms.dynamics.machine(form), ANGLES, 30.0).columns())
+
+    more, less = columns(value + step), columns(value - step)
+    in_si = np.deg2rad(step) if unit == "deg" else 1e-3 * step
+    for column in COLUMNS:
+        wanted = (more[column] - less[column]) / (2.0 * in_si)
+        np.testing.assert_allclose(found.by[name][column], wanted, rtol=1e-6, atol=1e-5)
+
+
+def test_a_rack_is_pushed_away_by_its_load_times_the_tangent_of_the_pressure_angle(path):
+    found = ms.sensitivity(str(path), ["rack.fy"], ["pressure"], angles=ANGLES, speed=30.0)
+    wanted = 20.0 / np.cos(np.deg2rad(20.0)) ** 2
+    np.testing.assert_allclose(np.abs(found.by["pressure"]["rack.fy"]), wanted, rtol=1e-12)
