@@ -30,6 +30,7 @@ from mechsim.cli.options import (
 )
 from mechsim.cli.output import print_json, progress
 from mechsim.cli.scene_findings import found_in, in_json, of_crank, tell_findings
+from mechsim.cli.swinging import swing_of
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.crank_profile import arc_around
 from mechsim.model.motion import taken
@@ -49,7 +50,7 @@ class RunOptions:
     """What is run, how far and how well."""
 
     speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
-    turns: float | None = option(None, "Turns of the crank. [default: 1]")
+    turns: float | None = option(None, "Turns of the crank. [default: 1; one swing where it cannot]")
     profile: str | None = option(
         None, "Crank angle over time: .csv or .npz with time, angle.", metavar="FILE"
     )
@@ -173,7 +174,9 @@ def _motion(drive: Form, options: RunOptions) -> CrankProfile:
         return programs.clock
     if options.profile:
         return _profile(options.profile)
-    return _turned(drive, speed_of(options.speed or SPEED), 1.0 if options.turns is None else options.turns)
+    speed = speed_of(options.speed or SPEED)
+    swing = swing_of(drive, speed) if options.turns is None else None
+    return swing or _turned(drive, speed, 1.0 if options.turns is None else options.turns)
 
 
 def _run(

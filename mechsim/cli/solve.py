@@ -29,6 +29,7 @@ from mechsim.cli.options import (
 )
 from mechsim.cli.output import Tick, print_json, progress
 from mechsim.cli.slips import asked_angles
+from mechsim.cli.swinging import swing_of
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.memory import require_room
@@ -51,7 +52,9 @@ class SolveOptions:
     """At which instants a motion is solved."""
 
     angles: str | None = option(
-        None, f"Crank angles start:stop:step, both ends included; a bare number is rad. [default: {ANGLES}]"
+        None,
+        f"Crank angles start:stop:step, both ends included; a bare number is rad. [default: {ANGLES}; one "
+        "swing within the reachable range of a crank that cannot]",
     )
     speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
     samples: int = option(SAMPLES, "Rows of a motion under programs, both ends included.")
@@ -115,8 +118,13 @@ def _instants(drive: Form, asked: SolveOptions) -> tuple[Form, Array, Solved, st
     if programs is not None:
         times = np.linspace(0.0, programs.duration, asked.samples)
         return drive, times, lambda part: drive.solve(t=part), f"{asked.samples:,} samples"
-    angles = units.parse_angles(asked.angles or ANGLES, "the crank angles")
     speed = speed_of(asked.speed or SPEED)
+    swing = None if asked.angles else swing_of(drive, speed)
+    if swing is not None:
+        swung = drive.starting_at(swing.angles)
+        times = np.linspace(0.0, swing.duration, SAMPLES)
+        return swung, times, lambda part: swung.solve(*swing.state(part)), f"{SAMPLES} instants of a swing"
+    angles = units.parse_angles(asked.angles or ANGLES, "the crank angles")
     asked_angles("--angles", asked.angles or ANGLES)
     start = drive.starting_at(angles, speed)
     return start, angles, lambda part: start.solve(part, speed), f"{len(angles):,} crank angles"

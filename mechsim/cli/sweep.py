@@ -20,7 +20,7 @@ from mechsim.studies.sweep.checking import CheckedDesigns, check_table
 from mechsim.studies.sweep.designs import parsed_range
 from mechsim.studies.sweep.sweeping import built, run_sweep, swept_designs, swept_task
 from mechsim.studies.sweep.table import columns, ending, require_libraries
-from mechsim.studies.sweep.task import SweepTask
+from mechsim.studies.sweep.task import BUILT, SweepTask
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -184,7 +184,7 @@ def _print_checked(checked: CheckedDesigns | None) -> None:
 
 def _print(found: "Dataset", title: str) -> None:
     table, rows = columns(found), []
-    good = table["outcome"] == "met"
+    good = np.isin(table["outcome"].astype(str), BUILT)
     given = [str(name) for name in found.coords]
     for name, values in table.items():
         if name in ("outcome", "reason") or name in given or not good.any():
@@ -194,6 +194,8 @@ def _print(found: "Dataset", title: str) -> None:
         at = [", ".join(f"{p} = {float(table[p][i]):.5g}" for p in given) for i in (low, high)]
         rows.append((name, unit, f"{values[low]:.6g}", at[0], f"{values[high]:.6g}", at[1]))
     print_table(title, ("measure", "unit", "lowest", "at", "highest", "at"), rows)
+    if swings := int(np.count_nonzero(table["outcome"].astype(str) == "swings")):
+        typer.echo(f"{swings:,} of them swing: they are measured over their reachable ranges")
     reasons, counts = np.unique(table["reason"][~good].astype(str), return_counts=True)
     for i in np.argsort(-counts)[:MOST_REASONS]:
         typer.echo(f"{counts[i]:,} not built: {reasons[i]}")

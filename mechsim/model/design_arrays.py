@@ -34,6 +34,12 @@ class DesignArrays:
         """How many designs there are."""
         return next(iter(self.ends.values()))[0].shape[-1]
 
+    def some(self, which: NDArray[np.intp]) -> "DesignArrays":
+        """Return some of the designs."""
+        ends = {name: tuple(part[..., which] for part in parts) for name, parts in self.ends.items()}
+        points = {name: local[..., which] for name, local in self.points.items()}
+        return DesignArrays(self.mechanism, ends, points)  # pyright: ignore[reportArgumentType]
+
     def sides(self) -> dict[str, Sides]:
         """Return the same ends, designs first: points (d, 3) and frames (d, 3, 3)."""
         return {name: _designs_first(ends) for name, ends in self.ends.items()}
@@ -70,6 +76,13 @@ class StartedDesigns:
     arrays: DesignArrays
     guess: Mapping[str, Pose]
     told: Mapping[str, Array]
+
+    def some(self, which: NDArray[np.intp]) -> "StartedDesigns":
+        """Return some of the designs."""
+        guess = {link: Pose(pose.position[which], pose.rotation[which]) for link, pose in self.guess.items()}
+        return StartedDesigns(
+            self.arrays.some(which), guess, {name: value[which] for name, value in self.told.items()}
+        )
 
 
 def design_arrays(like: Mechanism, designs: Sequence[Mechanism]) -> DesignArrays:

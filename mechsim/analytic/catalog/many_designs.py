@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.catalog.base import CLEAR, ClosedForm, TwoBranchForm
 from mechsim.analytic.catalog.parameter_fields import HUGE
@@ -160,15 +160,23 @@ def ranges(found: Turning) -> tuple[Array, NDArray[np.intp]]:
 
 
 def solved(
-    form: ClosedForm, varied: Mapping[str, Array], angles: Array, speed: float, *, rates: bool, joints: bool
+    form: ClosedForm,
+    varied: Mapping[str, Array],
+    angles: Array,
+    speed: ArrayLike,
+    acceleration: ArrayLike = 0.0,
+    *,
+    rates: bool,
+    joints: bool,
 ) -> Motion:
-    """Return the motions of designs whose cranks turn fully, one design after another.
+    """Return the motions of designs, one design after another.
 
     Args:
         form: what the parameters that do not vary are of.
         varied: parameter -> (n,) in SI.
-        angles: crank angles, (p,) in [rad].
-        speed: of the crank in [rad/s].
+        angles: crank angles, (p,) in [rad], or (n, p) where each design has its own.
+        speed: of the crank, alike in [rad/s].
+        acceleration: alike in [rad/s2].
         rates: False leaves velocities and accelerations nought.
         joints: whether joints are wanted, too.
 
@@ -176,10 +184,11 @@ def solved(
         Points and joints with one coordinate at n p instants; not a number where a loop stands open.
     """
     designs = len(next(iter(varied.values())))
-    wide, crank = many(form, varied, len(angles)), np.tile(angles, designs)
-    still, described = np.zeros_like(crank), form.mechanism
-    pace = np.full_like(crank, speed)
-    at = Jet(crank, pace, still) if rates else crank
+    wide_rows = (np.broadcast_to(row, angles.shape) for row in (angles, speed, acceleration))
+    crank, pace, second = (np.tile(row, designs) if row.ndim == 1 else row.ravel() for row in wide_rows)
+    wide = many(form, varied, angles.shape[-1])
+    described = form.mechanism
+    at = Jet(crank, pace, second) if rates else crank
     wanted = {link for link, _ in described.points.values()}
     if joints:
         wanted |= {link.name for link in described.links}
@@ -204,7 +213,7 @@ def solved(
                     )
                 )
                 found |= link_frames.joint_motions(joint, coordinates, len(crank))
-    return Motion("closed form", crank, pace, still, points, joints=found)
+    return Motion("closed form", crank, pace, second, points, joints=found)
 
 
 def started(form: ClosedForm, varied: Mapping[str, Array]) -> StartedDesigns:

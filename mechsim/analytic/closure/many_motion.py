@@ -132,14 +132,14 @@ def many_motion(
     found = LinkRows(*(np.zeros((*shape, d, p)) for shape in shapes))
 
     def kept(rows: Rows, places: Rows, part: ClosedPart) -> None:
-        _keep(found, rows, places, part, rates=rates)
+        keep_part(found, rows, places, part, rates=rates)
 
     rows = np.flatnonzero(good)
     rows, begun = _begun(like, many, rows, Coordinates(at.values[:, rows], at.turns[..., rows]))
     good = np.isin(np.arange(d), rows)
     if len(rows):
         good[ManyPaths(many, like.law, like.begin).follow(rows, begun, angles, kept)] = False
-    motion = _motion(many, found, np.tile(angles, d), speed, joints)
+    motion = record_of_rows(many, found, *_steady(np.tile(angles, (d, 1)), speed), joints)
     return motion, good
 
 
@@ -170,7 +170,7 @@ def _begun(like: LikeLoops, many: ManyLoops, rows: Rows, at: Coordinates) -> tup
     return rows, Coordinates(values[:, rows], turns[..., rows])
 
 
-def _keep(found: LinkRows, rows: Rows, places: Rows, part: ClosedPart, *, rates: bool) -> None:
+def keep_part(found: LinkRows, rows: Rows, places: Rows, part: ClosedPart, *, rates: bool) -> None:
     """Keep the closed instants of some designs at some angles."""
     where = np.ix_(rows, places)
     shape = (len(rows), len(places))
@@ -189,12 +189,23 @@ def _keep(found: LinkRows, rows: Rows, places: Rows, part: ClosedPart, *, rates:
         getattr(found, name)[:, :, where[0], where[1]] = turned
 
 
-def _motion(many: ManyLoops, found: LinkRows, crank: Array, speed: float, joints: Sequence[str]) -> Motion:
-    """Return what was found as a record; rates by the crank angle become those in time."""
+def _steady(angles: Array, speed: float) -> tuple[Array, Array, Array]:
+    return angles, np.full_like(angles, speed), np.zeros_like(angles)
+
+
+def record_of_rows(
+    many: ManyLoops, found: LinkRows, angle: Array, speed: Array, acceleration: Array, joints: Sequence[str]
+) -> Motion:
+    """Return what was found as a record; rates by the crank angle become those in time.
+
+    The crank's angle, speed and acceleration are (d, p) each.
+    """
     mechanism, tree = many.loops.tree.mechanism, many.loops.tree
     # rates are by the crank angle so far
-    for name, power in (("rates", 1), ("velocity", 1), ("second", 2), ("acceleration", 2)):
-        setattr(found, name, getattr(found, name) * speed**power)
+    for first, second in (("rates", "second"), ("velocity", "acceleration")):
+        by_angle = getattr(found, first)
+        setattr(found, second, getattr(found, second) * speed**2 + by_angle * acceleration)
+        setattr(found, first, by_angle * speed)
     points = {
         name: _point(many, found, link, many.arrays.points[name])
         for name, (link, _) in mechanism.points.items()
@@ -209,8 +220,8 @@ def _motion(many: ManyLoops, found: LinkRows, crank: Array, speed: float, joints
             parts = (found.values[place], found.rates[place], found.second[place])
             value, rate, second = (one.ravel() for one in parts)
             told[name] = JointMotion(value, rate, second, "m" if tree.slides[place] else "rad")
-    pace = np.full_like(crank, speed)
-    return Motion("loop equations", crank, pace, np.zeros_like(crank), points, joints=told)
+    crank, pace, gain = angle.ravel(), speed.ravel(), acceleration.ravel()
+    return Motion("loop equations", crank, pace, gain, points, joints=told)
 
 
 def _point(many: ManyLoops, found: LinkRows, link: str, local: Array) -> PointMotion:

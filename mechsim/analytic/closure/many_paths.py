@@ -183,7 +183,7 @@ class ManyPaths:
         path = PathRows(solver.loops, self._drive)
         s = np.tile(nodes, count)
         at = path.unflat(self._foretold(group, nodes).reshape(count * k, -1), s)
-        at, residual, gone, matrix = _newton(solver, at)
+        at, residual, gone, matrix = newton(solver, at)
         states = path.flat(at).reshape(count, k, -1)
         shape = (count, k)
         gone, residual = gone.reshape(shape).max(1), residual.reshape(shape).max(1)
@@ -258,7 +258,7 @@ class ManyPaths:
         kept(group.rows, places, ClosedPart(solver, np.arange(len(s)), instants, at, found))
 
 
-def _newton(solver: LoopSolver, at: Coordinates) -> tuple[Coordinates, Array, Array, Array]:
+def newton(solver: LoopSolver, at: Coordinates) -> tuple[Coordinates, Array, Array, Array]:
     """Return coordinates closed, their residuals (n,), how far they moved (n,), and the matrices there."""
     gone, frozen = np.zeros(len(at)), np.zeros(len(at), dtype=np.bool_)
     found = solver.linearise(at)

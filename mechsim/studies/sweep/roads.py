@@ -6,22 +6,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
+from mechsim.analytic.catalog.many_arcs import swing_arcs
 from mechsim.analytic.catalog.many_designs import Turning, allowed, can_be_many, ranges, solved, turning
 from mechsim.analytic.closure.many_motion import many_motion
+from mechsim.analytic.closure.many_swings import SwingTracer
 from mechsim.analytic.dynamics import machine
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form, closed_form
-from mechsim.errors import AssemblyError, InputError, MechsimError, MobilityError
+from mechsim.errors import InputError, MechsimError, MobilityError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
-from mechsim.model.crank_profile import closes_nowhere
+from mechsim.model.crank_profile import arc_around, closes_nowhere
+from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion, taken
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.studies.sweep.beginning import begun_designs
 from mechsim.studies.sweep.measures import FACTS, table_of
 from mechsim.studies.sweep.stepped_road import stepped_alone, stepped_together
-from mechsim.studies.sweep.task import Measured, SweepTask, nothing_measured
+from mechsim.studies.sweep.task import CrankRows, Measured, SweepTask, nothing_measured, swings_between
 from mechsim.studies.sweep.turns import TRANSMISSION, Turns
 
 Rows = NDArray[np.intp]
@@ -64,10 +67,11 @@ def _formula(task: SweepTask, rows: Mapping[str, Array], found: Measured) -> Row
         return np.arange(len(found.outcome))
     settled, fits = ~known.doubtful, ~known.doubtful
     facts = _facts(task, known) if any(one.kind in FACTS for one in task.measures) else {}
+    left: list[Rows] = []
     if len(task.angles):
-        _refuse_swings(known, good, found)
+        left = _swing_blocks(task, rows, good, known, facts, found)
         fits = known.full & settled
-    left = _blocks(task, rows, good[fits], {name: one[fits] for name, one in facts.items()}, found)
+    left += _blocks(task, rows, good[fits], {name: one[fits] for name, one in facts.items()}, found)
     for name, values in facts.items():
         found.values[name][good[settled]] = values[settled]
     return np.sort(np.concatenate([np.setdiff1d(np.arange(len(found.outcome)), good[settled]), *left]))
@@ -79,13 +83,50 @@ def _known_to_turn(form: TwoBranchForm, rows: Mapping[str, Array]) -> tuple[Rows
     return good, turning(form, _some(rows, good)) if len(good) else None
 
 
-def _refuse_swings(known: Turning, good: Rows, found: Measured) -> None:
-    """Say of the designs whose cranks do not turn fully where they do not."""
-    swing = ~known.doubtful & ~known.full
-    degrees = np.round(np.rad2deg(known.lowest[swing])).astype(int) % 360
-    for angle in np.unique(degrees):
-        why = f"the crank does not turn fully: the loop does not close near {angle} deg"
-        found.refuse(good[swing][degrees == angle], "cannot assemble", why)
+def _swing_blocks(
+    task: SweepTask,
+    rows: Mapping[str, Array],
+    good: Rows,
+    known: Turning,
+    facts: Mapping[str, Array],
+    found: Measured,
+) -> list[Rows]:
+    """Measure designs whose cranks swing over their reachable ranges; return those left to themselves."""
+    swing = np.flatnonzero(~known.doubtful & ~known.full)
+    low, high = swing_arcs(known)
+    sure = swing[np.isfinite(low[swing])]
+    left = [good[np.setdiff1d(swing, sure)]]
+    step = max(1, BLOCK // max(1, len(task.angles)))
+    for first in range(0, len(sure), step):
+        some = sure[first : first + step]
+        own = {name: one[some] for name, one in facts.items()}
+        values = _block(task, rows, good[some], task.within(low[some], high[some]), own)
+        finite = np.all([np.isfinite(one) for one in values.values()], axis=0)
+        taken_in = {name: one[finite] for name, one in values.items()}
+        found.take_swings(good[some[finite]], taken_in, low[some[finite]], high[some[finite]])
+        left.append(good[some[~finite]])
+    return left
+
+
+def _block(
+    task: SweepTask, rows: Mapping[str, Array], block: Rows, crank: CrankRows, facts: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Return the measures of designs along crank motions, (poses,) or (designs, poses), by one formula."""
+    form = task.subject.form
+    assert isinstance(form, ClosedForm)
+    jointed = any(one.jointed for one in task.measures)
+    with np.errstate(all="ignore"):
+        motion = solved(
+            form,
+            _some(rows, block),
+            crank.angle,
+            crank.speed,
+            crank.acceleration,
+            rates=task.rated,
+            joints=jointed,
+        )
+        turns = Turns(len(block), crank.angle.shape[-1], motion, facts=facts)
+        return table_of(task.measures, turns, task.places)
 
 
 def _stepped(task: SweepTask, rows: Mapping[str, Array], found: Measured) -> Rows:
@@ -96,12 +137,9 @@ def _stepped(task: SweepTask, rows: Mapping[str, Array], found: Measured) -> Row
     good, known = _known_to_turn(form, rows)
     if known is None:
         return every
-    _refuse_swings(known, good, found)
-    known_well = ~known.doubtful
-    index = good[known_well & known.full & known.clear]
+    index = good[~known.doubtful & known.full & known.clear]
     left = stepped_together(task, rows, index, found)
-    settled = np.union1d(index, good[known_well & ~known.full])
-    return np.union1d(left, np.setdiff1d(every, settled))
+    return np.union1d(left, np.setdiff1d(every, index))
 
 
 def _facts(task: SweepTask, known: object) -> dict[str, Array]:
@@ -123,13 +161,11 @@ def _blocks(
         part = slice(first, first + step)
         block = fits[part]
         own = {name: one[part] for name, one in facts.items()}
-        with np.errstate(all="ignore"):
-            if len(angles):
-                jointed = any(one.jointed for one in task.measures)
-                motion = solved(form, _some(rows, block), angles, task.pace, rates=task.rated, joints=jointed)
-            else:
-                motion = taken(form.solve(np.zeros(1), links=False), slice(0, 0))
-            values = table_of(task.measures, Turns(len(block), len(angles), motion, facts=own), task.places)
+        if len(angles):
+            values = _block(task, rows, block, task.turn, own)
+        else:
+            motion = taken(form.solve(np.zeros(1), links=False), slice(0, 0))
+            values = table_of(task.measures, Turns(len(block), 0, motion, facts=own), task.places)
         finite = np.all([np.isfinite(one) for one in values.values()], axis=0)
         if "crank_range" in own:
             finite &= own["crank_range"] > 0.0
@@ -160,7 +196,36 @@ def _loops(task: SweepTask, rows: Mapping[str, Array], found: Measured) -> Rows:
         values = table_of(task.measures, Turns(len(index), len(task.angles), motion), task.places)
     good &= np.all([np.isfinite(one) for one in values.values()], axis=0)
     found.take(index[good], {name: one[good] for name, one in values.items()})
-    return np.setdiff1d(every, index[good])
+    swung = _loop_swings(task, started, index, np.flatnonzero(~good), found)
+    return np.setdiff1d(every, np.union1d(index[good], swung))
+
+
+def _loop_swings(
+    task: SweepTask, started: StartedDesigns, index: Rows, others: Rows, found: Measured
+) -> Rows:
+    """Measure designs whose cranks swing by loop equations, together; return which they are."""
+    assert task.together is not None
+    if not len(others) or task.subject.form.programs is not None:
+        return others[:0]
+    try:
+        tracer = SwingTracer(task.together, started.some(others))
+        swings = tracer.swings()
+        if swings is None:
+            return others[:0]
+        crank = task.within(swings.low, swings.high)
+        motion, good = tracer.motion(
+            swings, crank.angle, crank.speed, crank.acceleration, task.joints, rates=task.rated
+        )
+    except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
+        return others[:0]
+    with np.errstate(all="ignore"):
+        turns = Turns(len(crank.angle), crank.angle.shape[1], motion)
+        values = table_of(task.measures, turns, task.places)
+    good &= np.all([np.isfinite(one) for one in values.values()], axis=0)
+    rows = index[others[swings.rows[good]]]
+    own = {name: one[good] for name, one in values.items()}
+    found.take_swings(rows, own, swings.low[good], swings.high[good])
+    return rows
 
 
 def come_back(motion: Motion, designs: int) -> NDArray[np.bool_]:
@@ -230,28 +295,50 @@ def alone(task: SweepTask, form: Form, facts: Mapping[str, float]) -> tuple[dict
         if not form.crank_range().arcs:
             raise closes_nowhere(form.name)
         return {one.name: facts[one.kind] for one in task.measures}, "met", ""
-    if form.programs is None and isinstance(form, ClosedForm):
-        arcs = form.crank_range()
-        if not arcs.full:
-            where = f"it can stand {arcs}" if arcs.arcs else "it can close nowhere in the turn"
-            raise AssemblyError(f"{form.name}: the crank does not turn fully; {where}")
+    around = swing_arc(form)
     if task.settings is not None:
-        return stepped_alone(task, form)
-    return _solved_alone(task, form, facts), "met", ""
+        values, outcome, why = stepped_alone(task, form)
+        if around is not None and outcome == "met":
+            outcome, why = "swings", swings_between(*around)
+        return values, outcome, why
+    if around is None:
+        return _solved_alone(task, form, facts, task.turn), "met", ""
+    values = _solved_alone(task, form, facts, task.within(*around))
+    return values, "swings", swings_between(*around)
 
 
-def _solved_alone(task: SweepTask, form: Form, facts: Mapping[str, float]) -> dict[str, float]:
-    """Return the measures of one design by its formulas or loop equations."""
-    angles, pace, kept = task.angles, task.pace, {name: np.array([value]) for name, value in facts.items()}
+def swing_arc(form: Form) -> tuple[float, float] | None:
+    """Return the reachable range of a crank that swings, in [rad]; None where it turns fully or laws drive.
+
+    Raises:
+        AssemblyError: where it can stand nowhere.
+    """
+    if form.programs is not None:
+        return None
+    arcs = form.crank_range()
+    if arcs.full:
+        return None
+    around = arc_around(arcs, form.mechanism.start) if arcs.arcs else None
+    if around is None:
+        raise closes_nowhere(form.name)
+    return around
+
+
+def _solved_alone(
+    task: SweepTask, form: Form, facts: Mapping[str, float], crank: CrankRows
+) -> dict[str, float]:
+    """Return the measures of one design by its formulas or loop equations along a crank motion (p,)."""
+    kept = {name: np.array([value]) for name, value in facts.items()}
+    angles, pace = crank.angle, crank.speed
     if form.programs is not None:
         # the pace goes with the size of the design; the times are the same
-        angles, pace = angles / pace * form.programs.pace, form.programs.pace
-    motion = form.solve_along(angles, pace)
+        angles, pace = angles / pace * form.programs.pace, np.full_like(pace, form.programs.pace)
+    motion = form.solve_along(angles, pace, crank.acceleration)
     shape = (1, len(angles))
     efforts: dict[str, Array] = {}
     if task.loaded:
         acting = getattr(form, "forces", None) or Forces()
-        study = prescribed_along(machine(form, acting), angles, pace)
+        study = prescribed_along(machine(form, acting), angles, pace, crank.acceleration)
         efforts = {name: column.reshape(shape) for name, column in study.columns()}
     transmission = None
     if task.wants(TRANSMISSION):

@@ -10,6 +10,7 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.many_designs import AXES
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.forms import Form
+from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.families import family, toml_path
 from mechsim.subjects.python_object import parameters_of, python_maker
@@ -48,15 +49,22 @@ class OfToml:
     Attributes:
         source: the file.
         given: parameter -> text, of those that are set and do not vary.
+        guess: link -> pose of the file as it stands, closed; it selects the assembly of designs where the
+            file itself has no guess of a link.
     """
 
     source: TomlSource
     given: Mapping[str, str] = field(default_factory=dict[str, str])
+    guess: Mapping[str, Pose] = field(default_factory=dict[str, Pose])
 
     def __call__(self, values: Mapping[str, float]) -> Form:
         """Return a design."""
         changed = {name: repr(float(value)) for name, value in values.items()}
-        return toml_subject(self.source, {**self.given, **changed}).form
+        form = toml_subject(self.source, {**self.given, **changed}).form
+        mechanism = form.mechanism
+        if len(mechanism.guess) == len(mechanism.links):
+            return form
+        return replace(form, mechanism=replace(mechanism, guess={**self.guess, **mechanism.guess}))
 
 
 @dataclass(frozen=True)
@@ -128,5 +136,5 @@ def swept(
         return SweptSubject(name, form, found, OfCatalog(form))
     path = toml_path(model) if isinstance(model, str) else None
     if path is not None and form.programs is None and not any(asked.values()):
-        return SweptSubject(name, form, found, OfToml(read_source(path), given))
+        return SweptSubject(name, form, found, OfToml(read_source(path), given, form.mechanism.guess))
     return SweptSubject(name, form, found, found.make)

@@ -30,7 +30,7 @@ from mechsim.studies.sweep.table import (
     require_libraries,
     write_sweep,
 )
-from mechsim.studies.sweep.task import Measured, SweepTask, nothing_measured
+from mechsim.studies.sweep.task import BUILT, Measured, SweepTask, nothing_measured
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -85,7 +85,8 @@ def sweep(
 
     Returns:
         Measures over the parameters, with units, and for each design `outcome`, "met" where it was built,
-        and `reason`.
+        "swings" where it was and its crank does not turn fully, and `reason`. Of a crank that swings measures
+        are over its reachable range; rates and forces over the middle 0.9 of it.
 
     Raises:
         InputError: for an unknown parameter or measure, more designs than memory or disk hold, or an output
@@ -257,5 +258,5 @@ def _done(place: Path, mark: str, resume: bool) -> bool:
 
 
 def built(found: "Dataset") -> int:
-    """Return how many designs of a sweep could be built."""
-    return int(np.count_nonzero(found["outcome"].values == "met"))
+    """Return how many designs of a sweep could be built, those whose cranks swing included."""
+    return int(np.count_nonzero(np.isin(found["outcome"].values.astype(str), BUILT)))

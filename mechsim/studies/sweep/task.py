@@ -7,12 +7,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.closure.many_motion import LikeLoops, can_be_followed_together
 from mechsim.errors import InputError, MechsimError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
+from mechsim.model.crank_profile import PART_OF_RANGE
 from mechsim.model.forces import Forces
 from mechsim.simulation.many.design_models import LikeModel, like_model
 from mechsim.simulation.recorded_motion import CHUNK
@@ -22,12 +23,39 @@ from mechsim.studies.sweep.measures import FACTS, TurnMeasure
 from mechsim.studies.sweep.subject import SweptSubject
 
 # outcomes of designs, as they are kept
-OUTCOMES = ("met", "cannot assemble", "diverged", "undetermined", "overdriven", "missed", "changed assembly")
+OUTCOMES = (
+    "met",
+    "cannot assemble",
+    "diverged",
+    "undetermined",
+    "overdriven",
+    "missed",
+    "changed assembly",
+    "swings",
+)
+# outcomes of designs that were built
+BUILT = ("met", "swings")
 MET = 0
+# distance of the first and last pose from the dead centres of a crank that swings, as a fraction of its
+# reachable range
+AT_ENDS = 1e-10
 # parts of the distance of two recorded instants by which an angle may be beside one
 ON_RECORD = 1e-6
 # measures that each design is asked for by itself, where no formula is
 ALONE = ("function", *FACTS)
+
+
+@dataclass(frozen=True, slots=True)
+class CrankRows:
+    """Crank angles (..., poses) in [rad], speeds in [rad/s] and accelerations in [rad/s2] of designs."""
+
+    angle: Array
+    speed: Array
+    acceleration: Array
+
+    def some(self, rows: slice) -> "CrankRows":
+        """Return those of some designs."""
+        return CrankRows(self.angle[rows], self.speed[rows], self.acceleration[rows])
 
 
 @dataclass(frozen=True)
@@ -78,6 +106,30 @@ class SweepTask:
             turn = np.linspace(0.0, programs.pace * programs.duration, self.samples)
         return np.concatenate([turn, [*self.places]])
 
+    def within(self, low: ArrayLike, high: ArrayLike) -> CrankRows:
+        """Return the crank's motion along which designs that swing are measured.
+
+        Poses are spread evenly over the reachable range. Rates and forces have no bound at its ends: they are
+        those of the swing that `simulate` makes, at instants spread evenly in time.
+
+        Args:
+            low: lower ends of reachable ranges, (...) in [rad].
+            high: upper ends.
+        """
+        low, high = np.asarray(low)[..., None], np.asarray(high)[..., None]
+        fixed = np.broadcast_to([*self.places], (*low.shape[:-1], len(self.places)))
+        if self.rated or self.loaded:
+            phase = TURN * np.arange(self.samples) / self.samples
+            reach = 0.5 * PART_OF_RANGE * (high - low)
+            angle = 0.5 * (low + high) - reach * np.cos(phase)
+            speed = self.pace * np.sin(phase) + 0.0 * angle
+            acceleration = self.pace**2 / reach * np.cos(phase)
+        else:
+            angle = low + np.linspace(AT_ENDS, 1.0 - AT_ENDS, self.samples) * (high - low)
+            speed, acceleration = np.full_like(angle, self.pace), np.zeros_like(angle)
+        rows = ((angle, fixed), (speed, np.full_like(fixed, self.pace)), (acceleration, np.zeros_like(fixed)))
+        return CrankRows(*(np.concatenate(parts, -1) for parts in rows))
+
     @property
     def rated(self) -> bool:
         """Whether velocities or accelerations are needed."""
@@ -93,6 +145,12 @@ class SweepTask:
         """The joints that are measured."""
         asked = (one.of for one in self.measures)
         return [*dict.fromkeys(of.subject for of in asked if of is not None and of.kind == "joint")]
+
+    @property
+    def turn(self) -> CrankRows:
+        """The crank's motion along which designs are measured whose cranks turn fully, or laws drive."""
+        angle = self.angles
+        return CrankRows(angle, np.full_like(angle, self.pace), np.zeros_like(angle))
 
     @cached_property
     def together(self) -> LikeLoops | None:
@@ -193,10 +251,23 @@ class Measured:
         self.outcome[rows] = MET
         self.reason[rows] = ""
 
+    def take_swings(
+        self, rows: NDArray[np.intp], found: Mapping[str, Array], low: Array, high: Array
+    ) -> None:
+        """Keep what was measured of some designs whose cranks swing, and over which reachable range."""
+        self.take(rows, found)
+        self.outcome[rows] = OUTCOMES.index("swings")
+        self.reason[rows] = [swings_between(*ends) for ends in zip(low, high, strict=True)]
+
     def refuse(self, rows: NDArray[np.intp], outcome: str, reason: str) -> None:
         """Say of some designs why there is nothing."""
         self.outcome[rows] = OUTCOMES.index(outcome)
         self.reason[rows] = reason
+
+
+def swings_between(low: float, high: float) -> str:
+    """Return in words over which reachable range, in [rad], a crank swings."""
+    return f"the crank swings from {np.rad2deg(low):.6g} to {np.rad2deg(high):.6g} deg"
 
 
 def nothing_measured(task: SweepTask, count: int) -> Measured:

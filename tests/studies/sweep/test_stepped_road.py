@@ -56,7 +56,7 @@ def test_what_decides_by_forces_is_stepped_by_itself():
 def test_outcomes_of_stepped_designs():
     designs = {"crank": [0.02, 0.045, 0.08, -1.0]}
     found = ms.sweep("four_bar", designs, "range:rocker", settings=Settings(steps_per_turn=8), speed=40.0)
-    assert found["outcome"].values.tolist() == ["missed", "missed", "cannot assemble", "cannot assemble"]
+    assert found["outcome"].values.tolist() == ["missed", "missed", "diverged", "cannot assemble"]
     assert "of the solved poses (bound" in str(found["reason"].values[0])
     assert np.isfinite(found["range:rocker"].values[:2]).all()
     assert np.isnan(found["range:rocker"].values[2:]).all()

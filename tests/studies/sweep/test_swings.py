@@ -1,0 +1,100 @@
+"""A crank that only swings is a status of a design, and it is measured over its reachable range."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.studies.sweep import roads
+from mechsim.studies.sweep.checking import check_table
+from mechsim.studies.sweep.sweeping import built, run_sweep, swept_task
+
+FOUR_BAR = """name = "bar"
+units = { length = "mm" }
+[parameters]
+crank = 32
+rocker = 35
+[joints]
+crank = { kind = "revolute", a = { link = "ground" }, b = { link = "crank" } }
+A = { kind = "revolute", a = { link = "crank", at = ["crank", 0, 0] }, b = { link = "coupler" } }
+rocker = { kind = "revolute", a = { link = "ground", at = [100, 0, 0] }, b = { link = "rocker" } }
+[joints.B]
+kind = "revolute"
+a = { link = "coupler", at = [91, 0, 0] }
+b = { link = "rocker", at = ["rocker", 0, 0] }
+[points]
+B = { link = "rocker", at = ["rocker", 0, 0] }
+"""
+ROCKERS = np.linspace(0.033, 0.037, 5)
+LENGTHS = {"ground": 0.1, "crank": 0.032, "coupler": 0.091}
+
+
+def reach(rocker):
+    """Return the crank angle of the upper dead centre by the law of cosines, in [rad]."""
+    far, ground, crank = LENGTHS["coupler"] + rocker, LENGTHS["ground"], LENGTHS["crank"]
+    return float(np.arccos((ground**2 + crank**2 - far**2) / (2.0 * ground * crank)))
+
+
+def extent(rocker):
+    """Return the range of the rocker over the whole reachable range of the crank, in [rad]."""
+    end = reach(rocker)
+    near = end * (1.0 - np.geomspace(1e-12, 1.0, 400))
+    drive = ms.catalog.make("four_bar", **LENGTHS, rocker=rocker)
+    return np.ptp(np.unwrap(drive.solve([*-near, *near[::-1]]).joints["rocker"].value))
+
+
+@pytest.fixture
+def model(request, tmp_path):
+    """Return a catalogue name, or a file whose loop equations are solved."""
+    (tmp_path / "bar.toml").write_text(FOUR_BAR)
+    return "four_bar" if request.param == "formula" else str(tmp_path / "bar.toml")
+
+
+@pytest.mark.parametrize("model", ["formula", "loops"], indirect=True)
+def test_designs_that_swing_are_built_together_over_their_reachable_range(model, monkeypatch):
+    left = []
+    monkeypatch.setattr(roads, "one_by_one", lambda task, rows, index, found: left.extend(index))
+    found = ms.sweep(model, {"rocker": ROCKERS}, ["range:rocker", "at:90deg:rocker"])
+    # designs one by one took a second each
+    assert left == []
+    assert found["outcome"].values.tolist() == ["swings"] * len(ROCKERS)
+    assert built(found) == len(ROCKERS)
+    for rocker, reason, wide in zip(
+        ROCKERS, found["reason"].values, found["range:rocker"].values, strict=True
+    ):
+        end = np.rad2deg(reach(rocker))
+        assert reason == f"the crank swings from {-end:.6g} to {end:.6g} deg"
+        # 72 poses, evenly spread, miss little of the extent
+        assert wide == pytest.approx(extent(rocker), rel=0.01)
+
+
+@pytest.mark.parametrize("model", ["formula", "loops"], indirect=True)
+def test_designs_that_swing_agree_with_mujoco_and_with_each_by_itself(model):
+    task = swept_task(model, {"rocker": [0.034, 0.046]}, ["range:rocker", "max:B.vx", "max:B.ax"], speed=3.0)
+    found = run_sweep(task)
+    assert found["outcome"].values.tolist() == ["swings", "met"]
+    checked = check_table(task, found, 2)
+    assert checked.passed == checked.count == 2, checked.failed
+    broken = found.copy(deep=True)
+    broken["range:rocker"][0] += 1e-4
+    assert check_table(task, broken, 2).passed == 1
+
+
+def test_forces_of_a_swing_are_those_of_a_run():
+    found = ms.sweep("four_bar", {"rocker": [0.034]}, "max:torque", set={"branch": -1})
+    assert found["outcome"].values.tolist() == ["swings"]
+    assert float(found["max:torque"][0]) > 0.0
+
+
+def test_what_closes_nowhere_is_no_swing():
+    found = ms.sweep("four_bar", {"coupler": [0.01, 0.2]}, "range:rocker", set={"rocker": 0.01})
+    assert found["outcome"].values.tolist() == ["cannot assemble"] * 2
+    assert built(found) == 0
+    found = ms.sweep("four_bar", {"rocker": [0.034]}, "at:170deg:rocker")
+    assert found["outcome"].values.tolist() == ["cannot assemble"]
+
+
+def test_a_swing_is_stepped_too():
+    settings = ms.Settings(steps_per_turn=1000)
+    found = ms.sweep("four_bar", {"rocker": [0.034, 0.046]}, "range:rocker", settings=settings, speed=3.0)
+    assert found["outcome"].values.tolist() == ["swings", "met"]
+    assert 0.8 * extent(0.034) < float(found["range:rocker"][0]) < extent(0.034)
