@@ -33,6 +33,10 @@ class MobilityError(MechsimError, ValueError):
         self.outcome = outcome
 
 
+class BudgetError(MechsimError, RuntimeError):
+    """Work that did not end within its budget of processor time."""
+
+
 class OutputError(MechsimError, OSError):
     """A result cannot be written where it was asked to go."""
 

@@ -11,12 +11,11 @@ from typing import Any, Protocol
 import typer
 
 from mechsim.cli.endings import tell
+from mechsim.cli.time_left import TimeLeft, in_words
 from mechsim.files import plain
 
 # before the first line of progress where there is no terminal, and between two
 FIRST, SECONDS = 3.0, 10.0
-# a shorter rest, in [s], is not worth a word
-SHORT = 5.0
 
 
 def print_json(value: Any) -> None:
@@ -49,17 +48,6 @@ class Tick(Protocol):
         ...
 
 
-def left(part: float, spent: float) -> str:
-    """Return in words how long work goes on that came so far in so many seconds; empty where it is short."""
-    rest = spent * (1.0 - part) / part if part > 0.0 else 0.0
-    if rest < SHORT:
-        return ""
-    for unit, one in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
-        if rest >= 2.0 * one:
-            return f"about {rest / one:.0f} {unit} left"
-    return f"about {rest:.0f} s left"
-
-
 def _nothing(done: str = "", part: float | None = None) -> None:
     pass
 
@@ -67,21 +55,20 @@ def _nothing(done: str = "", part: float | None = None) -> None:
 def _lines(what: str, total: int | None, limit: str) -> Tick:
     """Return a tick that prints a line when the last one is long past."""
     count, begun = 0, time.monotonic()
-    # since when how much is done is known: other work came before, and a run may be tried again
-    origin, since, due, quiet = 0.0, begun, begun + FIRST, True
+    due, quiet = begun + FIRST, True
+    counted, told = TimeLeft(begun), TimeLeft()
 
     def tick(done: str = "", part: float | None = None) -> None:
-        nonlocal count, origin, since, due, quiet
+        nonlocal count, due, quiet
         count += 1
         now = time.monotonic()
         far = [f"{count} of {total}"] if part is None and total else []
-        if part is None and total:
-            part = count / total
-        elif part is not None and (part < origin or since == begun):
-            origin, since = part, now
+        if part is not None:
+            rest = in_words(told.update(part, now))
+        else:
+            rest = in_words(counted.update(count / total, now)) if total else ""
         if now < due:
             return
-        rest = left((part - origin) / (1.0 - origin), now - since) if part and origin < 1.0 else ""
         rest = f"{rest}{limit}" if rest else ""
         # what is over in a moment needs no line
         if rest or not quiet or now > begun + SECONDS:
@@ -110,7 +97,6 @@ def progress(what: str, total: int | None, *, quiet: bool = False, at_least: boo
         Progress,
         TextColumn,
         TimeElapsedColumn,
-        TimeRemainingColumn,
     )
 
     far = () if total is None else (MofNCompleteColumn(),)
@@ -119,15 +105,21 @@ def progress(what: str, total: int | None, *, quiet: bool = False, at_least: boo
         BarColumn(),
         *far,
         TimeElapsedColumn(),
-        *(() if at_least else (TimeRemainingColumn(),)),
+        TextColumn("{task.fields[rest]}"),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=total)
+        task = bar.add_task(what, total=total, rest="")
+        count, counted, told = 0, TimeLeft(time.monotonic()), TimeLeft()
 
         def tick(done: str = "", part: float | None = None) -> None:
+            nonlocal count
+            count += 1
+            now = time.monotonic()
             if part is None:
-                bar.update(task, advance=1, description=done or what)
+                rest = counted.update(count / total, now) if total else None
+                bar.update(task, advance=1, description=done or what, rest=in_words(rest))
             else:
-                bar.update(task, total=1.0, completed=part, description=done or what)
+                rest = None if at_least else told.update(part, now)
+                bar.update(task, total=1.0, completed=part, description=done or what, rest=in_words(rest))
 
         yield tick

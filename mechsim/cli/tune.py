@@ -77,7 +77,7 @@ def tune(
         raise InputError(f"-o {output} is the file itself; name another, so that it stays as it is")
     if by == "closure":
         scene = _closed(scene, wanted)
-    with progress("tune", None) as tick:
+    with progress("tune", None, at_least=True) as tick:
         found = tuned(scene, wanted, by, seconds=seconds, tell=lambda part, done: tick(done, part))  # pyright: ignore[reportArgumentType]
     _require_runnable(found)
     report, told = _written(found, place, script)

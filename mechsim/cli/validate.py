@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from mechsim import units
 from mechsim.analytic import catalog
 from mechsim.analytic.derivatives import DesignFamily
 from mechsim.cli.against import AgainstOptions, explained, held_against, tell_code
@@ -21,7 +22,7 @@ from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.finding import Finding
 from mechsim.report.validation import write_validation_report
 from mechsim.simulation.settings import HARDNESS
-from mechsim.studies.validate import Case, validate_all
+from mechsim.studies.validate import BUDGET, Case, validate_all
 from mechsim.subjects import gallery
 
 
@@ -46,6 +47,12 @@ def validate(
         str | None, typer.Option(metavar="DIR", help="Write plots, pictures, videos and a page here.")
     ] = None,
     speed: Speed = "600rpm",
+    budget: Annotated[
+        str,
+        typer.Option(
+            help="Processor time for the stepped runs of each mechanism; what they reach is reported."
+        ),
+    ] = f"{BUDGET:g}s",
     held: AgainstOptions,
     driven: DriveOptions,
     sets: Sets = None,
@@ -81,7 +88,8 @@ def validate(
     folder = None if report is None else folder_for(report)
     tell_code([family.make({}) for family in families.values()])
     quick = () if models or whole_gallery else shown
-    cases = _validated(families, (asked, tolerance), quick, as_json)
+    seconds = units.parse_time(budget, "the budget")
+    cases = _validated(families, (asked, tolerance, seconds), quick, as_json)
     scenes = {name: _findings(case) for name, case in cases.items()}
     passed = all(case.passed for case in cases.values())
     results = {
@@ -108,15 +116,17 @@ def _told_apart(families: Mapping[str, DesignFamily]) -> dict[str, DesignFamily]
 
 def _validated(
     families: Mapping[str, DesignFamily],
-    asked: tuple[float, float | None],
+    asked: tuple[float, float | None, float],
     quick: Sequence[str],
     as_json: bool,
 ) -> dict[str, Case]:
     """Return the cases; where one cannot be judged JSON says so before the command ends."""
     try:
-        with progress("validate", len(families)) as tick:
-            speed, tolerance = asked
-            return validate_all(families, speed=speed, quick=quick, tolerance=tolerance, done=tick)
+        with progress("validate", None) as tick:
+            speed, tolerance, budget = asked
+            return validate_all(
+                families, speed=speed, quick=quick, tolerance=tolerance, budget=budget, watch=tick
+            )
     except (AssemblyError, MobilityError) as error:
         if as_json:
             outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"

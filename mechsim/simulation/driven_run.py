@@ -7,6 +7,7 @@ import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
+from mechsim.maths.budget import ProcessorBudget
 from mechsim.maths.convergence import half_extent
 from mechsim.maths.memory import require_room
 from mechsim.model.crank_profile import CrankProfile, constant
@@ -58,6 +59,7 @@ class DrivenRun:
         watch: told now and then how far a run has come, in words and as a part of the whole.
         total: steps over the whole motion; None as the settings have them.
         ending: where the run ends, if not with the motion that was requested, in one sentence.
+        budget: of processor time; a run that exceeds it ends in a BudgetError. None is no limit.
     """
 
     closed: ClosedModel
@@ -67,6 +69,7 @@ class DrivenRun:
     watch: Watch = unwatched
     total: int | None = None
     ending: str = ""
+    budget: ProcessorBudget | None = None
 
     @property
     def cycle(self) -> float:
@@ -159,14 +162,22 @@ class DrivenRun:
     def _stepped(self, settings: Settings) -> tuple[Steps, Motion]:
         loops = self.closed.loops.over_copy()
         total, stride = self._counts(settings)
-        steps = step(loops, settings, self.profile, self.start, total, stride, watch=self.watch)
+        steps = step(loops, settings, self.profile, self.start, total, stride, watch=self._watched)
         return steps, evaluate(loops, self.closed.track, steps.states, "step", force=steps.force)
+
+    def _watched(self, done: str, part: float) -> None:
+        """Report how far a run has come; end it where the budget is spent."""
+        self.watch(done, part)
+        if self.budget is not None and part < 1.0:
+            self.budget.require_left(done)
 
     def _counts(self, settings: Settings) -> tuple[int, int]:
         """Return how many steps the run takes and how many lie between two records."""
         wanted = self.profile.turns * settings.steps_per_turn
         what = f"a motion of {self.profile.turns:g} turns with {settings.steps_per_turn:,} steps a turn"
-        require_steps(what, wanted, "take fewer turns or a shorter duration, or longer steps")
+        if self.total is not None:
+            what = f"a motion of {self.profile.turns:g} turns with the given time step"
+        require_steps(what, self.total or wanted, "take fewer turns or a shorter duration, or longer steps")
         total = self.total or max(self.profile.least, int(np.ceil(wanted - 1e-9)))
         if self.samples is None:
             return total, max(1, int(total / max(self.profile.least, SAMPLES * self.profile.turns)))

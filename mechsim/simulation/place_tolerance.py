@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mechsim.errors import BudgetError
 from mechsim.maths.angles import TURN
 from mechsim.maths.convergence import believed_order
 from mechsim.simulation.driven_run import DrivenRun
@@ -40,7 +41,7 @@ def within(drive: DrivenRun, settings: Settings, tolerance: float) -> Run:
     """Return a run whose number of steps was chosen for a tolerance in [m], and its outcome."""
     first, spent = steps_needed(drive, settings, tolerance)
     run, promise = _kept(drive, settings, tolerance, first, spent)
-    run = _told(run, promise) if run.outcome != "missed" else _held_otherwise(drive, settings, run, promise)
+    run = _told(run, promise) if run.outcome != "missed" else _softened(drive, settings, run, promise)
     return replace(run, note="; ".join(one for one in (run.note, _lag(drive, run)) if one))
 
 
@@ -56,6 +57,17 @@ def _lag(drive: DrivenRun, run: Run) -> str:
         f"places are up to {far:.2g} m from where programs want them by then: drivers lag, which this "
         "tolerance does not count; more steps bring them nearer by their square"
     )
+
+
+def _softened(drive: DrivenRun, settings: Settings, run: Run, promise: Promise) -> Run:
+    """Return what `_held_otherwise` does, or the run as it is where the budget ends before."""
+    budget = drive.budget
+    if budget is not None and not budget.affords(run.seconds):
+        return _told(run, promise)
+    try:
+        return _held_otherwise(drive, settings, run, promise)
+    except BudgetError as error:
+        return _told(run, replace(promise, reason=f"{promise.reason}; other compliances: {error}"))
 
 
 def _held_otherwise(drive: DrivenRun, settings: Settings, run: Run, promise: Promise) -> Run:
@@ -112,7 +124,9 @@ def _kept(
         return f"{round(steps / drive.cycle)} steps a turn leave the places off by {estimate:.2g} m"
 
     most = max(MOST, int(SHORT * drive.cycle / drive.profile.turns))
-    return refine(attempt, tolerance, first, why, trials=spent, tried=_trial(drive), most=most)
+    return refine(
+        attempt, tolerance, first, why, trials=spent, tried=_trial(drive), most=most, budget=drive.budget
+    )
 
 
 def steps_needed(drive: DrivenRun, settings: Settings, tolerance: float) -> tuple[int, int]:

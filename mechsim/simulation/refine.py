@@ -6,6 +6,8 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from mechsim.errors import BudgetError
+from mechsim.maths.budget import ProcessorBudget
 from mechsim.maths.norms import worst
 
 R = TypeVar("R")
@@ -100,6 +102,7 @@ def refine(
     tried: int = 0,
     multiple: int = 1,
     most: int = 0,
+    budget: ProcessorBudget | None = None,
 ) -> tuple[R, Promise]:
     """Return a run that keeps a tolerance, or the best there is, and its promise.
 
@@ -113,10 +116,21 @@ def refine(
             followed by one with as many, whatever its estimate foretells.
         multiple: of which numbers of steps are taken.
         most: steps in a turn that are spent where fewer than these, and more than `MOST`, are foretold to do.
+        budget: of processor time; an attempt that would exceed it is not begun. None is no limit.
+
+    Raises:
+        BudgetError: where the budget ends before the first attempt does.
     """
-    steps, spent, left, best = first, trials, np.inf, None
+    steps, spent, left, best, ended = first, trials, np.inf, None, ""
     while True:
-        now = attempt(steps)
+        begun = 0.0 if budget is None else budget.spent
+        try:
+            now = attempt(steps)
+        except BudgetError as error:
+            if best is None:
+                raise
+            ended = str(error)
+            break
         spent += now.trials + now.steps
         lost = now.lost and steps < LOST
         gained = best is None or now.left < GAIN * left or lost
@@ -126,9 +140,15 @@ def refine(
         enough = most if MOST < more <= most else MOST
         if now.estimate <= tolerance or now.final or not gained or steps >= enough:
             break
-        left = now.left
+        left, before = now.left, steps
         steps = rounded(min(more, tried if steps < tried else FURTHEST * steps), multiple, enough)
+        if budget is not None and not budget.affords((budget.spent - begun) * steps / before):
+            ended = budget.ended
+            steps = before
+            break
     reason = "" if best.estimate <= tolerance else why(steps, best.estimate)
+    if reason and ended:
+        reason = f"{ended}; {reason}"
     promise = Promise(
         tolerance=tolerance,
         estimates=best.estimates,

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.maths.budget import ProcessorBudget
 from mechsim.maths.given import number, require, units_remedy
 from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.mechanism import Mechanism, starting_at
@@ -47,6 +48,7 @@ def simulate(
     holds: Mapping[str, float | None] | None = None,
     key: str | None = None,
     watch: Watch | None = None,
+    budget: ProcessorBudget | None = None,
 ) -> Run:
     """Run a mechanism, or a model of one's own, in MuJoCo under a driven crank or programs of its drivers.
 
@@ -79,8 +81,11 @@ def simulate(
             they start, at which alone a ball or a free joint can be held.
         key: keyframe of a model of one's own in which it starts.
         watch: told now and then how far the run has come, in words and as a part of the whole, 0 to 1.
+        budget: of processor time for the stepped runs that a tolerance needs; the best run so far is then
+            returned, and its note says that it did not converge. None is no limit.
 
     Raises:
+        BudgetError: where not even one run ends within the budget.
         InputError: for values that cannot be used, and for a stepped motion that is to fold.
         AssemblyError: if the loops close nowhere or only over part of the crank motion, or a joint would
             leave its range.
@@ -121,7 +126,7 @@ def simulate(
         return solved(closed, profile, samples, tolerance, watch or unwatched)
     start = first_state(closed, profile)
     require_within_limits(closed, start[0][None])
-    run = DrivenRun(closed, profile, start, samples, watch or unwatched)
+    run = DrivenRun(closed, profile, start, samples, watch or unwatched, budget=budget)
     run.require_decided()
     settings = settings or Settings()
     if timestep is not None:

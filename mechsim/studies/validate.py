@@ -11,13 +11,15 @@ import numpy as np
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
-from mechsim.errors import AssemblyError
+from mechsim.errors import AssemblyError, BudgetError
 from mechsim.maths.angles import TURN
+from mechsim.maths.budget import ProcessorBudget
 from mechsim.model.crank_profile import CrankProfile, arc_around, swing
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import gravest
 from mechsim.simulation import Run, Settings
+from mechsim.simulation.stepping import Watch, unwatched
 from mechsim.studies.agreement.agreement import Agreement, held
 from mechsim.studies.closed_form_checks import KEPT_OFF, against_loops
 from mechsim.studies.motion_source import profile_of, simulated
@@ -38,6 +40,8 @@ STEP_PLACE = 1e-8
 # at most 1e-4 of the stroke, a tenth of what a link 0.1 % long does even to displacements.
 SIZE_TO_STROKE = 1e4
 STEPS = 1000
+# processor time in [s] for the stepped runs of one mechanism
+BUDGET = 120.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,12 +89,24 @@ class Case:
         return self.verdict.as_dict() | cost | held | explained | published
 
 
+@dataclass(frozen=True, slots=True)
+class _Work:
+    """How a mechanism is validated, and what that may take."""
+
+    quick: bool
+    tolerance: float | None
+    budget: ProcessorBudget
+    watch: Watch
+
+
 def case_of(
     model: Form | DesignFamily,
     *,
     speed: float = 20.0 * np.pi,
     quick: bool = False,
     tolerance: float | None = None,
+    budget: float = BUDGET,
+    watch: Watch = unwatched,
 ) -> Case:
     """Validate one mechanism: closed form against loop equations, solved poses and a stepped run.
 
@@ -103,6 +119,9 @@ def case_of(
         quick: leave out the stepped run.
         tolerance: on positions of stepped runs in [m]; an MJCF file's own settings must satisfy it too. None
             takes 1e-8 of the stroke or the size, and only reports what the file's own settings do.
+        budget: processor time in [s] for stepped runs; where they do not converge within it the verdict
+            is "missed", and its reason states the budget and the error that was reached.
+        watch: told what is being done, and as a part of the whole 0 until it is done.
 
     Raises:
         AssemblyError: if the loops close nowhere.
@@ -110,11 +129,12 @@ def case_of(
     """
     family = model if isinstance(model, DesignFamily) else dimension_family(model)
     drive = family.make({})
-    case = _validated(drive, family, speed, quick, tolerance)
+    work = _Work(quick, tolerance, ProcessorBudget(budget), watch)
+    case = _validated(drive, family, speed, work)
     for name, variant in drive.variants().items():
         # a variant that cannot stand says nothing against the mechanism
         with suppress(AssemblyError):
-            other = _validated(variant, dimension_family(variant), speed, quick, tolerance)
+            other = _validated(variant, dimension_family(variant), speed, work)
             case = _with_variant(case, name, other)
     return case
 
@@ -131,8 +151,8 @@ def _with_variant(case: Case, name: str, variant: Case) -> Case:
     return replace(case, verdict=verdict, seconds=case.seconds + variant.seconds)
 
 
-def _validated(drive: Form, family: DesignFamily, speed: float, quick: bool, tolerance: float | None) -> Case:
-    begin = clock.perf_counter()
+def _validated(drive: Form, family: DesignFamily, speed: float, work: _Work) -> Case:
+    begin, quick, tolerance, watch = clock.perf_counter(), work.quick, work.tolerance, work.watch
     profile = profile_of(drive, speed, drive.period / TURN)
     drive = drive.starting_at(profile.angles)
     # by the clock of programs there is no other speed than their own
@@ -149,11 +169,15 @@ def _validated(drive: Form, family: DesignFamily, speed: float, quick: bool, tol
     # only a crank at constant speed has a drive whose error means something
     wanted = speed if profile.steady and drive.programs is None else None
     published = None
-    poses = run = simulated(drive, profile, method="pose")
+    watch("poses", 0.0)
+    poses = run = simulated(drive, profile, method="pose", watch=lambda done, _: watch(done, 0.0))
     verdicts["pose"] = crosscheck(poses.motion, drive, speed=wanted)
     if not quick:
         place = position_tolerance(exact, drive.mechanism, tolerance)
-        run, verdicts["step"] = _stepped(drive, profile, speed, place)
+        try:
+            run, verdicts["step"] = _stepped(drive, profile, speed, place, work)
+        except BudgetError as error:
+            verdicts["step"] = Verdict("missed", (), str(error))
         if isinstance(drive, MjcfForm) and drive.source is not None:
             published = published_run(drive, profile)
             if tolerance is not None:
@@ -198,19 +222,31 @@ def _of_published(published: PublishedRun, place: Tolerance) -> Verdict:
     )
 
 
-def _stepped(drive: Form, profile: CrankProfile, speed: float, allowed: Tolerance) -> tuple[Run, Verdict]:
+def _stepped(
+    drive: Form, profile: CrankProfile, speed: float, allowed: Tolerance, work: _Work
+) -> tuple[Run, Verdict]:
     """Return a run in time with mechsim's settings, and its verdict."""
     place = allowed.bound
     programmed = drive.programs is not None
     decided = profile if programmed else _decided(drive, profile, speed)
-    run = simulated(drive, decided, settings=Settings(steps_per_turn=STEPS))
+    runs = 0
+
+    def counted(done: str, part: float) -> None:
+        nonlocal runs
+        runs += part == 1.0
+        work.watch(f"stepped run {runs + (part < 1.0)}: {done}", 0.0)
+
+    with_budget: dict[str, Any] = {"budget": work.budget, "watch": counted}
+    run = simulated(drive, decided, settings=Settings(steps_per_turn=STEPS), **with_budget)
     # of a run that went bad the estimate is infinite
     if not run.estimate <= place:
-        run = simulated(drive, decided, tolerance=place)
+        run = simulated(drive, decided, tolerance=place, **with_budget)
     wanted = speed if decided.steady and not programmed else None
     verdict = crosscheck(run.motion, drive, tolerance=place, speed=wanted, bounds={"position": allowed})
     if run.outcome == "diverged":
         verdict = Verdict("diverged", (), "MuJoCo warned of a bad state")
+    elif not verdict.passed and run.promise is not None and run.promise.reason:
+        verdict = replace(verdict, reason=f"{verdict.reason}; {run.promise.reason}")
     return run, verdict
 
 
@@ -233,7 +269,9 @@ def validate_all(
     speed: float = 20.0 * np.pi,
     quick: Container[str] = (),
     tolerance: float | None = None,
+    budget: float = BUDGET,
     done: Callable[[str], None] = lambda _: None,
+    watch: Watch = unwatched,
 ) -> dict[str, Case]:
     """Validate several mechanisms.
 
@@ -242,10 +280,19 @@ def validate_all(
         speed: as in `case_of`.
         quick: names of those whose runs are not stepped.
         tolerance: as in `case_of`.
+        budget: as in `case_of`.
         done: called with each name.
+        watch: told what is being done, and what part of all mechanisms is done.
     """
     cases: dict[str, Case] = {}
-    for name, model in models.items():
-        cases[name] = case_of(model, speed=speed, quick=name in quick, tolerance=tolerance)
+    for i, (name, model) in enumerate(models.items()):
+
+        def watched(what: str, _: float, i: int = i, name: str = name) -> None:
+            watch(f"{i + 1} of {len(models)}, {name}: {what}", i / len(models))
+
+        cases[name] = case_of(
+            model, speed=speed, quick=name in quick, tolerance=tolerance, budget=budget, watch=watched
+        )
+        watch(f"{i + 1} of {len(models)}, {name}", (i + 1) / len(models))
         done(name)
     return cases

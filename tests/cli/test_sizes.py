@@ -10,7 +10,7 @@ import pytest
 
 from mechsim import catalog, cli, dynamics, files, motors, units
 from mechsim.cli import dynamics as cli_dynamics
-from mechsim.cli import output, solve
+from mechsim.cli import output, solve, time_left
 from mechsim.maths import memory
 from mechsim.model.forces import Forces
 
@@ -201,7 +201,7 @@ def test_long_work_says_how_long_it_goes_on(
         f"work: {i} steps, about 417 days left at the most" for i in (2, 3)
     ]
     assert lines(short) == []
-    assert [output.left(0.5, spent) for spent in (1.0, 100.0, 1e4, 1e6)] == [
+    assert [time_left.in_words(rest) for rest in (1.0, 100.0, 1e4, 1e6)] == [
         "",
         "about 100 s left",
         "about 3 h left",

@@ -1,0 +1,65 @@
+"""Refinement of stepped runs ends with its budget of processor time, and reports what it reached."""
+
+import pytest
+
+import mechsim as ms
+from mechsim.errors import BudgetError
+from mechsim.maths.budget import ProcessorBudget
+from mechsim.simulation.refine import Attempt, refine
+from mechsim.studies import validate
+from mechsim.studies.validate import case_of
+
+
+class Clock:
+    """Processor time that the tests set; each look at it takes a while."""
+
+    def __init__(self, look: float = 0.0):
+        self.now, self.look = 0.0, look
+
+    def __call__(self) -> float:
+        self.now += self.look
+        return self.now
+
+
+def refined(seconds: float, tolerance: float) -> tuple[list[int], str]:
+    """Return the steps of the attempts, 1 ms each, of a run whose error falls by the first order."""
+    clock, tried = Clock(), list[int]()
+
+    def attempt(steps: int) -> Attempt[int]:
+        tried.append(steps)
+        clock.now += 1e-3 * steps
+        return Attempt(run=steps, steps=steps, estimates={"place": 1.0 / steps}, order=1.0)
+
+    budget = ProcessorBudget(seconds, clock)
+    run, promise = refine(attempt, tolerance, 100, lambda _, left: f"{left:.2g} m are left", budget=budget)
+    assert run == tried[-1]
+    return tried, promise.reason
+
+
+def test_an_attempt_that_would_exceed_the_budget_is_not_begun() -> None:
+    assert refined(1000.0, 1e-4)[1] == ""
+    tried, reason = refined(1.0, 1e-4)
+    assert tried == [100, 400]
+    assert reason == "not converged within the budget of 1 s of processor time; 0.0025 m are left"
+
+
+def test_a_budget_that_ends_before_the_first_run_does_is_reported() -> None:
+    budget = ProcessorBudget(1.0, Clock(look=0.6))
+    with pytest.raises(BudgetError, match=r"not converged within the budget of 1 s .* it reached 8,192 of"):
+        ms.simulate(ms.load("four_bar").mechanism, speed=60.0, turns=100, method="step", budget=budget)
+
+
+def test_a_validation_reports_the_error_that_its_budget_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(validate, "STEPS", 60)
+    case = case_of(ms.load("four_bar"), budget=1e-9, tolerance=1e-17)
+    assert not case.passed
+    assert "step: not converged within the budget of 1e-09 s of processor time" in case.verdict.reason
+
+
+def test_a_validation_reports_what_it_does() -> None:
+    told: list[tuple[str, float]] = []
+    models = {"a": ms.load("four_bar"), "b": ms.load("four_bar")}
+    validate.validate_all(models, watch=lambda what, part: told.append((what, part)))
+    assert any(what.startswith("1 of 2, a: stepped run 1: ") and part == 0.0 for what, part in told)
+    assert any(what.startswith("2 of 2, b: poses") and part == 0.5 for what, part in told)
+    assert told[-1] == ("2 of 2, b", 1.0)
