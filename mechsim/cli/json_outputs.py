@@ -4,6 +4,7 @@ from typing import Any, get_args
 
 from mechsim.model.masses import Source
 from mechsim.model.outcome import Outcome
+from mechsim.verdict.instants import InstantUnit
 
 Schema = dict[str, Any]
 
@@ -36,7 +37,15 @@ NUMBER: Schema = {"type": ["number", "null"]}
 TEXTS, NUMBERS = many(TEXT), many(NUMBER)
 OUTCOME: Schema = {"enum": list(get_args(Outcome))}
 CHECK = record(
-    quantity=TEXT, unit=TEXT, worst=NUMBER, at_angle=NUMBER, rms=NUMBER, bound=NUMBER, why=TEXT, passed=YES
+    quantity=TEXT,
+    unit=TEXT,
+    worst=NUMBER,
+    at=NUMBER,
+    at_unit={"enum": list(get_args(InstantUnit))},
+    rms=NUMBER,
+    bound=NUMBER,
+    why=TEXT,
+    passed=YES,
 )
 SETTINGS = record({"timestep": NUMBER}) | {"additionalProperties": ANY}
 FINDING = record(

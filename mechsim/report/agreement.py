@@ -58,14 +58,14 @@ def worst_first(found: Agreement) -> list[TwoCurves]:
 
 def _curves(found: Agreement, i: int) -> TwoCurves:
     claim, comparand = found.claims[i], found.comparand
-    timed = comparand.time is not None and not found.form.mechanism.has_crank
+    instants = comparand.instants
     noise = found.noise[i] if found.noise else None
     apart = found.attribution.get("quantities", {}).get(claim.named.name, {})
     return TwoCurves(
         name=claim.named.name,
         unit=claim.named.unit,
-        at=comparand.time if timed and comparand.time is not None else comparand.angle,
-        timed=timed,
+        at=instants.value,
+        over=instants.unit,
         exact=found.exact[i],
         claimed=claim.values,
         parts=claim.named.axes,

@@ -145,12 +145,12 @@ def film(
 
 def verdict_html(verdict: "Verdict") -> str:
     """Return a verdict as a table: quantity by quantity, worst error, where, bound and its reason."""
-    from mechsim.verdict.checks import HEAD
+    from mechsim.verdict.checks import check_table
 
-    rows = [check.cells for check in verdict.checks]
+    head, rows = check_table(verdict.checks)
     title = verdict.outcome + (f": {verdict.reason}" if verdict.reason else "")
     marks = [GOOD if check.passed else BAD for check in verdict.checks]
-    return _title(title, GOOD if verdict.passed else BAD) + _table(HEAD, rows, marks)
+    return _title(title, GOOD if verdict.passed else BAD) + _table(head, rows, marks)
 
 
 class Shown(Protocol):

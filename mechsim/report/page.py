@@ -126,7 +126,7 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    filters: dict[str, Any] = {"number": number, "degrees": degrees, "value": value}
+    filters: dict[str, Any] = {"number": number, "degrees": degrees, "instant": instant, "value": value}
     filters |= {"picture": picture, "film": film, "wide": wide}
     environment.filters.update(filters)
     shown = [_shown(section, results) for section in sections]
@@ -166,6 +166,13 @@ def machine() -> dict[str, str]:
 def degrees(x: Any) -> str:
     """Return an angle in [rad] as degrees."""
     return "" if x is None or not math.isfinite(x) else f"{math.degrees(x):.1f}°"
+
+
+def instant(check: Check) -> str:
+    """Return where the error of a check is worst: a crank angle, or a time under motion laws."""
+    if check.at_unit == "rad":
+        return degrees(check.at)
+    return f"row {check.at:g}" if check.at_unit == "row" else f"{check.at:.4g} s"
 
 
 def value(x: Any) -> list[str]:

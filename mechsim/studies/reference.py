@@ -17,6 +17,7 @@ from mechsim.model.motion import Motion, PointMotion, taken
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.motion_source import simulated
 from mechsim.verdict.checks import Check, Verdict, allowances, check_of, checks_of, concluded, over_roads
+from mechsim.verdict.instants import instants_of
 from mechsim.verdict.quantities import MOTION, QUANTITIES, motion_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import Asked, Tolerance
 
@@ -143,4 +144,6 @@ def _effort_checks(found: Motion, known: Known, efforts: Efforts) -> Iterator[Ch
         unit = "N" if name in efforts.straight else QUANTITIES[kind].unit
         why = f"{EFFORT:.0e} of {largest:.3g} {unit}, the largest root mean square; rounding, no integration"
         bound = Tolerance(EFFORT * largest, unit, why)
-        yield check_of(kind, name, np.abs(mine[: len(exact)] - exact), found.angle, bound, found.conditioning)
+        yield check_of(
+            kind, name, np.abs(mine[: len(exact)] - exact), instants_of(found), bound, found.conditioning
+        )

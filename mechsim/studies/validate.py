@@ -27,6 +27,7 @@ from mechsim.studies.scenes.published_run import PublishedRun, published_run
 from mechsim.subjects.families import family as dimension_family
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.verdict.checks import Verdict, check_of, concluded, over_roads
+from mechsim.verdict.instants import RecordInstants
 from mechsim.verdict.judge import crosscheck
 from mechsim.verdict.quantities import stroke_of
 from mechsim.verdict.tolerances import Tolerance
@@ -217,7 +218,7 @@ def _of_published(published: PublishedRun, place: Tolerance) -> Verdict:
     allowed = replace(place, why=f"{place.why}; the file's own settings: {published.label}")
     compared = {("loop residual", ""): published.gaps, ("position", "all points"): published.errors}
     return concluded(
-        check_of(kind, subject, error, published.angle, allowed)
+        check_of(kind, subject, error, RecordInstants(published.at, published.at_unit), allowed)
         for (kind, subject), error in compared.items()
     )
 

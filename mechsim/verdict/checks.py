@@ -1,6 +1,6 @@
 """Checks of quantities against their bounds, and the verdict they come to."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
@@ -9,13 +9,11 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.model.outcome import Outcome, gravest
+from mechsim.verdict.instants import InstantUnit, RecordInstants, instant_text, instants_of
 from mechsim.verdict.quantities import QUANTITIES, Quantity
 from mechsim.verdict.tolerances import OF, Asked, Bound, Tolerance
 
 Bounds = Mapping[str, Tolerance]
-
-# over the cells of checks
-HEAD = ("quantity", "worst", "at [rad]", "bound", "unit", "", "why")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +27,8 @@ class Check:
         variant: of the mechanism, where it tells of several.
         unit: of worst, rms and bound.
         worst: error where it is the largest part of its bound.
-        at_angle: crank angle there, in [rad].
+        at: crank angle there in [rad], or time in [s] where motion laws drive, as `at_unit` has it.
+        at_unit: "rad", "s", or "row" of a table without times.
         rms: root mean square of the error over the run.
         bound: largest error allowed there.
         why: reason for the bound.
@@ -41,7 +40,8 @@ class Check:
     variant: str = ""
     unit: str
     worst: float
-    at_angle: float
+    at: float
+    at_unit: InstantUnit = "rad"
     rms: float
     bound: float
     why: str
@@ -66,20 +66,21 @@ class Check:
 
     @property
     def cells(self) -> tuple[str, str, str, str, str, str, str]:
-        """The check as a row of a table under `HEAD`."""
-        numbers = f"{self.worst:.2e}", f"{self.at_angle:.4f}", f"{self.bound:.1e}"
+        """The check as a row of `check_table`."""
+        at = f"{self.at:g}" if self.at_unit == "row" else f"{self.at:.4f}"
+        numbers = f"{self.worst:.2e}", at, f"{self.bound:.1e}"
         return self.quantity, *numbers, self.unit, "met" if self.passed else "MISSED", self.why
 
     def as_dict(self) -> dict[str, Any]:
         """Return the check as plain data."""
-        names = ("quantity", "unit", "worst", "at_angle", "rms", "bound", "why")
+        names = ("quantity", "unit", "worst", "at", "at_unit", "rms", "bound", "why")
         return {name: getattr(self, name) for name in names} | {"passed": self.passed}
 
     def __str__(self) -> str:
         relation = "<=" if self.passed else "> " if self.worst == self.worst else "? "
         return (
             f"{self.quantity:<34} {self.worst:9.2e} {relation} {self.bound:8.1e} {self.unit:<6} "
-            f"at {self.at_angle:7.4f} rad  ({self.why})"
+            f"at {self.at:7.4f} {self.at_unit}  ({self.why})"
         )
 
 
@@ -118,6 +119,17 @@ class Verdict:
     __repr__ = __str__
 
 
+def check_table(checks: Sequence[Check]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Return the heading and the rows of a table of checks."""
+    units = sorted({check.at_unit for check in checks})
+    at = f"at [{units[0]}]" if len(units) == 1 else "at"
+    rows: list[tuple[str, ...]] = []
+    for check in checks:
+        quantity, worst, place, *rest = check.cells
+        rows.append((quantity, worst, place if len(units) == 1 else f"{place} {check.at_unit}", *rest))
+    return ("quantity", "worst", at, "bound", "unit", "", "why"), rows
+
+
 def allowances(
     rows: Iterable[Quantity],
     road: str,
@@ -152,27 +164,32 @@ def checks_of(
         allowed: tolerances by quantity.
         conditioning: of the loops at each instant, (n,), by which bounds widen; None where it is not known.
     """
+    instants = instants_of(found)
     for over, group in groupby(rows, lambda row: row.over):
         among = tuple(group)
         for subject in over(found, exact):
             for row in among:
                 error = row.error(found, exact, subject)
                 if error is not None:
-                    yield check_of(row.name, subject, error, found.angle, allowed[row.name], conditioning)
+                    yield check_of(row.name, subject, error, instants, allowed[row.name], conditioning)
 
 
 def check_of(
     kind: str,
     subject: str,
     error: Array,
-    angle: Array,
+    instants: RecordInstants | Array,
     tolerance: Tolerance,
     conditioning: Array | None = None,
 ) -> Check:
-    """Return the check of an error (n,), 0 or more, at crank angles (n,) against a tolerance in its unit.
+    """Return the check of an error (n,), 0 or more, at instants (n,) against a tolerance in its unit.
+
+    RecordInstants that are a bare array are crank angles in [rad].
 
     Every instant is held against the bound there, which widens where the conditioning (n,) is poor.
     """
+    if not isinstance(instants, RecordInstants):
+        instants = RecordInstants(instants, "rad")
     bound = tolerance.widened(conditioning, len(error))
     # NaN counts as the worst there is; where nothing is allowed, any error does
     part = np.divide(error, bound, out=np.where(error > 0.0, np.inf, error), where=bound > 0.0)
@@ -186,20 +203,26 @@ def check_of(
         subject=subject,
         unit=tolerance.unit,
         worst=float(error[at]),
-        at_angle=float(angle[at]),
+        at=float(instants.value[at]),
+        at_unit=instants.unit,
         rms=float(np.sqrt(np.mean(error**2))),
         bound=float(bound[at]),
         why=why,
     )
 
 
-def concluded(checks: Iterable[Check], elsewhere: Callable[[], float | None] | None = None) -> Verdict:
+def concluded(
+    checks: Iterable[Check],
+    elsewhere: Callable[[], float | None] | None = None,
+    unit: InstantUnit = "rad",
+) -> Verdict:
     """Return the verdict that checks come to.
 
     Args:
         checks: quantity by quantity.
         elsewhere: where a simulation that missed is first seen in another assembly, as a crank angle in
-            [rad]; None where it is in none.
+            [rad] or a time in [s]; None where it is in none.
+        unit: of that.
     """
     found = tuple(checks)
     failed = [check for check in found if not check.passed]
@@ -207,7 +230,7 @@ def concluded(checks: Iterable[Check], elsewhere: Callable[[], float | None] | N
         return Verdict("met", found)
     where = None if elsewhere is None else elsewhere()
     if where is not None:
-        return Verdict("changed assembly", found, f"first seen at crank angle {where:.4f} rad")
+        return Verdict("changed assembly", found, f"first seen at {instant_text(where, unit)}")
     if not all(check.worst == check.worst for check in found):
         return Verdict("diverged", found, "an error is not a number")
     names = ", ".join(f"{check.quantity} {_beyond(check)}" for check in failed[:3])

@@ -13,6 +13,7 @@ from mechsim.model.motion import Motion, Solver
 from mechsim.model.outcome import PLACE
 from mechsim.model.programs import Programs
 from mechsim.verdict.checks import Bounds, Verdict, allowances, checks_of, concluded
+from mechsim.verdict.instants import instants_of
 from mechsim.verdict.other_assembly import elsewhere
 from mechsim.verdict.point_function import PointFunction, differentiated
 from mechsim.verdict.quantities import (
@@ -93,7 +94,8 @@ def crosscheck(
     programs = getattr(solver, "programs", None)
     if found.drivers and isinstance(programs, Programs):
         checks += checks_of(PROGRAMMED, found, _programmed(found, programs), allowed)
-    return concluded(checks, None if solver is None else lambda: elsewhere(found, exact, solver))
+    other = None if solver is None else lambda: elsewhere(found, exact, solver)
+    return concluded(checks, other, instants_of(found).unit)
 
 
 def judge_efforts(
@@ -235,9 +237,16 @@ def _require_points(simulated: Motion, exact: Motion) -> None:
         known = np.isfinite(point.position).all(1)
         if not known.all():
             raise InputError(
-                f"the analytic side gives no finite place for point {name!r} at crank angle "
-                f"{simulated.angle[np.argmin(known)]:.6g} rad; give one at every angle simulated"
+                f"the analytic side gives no finite place for point {name!r} at "
+                f"{_called(simulated, int(np.argmin(known)))}; give one at every instant simulated"
             )
+
+
+def _called(motion: Motion, row: int) -> str:
+    """Return what an instant of a motion is called."""
+    instants = instants_of(motion)
+    value = instants.value[row]
+    return f"crank angle {value:.6g} rad" if instants.unit == "rad" else f"t = {value:.6g} s"
 
 
 def _at(simulated: Motion, analytic: Motion | Solver | PointFunction) -> Motion:

@@ -6,6 +6,7 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.model.motion import Motion, Solver
+from mechsim.verdict.instants import instants_of
 from mechsim.verdict.quantities import stroke_of
 
 # a simulation this much nearer to another assembly than to the right one is in the other
@@ -17,14 +18,14 @@ MOST_PAIRS = 100
 
 
 def elsewhere(simulated: Motion, exact: Motion, solver: Solver) -> float | None:
-    """Return the crank angle at which a simulation is first seen in another assembly; None if it is in none.
+    """Return the instant at which a simulation is first seen in another assembly; None if it is in none.
 
     The sign that tells assemblies apart is no proof: close to a singular pose rounding turns it, and
     where there are more than two assemblies some share it. So the places decide: at two records in a
     row, with the assemblies well apart, they must be twice as near to another one as to the
     right one. Tried on 1,200 runs past singular poses: validation/robustness/assembly_detector.py.
     """
-    angle = simulated.angle
+    angle = instants_of(simulated).value
     listed = getattr(solver, "assembly_points", None)
     if listed is None:
         sign = solver.assembly_sign({name: point.position for name, point in simulated.points.items()})

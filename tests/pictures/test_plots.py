@@ -267,7 +267,7 @@ def test_what_stands_still_to_rounding_is_drawn_flat_and_says_so(drive, motion):
 
 def test_a_difference_of_rounding_is_drawn_as_none():
     exact = 0.1 + 0.02 * np.sin(np.linspace(0.0, 6.0, 50))[:, None]
-    told = {"name": "P.x", "unit": "m", "at": np.linspace(0.0, 6.0, 50), "timed": False, "exact": exact}
+    told = {"name": "P.x", "unit": "m", "at": np.linspace(0.0, 6.0, 50), "over": "rad", "exact": exact}
     told |= {"parts": "x", "bound": 1e-9, "source": "own.py", "shares": {}}
     for gap, drawn, says in ((1e-17, 0.0, "rounding, below"), (1e-11, 1e-11, "at most")):
         claimed = exact + gap * np.cos(np.linspace(0.0, 6.0, 50))[:, None]

@@ -49,7 +49,7 @@ def check(worst=3.2e-10, subject="P3", kind="position", road="step"):
         road=road,
         unit="m",
         worst=worst,
-        at_angle=1.2,
+        at=1.2,
         rms=1e-10,
         bound=1e-9,
         why="a twentieth of what a link 0.1 % long does",

@@ -305,5 +305,5 @@ def test_a_verdict_prints_a_line_for_each_quantity_and_reads_as_plain_data() -> 
     lines = str(verdict).splitlines()
     assert lines[0] == "met"
     assert len(lines) == 1 + len(verdict.checks)
-    keys = {"quantity", "unit", "worst", "at_angle", "bound", "why", "passed"}
+    keys = {"quantity", "unit", "worst", "at", "bound", "why", "passed"}
     assert all(set(check.as_dict()) >= keys for check in verdict.checks)

@@ -168,13 +168,13 @@ def test_a_number_that_is_none_has_no_part_of_its_bound_and_no_tolerance_allows_
     tolerance = Tolerance(1.0, "m", "")
     check = check_of("position", "A", np.array([0.1, np.nan]), np.array([0.0, 0.5]), tolerance)
     assert check.used is None
-    assert check.at_angle == 0.5
+    assert check.at == 0.5
     assert not check.passed
     assert concluded([check]).outcome == "diverged"
 
 
 def test_a_check_says_its_variant_road_quantity_and_subject():
-    numbers = {"unit": "m", "worst": 1.0, "at_angle": 0.0, "rms": 1.0, "bound": 2.0, "why": ""}
+    numbers = {"unit": "m", "worst": 1.0, "at": 0.0, "rms": 1.0, "bound": 2.0, "why": ""}
     check = Check(kind="position", subject="P3", **numbers)
     assert check.quantity == "position of P3"
     assert replace(check, road="step").quantity == "step: position of P3"

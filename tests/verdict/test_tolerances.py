@@ -78,11 +78,11 @@ def test_accelerations_keep_the_digits_that_rounding_over_the_square_of_the_cond
 def test_a_check_tells_the_error_that_is_the_largest_part_of_its_bound():
     error, conditioning = np.array([1.0, 3.0, 2.5, 0.0, 0.5]), np.array([1.0, 0.25, 1.0, 1.0, 1.0]) * SOUND
     plain = check_of("position", "P", error, ANGLE, Tolerance(2.0, "m", "why", 1))
-    assert (plain.worst, plain.at_angle, plain.bound, plain.why) == (3.0, ANGLE[1], 2.0, "why")
+    assert (plain.worst, plain.at, plain.bound, plain.why) == (3.0, ANGLE[1], 2.0, "why")
     assert plain.rms == pytest.approx(np.sqrt((1.0 + 9.0 + 6.25 + 0.25) / 5.0))
     assert (plain.unit, plain.kind, plain.subject, plain.passed) == ("m", "position", "P", False)
     wide = check_of("position", "P", error, ANGLE, Tolerance(2.0, "m", "why", 1), conditioning)
-    assert (wide.worst, wide.at_angle, wide.bound, wide.why) == (2.5, ANGLE[2], 2.0, "why")
+    assert (wide.worst, wide.at, wide.bound, wide.why) == (2.5, ANGLE[2], 2.0, "why")
     assert wide.used == pytest.approx(1.25)
     widened = check_of("position", "P", error[:2], ANGLE[:2], Tolerance(0.5, "m", "why", 1), conditioning[:2])
     assert (widened.worst, widened.bound) == (1.0, 0.5)
@@ -98,7 +98,7 @@ def test_where_nothing_is_allowed_any_error_is_beyond_the_bound_and_none_is_with
     assert check_of("loop", "", np.zeros(N), ANGLE, none).passed
     off = np.array([0.0, 0.0, 1e-300, 0.0, 0.0])
     check = check_of("loop", "", off, ANGLE, none)
-    assert (check.passed, check.at_angle, check.used) == (False, ANGLE[2], None)
+    assert (check.passed, check.at, check.used) == (False, ANGLE[2], None)
     verdict = concluded([check])
     assert verdict.outcome == "missed"
     assert verdict.reason == "beyond the bound: loop residual by 1e-300 m where none is allowed"

@@ -25,8 +25,8 @@ class TwoCurves:
     Attributes:
         name: of it.
         unit: of all values.
-        at: crank angles in [rad], or times in [s], (n,).
-        timed: whether they are times.
+        at: crank angles in [rad], times in [s], or rows of a table, (n,).
+        over: which of them: "rad", "s" or "row".
         exact: (n, k).
         claimed: (n, k).
         parts: names of the components, k.
@@ -38,7 +38,7 @@ class TwoCurves:
     name: str
     unit: str
     at: Array
-    timed: bool
+    over: str
     exact: Array
     claimed: Array
     parts: str
@@ -52,13 +52,15 @@ def agreement_plot(told: TwoCurves) -> "Figure":
     """Draw a claim on top of what is exact, the difference below, and below that where a run's comes from."""
     rows = 3 if told.shares else 2
     figure, axes = blank(rows, 1, (5.4, 2.1 * rows + 0.6))
-    x = told.at if told.timed else np.rad2deg(told.at)
+    x = np.rad2deg(told.at) if told.over == "rad" else told.at
     _curves(axes[0, 0], x, told)
     lines = axes[0, 0].get_lines()
     figure.legend(handles=lines, ncols=len(lines), fontsize=7, loc="outside upper right", handlelength=1.6)
     _difference(axes[1, 0], x, told)
     for ax in axes[:2, 0]:
-        along_axis(ax, told.timed)
+        along_axis(ax, told.over == "s")
+        if told.over == "row":
+            ax.set_xlabel("row")
     if told.shares:
         _shares(axes[2, 0], told)
     return figure

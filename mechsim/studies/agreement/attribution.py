@@ -27,7 +27,8 @@ class Attribution:
     Attributes:
         name: of the quantity.
         unit: of all parts.
-        at: crank angle or time where the distance is largest.
+        at: crank angle in [rad], or time of motion laws in [s], where the distance is largest.
+        at_unit: of it; "row" where a table has no times.
         whole: the largest distance between run and claim.
         parts: part -> how far it moves the run from the claim there, along the distance: they add up to it.
         largest: part -> the most that it is anywhere, by itself.
@@ -37,6 +38,7 @@ class Attribution:
     name: str
     unit: str
     at: float
+    at_unit: str
     whole: float
     parts: dict[str, float]
     largest: dict[str, float]
@@ -45,6 +47,7 @@ class Attribution:
     def as_dict(self) -> dict[str, Any]:
         """Return it as `mechsim validate --json` prints it."""
         told = {"unit": self.unit, "whole": self.whole, "quantity": self.name, "at": self.at}
+        told["at_unit"] = self.at_unit
         return {**self.parts, **told, "largest": self.largest, "run": self.how}
 
     @property
@@ -105,11 +108,12 @@ def _of_one(runs: TwoRuns, i: int, claim: Claim, there: Claim | None) -> Attribu
     size = np.linalg.norm(whole, axis=1)
     at = int(np.argmax(size))
     along = whole[at] / size[at] if size[at] > 0.0 else np.zeros(whole.shape[1])
-    time = runs.asked.time
+    instants = runs.asked.instants
     return Attribution(
         name=named.name,
         unit=named.unit,
-        at=float(runs.asked.angle[at] if time is None else time[at]),
+        at=float(instants.value[at]),
+        at_unit=instants.unit,
         whole=float(size[at]),
         parts={name: float(part[at] @ along) for name, part in parts.items()},
         largest={name: float(np.linalg.norm(part, axis=1).max()) for name, part in parts.items()},

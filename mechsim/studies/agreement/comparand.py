@@ -22,6 +22,7 @@ from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
 from mechsim.studies.agreement.named_quantities import NamedQuantity
 from mechsim.studies.motion_source import profile_of
+from mechsim.verdict.instants import RecordInstants
 
 INSTANTS = 73
 TURN = 2.0 * np.pi
@@ -77,6 +78,15 @@ class Comparand:
         with suppress(AssemblyError):
             return motion_beside(self.form, self.angle, self.speed, self.acceleration)
         return None
+
+    @property
+    def instants(self) -> RecordInstants:
+        """What names the instants: crank angles, times of motion laws, or rows of a table without times."""
+        if self.form.programs is None:
+            return RecordInstants(self.angle, "rad")
+        if self.time is not None:
+            return RecordInstants(self.time, "s")
+        return RecordInstants(np.arange(1.0, len(self) + 1.0), "row")
 
     @property
     def phase(self) -> Array:

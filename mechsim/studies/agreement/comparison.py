@@ -146,11 +146,11 @@ def check(
     kind, subject = _compared(claim.named)
     if noise is None or claim.uncertainty is None:
         size = np.sqrt((error**2).sum(1))
-        return check_of(kind, subject, size, comparand.angle, tolerance, comparand.conditioning)
+        return check_of(kind, subject, size, comparand.instants, tolerance, comparand.conditioning)
     bare = error[:, ~(claim.uncertainty > 0.0).all(0)]
     if bare.size:
         size = np.sqrt((bare**2).sum(1))
-        hard = check_of(kind, subject, size, comparand.angle, tolerance, comparand.conditioning)
+        hard = check_of(kind, subject, size, comparand.instants, tolerance, comparand.conditioning)
         if hard.used is None or hard.used > noise.decisive.used:
             return hard
     return Check(
@@ -158,7 +158,8 @@ def check(
         subject=subject,
         unit=claim.named.unit,
         worst=noise.decisive.worst * noise.deviation,
-        at_angle=float(comparand.angle[noise.row]),
+        at=float(comparand.instants.value[noise.row]),
+        at_unit=comparand.instants.unit,
         rms=float(np.sqrt(np.mean(error**2))),
         bound=noise.decisive.limit * noise.deviation,
         why=noise.reason,

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -37,7 +37,8 @@ class PublishedRun:
         path: of the file.
         settings: time step in [s], integrator, solver, `solref` of the loops (None where they differ).
         driven: how the drivers were moved, in words.
-        angle: of the crank, or the parameter of the motion laws, at each record, (n,) in [rad].
+        at: crank angle in [rad] at each record, or time in [s] where motion laws drive, (n,).
+        at_unit: of it, "rad" or "s".
         gaps: largest distance between the two sides of a connect or weld then, (n,) in [m].
         errors: largest distance of a tracked point from the exact closure at the run's own drivers, (n,).
         note: why there is no run or no finite figure; empty otherwise.
@@ -47,7 +48,8 @@ class PublishedRun:
     path: str
     settings: Mapping[str, Any]
     driven: str = ""
-    angle: Array = field(default_factory=lambda: np.zeros(0))
+    at: Array = field(default_factory=lambda: np.zeros(0))
+    at_unit: Literal["rad", "s"] = "rad"
     gaps: Array = field(default_factory=lambda: np.zeros(0))
     errors: Array = field(default_factory=lambda: np.zeros(0))
     note: str = ""
@@ -126,8 +128,11 @@ def published_run(form: MjcfForm, profile: CrankProfile) -> PublishedRun:
     if run.broken:
         return known
     errors = scene.closure.errors(run.qpos, run.points).max(1, initial=0.0)
-    angle = profile.state(run.time)[0]
-    return replace(known, angle=angle, gaps=loop_gaps(run), errors=errors)
+    if form.programs is None:
+        known = replace(known, at=profile.state(run.time)[0])
+    else:
+        known = replace(known, at=run.time, at_unit="s")
+    return replace(known, gaps=loop_gaps(run), errors=errors)
 
 
 def published_scene(form: MjcfForm, profile: CrankProfile | None = None) -> tuple[UserScene, str]:

@@ -54,11 +54,18 @@ def dataset(
         "mechanism": task.subject.form.name,
         "designs": designs.said,
         "samples": task.samples,
-        "speed": task.pace,
-        "speed_units": "rad/s",
+        **_driven(task),
         "mechsim": __version__,
     }
     return xarray.Dataset(variables, coordinates, {**about, **attributes})
+
+
+def _driven(task: SweepTask) -> dict[str, object]:
+    """Return how designs are driven: the speed of a crank, or the duration of motion laws."""
+    programs = task.subject.form.programs
+    if programs is None:
+        return {"speed": task.pace, "speed_units": "rad/s"}
+    return {"duration": programs.duration, "duration_units": "s"}
 
 
 def column_name(measure: str) -> str:

@@ -1,0 +1,99 @@
+"""Where an error is worst is named by the crank angle, or by the time where motion laws drive."""
+
+import json
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.report.notebook import verdict_html
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.studies.dynamics_check import crosscheck_driven
+from mechsim.verdict.checks import check_of, check_table
+from mechsim.verdict.instants import RecordInstants
+from mechsim.verdict.tolerances import Tolerance
+
+# the fastest rate is 0.6 pi rad/s, so that 2 s are 3.8 rad of the normalised time
+LAW = {"crank": "0.3*sin(2*pi*t)"}
+
+
+@pytest.fixture(scope="module")
+def swung():
+    return ms.load("four_bar", drive=LAW, duration=2.0)
+
+
+def late(form, by):
+    """Return a function of the crank angle that is off by 1 mm where the crank stands at an angle."""
+
+    def claim(angle):
+        place = form.positions(angle)["B"]
+        return {"B": place + 1e-3 * np.exp(-(((angle - by) / 0.01) ** 2))[:, None]}
+
+    return claim
+
+
+def test_a_verdict_under_motion_laws_names_times(swung):
+    run = ms.simulate(swung, samples=200)
+    verdict = ms.crosscheck(run, late(ms.catalog.make("four_bar"), 0.3))
+    check = next(one for one in verdict.checks if one.kind == "position")
+    assert not check.passed
+    assert check.at_unit == "s"
+    # the crank stands at 0.3 rad at a quarter of each second
+    assert min(abs(check.at - 0.25), abs(check.at - 1.25)) < 1e-9
+    assert {one["at_unit"] for one in verdict.as_dict()["checks"]} == {"s"}
+    assert f"at {check.at:7.4f} s" in str(check)
+    assert "at [s]" in verdict_html(verdict)
+
+
+def test_a_verdict_on_a_crank_names_crank_angles():
+    drive = ms.catalog.make("four_bar")
+    verdict = ms.crosscheck(ms.simulate(drive, speed=3.0, samples=72), late(drive, np.pi / 3))
+    check = next(one for one in verdict.checks if one.kind == "position")
+    assert (check.at, check.at_unit) == (pytest.approx(np.pi / 3), "rad")
+    assert "at [rad]" in verdict_html(verdict)
+
+
+def test_efforts_under_motion_laws_are_judged_at_times(swung):
+    run = driven(swung, samples=20)
+    verdict = crosscheck_driven(run, ms.dynamics.machine(swung))
+    assert {one.at_unit for one in verdict.checks} == {"s"}
+    assert max(one.at for one in verdict.checks) <= 2.0
+
+
+def test_agreement_with_a_formula_under_motion_laws_names_times(swung):
+    found = ms.validate(swung, late(ms.catalog.make("four_bar"), 0.3))
+    (check,) = found.checks
+    assert check.at_unit == "s"
+    assert min(abs(check.at - 0.25), abs(check.at - 1.25)) < 0.01
+    assert found.attribution["at_unit"] == "s"
+    assert found.attribution["at"] % 1.0 == pytest.approx(0.25, abs=0.01)
+
+
+def test_a_table_of_driver_positions_without_times_names_rows(tmp_path):
+    form = ms.load("five_bar")
+    motion = form.solve(t=np.linspace(0.0, 1.0, 11))
+    place = motion.points["P"].position.copy()
+    place[6, 0] += 1e-3
+    path = tmp_path / "places.csv"
+    columns = [motion.joints[name].value for name in ("left", "right")]
+    rows = np.column_stack([*columns, place])
+    np.savetxt(path, rows, delimiter=",", header="left,right,P.x,P.y,P.z", comments="", fmt="%.17g")
+    found = ms.validate(ms.load("five_bar"), path, attribute=False)
+    check = next(one for one in found.checks if not one.passed)
+    assert (check.at, check.at_unit) == (7.0, "row")
+
+
+def test_a_table_of_both_kinds_of_instants_has_units_in_its_cells():
+    allowed = Tolerance(1.0, "m", "why")
+    angle = check_of("position", "A", np.ones(1), np.array([0.5]), allowed)
+    time = check_of("position", "B", np.ones(1), RecordInstants(np.array([2.0]), "s"), allowed)
+    head, rows = check_table([angle, time])
+    assert (head[2], [row[2] for row in rows]) == ("at", ["0.5000 rad", "2.0000 s"])
+    assert check_table([time])[0][2] == "at [s]"
+
+
+def test_a_sweep_under_motion_laws_states_their_duration():
+    table = ms.sweep("five_bar", {"arm": [0.05]}, "max:P.x")
+    assert (table.attrs["duration"], table.attrs["duration_units"]) == (1, "s")
+    assert "speed" not in table.attrs
+    assert json.dumps(table.attrs, default=float)
