@@ -122,6 +122,12 @@ class DriveOptions(HoldOptions):
     drive: tuple[tuple[str, str], ...] = driving(
         "How a joint goes over time", " Others than the file's own drivers replace them."
     )
+    lock_others: bool = option(
+        False,
+        "Lock what the drivers leave undetermined where it starts: joints outside loops, and as few in loops "
+        "as are enough.",
+        name="--lock-others",
+    )
     key: str | None = option(None, "Start from this keyframe of an MJCF file.", metavar="NAME")
     track: tuple[str, ...] = option(
         (), "Follow this point, and no others.", read=str, many=True, metavar="NAME[,BODY@X,Y,Z]"
@@ -138,6 +144,9 @@ def form_of(
     changed = changed_by(sets)
     found = load(model, changed, **moved_by(driven), still=still)
     asked_parameters(found, changed)
+    if driven is not None and driven.lock_others:
+        locked = [name for name in found.mechanism.holds if name not in dict(driven.hold)]
+        notes.append(f"{found.name}: joints locked where they start: {', '.join(locked) or 'none'}")
     return _told(found)
 
 
@@ -172,6 +181,7 @@ def moved_by(driven: DriveOptions | None) -> dict[str, Any]:
         "drive": dict(driven.drive),
         "hold": dict(driven.hold),
         "hold_base": driven.hold_base,
+        "lock_others": driven.lock_others,
         "key": driven.key,
         "track": driven.track,
         "duration": driven.duration,

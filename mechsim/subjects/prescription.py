@@ -36,6 +36,7 @@ class Prescription:
         hold: joint or coordinate -> where it is held, as text or in SI; None holds it where it starts, and
             alone holds a ball.
         hold_base: whether what floats is held where it starts.
+        lock_others: whether what the drivers leave undetermined is locked where it starts.
         key: name of a keyframe to start from.
         track: the only points that count, as `NAME` or `NAME,LINK@x,y,z`; empty for those there are.
         duration: of the programs in [s].
@@ -45,6 +46,7 @@ class Prescription:
     drive: Mapping[str, str | State] = field(default_factory=dict[str, "str | State"])
     hold: Mapping[str, str | float | None] = field(default_factory=dict[str, "str | float | None"])
     hold_base: bool = False
+    lock_others: bool = False
     key: str | None = None
     track: tuple[str, ...] = ()
     duration: float | None = None

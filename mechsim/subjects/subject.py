@@ -8,6 +8,7 @@ from typing import Any
 from mechsim import units
 from mechsim.analytic import catalog
 from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.closure.settled import undetermined_joints
 from mechsim.analytic.closure.start_values import with_closed_guess
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
@@ -35,6 +36,7 @@ def load(
     drive: Mapping[str, str | State] | None = None,
     hold: Mapping[str, str | float | None] | Iterable[str] = (),
     hold_base: bool = False,
+    lock_others: bool = False,
     key: str | None = None,
     track: Iterable[str] = (),
     duration: str | float | None = None,
@@ -52,6 +54,8 @@ def load(
         hold: joint or coordinate -> where it is held, as text or in SI; None, or a name alone, holds it where
             it starts.
         hold_base: whether what floats is held where it starts.
+        lock_others: whether joints that the drivers leave undetermined are locked where they start: all those
+            outside loops, and in loops as many as there are undetermined degrees of freedom.
         key: name of a keyframe to start from; of MJCF files only.
         track: the points that count, as `NAME` or `NAME,LINK@x,y,z`; all there are if left out.
         duration: of the programs, as text or in [s].
@@ -63,7 +67,7 @@ def load(
     if not isinstance(model, str | PathLike):  # pyright: ignore[reportUnnecessaryIsInstance]
         kind = type(model).__name__
         raise InputError(f"a model is of type {kind}; give a name or a file, as 'rssr' or 'linkage.toml'")
-    asked = _asked(drive, hold, hold_base, key, track, duration, still)
+    asked = _asked(drive, hold, hold_base, key, track, duration, still, lock_others)
     return _moving(fspath(model), set, asked, begun=True)
 
 
@@ -83,6 +87,7 @@ def _asked(
     track: Iterable[str] = (),
     duration: str | float | None = None,
     still: bool = False,
+    lock_others: bool = False,
 ) -> Prescription:
     return Prescription(
         drive=drive or {},
@@ -92,10 +97,25 @@ def _asked(
         track=tuple(track),
         duration=units.parse_time(duration, "the duration") if isinstance(duration, str) else duration,
         still=still,
+        lock_others=lock_others,
     )
 
 
 def _moving(model: str, set: Mapping[str, str | float] | None, asked: Prescription, *, begun: bool) -> Form:
+    """Return what moves, with what its drivers leave undetermined locked where that is asked for."""
+    plain = replace(asked, lock_others=False)
+    if not asked.lock_others:
+        return _prescribed(model, set, plain, begun=begun)
+    # on the way to a value that a joint is locked at, the others are to be locked already
+    at_start = replace(plain, hold=dict.fromkeys(plain.hold))
+    others = undetermined_joints(_prescribed(model, set, at_start, begun=begun).mechanism)
+    locked = replace(plain, hold={**plain.hold, **dict.fromkeys(others)})
+    return _prescribed(model, set, locked, begun=begun)
+
+
+def _prescribed(
+    model: str, set: Mapping[str, str | float] | None, asked: Prescription, *, begun: bool
+) -> Form:
     changed = {name: str(value) for name, value in (set or {}).items()}
     read = _read(model, changed, asked)
     if isinstance(read, MjcfForm):

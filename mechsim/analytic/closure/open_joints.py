@@ -38,7 +38,8 @@ def require_determined(solver: LoopSolver) -> None:
         raise MobilityError(
             f"{loops.tree.mechanism.name}: undetermined: with what is driven held, {listed} "
             f"{'are' if len(names) > 1 else 'is'} left open; drive, hold or couple "
-            f"{'them' if len(names) > 1 else 'it'}{base}, or {STEPPED}",
+            f"{'them' if len(names) > 1 else 'it'}{base}, lock what is left open (--lock-others), "
+            f"or {STEPPED}",
             "undetermined",
         )
 
@@ -46,24 +47,40 @@ def require_determined(solver: LoopSolver) -> None:
 def open_names(solver: LoopSolver) -> list[str]:
     """Return what can move though all that is prescribed is held, no more of it than there are freedoms."""
     names: list[str] = []
-    for name in _open(solver) if solver.open else ():
+    for name, _ in _open(solver) if solver.open else ():
         if len(names) == LISTED:
             return [*names, "others"]
         names += [name] if name not in names else []
     return names
 
 
-def _open(solver: LoopSolver) -> Iterator[str]:
-    """Yield what can move, one name for each freedom: with all before it held, it still can."""
+def to_lock(solver: LoopSolver) -> tuple[str, ...]:
+    """Return coordinates, balls and floating joints with which locked nothing is undetermined.
+
+    Those outside loops come first; in a loop as many as it has undetermined degrees of freedom.
+    """
+    names = (name for _, name in _open(solver, loops_last=True)) if solver.open else ()
+    return tuple(dict.fromkeys(names))
+
+
+def _open(solver: LoopSolver, *, loops_last: bool = False) -> Iterator[tuple[str, str]]:
+    """Yield what can move, one name for each freedom: with all before it held, it still can.
+
+    Each comes with what locks it: its coordinate, or the ball or floating joint.
+    """
     loops, gauge = solver.loops, solver.gauge
     tree = loops.tree
     columns = {name: int(np.searchsorted(loops.unknown, place)) for name, place in tree.places.items()}
     free = [name for name, place in tree.places.items() if place in loops.unknown]
     joints = {name: joint for joint in tree.mechanism.joints for name in joint.coordinates}
+    if loops_last:
+        # a coordinate that no loop ties to others is a null-space direction of its own
+        free.sort(key=lambda name: float(np.linalg.norm(gauge[:, columns[name]])) < 1.0 - PART)
     for name in free:
         moves = _nudged(solver, gauge, columns[name])
         if moves and name in moves:
-            yield joints[name].name if KINDS[joints[name].kind].floats else name
+            said = joints[name].name if KINDS[joints[name].kind].floats else name
+            yield said, said
             gauge = held(gauge, columns[name])
     # what no coordinate counts: the turns of balls
     for ball in tree.balls:
@@ -71,7 +88,7 @@ def _open(solver: LoopSolver) -> Iterator[str]:
             column = int(np.searchsorted(loops.unknown, turn))
             moves = _nudged(solver, gauge, column)
             if moves:
-                yield ball.joint.name if ball.kind.floats else moves[0]
+                yield ball.joint.name if ball.kind.floats else moves[0], ball.joint.name
                 gauge = held(gauge, column)
 
 

@@ -5,12 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.analytic.closure.loop_solver import loop_solver
-from mechsim.analytic.closure.open_joints import open_names
+from mechsim.analytic.closure.open_joints import open_names, to_lock
 from mechsim.analytic.closure.telling import rank
 from mechsim.analytic.closure.tree_assembly import assembled, closed
 from mechsim.analytic.closure.tree_loops import TreeLoops, tree_loops
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import AssemblyError
+from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses, starts
 
@@ -49,17 +50,8 @@ def settled(mechanism: Mechanism) -> Settled:
     Raises:
         AssemblyError: where the loops do not close.
     """
-    asked, rough = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
+    asked, best, slope = _generic(mechanism)
     loops = replace(asked, driven=())
-    try:
-        start = closed(loops, rough)
-    except AssemblyError:  # from there; with the drivers where they start it closes, or is told why not
-        asked, start = assembled(mechanism)
-        loops = replace(asked, driven=())
-    stands = [start, *_aside(loops, start)]
-    slopes = [loops.linearise(at)[1][:, :, 0] for at in stands]
-    best = int(np.argmax([rank(slope) for slope in slopes]))
-    slope = slopes[best]
     names = (*mechanism.holds, *mechanism.drivers)
     rows, superfluous = slope, list[str]()
     for name in names:
@@ -74,10 +66,35 @@ def settled(mechanism: Mechanism) -> Settled:
     return Settled(
         freedoms=loops.tree.count - rank(slope) - held,
         drivers=mechanism.drivers,
-        open=tuple(open_names(loop_solver(asked, stands[best]))),
+        open=tuple(open_names(loop_solver(asked, best))),
         superfluous=tuple(superfluous),
         redundant=len(slope) - rank(slope),
     )
+
+
+def undetermined_joints(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return what is to be locked so that the drivers determine the rest, as `to_lock` chooses it.
+
+    Raises:
+        AssemblyError: where the loops do not close.
+    """
+    asked, best, _ = _generic(mechanism)
+    return to_lock(loop_solver(asked, best))
+
+
+def _generic(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates, Array]:
+    """Return the driven loops, coordinates near the start where their rank is highest, and the slope."""
+    asked, rough = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
+    loops = replace(asked, driven=())
+    try:
+        start = closed(loops, rough)
+    except AssemblyError:  # from there; with the drivers where they start it closes, or is told why not
+        asked, start = assembled(mechanism)
+        loops = replace(asked, driven=())
+    stands = [start, *_aside(loops, start)]
+    slopes = [loops.linearise(at)[1][:, :, 0] for at in stands]
+    best = int(np.argmax([rank(slope) for slope in slopes]))
+    return asked, stands[best], slopes[best]
 
 
 def _aside(loops: TreeLoops, start: Coordinates) -> list[Coordinates]:

@@ -1,0 +1,85 @@
+"""`--lock-others` locks what the drivers leave undetermined, and nothing else."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from mechsim import simulate
+from mechsim.analytic.closure.settled import settled
+from mechsim.errors import MobilityError
+from mechsim.subjects.subject import load
+
+# an arm of two hinges on a floating base, a head on a ball, and a four-bar of which only one hinge is driven
+ROBOT = """
+<mujoco model="robot">
+  <worldbody>
+    <body name="base" pos="0 0 1"><freejoint name="float"/><geom size="0.1"/>
+      <body name="upper"><joint name="shoulder" axis="0 0 1"/><geom size="0.01" pos="0.1 0 0"/>
+        <body name="lower" pos="0.2 0 0"><joint name="elbow" axis="0 0 1"/><geom size="0.01"/></body>
+      </body>
+      <body name="head"><joint name="neck" type="ball"/><geom size="0.05" pos="0 0.05 0.2"/></body>
+      <body name="crank" pos="0 1 0"><joint name="motor" axis="0 0 1"/><geom size="0.01" pos="0.02 0 0"/>
+        <body name="coupler" pos="0.04 0 0"><joint name="A" axis="0 0 1"/><geom size="0.01" pos="0.05 0 0"/>
+          <site name="B1" pos="0.1 0 0"/></body></body>
+      <body name="rocker" pos="0.12 1 0"><joint name="C" axis="0 0 1"/><geom size="0.01" pos="0 0.04 0"/>
+        <site name="B2" pos="0.02 0.08 0"/></body>
+    </body>
+  </worldbody>
+  <equality><connect site1="B1" site2="B2"/></equality>
+</mujoco>"""
+
+
+@pytest.fixture
+def robot(file):
+    return file(ROBOT)
+
+
+def test_the_arm_the_head_and_the_base_are_locked_and_the_loop_moves(robot):
+    drive = {"motor": "0.2*t"}
+    with pytest.raises(MobilityError, match="undetermined"):
+        load(robot, drive=drive).solve(t=np.linspace(0.0, 1.0, 3))
+    form = load(robot, drive=drive, lock_others=True)
+    assert set(form.mechanism.holds) == {"shoulder", "elbow"}
+    assert settled(form.mechanism).outcome == "determined"
+    by_hand = load(robot, drive=drive, hold=("float", "shoulder", "elbow", "neck"))
+    times = np.linspace(0.0, 1.0, 3)
+    one, other = form.solve(t=times), by_hand.solve(t=times)
+    path, same = one.points["B1"].position, other.points["B1"].position
+    np.testing.assert_allclose(path, same, atol=1e-12)
+    assert np.linalg.norm(path[-1] - path[0]) > 1e-3
+    assert simulate(form, method="pose", samples=5).outcome == "met"
+
+
+def test_what_is_held_by_hand_stays_where_it_was_put(robot):
+    form = load(robot, drive={"motor": "0.2*t"}, hold={"elbow": 0.5}, lock_others=True)
+    assert form.mechanism.holds["elbow"] == 0.5
+
+
+def test_in_a_loop_no_more_is_locked_than_has_to_be(robot):
+    form = load(robot, drive={"shoulder": "0.2*t"}, lock_others=True)
+    assert "elbow" in form.mechanism.holds
+    assert len({"motor", "A", "C"} & set(form.mechanism.holds)) == 1
+
+
+def test_where_drivers_determine_all_nothing_is_locked():
+    assert not load("five_bar", lock_others=True).mechanism.holds
+
+
+CHAIN = """
+name = "chain"
+drivers = ["J0"]
+{joints}
+[points]
+P = {{ link = "L3", at = [0.1, 0, 0] }}
+"""
+
+
+def test_a_file_in_toml_is_locked_likewise(file):
+    links = ["ground", "L0", "L1", "L2", "L3"]
+    joints = "\n".join(
+        f'[joints.J{i}]\nkind = "revolute"\na = {{ link = "{a}", at = [0.1, 0, 0] }}\nb = {{ link = "{b}" }}'
+        for i, (a, b) in enumerate(pairwise(links))
+    )
+    path = file(CHAIN.format(joints=joints + "\n[links.L3]"))
+    assert set(load(path, lock_others=True).mechanism.holds) == {"J1", "J2", "J3"}
