@@ -13,11 +13,11 @@ test:
 
 # what the repository says of itself: imports, names, links, README's commands, examples
 test-repository:
-	$(PYTHON) -m pytest -q -n 2 --dist worksteal tests/house
+	$(PYTHON) -m pytest -q -n 2 --dist worksteal tests/house tests/validation
 
 # long physics and full grids too
 test-all:
-	$(PYTHON) -m pytest -q -n 2 --dist worksteal -m 'slow or not slow' tests tests/house
+	$(PYTHON) -m pytest -q -n 2 --dist worksteal -m 'slow or not slow' -o 'norecursedirs=.*'
 
 validate:
 	$(PYTHON) -m mechsim validate --report out/

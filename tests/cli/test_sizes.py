@@ -234,7 +234,7 @@ def test_dynamics_say_on_every_road_how_far_they_have_come(
 @pytest.mark.parametrize(
     "motor",
     [
-        motors.TorqueSpeedLine(1e4, units.rpm(600)),
+        pytest.param(motors.TorqueSpeedLine(1e4, units.rpm(600)), marks=pytest.mark.slow),
         motors.DCMotor(1.0, 2.0, 3.0),
         motors.ConstantTorque(1e20),
     ],

@@ -147,6 +147,7 @@ def test_what_is_held_stands_still_in_what_is_written(mechsim, tmp_path):
     assert "no body has a free joint" in answer.err
 
 
+@pytest.mark.slow
 def test_a_start_that_stands_open_is_said_and_the_tuned_file_begins_closed(mechsim, tmp_path):
     key = '<keyframe><key name="near" qpos="0.01 0.02 0 0.1" ctrl="0.3"/></keyframe></mujoco>'
     (tmp_path / "near.xml").write_text(FINGER.replace("</mujoco>", key))

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import matplotlib
 import numpy as np
 import pytest
+from grids import grid
 
 from mechsim import catalog, course
 from mechsim.errors import InputError, OutputError
@@ -60,7 +61,9 @@ def vectors(figures):
     return [plots.drawn(figure) for figure in figures]
 
 
-@pytest.mark.parametrize(("form", "start"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
+@pytest.mark.parametrize(
+    ("form", "start"), grid([("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")], ("svg", "png"))
+)
 def test_every_plot_comes_in_every_format(figures, vectors, form, start):
     for drawing in vectors if form == "svg" else (plots.drawn(figure, form) for figure in figures):
         assert drawing.startswith(start)

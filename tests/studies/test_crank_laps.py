@@ -44,7 +44,7 @@ def swings(draw, name):
     return drive, swing(middle + TURN * draw(st.sampled_from([-2, -1, 1])), reach, 20.0)
 
 
-@pytest.mark.parametrize("name", grid(SWINGING))
+@pytest.mark.parametrize("name", grid(SWINGING, ("rssr",)))
 @given(data=st.data())
 @settings(max_examples=2, phases=[Phase.generate])
 def test_no_road_refuses_a_swing_inside_the_range_on_any_lap(name, data):
@@ -98,10 +98,8 @@ LOOPER = catalog.Looper(
 )
 
 
-@pytest.mark.parametrize(
-    "drive",
-    [pytest.param(KNITTER, id="warp_knitter", marks=pytest.mark.slow), pytest.param(LOOPER, id="looper")],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("drive", [KNITTER, LOOPER], ids=["warp_knitter", "looper"])
 def test_where_a_crank_turns_by_more_than_a_turn_all_roads_mean_the_same_pose_on_another_lap(drive):
     low, high = arc_around(drive.crank_range(), drive.mechanism.start)
     assert high - low > TURN

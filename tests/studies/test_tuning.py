@@ -108,7 +108,8 @@ LIMITED = FINGER.replace(
 )
 
 
-@pytest.mark.parametrize(("most", "same"), [pytest.param(60, True, marks=pytest.mark.slow), (5, False)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("most", "same"), [(60, True), (5, False)])
 def test_a_limit_that_is_freed_is_switched_off_only_where_it_is_not_met(tmp_path, most, same):
     one = scene(tmp_path, ctrl=FED, text=LIMITED.replace("{most}", str(most)), duration=0.2)
     one = replace(one, free=("limits",))

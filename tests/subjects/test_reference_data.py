@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from grids import grid
 from mpmath import mp, mpf
 
 from mechsim.errors import InputError
@@ -41,7 +42,7 @@ def made(name, digits, row):
     return json.loads(done.stdout)
 
 
-@pytest.mark.parametrize(("name", "row"), [("rssr", 3), ("five_bar", 5)])
+@pytest.mark.parametrize(("name", "row"), grid([("rssr", 3), ("five_bar", 5)]))
 def test_the_script_makes_the_same_digits_with_another_number_of_them(name, row):
     again, kept = made(name, 50, row), rows(name)[row]
     assert again.pop("cell") == next(iter(kept.values()))

@@ -91,6 +91,7 @@ def test_other_toml_files_are_left_alone(tmp_path):
     assert collected(tmp_path) == (5, [])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not INSTALLED, reason="the entry point stands in the metadata of an install")
 def test_the_installed_plugin_is_found_and_can_be_left_out(project):
     (project / "pyproject.toml").unlink()
