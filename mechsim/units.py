@@ -40,6 +40,7 @@ Unit = Literal[
     "kg",
     "kg m^2",
     "m/s^2",
+    "rad/s^2",
     "N",
     "N m",
     "N/m",
@@ -68,6 +69,7 @@ _KINDS: dict[str, tuple[str, str]] = {
     "kg": ("a mass", "0.4 kg"),
     "kg m^2": ("a moment of inertia", "2 kg mm^2"),
     "m/s^2": ("an acceleration", "9.81 m/s^2"),
+    "rad/s^2": ("an angular acceleration", "5 rad/s^2"),
     "N": ("a force", "20 N"),
     "N m": ("a moment", "3 N mm"),
     "N/m": ("a stiffness", "5 N/mm"),
@@ -181,6 +183,32 @@ def si_angles(value: ArrayLike, name: str = "the angles") -> ArrayLike:
     return parse_angles(value, name) if isinstance(value, str) else value
 
 
+def require_written(text: str, unit: Unit, declared: str, name: str, rest: str = "") -> None:
+    """Reject a bare number other than 0 where the file that it is for declares another unit.
+
+    Args:
+        text: one number or several, with commas or colons between, or anything else.
+        unit: of the quantity in SI.
+        declared: unit that the file declares for such quantities.
+        name: what the value is called in the sentence of an error.
+        rest: what follows the text where it is part of a longer one.
+
+    Raises:
+        InputError: where no number of the text has a unit and one is not 0.
+    """
+    try:
+        values = [float(part) for part in re.split("[,:]", text)]
+    except ValueError:
+        return
+    if not any(values) or in_si(1.0, declared, unit) == 1.0:
+        return
+    text, own = text.strip(), declared.removesuffix("/s")
+    raise InputError(
+        f"{name}: {text}{rest} has no unit; the file is in {own}: write {text}{declared}{rest}, or "
+        f"{text}{unit}{rest} if {unit} is meant"
+    )
+
+
 def parse_vector(text: str, unit: Unit, name: str = "the vector") -> tuple[float, ...]:
     """Return quantities with commas between; the last unit applies to all that have none.
 
@@ -240,6 +268,12 @@ def in_si(value: float, written: str, unit: Unit, name: str = "the value") -> fl
         InputError: for a unit that is not known or measures something else.
     """
     return _in_si(value, _factor(written, unit, written, name))
+
+
+def unit_in(text: str) -> str:
+    """Return the unit of a quantity as it is written; empty where there is none."""
+    match = _QUANTITY.fullmatch(text)
+    return match[2] if match else ""
 
 
 def of_any_kind(text: str, name: str = "the value") -> tuple[float, Unit]:

@@ -31,10 +31,12 @@ from mechsim.cli.force_options import MachineOptions
 from mechsim.cli.mass_table import Verbose, print_masses
 from mechsim.cli.options import DriveOptions, Json, Model, Sets, form_of, moving, speed_of, writable
 from mechsim.cli.output import Tick, print_json, progress
+from mechsim.cli.output_units import Labelled, OutputUnits, Units, output_units
 from mechsim.errors import InputError
 from mechsim.maths.memory import require_room
 from mechsim.model.crank_profile import LEAST_TURNS, CrankProfile
 from mechsim.model.efforts import Fluctuation, FreeRun
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.programs import Programs
 from mechsim.pictures import plots
 from mechsim.report.facts import run_facts, study_facts, turn_facts
@@ -44,11 +46,15 @@ from mechsim.simulation.dynamics.prescribed_motion import Driven, driven
 from mechsim.simulation.stepping import Watch
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.studies.motion_source import profile_of
+from mechsim.studies.sensitivity.quantities import unit_of
 from mechsim.units import option
 from mechsim.verdict.checks import Verdict
 
 # numbers told of an instant besides those of its joints; bytes of each while parts are put together
 EFFORTS, HELD = 40.0, 16.0
+
+# columns of efforts that say when, and how the crank moves
+INSTANTS = {"time": "s", "angle": "rad", "speed": "rad/s", "acceleration": "rad/s2", "motor": "N m"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,17 +116,19 @@ def dynamics(
     driven: DriveOptions,
     sets: Sets = None,
     verbose: Verbose = False,
+    units: Units = None,
     as_json: Json = False,
 ) -> None:
     """What drives and joints carry as prescribed, and the energies; free running under a motor."""
     asked.check()
     machine = acting.machine(moving(form_of(model, sets, driven)))
+    shown = output_units(units, machine.drive)
     if _programs(machine) is not None and asked.free:
         raise InputError("--free lets a crank run free, and programs move the drivers; drop one of them")
     if machine.forces.motor is not None or asked.free:
-        passed = _free(machine, asked.speed if asked.free else 0.0, asked, as_json)
+        passed = _free(machine, asked.speed if asked.free else 0.0, asked, as_json, shown)
     else:
-        passed = _driven(machine, asked, as_json)
+        passed = _driven(machine, asked, as_json, shown)
     if not as_json:
         print_masses(machine.masses, verbose)
     raise typer.Exit(0 if passed else 1)
@@ -131,7 +139,7 @@ def _programs(machine: Machine) -> Programs | None:
     return machine.drive.programs
 
 
-def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool) -> bool:
+def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool, shown: OutputUnits | None) -> bool:
     profile = profile_of(machine.drive, asked.speed, asked.turns)
     machine = machine.starting_at(profile.angles)
     if asked.road != "none":
@@ -143,7 +151,7 @@ def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool) -> bool:
         study = prescribed_along(machine, *profile.state(time), time=time, watch=next(watches))
         turn, even = _steady(machine, asked)
         found, verdict = _simulated(machine, profile, asked, *watches)
-    _write(asked.csv, study)
+    _write(asked.csv, study, machine.mechanism, shown)
     if asked.plot is not None:
         plots.write(asked.plot, plots.dynamics_sheet(study, turn, even, found and found.efforts))
     promise = driven_promise(found)
@@ -154,7 +162,7 @@ def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool) -> bool:
         told["note"] = "" if found is None else found.note
         print_json(told | verdict_facts(verdict, asked.road))
     else:
-        print_study(machine.mechanism.name, study, turn, even)
+        print_study(machine.mechanism.name, study, turn, even, shown)
         print_judged(verdict)
         if found is not None and found.note:
             typer.echo(found.note)
@@ -213,12 +221,14 @@ def _simulated(
     return found, crosscheck_driven(found, machine, watch=check)
 
 
-def _free(machine: Machine, speed: float, asked: DynamicsOptions, as_json: bool) -> bool:
+def _free(
+    machine: Machine, speed: float, asked: DynamicsOptions, as_json: bool, shown: OutputUnits | None
+) -> bool:
     run = free_run(machine, speed=speed, turns=asked.turns, samples=asked.instants + 1)
     found, verdict = None, None
     if asked.road != "none" and run.outcome == "done":
         found, verdict = _stepped(machine, speed, asked)
-    _write(asked.csv, run)
+    _write(asked.csv, run, machine.mechanism, shown)
     if asked.plot is not None:
         plots.write(asked.plot, plots.free_plot(run))
     promise = free_promise(found)
@@ -252,6 +262,13 @@ def _stepped(machine: Machine, speed: float, asked: DynamicsOptions) -> tuple[St
     return found, crosscheck_free(found, machine)
 
 
-def _write(csv: str | None, columns: InverseDynamics | FreeRun) -> None:
-    if csv is not None:
+def _write(
+    csv: str | None, columns: InverseDynamics | FreeRun, mechanism: Mechanism, shown: OutputUnits | None
+) -> None:
+    if csv is None:
+        return
+    if shown is None:
         files.write(csv, columns)
+        return
+    units = {name: INSTANTS.get(name) or unit_of(name, mechanism) for name, _ in columns.columns()}
+    files.write(csv, Labelled(columns, units, shown))

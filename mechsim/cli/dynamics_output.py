@@ -7,6 +7,7 @@ import typer
 
 from mechsim.analytic.dynamics import InverseDynamics
 from mechsim.cli.output import print_table
+from mechsim.cli.output_units import SI_UNITS, OutputUnits
 from mechsim.cli.verdict_table import print_verdict
 from mechsim.model.efforts import Fluctuation, FreeRun
 from mechsim.report.facts import run_facts, study_facts
@@ -18,13 +19,18 @@ Row = tuple[str, str, str, str, str]
 
 
 def print_study(
-    name: str, study: InverseDynamics, turn: Fluctuation | None, even: Fluctuation | None
+    name: str,
+    study: InverseDynamics,
+    turn: Fluctuation | None,
+    even: Fluctuation | None,
+    shown: OutputUnits | None = None,
 ) -> None:
     """Print peaks of torque, reactions and shaking forces, and the speed fluctuation where there is one."""
     timed = bool(study.efforts.drives)
-    head = ("quantity", "largest", "at [s]" if timed else "at [rad]", "unit", "")
+    at = (shown or SI_UNITS).label("at", "s" if timed else "rad")
+    head = ("quantity", "largest", at, "unit", "")
     what = "prescribed drivers" if timed else "prescribed crank"
-    print_table(f"{name}: {what}", head, _rows(study, turn, even))
+    print_table(f"{name}: {what}", head, _rows(study, turn, even, shown or SI_UNITS))
 
 
 def print_free(name: str, run: FreeRun) -> None:
@@ -127,11 +133,13 @@ def _driving(facts: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
         yield f"drive of {name}", one
 
 
-def _rows(study: InverseDynamics, turn: Fluctuation | None, even: Fluctuation | None) -> list[Row]:
+def _rows(
+    study: InverseDynamics, turn: Fluctuation | None, even: Fluctuation | None, shown: OutputUnits
+) -> list[Row]:
     facts = study_facts(study)
 
     def row(what: str, peak: dict[str, float], unit: str, note: str = "") -> Row:
-        at = peak["at_time"] if "at_time" in peak else peak["at_angle"]
+        at = peak["at_time"] if "at_time" in peak else peak["at_angle"] / shown.converted("rad")[0]
         return what, f"{peak['largest']:.6g}", f"{at:.4f}", unit, note
 
     rows = [

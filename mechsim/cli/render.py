@@ -103,8 +103,8 @@ def render(
     place = writable(output, ".png", ".mp4", ".webm", ".gif", "")
     _check(output, film, look)
     at = None if film.angle is None else parse_angle(film.angle, "the crank angle")
-    asked_angle("--angle", film.angle or "")
     drive = moving(form_of(model, sets, driven))
+    asked_angle("--angle", film.angle or "", drive)
     look = replace(look, **drawn_as(drive))
     if film.trace:
         _tell(drive.name, output, _round(place, drive, film, look, picture), as_json)

@@ -13,6 +13,7 @@ from mechsim.cli.force_options import MachineOptions
 from mechsim.cli.mass_table import print_masses
 from mechsim.cli.options import SPEED, DriveOptions, Json, Model, Output, Sets, family_of, speed_of, writable
 from mechsim.cli.output import print_json, print_table, progress
+from mechsim.cli.slips import asked_angles
 from mechsim.errors import InputError
 from mechsim.pictures import plots
 from mechsim.studies.sensitivity import (
@@ -106,6 +107,8 @@ def sensitivity(
     angles = (
         instants_of(form) if asked.angles is None else units.parse_angles(asked.angles, "the crank angles")
     )
+    if asked.angles is not None:
+        asked_angles("--angles", asked.angles, form)
     loading = Loading(acting.forces, acting.density, acting.diameter)
     moved = MovedFamily(family, angles, speed_of(asked.speed or SPEED), loading)
     given = None

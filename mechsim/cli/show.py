@@ -5,13 +5,14 @@ from typing import Annotated, Any
 
 import typer
 
-from mechsim import units
 from mechsim.cli.declared_options import spread
 from mechsim.cli.options import DriveOptions, Json, Model, Sets, form_of
 from mechsim.cli.output import print_json, print_table
+from mechsim.cli.output_units import SI_UNITS, OutputUnits, Units, output_units
 from mechsim.cli.scene_findings import found_in, in_json, print_findings
 from mechsim.cli.slips import asked_angle
 from mechsim.report.facts import OWN, facts
+from mechsim.units import parse_angle
 
 # part of the largest coordinate of a place below which one is rounding, and is printed as 0
 ROUNDING = 1e-13
@@ -28,22 +29,24 @@ def show(
     driver: Annotated[
         str | None, typer.Option(metavar="LINK", help="Take a planar chain apart for this driving link.")
     ] = None,
+    units: Units = None,
     as_json: Json = False,
 ) -> None:
     """Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups."""
     drive = form_of(model, sets, driven, still=True)
-    at = None if angle is None else units.parse_angle(angle, "the crank angle")
-    asked_angle("--angle", angle or "")
+    shown = output_units(units, drive) or SI_UNITS
+    at = None if angle is None else parse_angle(angle, "the crank angle")
+    asked_angle("--angle", angle or "", drive)
     found = facts(drive, at, driver)
     scene = found_in(drive)
     if as_json:
         print_json(found | in_json(scene))
     else:
-        _print_facts(found)
+        _print_facts(found, shown)
         print_findings(scene)
 
 
-def _print_facts(found: dict[str, Any]) -> None:
+def _print_facts(found: dict[str, Any], shown: OutputUnits) -> None:
     rows = [(n, _number(p["value"]), p["unit"], p["doc"]) for n, p in found["parameters"].items()]
     print_table(f"{found['name']}: {found['about']}", ("parameter", "value", "unit", "meaning"), rows)
     joints = [(j["name"], j["kind"], f"{j['links'][0]} - {j['links'][1]}") for j in found["joints"]]
@@ -59,7 +62,7 @@ def _print_facts(found: dict[str, Any]) -> None:
         typer.echo(f"program of {name}: {program}")
     if "crank_range" in found:
         _print_crank(found)
-        _print_assemblies(found)
+        _print_assemblies(found, shown)
     elif found["duration"] is not None:
         typer.echo(f"the programs run for {found['duration']:.6g} s")
 
@@ -88,14 +91,15 @@ def _print_crank(found: dict[str, Any]) -> None:
         typer.echo(line)
 
 
-def _print_assemblies(found: dict[str, Any]) -> None:
+def _print_assemblies(found: dict[str, Any], shown: OutputUnits) -> None:
     rows: list[tuple[str, ...]] = []
     places = [place for assembly in found["assemblies"] for place in assembly["points"].values()]
     least = ROUNDING * max((abs(value) for place in places for value in place), default=0.0)
     for assembly in found["assemblies"]:
         names = ", ".join(f"{k} {v:+d}" for k, v in assembly.items() if isinstance(v, int))
         for point, place in assembly["points"].items():
-            rows.append((names, point, *(f"{value if abs(value) > least else 0.0:.9g}" for value in place)))
+            kept = [value / shown.converted("m")[0] if abs(value) > least else 0.0 for value in place]
+            rows.append((names, point, *(f"{value:.9g}" for value in kept)))
     at = f"{math.degrees(found['angle']):.6g} deg"
     if not rows:
         passes = any(low <= found["angle"] <= high for low, high in found["crank_ranges"])
@@ -107,7 +111,7 @@ def _print_assemblies(found: dict[str, Any]) -> None:
         typer.echo(f"no assembly at crank angle {at}: {why}")
         return
     title = f"Assemblies at crank angle {at}"
-    print_table(title, ("assembly", "point", "x [m]", "y [m]", "z [m]"), rows)
+    print_table(title, ("assembly", "point", *(shown.label(axis, "m") for axis in "xyz")), rows)
 
 
 def _print_change_points(found: dict[str, Any]) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from mechsim import files, simulation, units
+from mechsim import files, simulation
 from mechsim.analytic.closure.joint_motion import with_all_joints
 from mechsim.analytic.forms import Form
 from mechsim.cli.declared_options import spread
@@ -29,6 +29,7 @@ from mechsim.cli.options import (
     writable,
 )
 from mechsim.cli.output import print_json, progress
+from mechsim.cli.output_units import Labelled, Units, output_units
 from mechsim.cli.scene_findings import found_in, in_json, of_crank, tell_findings
 from mechsim.cli.swinging import swing_of
 from mechsim.errors import AssemblyError, InputError, MobilityError
@@ -37,7 +38,7 @@ from mechsim.model.motion import taken
 from mechsim.model.scene import Scene
 from mechsim.simulation import CrankProfile, Run, Settings
 from mechsim.subjects.driver_rows import Poses, rows_of
-from mechsim.units import option
+from mechsim.units import option, parse_angle, parse_length, parse_time
 
 Asked = Annotated[Mapping[str, Any], Settings]
 # what is said of a crank alone, and why it is refused beside programs
@@ -77,7 +78,7 @@ class RunOptions:
     @property
     def bound(self) -> float | None:
         """The tolerance in [m]."""
-        return None if self.tolerance is None else units.parse_length(self.tolerance, "the tolerance")
+        return None if self.tolerance is None else parse_length(self.tolerance, "the tolerance")
 
     def refuse(self, *names: str, because: str) -> None:
         """Refuse options that were given."""
@@ -90,7 +91,7 @@ class RunOptions:
         if self.every is not None:
             if self.samples is not None:
                 raise InputError("both --samples and --every were given; give one of them")
-            spacing = units.parse_angle(self.every, "the angle between records")
+            spacing = parse_angle(self.every, "the angle between records")
             whole = round(motion.turns * simulation.TURN / abs(spacing)) if spacing else 0
             if whole < 1:
                 raise InputError(
@@ -121,11 +122,14 @@ def simulate(
     ] = None,
     through: ThroughChange = None,
     sets: Sets = None,
+    units: Units = None,
     output: Output = None,
     as_json: Json = False,
 ) -> None:
     """Run a mechanism in MuJoCo under a driven crank, or under programs of its drivers."""
     place = None if output is None else writable(output, ".csv", ".npz")
+    if ctrl and units is not None:
+        raise InputError("--units is of a motion's table; leave it out with --ctrl")
     if ctrl:
         options.refuse(*OF_A_CRANK, "method", because=PROGRAMMED)
         if through is not None:
@@ -144,7 +148,7 @@ def simulate(
             as_json=as_json,
         )
     drive = passed(form_of(model, sets, driven), through)
-    model_of = scene_of(scene, cut, drive.forces)
+    model_of, shown = scene_of(scene, cut, drive.forces), output_units(units, drive)
     if options.at is not None:
         run, motion = _posed(drive, options, asked, model_of), None
     else:
@@ -155,7 +159,8 @@ def simulate(
     # last, for what is refused writes nothing
     if place is not None:
         told = with_all_joints(drive.mechanism, run.motion)
-        files.write(place, told if motion else Poses(told))
+        table = told if motion else Poses(told)
+        files.write(place, table if shown is None else Labelled(table, told.column_units(), shown))
     if as_json:
         told = {"mechanism": drive.name, "output": output, "rows": len(run.motion)}
         print_json(run.summary() | told | digits_in_json(lost) | in_json(found))
@@ -269,4 +274,4 @@ def _timestep(text: str | None, asked: Mapping[str, Any]) -> float | None:
         return None
     if "steps_per_turn" in asked:
         raise InputError("both --timestep and --steps-per-turn were given; give one of them")
-    return units.parse_time(text, "the time step")
+    return parse_time(text, "the time step")

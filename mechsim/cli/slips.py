@@ -5,22 +5,32 @@ from dataclasses import fields
 from math import pi
 
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
 from mechsim.cli.endings import questions
+from mechsim.units import require_written
 
 # angles beyond a turn in radians are rare, in degrees usual; lengths so many times the usual are millimetres
 TURN, TOO_LONG = 2.0 * pi, 100.0
 
 
-def asked_angle(what: str, text: str) -> None:
-    """Ask back where an angle without a unit was probably meant in degrees."""
+def asked_angle(what: str, text: str, form: Form | None = None) -> None:
+    """Ask back where an angle without a unit was probably meant in degrees.
+
+    Raises:
+        InputError: for one without a unit where the mechanism's file declares another than rad.
+    """
+    if isinstance(form, LoopForm):
+        require_written(text, "rad", form.written.angle, what)
     value = _bare(text)
     if value is not None and abs(value) > TURN:
         questions.append(f"{what} {text} is {value:g} rad, {value / TURN:.3g} turns; was {text}deg meant?")
 
 
-def asked_angles(what: str, text: str) -> None:
-    """Ask back likewise for start:stop:step, of which none has a unit."""
+def asked_angles(what: str, text: str, form: Form | None = None) -> None:
+    """Ask back, or raise InputError, likewise for start:stop:step, of which none has a unit."""
+    if isinstance(form, LoopForm):
+        require_written(text, "rad", form.written.angle, what)
     parts = text.split(":")
     values = [value for part in parts if (value := _bare(part)) is not None]
     if len(values) == len(parts) and max(map(abs, values)) > 10.0 * TURN:

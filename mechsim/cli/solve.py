@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from mechsim import files, units
+from mechsim import files
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
 from mechsim.cli.declared_options import spread
@@ -28,6 +28,7 @@ from mechsim.cli.options import (
     writable,
 )
 from mechsim.cli.output import Tick, print_json, progress
+from mechsim.cli.output_units import Labelled, OutputUnits, Units, output_units
 from mechsim.cli.slips import asked_angles
 from mechsim.cli.swinging import swing_of
 from mechsim.errors import InputError
@@ -35,7 +36,7 @@ from mechsim.maths.arrays import Array
 from mechsim.maths.memory import require_room
 from mechsim.model.motion import Motion
 from mechsim.subjects.driver_rows import Poses, poses_at
-from mechsim.units import option
+from mechsim.units import option, parse_angles
 
 # times or crank angles -> the motion there
 Solved = Callable[[Array], Motion]
@@ -78,6 +79,7 @@ def solve(
     driven: DriveOptions,
     through: ThroughChange = None,
     sets: Sets = None,
+    units: Units = None,
     output: Output = None,
     as_json: Json = False,
 ) -> None:
@@ -85,8 +87,9 @@ def solve(
     place = None if output is None else writable(output, ".csv", ".npz")
     drive = passed(form_of(model, sets, driven), through)
     asked.check(drive)
+    shown = output_units(units, drive)
     if asked.at is not None:
-        _told(drive, poses_at(drive, files.read(asked.at), asked.at), place, as_json)
+        _told(drive, poses_at(drive, files.read(asked.at), asked.at), place, as_json, shown)
         return
     moving(drive)
     drive, instants, solved, what = _instants(drive, asked)
@@ -95,7 +98,7 @@ def solve(
             1.0 + 9.0 * len(drive.mechanism.points) + 3.0 * len(drive.mechanism.joints)
         )
         require_room(what, numbers, AS_JSON if as_json else PACKED, "write .csv, which needs no memory")
-        _told(drive, solved(instants), place, as_json)
+        _told(drive, solved(instants), place, as_json, shown)
         return
     if not isinstance(drive, ClosedForm):
         # loop equations that cannot be followed over the whole motion are rejected before a row is written
@@ -103,10 +106,11 @@ def solve(
     lost: list[FewDigits | None] = [None]
     with progress("solve", -(-len(instants) // PART)) as tick:
         parts = _parts(drive, instants, solved, tick, lost)
+        labelled = (_labelled(part, shown) for part in parts)
         if place is not None:
-            files.write_in_parts(place, parts)
+            files.write_in_parts(place, labelled)
         else:
-            _print(parts)
+            _print(labelled)
     tell_digits(lost[0])
     if place is not None:
         typer.echo(f"wrote {len(instants)} rows to {place}")
@@ -124,18 +128,24 @@ def _instants(drive: Form, asked: SolveOptions) -> tuple[Form, Array, Solved, st
         swung = drive.starting_at(swing.angles)
         times = np.linspace(0.0, swing.duration, SAMPLES)
         return swung, times, lambda part: swung.solve(*swing.state(part)), f"{SAMPLES} instants of a swing"
-    angles = units.parse_angles(asked.angles or ANGLES, "the crank angles")
-    asked_angles("--angles", asked.angles or ANGLES)
+    angles = parse_angles(asked.angles or ANGLES, "the crank angles")
+    asked_angles("--angles", asked.angles or ANGLES, drive)
     start = drive.starting_at(angles, speed)
     return start, angles, lambda part: start.solve(part, speed), f"{len(angles):,} crank angles"
 
 
-def _told(drive: Form, found: Motion | Poses, place: Path | None, as_json: bool) -> None:
+def _labelled(found: Motion | Poses, shown: OutputUnits | None) -> files.Tabled:
+    return found if shown is None else Labelled(found, found.column_units(), shown)
+
+
+def _told(
+    drive: Form, found: Motion | Poses, place: Path | None, as_json: bool, shown: OutputUnits | None
+) -> None:
     """Write, print or tell in JSON what was found as a whole."""
     output = None if place is None else str(place)
     lost = few_digits(drive, found) if isinstance(found, Motion) else None
     if place is not None:
-        files.write(place, found)
+        files.write(place, _labelled(found, shown))
     if as_json:
         columns = dict(found.columns())
         told = {"mechanism": drive.name, "rows": len(found), "output": output, "columns": columns}
@@ -143,7 +153,7 @@ def _told(drive: Form, found: Motion | Poses, place: Path | None, as_json: bool)
         return
     tell_digits(lost)
     if place is None:
-        _print(iter([found]))
+        _print(iter([_labelled(found, shown)]))
     else:
         typer.echo(f"wrote {len(found)} rows to {output}")
 
@@ -159,7 +169,7 @@ def _parts(
         tick()
 
 
-def _print(parts: Iterator[Motion | Poses]) -> None:
+def _print(parts: Iterator[files.Tabled]) -> None:
     for number, part in enumerate(parts):
         columns = dict(part.columns())
         if number == 0:

@@ -17,7 +17,8 @@ from mechsim.model.masses import masses_of
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.simulation.settings import Settings
 from mechsim.studies.sweep.checking import CheckedDesigns, check_table
-from mechsim.studies.sweep.designs import parsed_range
+from mechsim.studies.sweep.designs import declared_units, parsed_range
+from mechsim.studies.sweep.subject import SweptSubject
 from mechsim.studies.sweep.sweeping import built, run_sweep, swept_designs, swept_task
 from mechsim.studies.sweep.table import columns, ending, require_libraries
 from mechsim.studies.sweep.task import BUILT, SweepTask
@@ -102,7 +103,7 @@ def sweep(
     subject, there = swept_designs(model, changed_by(sets), **moved_by(driven))
     task = swept_task(
         subject,
-        _ranges(vary or (), subject.name, there, sampled=sample is not None),
+        _ranges(vary or (), subject, there, sampled=sample is not None),
         measure or (),
         design=design,
         sample=sample,
@@ -126,10 +127,13 @@ def sweep(
     raise typer.Exit(0 if checked is None or checked.passed == checked.count else 1)
 
 
-def _ranges(vary: Sequence[str], name: str, there: Mapping[str, str], *, sampled: bool) -> dict[str, Any]:
+def _ranges(
+    vary: Sequence[str], subject: SweptSubject, there: Mapping[str, str], *, sampled: bool
+) -> dict[str, Any]:
+    declared = declared_units(subject.family)
     ranges: dict[str, Any] = {}
     for text in vary:
-        parameter, values = parsed_range(text, name, there, sampled=sampled)
+        parameter, values = parsed_range(text, subject.name, there, sampled=sampled, declared=declared)
         if parameter in ranges:
             raise InputError(f"--vary names {parameter} twice; give it once")
         ranges[parameter] = values

@@ -1,6 +1,7 @@
 """Command `mechsim trace`: every assembly of a mechanism as closed curves."""
 
 import math
+from collections.abc import Mapping
 from typing import Annotated
 
 import numpy as np
@@ -10,7 +11,9 @@ from mechsim import files
 from mechsim.cli.declared_options import spread
 from mechsim.cli.options import DriveOptions, Json, Model, Output, Sets, form_of, writable
 from mechsim.cli.output import print_json, print_table, progress
+from mechsim.cli.output_units import OutputUnits, Units, output_units
 from mechsim.errors import InputError
+from mechsim.maths.arrays import Array
 from mechsim.pictures import plots
 from mechsim.report.assemblies import (
     SAMPLES,
@@ -49,6 +52,7 @@ def trace(
     starts: Annotated[int, typer.Option(help="Random starts from which curves are looked for.")] = STARTS,
     seed: Annotated[int, typer.Option(help="Of the random starts.")] = SEED,
     sets: Sets = None,
+    units: Units = None,
     as_json: Json = False,
 ) -> None:
     """Trace all assemblies of a mechanism with one freedom as closed curves, past every dead centre.
@@ -67,6 +71,7 @@ def trace(
     if not 1 <= samples <= MOST_SAMPLES:
         raise InputError(f"{samples} samples of a curve; give 1 to {MOST_SAMPLES}")
     drive = form_of(model, sets, driven)
+    shown = output_units(units, drive)
     over = None if of is None else columns_asked(drive.mechanism, parse_names(of))
     with progress("trace", None, at_least=True) as tick:
         found = traced(drive, starts=starts, seed=seed, tick=tick)
@@ -77,7 +82,7 @@ def trace(
             figure = plots.assembly_plot(table, over or usual_columns(found, table))
             plots.write(picture, figure)
         if place is not None:
-            files.write_table(place, joined(tables))
+            files.write_table(place, _labelled(found, joined(tables), shown))
     if as_json:
         print_json({**told(found), "output": output, "plot": plot})
         return
@@ -85,6 +90,20 @@ def trace(
     for name in (output, plot):
         if name is not None:
             typer.echo(f"wrote {name}")
+
+
+def _labelled(
+    found: AssemblyTrace, table: Mapping[str, Array], shown: OutputUnits | None
+) -> Mapping[str, Array]:
+    """Return a table of curves in other units, where they are asked for."""
+    if shown is None:
+        return table
+    units = dict.fromkeys(table, "m") | {"component": "", "arc": "", "angle": "rad"}
+    units |= {column.name: column.unit for column in found.curves[0].joints.columns}
+    return {
+        shown.label(name, units[name]): values / shown.converted(units[name])[0]
+        for name, values in table.items()
+    }
 
 
 def _print(found: AssemblyTrace) -> None:

@@ -144,6 +144,10 @@ class Motion:
         for name, column, _ in self._columns():
             yield name, column
 
+    def column_units(self) -> dict[str, str]:
+        """Return the SI unit of each column of `columns`."""
+        return {name: unit for name, _, unit in self._columns()}
+
     def to_pandas(self) -> "DataFrame":
         """Return the columns as a table, a row an instant; `attrs["units"]` gives each column's unit.
 
@@ -151,7 +155,7 @@ class Motion:
             MissingToolError: where pandas is not installed.
         """
         table = _library("pandas").DataFrame(dict(self.columns()))
-        table.attrs["units"] = {name: unit for name, _, unit in self._columns()}
+        table.attrs["units"] = self.column_units()
         return table
 
     def to_xarray(self) -> "Dataset":

@@ -39,7 +39,7 @@ def column_in_si(header: str, where: str) -> tuple[str, float]:
     found = _UNIT.fullmatch(header)
     if found is None:
         return header, 1.0
-    for unit in ("m", "rad", "m/s", "rad/s", "m/s^2", "N", "N m", "s"):
+    for unit in ("m", "rad", "m/s", "rad/s", "m/s^2", "rad/s^2", "N", "N m", "s"):
         try:
             return found[1], units.parse(f"1 {found[2]}", unit)
         except InputError:

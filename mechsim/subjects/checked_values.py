@@ -8,7 +8,7 @@ from typing import Any, TypeGuard
 
 from mechsim import units
 from mechsim.errors import InputError
-from mechsim.maths.given import HUGE
+from mechsim.maths.given import HUGE, number
 from mechsim.subjects.expressions import FUNCTIONS, Expressions
 from mechsim.subjects.key_kinds import Amount, Choice, Course, Key, Keys, Named, Number, Several, Truth, Word
 from mechsim.subjects.load_text import varies
@@ -16,6 +16,8 @@ from mechsim.subjects.toml_source import KeyPath, TomlSource, nearest, shown
 from mechsim.units import Unit
 
 # a number and then letters is a quantity; all other text is an expression
+# a number in SI this many times the file's own value was probably meant in the file's unit
+IMPLAUSIBLE = 10.0
 _QUANTITY = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*[^\W\d_eE°%]|.*[°%]")
 
 
@@ -109,14 +111,13 @@ class Values:
         return units.in_si(value, own.get(unit, unit), unit)
 
     def with_parameters(
-        self, given: Any, changed: Mapping[str, str], units_of: Mapping[str, Unit]
+        self, given: Any, changed: Mapping[str, str | float], units_of: Mapping[str, Unit]
     ) -> "Values":
         """Return the same with parameters, each reckoned from those before it.
 
         Args:
             given: the file's table.
-            changed: name -> text that stands for what the file has; a bare number of a length or an angle
-                is in SI.
+            changed: name -> text, or number in SI, that stands for what the file has.
             units_of: parameter -> "m" or "rad", of those whose use tells.
         """
         table = self._table(given, ("parameters",))
@@ -135,18 +136,50 @@ class Values:
             found = replace(found, parameters={**found.parameters, name: number})
         return found
 
-    def changed(self, name: str, text: str, before: Any, units_of: Mapping[str, Unit]) -> float:
-        """Return a parameter that `--set` gives: a bare number in SI where its unit is known."""
+    def changed(self, name: str, given: str | float, before: Any, units_of: Mapping[str, Unit]) -> float:
+        """Return a parameter that `--set` or `set=` gives, in the file's unit; see `_require_unit`."""
         path = ("parameters", name)
+        unit = self.unit_of(name, before, units_of)
+        if unit is not None:
+            self._require_unit(name, given, before, unit)
+        try:
+            bare = float(given)
+        except (TypeError, ValueError):
+            return self.parameter(given, path)
+        return self.bare(bare, path) / (1.0 if unit is None else self.in_si(1.0, unit))
+
+    def unit_of(self, name: str, before: Any, units_of: Mapping[str, Unit]) -> Unit | None:
+        """Return what a parameter measures, by its use or by how the file writes it; None if unknown."""
         unit = units_of.get(name)
         if unit is None and is_quantity(before):
-            with self.source.about(path):
+            with self.source.about(("parameters", name)):
                 unit = units.of_any_kind(before, f"parameter {name}")[1]
-        try:
-            bare = float(text)
-        except ValueError:
-            return self.parameter(text, path)
-        return self.bare(bare, path) / (1.0 if unit is None else self.in_si(1.0, unit))
+        return unit
+
+    def declared(self, before: Any, unit: Unit) -> str:
+        """Return the unit that the file declares for a parameter: of its own text, else of bare numbers."""
+        if is_quantity(before):
+            return units.unit_in(before)
+        return {"m": self.length, "rad": self.angle}.get(unit, unit)
+
+    def _require_unit(self, name: str, given: str | float, before: Any, unit: Unit) -> None:
+        """Reject text without a unit, and implausible numbers in SI, where the file declares another unit."""
+        declared = self.declared(before, unit)
+        if isinstance(given, str):
+            with self.source.about(("parameters", name)):
+                units.require_written(given, unit, declared, name)
+            return
+        value = number(given)
+        if units.in_si(1.0, declared, unit) == 1.0 or not math.isfinite(value):
+            return
+        own = abs(self.parameter(before, ("parameters", name)) * self.in_si(1.0, unit))
+        limit = 2.0 * math.pi if unit == "rad" else IMPLAUSIBLE * own
+        if limit > 0.0 and abs(value) > limit:
+            raise InputError(
+                f"{name}: {value:g} is {value:g} {unit}, and the file has {own:.6g} {unit}; numbers in set= "
+                f"are SI and the file is in {declared}: give text, as '{value:g}{declared}' or "
+                f"'{value:g}{unit}'"
+            )
 
     def parameter(self, value: Any, path: KeyPath) -> float:
         """Return a parameter, a length or an angle in the file's unit."""

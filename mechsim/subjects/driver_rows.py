@@ -31,6 +31,10 @@ class Poses:
     def __len__(self) -> int:
         return len(self.motion)
 
+    def column_units(self) -> dict[str, str]:
+        """Return the SI unit of each column."""
+        return self.motion.column_units()
+
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield the drivers, P.x ... of points and J.q of joints, in SI."""
         for name, column in self.motion.columns():

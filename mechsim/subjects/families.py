@@ -14,7 +14,6 @@ from mechsim.analytic.forms import Form
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects import gallery
-from mechsim.subjects.checked_values import is_quantity
 from mechsim.subjects.parameter_units import parameter_units, reckoned_from
 from mechsim.subjects.python_object import parameters_of
 from mechsim.subjects.subject import described, is_file, load
@@ -42,7 +41,7 @@ def family(
     if not isinstance(model, str):
         form = LoopForm(model) if isinstance(model, Mechanism) else model
         return catalog_family(form) if isinstance(form, ClosedForm) else placed_family(form)
-    given = {name: str(value) for name, value in (set or {}).items()}
+    given = dict(set or {})
     form, path = load(model, given, **asked), toml_path(model)
     found = _arguments(model, given)
     if isinstance(form, ClosedForm) and not found:
@@ -51,8 +50,8 @@ def family(
     if not found:
         return placed_family(form)
 
-    def changed(values: Mapping[str, float]) -> dict[str, str]:
-        return given | {name: repr(float(value)) for name, value in values.items()}
+    def changed(values: Mapping[str, float]) -> dict[str, str | float]:
+        return given | {name: in_text(value, found[name].unit) for name, value in values.items()}
 
     def make(values: Mapping[str, float]) -> Form:
         return load(model, changed(values), **asked) if values else form
@@ -71,6 +70,11 @@ def family(
     return DesignFamily(form.name, found, lambda values: told(values).mechanism, make, acted, free, reckoned)
 
 
+def in_text(value: float, unit: str) -> str:
+    """Return the value of a dimension in SI as text that a file of any units reads to the last bit."""
+    return f"{float(value)!r} {unit}" if unit in ("m", "rad") else repr(float(value))
+
+
 def toml_path(model: str) -> str | None:
     """Return the TOML file that a model is read from; None where it is none."""
     if is_file(model):
@@ -79,22 +83,25 @@ def toml_path(model: str) -> str | None:
     return None if place is None or model in catalog.DRIVES else str(place)
 
 
-def _arguments(model: str, given: Mapping[str, str]) -> dict[str, Dimension]:
+def _arguments(model: str, given: Mapping[str, str | float]) -> dict[str, Dimension]:
     """Return the parameters of a function in a Python file, as they are given."""
     if ".py:" not in model:
         return {}
     known = parameters_of(model)
-    values = known | {name: units.of_any_kind(text, name)[0] for name, text in given.items()}
+    values = known | {
+        name: units.of_any_kind(one, name)[0] if isinstance(one, str) else one for name, one in given.items()
+    }
     return {name: Dimension(name, float(value), "1") for name, value in values.items()}
 
 
-def _parameters(path: str, changed: Mapping[str, str]) -> Iterator[Dimension]:
+def _parameters(path: str, changed: Mapping[str, str | float]) -> Iterator[Dimension]:
     """Yield the parameters of a file; one whose use does not tell what it measures as the file has it."""
     source = read_source(path)
     given, told = source.document.get("parameters", {}), parameter_units(source.document)
     values = values_of(source).with_parameters(given, changed, told)
     for name, value in values.parameters.items():
-        unit, written = told.get(name), given[name]
-        if unit is None and is_quantity(written):
-            unit = units.of_any_kind(written)[1]
-        yield Dimension(name, value if unit is None else values.in_si(value, unit), unit or "1")
+        unit = values.unit_of(name, given[name], told)
+        if unit is None:
+            yield Dimension(name, value, "1")
+        else:
+            yield Dimension(name, values.in_si(value, unit), unit, values.declared(given[name], unit))

@@ -16,6 +16,7 @@ from mechsim.model.links import GROUND, IDENTITY, ORIGIN, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.programs import Programs, State
 from mechsim.model.programs import programs as all_programs
+from mechsim.model.written_units import WrittenUnits
 from mechsim.subjects.program_text import Program, program
 from mechsim.subjects.toml_drivers import FileProgram
 from mechsim.subjects.toml_source import nearest
@@ -77,12 +78,14 @@ def prescribed(
     own = form if isinstance(form, LoopForm) else LoopForm(form.mechanism)
     mechanism = form.mechanism
     if asked.track:
-        mechanism = replace(mechanism, points=dict(_tracked(mechanism, text) for text in asked.track))
+        mechanism = replace(
+            mechanism, points=dict(_tracked(mechanism, text, own.written) for text in asked.track)
+        )
     still = _standing_still(mechanism, asked)
     if still:
         mechanism = _stilled(mechanism, still)
         asked = replace(asked, hold={name: one for name, one in asked.hold.items() if name not in still})
-    mechanism = _redriven(mechanism, asked)
+    mechanism = _redriven(mechanism, asked, own.written)
     if mechanism is form.mechanism and not (asked.drive or programs) and asked.duration is None:
         return form
     before = own.programs
@@ -91,15 +94,21 @@ def prescribed(
     given = {name: one for name, one in given.items() if name in mechanism.drivers} | dict(asked.drive)
     if duration is None and before is not None:
         duration = before.duration
-    return replace(own, mechanism=mechanism, programs=_programs(mechanism, given, asked.duration, duration))
+    return replace(
+        own, mechanism=mechanism, programs=_programs(mechanism, given, asked.duration, duration, own.written)
+    )
 
 
 def _programs(
-    mechanism: Mechanism, given: Mapping[str, Given], asked: float | None, own: float | None
+    mechanism: Mechanism,
+    given: Mapping[str, Given],
+    asked: float | None,
+    own: float | None,
+    written: WrittenUnits,
 ) -> Programs | None:
     """Return the programs of what is given for drivers; None where nothing is."""
     if given:
-        states = _states(mechanism, given)
+        states = _states(mechanism, given, written)
         return all_programs(mechanism, states, lasting(asked, own, states))
     if asked is not None:
         raise InputError(
@@ -108,7 +117,7 @@ def _programs(
     return None
 
 
-def _states(mechanism: Mechanism, given: Mapping[str, Given]) -> dict[str, State]:
+def _states(mechanism: Mechanism, given: Mapping[str, Given], written: WrittenUnits) -> dict[str, State]:
     """Return the programs of drivers, read."""
     starts: dict[str, float] = {}
 
@@ -122,7 +131,8 @@ def _states(mechanism: Mechanism, given: Mapping[str, Given]) -> dict[str, State
 
     def state(name: str, one: Given) -> State:
         if isinstance(one, str):
-            return program(one, name, mechanism.unit(name), start(name))
+            unit = mechanism.unit(name)
+            return program(one, name, unit, start(name), declared=written.of(unit))
         return one.made(name, mechanism.unit(name), start(name)) if isinstance(one, FileProgram) else one
 
     return {name: state(name, one) for name, one in given.items()}
@@ -152,7 +162,7 @@ def lasting(asked: float | None, own: float | None, states: Mapping[str, State])
     return asked
 
 
-def _redriven(mechanism: Mechanism, asked: Prescription) -> Mechanism:
+def _redriven(mechanism: Mechanism, asked: Prescription, written: WrittenUnits) -> Mechanism:
     """Return the mechanism with what is asked driven and held.
 
     Where others are driven than its own drivers, those alone are; what is held is driven no more.
@@ -164,7 +174,7 @@ def _redriven(mechanism: Mechanism, asked: Prescription) -> Mechanism:
     if not asked.hold and set(asked.drive) <= set(mechanism.drivers):
         return mechanism
     poses, starts = start_poses(mechanism)
-    holds = _holds(mechanism, asked.hold, starts)
+    holds = _holds(mechanism, asked.hold, starts, written)
     drivers = tuple(name for name in mechanism.drivers if name not in holds)
     if not set(asked.drive) <= set(drivers):
         drivers = tuple(asked.drive)
@@ -185,7 +195,10 @@ def _redriven(mechanism: Mechanism, asked: Prescription) -> Mechanism:
 
 
 def _holds(
-    mechanism: Mechanism, hold: Mapping[str, str | float | None], starts: Mapping[str, float]
+    mechanism: Mechanism,
+    hold: Mapping[str, str | float | None],
+    starts: Mapping[str, float],
+    written: WrittenUnits,
 ) -> dict[str, float]:
     """Return all coordinates held, and where, in SI."""
     holds = dict(mechanism.holds)
@@ -212,13 +225,14 @@ def _holds(
             raise InputError(f"joint {name!r} has coordinates {of}; hold each by its own name")
         elif isinstance(value, str):
             unit: Unit = "m" if mechanism.unit(first) == "m" else "rad"
+            units.require_written(value, unit, written.of(unit), f"the hold of {name}")
             holds[first] = units.parse(value, unit, f"the hold of {name}")
         else:
             holds[first] = number(value)
     return holds
 
 
-def _tracked(mechanism: Mechanism, text: str) -> tuple[str, tuple[str, Vector]]:
+def _tracked(mechanism: Mechanism, text: str, written: WrittenUnits) -> tuple[str, tuple[str, Vector]]:
     """Return a point written as NAME, of a point or a link, or as NAME,LINK@x,y,z."""
     name, comma, rest = text.partition(",")
     links = [GROUND, *(link.name for link in mechanism.links)]
@@ -234,6 +248,8 @@ def _tracked(mechanism: Mechanism, text: str) -> tuple[str, tuple[str, Vector]]:
     link, at, place = rest.partition("@")
     if link not in links:
         raise InputError(f"the point {name} is tracked on link {link!r}{nearest(link, links)}")
+    if at:
+        units.require_written(place, "m", written.length, f"the place of {name}")
     values = units.parse_vector(place, "m", f"the place of {name}") if at else ORIGIN
     if len(values) != 3:
         raise InputError(f"the place of {name} is {place!r}; give three numbers in m, with commas")

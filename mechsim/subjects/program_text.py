@@ -50,6 +50,7 @@ def program(
     *,
     bare: float = 1.0,
     names: Mapping[str, float] | None = None,
+    declared: str = "",
 ) -> Program:
     """Return the program of a driver.
 
@@ -61,6 +62,8 @@ def program(
         start: gives where it starts, in SI.
         bare: what numbers without a unit are counted in, in SI.
         names: parameter -> its number in those units.
+        declared: unit that the mechanism's file declares for the coordinate, where the text is from
+            elsewhere; text without a unit is then rejected.
 
     Raises:
         InputError: names the driver, the text and the remedy.
@@ -71,12 +74,15 @@ def program(
             return _from_table(text.strip(), name)
         quantity = _QUANTITY.fullmatch(text)
         if quantity is None or quantity[1] == "t":
-            return Program(*over_time(text, unit, bare=bare, names=names))
+            return Program(*over_time(text, unit, bare=bare, names=names, declared=declared))
     except InputError as error:
         if text.strip().lower().endswith(files.EXTENSIONS):
             raise
         raise InputError(f"{said} {error}, as in {_EXAMPLES[unit]}") from None
     if quantity[1] is None:
+        if declared:
+            rated: Unit = _RATES[unit]
+            units.require_written(text, rated, f"{declared}/s", f"the program of {name}")
         rate = bare * float(text)
         return Program(f"{rate:.17g}", steady(start(), rate))
     try:

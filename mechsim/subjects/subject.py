@@ -48,7 +48,8 @@ def load(
         model: a name of the catalogue or the gallery, FILE.toml, FILE.xml in MJCF, or FILE.py:OBJECT, a
             Mechanism, a catalogue object, or a function that returns one, whose arguments with numbers as
             defaults are parameters. The Python file is run.
-        set: parameter -> its value as text, as `--set` takes it, or a number in SI.
+        set: parameter -> its value as text, as `--set` takes it, or a number in SI; docs/models.md states the
+            rule of numbers without a unit.
         drive: coordinate -> its program: text as `--drive` takes it, or a function of times (n,) in [s] that
             returns value, rate and acceleration, (n,) each in SI.
         hold: joint or coordinate -> where it is held, as text or in SI; None, or a name alone, holds it where
@@ -116,7 +117,7 @@ def _moving(model: str, set: Mapping[str, str | float] | None, asked: Prescripti
 def _prescribed(
     model: str, set: Mapping[str, str | float] | None, asked: Prescription, *, begun: bool
 ) -> Form:
-    changed = {name: str(value) for name, value in (set or {}).items()}
+    changed = dict(set or {})
     read = _read(model, changed, asked)
     if isinstance(read, MjcfForm):
         # the reader has done the rest
@@ -133,7 +134,7 @@ def _begun(form: LoopForm) -> LoopForm:
     return replace(form, mechanism=with_closed_guess(form.mechanism))
 
 
-def _read(model: str, changed: Mapping[str, str], asked: Prescription) -> Form | TomlSubject:
+def _read(model: str, changed: Mapping[str, str | float], asked: Prescription) -> Form | TomlSubject:
     """Return what moves as it says itself."""
     if not is_file(model):
         return _named(model, changed, asked)
@@ -154,10 +155,10 @@ def _read(model: str, changed: Mapping[str, str], asked: Prescription) -> Form |
     return read_python(model, changed)
 
 
-def _named(name: str, given: Mapping[str, str], asked: Prescription) -> Form | TomlSubject:
+def _named(name: str, given: Mapping[str, str | float], asked: Prescription) -> Form | TomlSubject:
     shown = gallery.files()
     if name in shown and name not in catalog.DRIVES:
         return read_toml(str(shown[name]), given, drivers=tuple(asked.drive))
     if name not in catalog.DRIVES:
         raise InputError(f"there is no mechanism {name!r}{catalog.nearest(name, [*catalog.DRIVES, *shown])}")
-    return read_catalog(name, given)
+    return read_catalog(name, {one: str(value) for one, value in given.items()})

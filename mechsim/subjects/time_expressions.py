@@ -165,6 +165,7 @@ def over_time(
     bare: float = 1.0,
     names: Mapping[str, float] | None = None,
     variable: str = "t",
+    declared: str = "",
 ) -> tuple[str, State]:
     """Return the program that an expression of t says, and the same in SI without parameters.
 
@@ -174,6 +175,7 @@ def over_time(
         bare: what a result without a unit is counted in, in SI.
         names: parameter -> its number.
         variable: one of `VARIABLES`, in place of t.
+        declared: unit in which a result without one was perhaps meant; it is rejected if that is not SI.
 
     Raises:
         InputError: for what is no expression of t, or measures something else; its sentence has no subject.
@@ -208,7 +210,10 @@ def over_time(
     alike = (probe.length, probe.force) == (wanted[0], wanted[2]) and (unit != "rad" or probe.angle == 1.0)
     if not (probe.plain or alike):
         raise InputError(f"is {probe.kind}; give {_KINDS[wanted]}")
-    if probe.mixed and bare != 1.0:
+    other = bool(declared) and units.in_si(1.0, declared, unit) != 1.0  # pyright: ignore[reportArgumentType]
+    if probe.plain and other and not _is_zero(probe.value):
+        raise InputError(f"has no unit, and the file is in {declared}; give it one")
+    if probe.mixed and (bare != 1.0 or other):
         raise InputError("adds a number without a unit to a quantity; give it a unit")
     scale = bare if probe.plain else 1.0
 
@@ -222,6 +227,12 @@ def over_time(
     for name, value in (names or {}).items():
         whole = re.sub(rf"(?<![\w.]){name}(?![\w(])", f"({value:.17g})", whole)
     return whole, state
+
+
+def _is_zero(value: Values) -> bool:
+    """Whether a value and its rates are zero, which needs no unit."""
+    parts = (value.value, value.rate, value.second) if isinstance(value, Jet) else (value,)
+    return not any(np.any(part) for part in parts)
 
 
 def as_python(text: str) -> str:
@@ -251,7 +262,8 @@ def _alike(value: Values, of: list[Measure]) -> Measure:
     if len(kinds) > 1:
         raise InputError(f"puts {dimensioned[0].kind} and {dimensioned[1].kind} together; give both one kind")
     powers = kinds.pop() if kinds else (0.0, 0.0, 0.0)
-    mixed = any(one.mixed for one in of) or 0 < len(dimensioned) < len(of)
+    bare = [one for one in of if one.plain and not _is_zero(one.value)]
+    mixed = any(one.mixed for one in of) or bool(dimensioned and bare)
     return Measure(value, *powers, mixed)
 
 

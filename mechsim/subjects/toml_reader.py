@@ -15,6 +15,7 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.vertical import Up, against
+from mechsim.model.written_units import WrittenUnits
 from mechsim.subjects.checked_values import Values
 from mechsim.subjects.key_kinds import Keys
 from mechsim.subjects.parameter_units import parameter_units, require_kinds
@@ -27,7 +28,7 @@ from mechsim.subjects.toml_drivers import (
     programs_of,
     start_of,
 )
-from mechsim.subjects.toml_forces import forces_of
+from mechsim.subjects.toml_forces import GRAVITY, forces_of
 from mechsim.subjects.toml_keys import ROOT
 from mechsim.subjects.toml_source import TomlSource, nearest, read_source
 
@@ -48,13 +49,13 @@ class TomlSubject:
 
 
 def read_toml(
-    path: str, changed: Mapping[str, str] | None = None, *, drivers: tuple[str, ...] = ()
+    path: str, changed: Mapping[str, str | float] | None = None, *, drivers: tuple[str, ...] = ()
 ) -> TomlSubject:
     """Return the mechanism of a TOML file.
 
     Args:
         path: of the file.
-        changed: parameter -> text that stands for what the file has.
+        changed: parameter -> text, or number in SI, that stands for what the file has.
         drivers: coordinates that are driven where the file names none.
 
     Raises:
@@ -64,7 +65,7 @@ def read_toml(
 
 
 def toml_subject(
-    source: TomlSource, changed: Mapping[str, str] | None = None, *, drivers: tuple[str, ...] = ()
+    source: TomlSource, changed: Mapping[str, str | float] | None = None, *, drivers: tuple[str, ...] = ()
 ) -> TomlSubject:
     """Return the mechanism of a file that was read; as `read_toml`."""
     document = {name: one for name, one in source.document.items() if name not in ("parameters", "units")}
@@ -98,6 +99,7 @@ def toml_subject(
         parameters=values.parameters,
         formula=_formula(source.path, read),
         forces=forces_of(values, mechanism, read),
+        written=WrittenUnits(values.length, values.angle),
     )
     duration = read.get("duration")
     if duration is not None and not duration > 0.0:
@@ -106,10 +108,11 @@ def toml_subject(
 
 
 def _up(read: Mapping[str, Any]) -> Up | None:
-    """Return the axis that points up: as stated, else against gravity where the file gives it."""
+    """Return the axis that points up: as stated, else against the gravity that acts by `[forces]`."""
     stated: Up | None = read.get("display", {}).get("up")
-    gravity = read.get("forces", {}).get("gravity")
-    return stated or (None if gravity is None else against(gravity))
+    if stated or "forces" not in read:
+        return stated
+    return against(read["forces"].get("gravity", GRAVITY))
 
 
 def _formula(path: str, read: Mapping[str, Any]) -> str:

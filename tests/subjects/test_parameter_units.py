@@ -1,10 +1,12 @@
 """What parameters measure is told by where a file uses them; bare numbers of --set are then in SI."""
 
+import re
 import tomllib
 
 import numpy as np
 import pytest
 
+from mechsim.errors import InputError
 from mechsim.subjects.parameter_units import parameter_units
 from mechsim.subjects.subject import load
 
@@ -45,18 +47,21 @@ def test_lengths_angles_and_plain_numbers_are_told_apart():
 @pytest.mark.parametrize(
     ("name", "text", "value"),
     [
-        ("crank", "0.035", 35.0),
+        ("crank", "0.035m", 35.0),
+        ("crank", 0.035, 35.0),
         ("crank", "35 mm", 35.0),
         ("crank", "half*0 + 35", None),
-        ("bend", "0.5", np.rad2deg(0.5)),
+        ("bend", "0.5rad", np.rad2deg(0.5)),
+        ("bend", 0.5, np.rad2deg(0.5)),
         ("ratio", "4", 4.0),
         ("teeth", "20", 20.0),
         ("unused", "20", 20.0),
-        ("span", "0.04", 40.0),
-        ("reach", "0.1", 100.0),
+        ("span", "0.04m", 40.0),
+        ("span", 0.04, 40.0),
+        ("reach", 0.1, 100.0),
     ],
 )
-def test_a_bare_number_is_si_where_it_is_a_length_or_an_angle(tmp_path, name, text, value):
+def test_a_parameter_has_its_unit_or_is_a_number_in_si(tmp_path, name, text, value):
     path = tmp_path / "arm.toml"
     path.write_text(FILE)
     if value is None:
@@ -64,8 +69,25 @@ def test_a_bare_number_is_si_where_it_is_a_length_or_an_angle(tmp_path, name, te
             load(str(path), {name: text})
         return
     assert load(str(path), {name: text}).parameters[name] == pytest.approx(value, rel=1e-15)
-    if text.replace(".", "").isdigit():
-        assert load(str(path), {name: float(text)}).parameters[name] == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "words"),
+    [
+        ("crank", "40", "crank: 40 has no unit; the file is in mm: write 40mm, or 40m if m is meant"),
+        ("crank", "0.04", "write 0.04mm, or 0.04m"),
+        ("bend", "30", "bend: 30 has no unit; the file is in deg: write 30deg, or 30rad if rad is meant"),
+        # its own text has another unit than the file's
+        ("span", "4", "span: 4 has no unit; the file is in cm: write 4cm, or 4m"),
+        ("crank", 40.0, "crank: 40 is 40 m, and the file has 0.03 m; numbers in set= are SI and the file is"),
+        ("bend", 30, "bend: 30 is 30 rad"),
+    ],
+)
+def test_a_number_without_a_unit_is_rejected_where_the_file_declares_another(tmp_path, name, given, words):
+    path = tmp_path / "arm.toml"
+    path.write_text(FILE)
+    with pytest.raises(InputError, match=re.escape(words)):
+        load(str(path), {name: given})
 
 
 @pytest.mark.parametrize("document", [{}, {"parameters": 3}, {"parameters": {"a": [1]}, "joints": 4}])

@@ -83,7 +83,7 @@ def two_circles(left, right, arm=0.05, rod=0.09, ground=0.1):
 
 
 def test_a_five_bar_goes_where_two_circles_meet_and_its_rates_are_those_of_the_law(file):
-    programs = {"left": "110deg + 20deg*sin(2*pi*t)", "right": "60deg + 15deg*cos(3*t) - 0.1*t"}
+    programs = {"left": "110deg + 20deg*sin(2*pi*t)", "right": "60deg + 15deg*cos(3*t) - 0.1rad*t"}
     form = load(file(FIVE_BAR), drive=programs, duration="1.5 s")
     time = np.linspace(0.0, 1.5, 31)
     motion = form.solve(t=time)
@@ -235,8 +235,8 @@ REFUSED = [
     ({"track": ["Q,a@0,0"]}, "three numbers"),
     ({"key": "home"}, "no keyframes"),
     ({"duration": 2.0}, "no programs that could last"),
-    ({"drive": {"left": "10deg*t", "right": "log(t-0.5)"}}, "is not finite"),
-    ({"drive": {"left": "1/t", "right": "10deg*t"}}, "is not finite"),
+    ({"drive": {"left": "10deg*t", "right": "1rad*log(t-0.5)"}}, "is not finite"),
+    ({"drive": {"left": "1deg*(1/t)", "right": "10deg*t"}}, "is not finite"),
     ({"drive": {"left": "0*t", "right": "0*t"}}, "stand still"),
     ({"drive": {"left": "10deg*t", "right": "10deg*t"}, "duration": 0.0}, "above 0"),
 ]
@@ -259,7 +259,7 @@ def test_a_table_says_how_long_it_lasts_and_no_longer_is_asked(file, tmp_path):
 
 
 def test_too_few_and_too_many_drivers_are_said_with_the_joints(file):
-    form = load(file(FIVE_BAR), drive={"left": "1", "right": "1", "P": "1"})
+    form = load(file(FIVE_BAR), drive={"left": "1rad/s", "right": "1rad/s", "P": "1rad/s"})
     with pytest.raises((MobilityError, AssemblyError)):
         form.solve(t=[0.0, 0.1])
     form = load(file(FIVE_BAR.replace('["left", "right"]', '["left"]').replace(", right = 60", "")))

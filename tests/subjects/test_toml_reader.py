@@ -65,7 +65,7 @@ def test_lengths_angles_and_expressions_become_a_mechanism_that_moves_as_its_clo
 
 
 @pytest.mark.parametrize(
-    ("text", "crank"), [("35mm", 0.035), ("0.035", 0.035), ("35*1", 0.035), ("ground/4", 0.025)]
+    ("text", "crank"), [("35mm", 0.035), ("0.035m", 0.035), ("35*1", 0.035), ("ground/4", 0.025)]
 )
 def test_a_parameter_is_changed_as_if_the_file_had_it_so(file, text, crank):
     read = load(file(FOUR_BAR), {"crank": text})

@@ -60,7 +60,7 @@ def ended_with(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
         ("[forces]\ngravity = [0, 9.81, 0]", "-y"),
         ("[forces]\ngravity = [-9.7, 1, 0]", "x"),
         ("[forces]\ngravity = [0, 0, 0]", None),
-        ("[forces]\nflywheel = 1e-3", None),
+        ("[forces]\nflywheel = 1e-3", "y"),
         ('[display]\nup = "z"', "z"),
         ('[forces]\ngravity = [0, 0, -9.81]\n[display]\nup = "y"', "y"),
         ("", None),

@@ -26,6 +26,7 @@ from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, Through
 from mechsim.model.programs import Programs
+from mechsim.model.written_units import WrittenUnits
 
 # two crank angles nearer than this are one
 SAME = 1e-9
@@ -46,6 +47,7 @@ class LoopForm:
         forces: what acts on it; None where that is not said.
         programs: of its drivers, where they are not one crank; angles are then those of their clock.
         ranges: joint -> between which values it can stand, in [m] or [rad].
+        written: the units that its file declares.
     """
 
     mechanism: Mechanism
@@ -55,6 +57,7 @@ class LoopForm:
     forces: Forces | None = None
     programs: Programs | None = None
     ranges: Ranges = field(default_factory=dict[str, tuple[float, float]])
+    written: WrittenUnits = WrittenUnits()
 
     @property
     def name(self) -> str:

@@ -33,11 +33,13 @@ class Dimension:
         name: of it.
         value: in SI.
         unit: "m", "rad" or "1".
+        declared: unit that a file declares for it; empty where it is no parameter of a file.
     """
 
     name: str
     value: float
     unit: str
+    declared: str = ""
 
 
 @dataclass(frozen=True)

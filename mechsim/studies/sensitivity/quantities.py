@@ -21,7 +21,7 @@ def is_effort(name: str) -> bool:
     return (
         name in alone
         or ending in COMPONENTS
-        or name.startswith(("drive ", "gear ", "mesh ", "power_", "torque:", "force:", "moment:"))
+        or name.startswith(("drive ", "hold ", "gear ", "mesh ", "power_", "torque:", "force:", "moment:"))
     )
 
 
@@ -93,7 +93,7 @@ def unit_of(name: str, mechanism: Mechanism) -> str:
         joint = mechanism.joint(own)
         part = int(ending[1:] or 0)
         return mechanism.unit(joint.coordinates[part]) + {"q": "", "v": "/s", "a": "/s2"}[ending[0]]
-    if name.startswith(("drive ", "gear ")):
+    if name.startswith(("drive ", "hold ", "gear ")):
         return "N" if name.split(" ", 1)[1] in mechanism.straight else "N m"
     units = {"torque": "N m", "inertia": "kg m2", "inertia_slope": "kg m2/rad"}
     return units.get(name, "W" if name.startswith("power") else "J")

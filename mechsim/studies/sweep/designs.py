@@ -85,6 +85,11 @@ def parameter_units(family: DesignFamily, form: object) -> dict[str, str]:
     return found
 
 
+def declared_units(family: DesignFamily) -> dict[str, str]:
+    """Return the units that a file declares for its parameters: name -> unit as written."""
+    return {name: one.declared for name, one in family.dimensions.items() if one.declared}
+
+
 def known(name: str, model: str, there: Mapping[str, str]) -> str:
     """Return a parameter's unit.
 
@@ -99,11 +104,26 @@ def known(name: str, model: str, there: Mapping[str, str]) -> str:
     return there[name]
 
 
-def parsed_range(text: str, model: str, there: Mapping[str, str], *, sampled: bool) -> tuple[str, Array]:
+def parsed_range(
+    text: str,
+    model: str,
+    there: Mapping[str, str],
+    *,
+    sampled: bool,
+    declared: Mapping[str, str] | None = None,
+) -> tuple[str, Array]:
     """Return a parameter and its values in SI, (n,), from `p=a:b:n` or `p=v,w,...`; sampled: its ends, (2,).
 
+    Args:
+        text: the range.
+        model: name of the subject.
+        there: parameter -> SI unit.
+        sampled: whether samples are spread over it.
+        declared: parameter -> unit that a file declares for it.
+
     Raises:
-        InputError: for what is none of these, an unknown parameter, or a range that runs backwards.
+        InputError: for what is none of these, an unknown parameter, a range that runs backwards, or one
+            without a unit where the file declares another than SI.
     """
     name, equals, rest = text.partition("=")
     name = name.strip()
@@ -112,6 +132,9 @@ def parsed_range(text: str, model: str, there: Mapping[str, str], *, sampled: bo
     what = f"{name} of {model}"
     parts = rest.split(":")
     unit: Unit = known(name, model, there) or _unit_of(parts, what)  # pyright: ignore[reportAssignmentType]
+    if own := (declared or {}).get(name):
+        count = "".join(f":{part}" for part in parts[2:])
+        units.require_written(":".join(parts[:2]), unit, own, name, count)
     if len(parts) == 1 and not sampled:
         return name, np.array(units.parse_vector(rest, unit, what))
     if len(parts) != (2 if sampled else 3):
@@ -228,11 +251,14 @@ def _points(word: str, dimensions: int, count: int, seed: int) -> Array:
     return kinds[word](dimensions, rng=seed).random(count)
 
 
-def read_designs(path: str, model: str, there: Mapping[str, str]) -> Designs:
+def read_designs(
+    path: str, model: str, there: Mapping[str, str], declared: Mapping[str, str] | None = None
+) -> Designs:
     """Return the designs of a CSV file: a column a parameter; cells may carry units.
 
     Raises:
-        InputError: for a file that is not there, or cells that are no values.
+        InputError: for a file that is not there, cells that are no values, or cells without a unit where the
+            mechanism's file declares another than SI.
     """
     try:
         with Path(path).open(encoding="utf-8-sig", newline="") as file:
@@ -250,13 +276,17 @@ def read_designs(path: str, model: str, there: Mapping[str, str]) -> Designs:
     columns: dict[str, Array] = {}
     for i, name in enumerate(names):
         unit = known(name, model, there)
-        columns[name] = np.array([_cell(row, i, unit, path, line) for line, row in enumerate(rows, 2)])
+        own = (declared or {}).get(name, "")
+        columns[name] = np.array([_cell(row, i, unit, path, line, own) for line, row in enumerate(rows, 2)])
     return listed(columns, model, there, f"{len(rows)} designs of {Path(path).name}")
 
 
-def _cell(row: Sequence[str], i: int, unit: str, path: str, line: int) -> float:
+def _cell(row: Sequence[str], i: int, unit: str, path: str, line: int, declared: str) -> float:
     if i >= len(row):
         raise InputError(f"line {line} of {path} has {len(row)} values; give one under each name")
+    if declared:
+        what = f"line {line} of {path}"
+        units.require_written(row[i], unit, declared, what)  # pyright: ignore[reportArgumentType]
     try:
         return float(row[i])
     except ValueError:

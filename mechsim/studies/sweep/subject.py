@@ -12,7 +12,7 @@ from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.subjects.families import family, toml_path
+from mechsim.subjects.families import family, in_text, toml_path
 from mechsim.subjects.python_object import parameters_of, python_maker
 from mechsim.subjects.toml_reader import toml_subject
 from mechsim.subjects.toml_source import TomlSource, read_source
@@ -48,18 +48,20 @@ class OfToml:
 
     Attributes:
         source: the file.
-        given: parameter -> text, of those that are set and do not vary.
+        given: parameter -> text or number in SI, of those that are set and do not vary.
         guess: link -> pose of the file as it stands, closed; it selects the assembly of designs where the
             file itself has no guess of a link.
+        units: parameter -> SI unit.
     """
 
     source: TomlSource
-    given: Mapping[str, str] = field(default_factory=dict[str, str])
+    given: Mapping[str, str | float] = field(default_factory=dict[str, "str | float"])
     guess: Mapping[str, Pose] = field(default_factory=dict[str, Pose])
+    units: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def __call__(self, values: Mapping[str, float]) -> Form:
         """Return a design."""
-        changed = {name: repr(float(value)) for name, value in values.items()}
+        changed = {name: in_text(value, self.units.get(name, "1")) for name, value in values.items()}
         form = toml_subject(self.source, {**self.given, **changed}).form
         mechanism = form.mechanism
         if len(mechanism.guess) == len(mechanism.links):
@@ -77,7 +79,7 @@ class OfPython:
     """
 
     model: str
-    given: Mapping[str, str] = field(default_factory=dict[str, str])
+    given: Mapping[str, str | float] = field(default_factory=dict[str, "str | float"])
 
     def __call__(self, values: Mapping[str, float]) -> Form:
         """Return a design."""
@@ -129,12 +131,14 @@ def swept(
     found = family(model, set, **asked)
     form = found.make({})
     name = model if isinstance(model, str) else form.name
-    given = {one: str(value) for one, value in (set or {}).items()}
+    given = dict(set or {})
     if isinstance(model, str) and ".py:" in model and not any(asked.values()) and parameters_of(model):
         return SweptSubject(name, form, found, OfPython(model, given))
     if isinstance(form, ClosedForm):
         return SweptSubject(name, form, found, OfCatalog(form))
     path = toml_path(model) if isinstance(model, str) else None
+    of = {one.name: one.unit for one in found.dimensions.values()}
     if path is not None and form.programs is None and not any(asked.values()):
-        return SweptSubject(name, form, found, OfToml(read_source(path), given, form.mechanism.guess))
+        make = OfToml(read_source(path), given, form.mechanism.guess, of)
+        return SweptSubject(name, form, found, make)
     return SweptSubject(name, form, found, found.make)

@@ -16,7 +16,15 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.simulation.dynamics.prescribed_motion import HARD
 from mechsim.simulation.settings import Settings
 from mechsim.studies.sweep.chunks import bounds, run_parts
-from mechsim.studies.sweep.designs import Designs, grid, listed, parameter_units, read_designs, sampled
+from mechsim.studies.sweep.designs import (
+    Designs,
+    declared_units,
+    grid,
+    listed,
+    parameter_units,
+    read_designs,
+    sampled,
+)
 from mechsim.studies.sweep.identity import identity
 from mechsim.studies.sweep.measures import measures
 from mechsim.studies.sweep.parts import BESIDE, PartFolder, require_disk
@@ -140,7 +148,7 @@ def swept_task(
     if not least <= samples <= MOST_SAMPLES:
         raise InputError(f"{samples} samples a turn; give {least} to {MOST_SAMPLES:,}")
     subject, there = swept_designs(model, set, **asked)
-    designs = _designs(subject.name, vary or {}, design, sample, there)
+    designs = _designs(subject, vary or {}, design, sample, there)
     rate = float(units.si(speed, "rad/s", "the speed"))
     texts = [measure] if isinstance(measure, str) else list(measure)
     asked_for = measures(texts, subject.form.mechanism, subject.form.programs)
@@ -164,16 +172,17 @@ def _hard_enough(task: SweepTask) -> SweepTask:
 
 
 def _designs(
-    name: str,
+    subject: SweptSubject,
     vary: Mapping[str, Any],
     design: Mapping[str, Any] | str | None,
     sample: str | None,
     there: Mapping[str, str],
 ) -> Designs:
+    name = subject.name
     if design is not None and (vary or sample is not None):
         raise InputError("designs are given and ranges too; give one of them")
     if isinstance(design, str):
-        return read_designs(design, name, there)
+        return read_designs(design, name, there, declared_units(subject.family))
     if design is not None:
         return listed(design, name, there, "list of designs")
     return grid(vary, name, there) if sample is None else sampled(sample, vary, name, there)

@@ -97,7 +97,7 @@ def test_only_what_formulas_take_as_arrays_goes_by_one_formula():
 def test_what_no_design_can_have_is_refused():
     with pytest.raises(InputError, match="mechsim trace"):
         ms.sweep("watt_six_bar", {"crank": [0.02]}, "assemblies")
-    five_bar = ms.load("five_bar", drive={"left": "0.1*t", "right": "0.1*t"})
+    five_bar = ms.load("five_bar", drive={"left": "0.1rad*t", "right": "0.1rad*t"})
     undriven = type(five_bar)(five_bar.mechanism)
     with pytest.raises(InputError, match="no lone crank"):
         ms.sweep(undriven, {"left.at.x": [0.01]}, "range:left")

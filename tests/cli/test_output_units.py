@@ -1,0 +1,150 @@
+"""Numbers without a unit are rejected where a file is in mm; `--units` writes tables in other units."""
+
+import json
+
+import numpy as np
+import pytest
+
+from mechsim import files
+
+ARM = """
+name = "press"
+units = { length = "mm", angle = "deg" }
+[parameters]
+rx = 40
+rod = 120
+[joints.crank]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "crank" }
+[joints.A]
+kind = "revolute"
+a = { link = "crank", at = ["rx", 0, 0] }
+b = { link = "rod" }
+[joints.B]
+kind = "revolute"
+a = { link = "rod", at = ["rod", 0, 0] }
+b = { link = "slider" }
+[joints.slide]
+kind = "prismatic"
+a = { link = "ground", axis = [1, 0, 0] }
+b = { link = "slider", axis = [1, 0, 0] }
+[points]
+B = { link = "slider" }
+[guess]
+rod = { at = ["rx", 0, 0] }
+slider = { at = ["rx + rod", 0, 0] }
+"""
+
+
+@pytest.fixture
+def press(tmp_path):
+    path = tmp_path / "press.toml"
+    path.write_text(ARM)
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ("show --set rx=40", "rx: 40 has no unit; the file is in mm: write 40mm, or 40m if m is meant"),
+        ("show --angle 30", "--angle: 30 has no unit; the file is in deg: write 30deg, or 30rad"),
+        (
+            "sweep --vary rx=0:40:5 --measure stroke:B -o s.csv",
+            "rx: 0:40:5 has no unit; the file is in mm",
+        ),
+        ("sweep --vary rx=30,40 --measure stroke:B -o s.csv", "write 30,40mm, or 30,40m if m is meant"),
+        ("sweep --vary rx=30:40 --sample sobol:4 --measure stroke:B -o s.csv", "write 30:40mm, or 30:40m"),
+        ("solve --angles 0:360:5", "--angles: 0:360:5 has no unit; the file is in deg: write 0:360:5deg"),
+        ("sensitivity --of B --angles 0,30", "--angles: 0,30 has no unit; the file is in deg"),
+        ("solve --drive crank=30", "the program of crank: 30 has no unit; the file is in deg: write 30deg/s"),
+        ("solve --drive crank=30*sin(t)", "'30*sin(t)', has no unit, and the file is in deg"),
+        (
+            "solve --drive slide=1mm*t --hold crank=30",
+            "the hold of crank: 30 has no unit",
+        ),
+        (
+            "solve --track P,rod@60,0,0",
+            "the place of P: 60,0,0 has no unit; the file is in mm",
+        ),
+        ("render --angle 30 -o p.png", "--angle: 30 has no unit"),
+    ],
+)
+def test_a_number_without_a_unit_is_rejected_where_the_file_is_in_mm(mechsim, press, words, sentence):
+    command, *rest = words.split()
+    answer = mechsim(command, press, *rest)
+    assert answer.code == 2
+    assert sentence in answer.err
+    assert answer.out == ""
+
+
+def test_cells_of_designs_need_units_where_the_file_is_in_mm(mechsim, press, tmp_path):
+    table = tmp_path / "designs.csv"
+    for cells, code in (("30mm\n0.04m\n", 0), ("30\n40\n", 2)):
+        table.write_text(f"rx\n{cells}")
+        words = ("--design", str(table), "--measure", "stroke:B", "-o", "s.csv")
+        assert mechsim("sweep", press, *words).code == code
+    written = (tmp_path / "s.csv").read_text().splitlines()
+    assert [float(row.split(",")[0]) for row in written[1:]] == [0.03, 0.04]
+
+
+def test_zero_and_numbers_with_units_are_taken(mechsim, press):
+    words = ("--angles", "0", "--set", "rx=0.05m", "--json")
+    columns = json.loads(mechsim("solve", press, *words).out)["columns"]
+    assert columns["B.x"] == pytest.approx([0.17], rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("units", "length", "angle"),
+    [("file", "mm", "deg"), ("cm", "cm", "rad"), ("SI", "m", "rad"), ("deg,in", "in", "deg")],
+)
+def test_solve_and_simulate_write_labelled_columns_in_other_units(
+    mechsim, press, units, length, angle, tmp_path
+):
+    metre, radian = (
+        {"mm": 1e3, "cm": 1e2, "m": 1.0, "in": 1.0 / 0.0254}[length],
+        {"deg": 180.0 / np.pi}.get(angle, 1.0),
+    )
+    asked = ("solve", press, "--angles", "0:90:30deg", "--speed", "60rpm")
+    plain = json.loads(mechsim(*asked, "--json", "--units", units).out)["columns"]
+    assert mechsim(*asked, "-o", "t.csv", "--units", units).code == 0
+    table = files.read(tmp_path / "t.csv")
+    assert len(table) == len(plain)
+    np.testing.assert_allclose(table[f"angle [{angle}]"], radian * np.array(plain["angle"]), rtol=1e-14)
+    np.testing.assert_allclose(table[f"B.x [{length}]"], metre * np.array(plain["B.x"]), rtol=1e-14)
+    np.testing.assert_allclose(table[f"B.ax [{length}/s^2]"], metre * np.array(plain["B.ax"]), rtol=1e-14)
+    np.testing.assert_allclose(table[f"A.v [{angle}/s]"], radian * np.array(plain["A.v"]), rtol=1e-14)
+    assert mechsim(*asked, "--units", units).out.splitlines()[0].split(",") == list(table)
+    run = ("simulate", press, "--speed", "60rpm", "--samples", "5", "-o", "run.csv", "--units", units)
+    assert mechsim(*run).code == 0
+    assert {"time [s]", f"angle [{angle}]", f"B.vx [{length}/s]"} <= set(files.read(tmp_path / "run.csv"))
+
+
+def test_a_table_in_other_units_reads_back_as_a_reference(mechsim, press):
+    motion = ("--angles", "0:90:30deg", "--speed", "60rpm")
+    assert mechsim("solve", press, *motion, "-o", "t.csv", "--units", "file").code == 0
+    answer = mechsim("validate", press, "--against", "t.csv", "--speed", "60rpm")
+    assert answer.code == 0, answer.out
+
+
+def test_dynamics_trace_and_show_take_units(mechsim, press, tmp_path):
+    asked = ("dynamics", press, "--method", "none", "--samples", "4", "--csv", "d.csv")
+    told = mechsim(*asked, "--units", "file").out
+    assert "at [deg]" in told
+    columns = files.read(tmp_path / "d.csv")
+    np.testing.assert_allclose(columns["angle [deg]"], [0, 90, 180, 270, 360], atol=1e-9)
+    assert {"time [s]", "torque [N m]", "A.fx [N]", "A.mz [N m]", "kinetic [J]", "inertia [kg m^2]"} <= set(
+        columns
+    )
+    assert "at [rad]" in mechsim(*asked).out
+    assert mechsim("trace", press, "--starts", "2", "-o", "c.csv", "--units", "mm,deg").code == 0
+    assert {"component [1]", "angle [deg]", "slide.q [mm]", "B.x [mm]"} <= set(files.read(tmp_path / "c.csv"))
+    assert "x [mm]" in mechsim("show", press, "--units", "mm").out
+    assert "x [m]" in mechsim("show", press).out
+
+
+@pytest.mark.parametrize("units", ["rpm", "mm,,deg", "", "yards long"])
+def test_units_that_measure_no_length_or_angle_are_rejected(mechsim, press, units):
+    answer = mechsim("solve", press, "--units", units)
+    assert answer.code == 2
+    assert "which measures no length and no angle; give mm, deg" in answer.err
