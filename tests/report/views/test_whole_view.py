@@ -66,7 +66,7 @@ def test_two_drivers_moved_by_hand_find_the_poses_that_the_loops_have(monkeypatc
     assert grid.error < 2e-4
     at = {"left": 2.03, "right": 0.97}
     (solved,) = (
-        ms.load("five_bar", drive={"left": "2.03 + 0*t", "right": "0.97 + 0.000001*t"})
+        ms.load("five_bar", drive={"left": "2.03rad + 0*t", "right": "0.97rad + 1e-6rad*t"})
         .solve(t=[0.0])
         .points["P"]
         .position
