@@ -1,7 +1,7 @@
 """How many cells the loop equations need along a path; ends with 1 where a count is above its bound.
 
-A cell is a stretch of a path that one polynomial describes. Counts do not depend on the machine, but by a few
-on how its kernel of the linear algebra rounds where cells are halved: ranges were counted under five kernels.
+A cell is a stretch of a path that one polynomial describes. Counts do not depend on the machine. Those of
+paths that bend sharply are tests (`tests/analytic/test_followed_path.py`), because they kill mutants.
 
 Run: python validation/speed/cell_counts.py
 """
@@ -17,15 +17,6 @@ from mechsim.analytic.closure.whole_motion import followed
 from mechsim.model.design_arrays import those_alike
 
 TURN = 2.0 * np.pi
-# ground, crank, coupler, rocker of four-bars near or through a flat pose, and bounds
-SHARP = {
-    "a kite": ((0.034801572306382825, 0.03809267197104313, 0.034801572306382825, 0.03809267197104313), 127),
-    "a hundredth": ((0.1, 0.099, 0.1, 0.099), 170),
-    "a hundredth longer": ((0.1, 0.101, 0.1, 0.101), 170),
-    "one flat pose": ((0.1, 0.098, 0.15, 0.152), 104),
-    "a parallelogram": ((0.1, 0.045, 0.1, 0.045), 75),
-    "a flat pose missed by 1 nm": ((0.1, 0.04, 0.12, 0.06 + 1e-9), 260),
-}
 SMOOTH = {"four_bar": 25, "rssr": 39, "slider_crank": 22}
 TOGETHER = {"rssr": (0.06, 36), "four_bar": (0.02, 23)}
 
@@ -61,14 +52,10 @@ def cells_together(name: str, spread: float) -> int:
 
 
 def main() -> int:
-    names = ("ground", "crank", "coupler", "rocker")
     rows = [
         (f"{name}, smooth", cells_tried(catalog.make(name).mechanism, (1.0, 4.0, TURN, -1.0, -TURN)), most)
         for name, most in SMOOTH.items()
     ]
-    for what, (lengths, most) in SHARP.items():
-        mechanism = catalog.make("four_bar", **dict(zip(names, lengths, strict=True))).mechanism
-        rows.append((f"four_bar, {what}", cells_tried(mechanism, (TURN, -TURN)), most))
     for name, (spread, most) in TOGETHER.items():
         rows.append((f"{name}, three designs together", cells_together(name, spread), most))
     print("| path | cells | bound |\n|---|---|---|")
