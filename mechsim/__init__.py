@@ -27,13 +27,14 @@ if TYPE_CHECKING:
     from mechsim.model.scene import Scene
     from mechsim.pictures import plots, render
     from mechsim.report.notebook import show
-    from mechsim.simulation import Run, Settings, simulate
+    from mechsim.simulation import Run, Settings
     from mechsim.studies.agreement.agreement import Agreement, validate
     from mechsim.studies.fit.asked import fit
     from mechsim.studies.optimise.search import optimise
     from mechsim.studies.sensitivity.asked import moved, sensitivity
     from mechsim.studies.sensitivity.study import tolerance_study
     from mechsim.studies.sweep.sweeping import sweep
+    from mechsim.subjects.named_runs import simulate
     from mechsim.subjects.subject import load
     from mechsim.theory.continuation import trace
     from mechsim.verdict.checks import Check, Verdict

@@ -49,7 +49,7 @@ CHECK = record(
 )
 SETTINGS = record({"timestep": NUMBER}) | {"additionalProperties": ANY}
 FINDING = record(
-    {"remedy": TEXT, "line": maybe(WHOLE), "sure": YES},
+    {"remedy": TEXT, "line": maybe(WHOLE), "file": TEXT, "sure": YES},
     kind=TEXT,
     what=TEXT,
     by=NUMBER,

@@ -49,7 +49,7 @@ def print_findings(found: Sequence[Finding] | None) -> None:
     if not found:
         typer.echo("findings: none")
         return
-    rows = [(one.kind, "" if one.line is None else str(one.line), one.advice) for one in found]
+    rows = [(one.kind, one.place.removeprefix("line "), one.advice) for one in found]
     print_table("Findings in the file", ("kind", "line", "what; remedy"), rows)
 
 

@@ -1,7 +1,17 @@
 """What was found: of a scene before it runs, or of a difference that is to be explained."""
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, TypedDict
+
+
+class FilePlace(TypedDict):
+    """Where something stands: in an included file, empty for the file itself, and on which line, if known."""
+
+    file: str
+    line: int | None
+
+
+NOWHERE: FilePlace = {"file": "", "line": None}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,6 +26,7 @@ class Finding:
         say: one sentence for people.
         remedy: what mends it; empty where nothing needs to be mended.
         line: of the file it is in; None where it is in none, or in no single line.
+        file: the included file that holds the line; empty for the file itself.
         sure: whether a difference that was compared is gone once this is mended.
     """
 
@@ -26,6 +37,7 @@ class Finding:
     say: str
     remedy: str = ""
     line: int | None = None
+    file: str = ""
     sure: bool = False
 
     def as_dict(self) -> dict[str, Any]:
@@ -40,4 +52,10 @@ class Finding:
     @property
     def told(self) -> str:
         """The finding in one line: where, what, remedy."""
-        return self.advice if self.line is None else f"line {self.line}: {self.advice}"
+        return f"{self.place}: {self.advice}" if self.place else self.advice
+
+    @property
+    def place(self) -> str:
+        """File and line in words; empty where they are not known."""
+        line = "" if self.line is None else f"line {self.line}"
+        return ", ".join(filter(None, [self.file, line]))

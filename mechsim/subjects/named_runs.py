@@ -1,20 +1,31 @@
 """A run in MuJoCo of whatever `load` takes: a name or a file, beside what is a model already."""
 
+from collections.abc import Callable
 from functools import wraps
 from os import PathLike
-from typing import Any
+from typing import Any, ParamSpec
 
 from mechsim.simulation import Run
 from mechsim.simulation import simulate as simulated
 from mechsim.subjects.subject import MODELS, load
 
+P = ParamSpec("P")
 
-@wraps(simulated)
-def simulate(source: Any, *given: Any, **options: Any) -> Run:
-    """Run a model in MuJoCo: as `mechsim.simulation.simulate`, and by a name or a file that `load` takes."""
-    if isinstance(source, str | PathLike):
-        text = str(source)
-        # MJCF is MuJoCo's own: its text or file is run as it is
-        if "<" not in text and not text.lower().endswith(MODELS):
-            source = load(source)
-    return simulated(source, *given, **options)
+
+def _loading(run: Callable[P, Run]) -> Callable[P, Run]:
+    """Return what runs a model, and what `load` takes as well: a name, FILE.toml or FILE.py:OBJECT."""
+
+    @wraps(run)
+    def loaded(*given: P.args, **options: P.kwargs) -> Run:
+        if given and isinstance(given[0], str | PathLike):
+            text = str(given[0])
+            # MJCF is MuJoCo's own: its text or file is run as it is
+            if "<" not in text and not text.lower().endswith(MODELS):
+                rest: Any = (load(text), *given[1:])
+                return run(*rest, **options)
+        return run(*given, **options)
+
+    return loaded
+
+
+simulate = _loading(simulated)

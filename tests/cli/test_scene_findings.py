@@ -17,7 +17,7 @@ def test_show_lists_what_is_wrong_with_a_scene(mechsim, file, text, kinds):
     found = json.loads(out)["findings"]
     assert [one["kind"] for one in found] == kinds
     for one in found:
-        assert {"kind", "what", "by", "explains", "say", "remedy", "line"} <= set(one)
+        assert {"kind", "what", "by", "explains", "say", "remedy", "line", "file"} <= set(one)
         assert 0 <= one["explains"] <= 1
 
 

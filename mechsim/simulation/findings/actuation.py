@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.finding import Finding
-from mechsim.simulation.findings.inspected import Inspected, line_of, rank
+from mechsim.model.finding import FilePlace, Finding
+from mechsim.simulation.findings.inspected import Inspected, rank
 from mechsim.simulation.findings.predicted_gap import moments
 from mechsim.simulation.findings.swing import Swing, swing
 from mechsim.simulation.mjcf.silence import quiet
@@ -48,7 +48,7 @@ def _too_many(scene: Inspected) -> Iterator[Finding]:
             say=f"actuator {name} moves what other servos move already: they work against each other "
             "unless their controls agree to the last bit",
             remedy=f"leave {name} out, or make it a motor",
-            line=lines[a],
+            **lines[a],
         )
 
 
@@ -80,7 +80,7 @@ def _kicking(scene: Inspected) -> Iterator[Finding]:
             say=f"actuator {name} is {abs(off):.3g} from what its control of 0 asks for where the scene "
             f"starts, and begins with an effort of {abs(force):.3g}",
             remedy="give it the control of the start, in a keyframe or by --ctrl",
-            line=_lines(scene)[a],
+            **_lines(scene)[a],
         )
 
 
@@ -103,7 +103,7 @@ def _against_programs(scene: Inspected) -> Iterator[Finding]:
             say=f"actuator {name} fights the drive: with its control at 0 it works against the programs "
             f"by up to {most:.3g} N or N m",
             remedy="drive by its own control (--ctrl), or leave it out of the scene",
-            line=_lines(scene)[a],
+            **_lines(scene)[a],
         )
 
 
@@ -127,5 +127,5 @@ def _stiffness(scene: Inspected, actuator: int) -> float:
     return -float(scene.model.actuator_biasprm[actuator, 1])
 
 
-def _lines(scene: Inspected) -> list[int | None]:
-    return [line_of(one) for one in scene.read.spec.actuators]
+def _lines(scene: Inspected) -> list[FilePlace]:
+    return [scene.place(one) for one in scene.read.spec.actuators]

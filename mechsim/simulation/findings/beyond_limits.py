@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from mechsim.model.finding import Finding
-from mechsim.simulation.findings.inspected import Inspected, line_of, null_space
+from mechsim.model.finding import NOWHERE, FilePlace, Finding
+from mechsim.simulation.findings.inspected import Inspected, null_space
 from mechsim.simulation.mjcf_reader.kinds import DRIVABLE, SLIDE
 
 # what digits of a file leave, in parts of the range
@@ -28,20 +28,20 @@ def beyond(scene: Inspected) -> Iterator[Finding]:
         if kind not in DRIVABLE:  # a ball's limit is on how far it is turned
             value = 2.0 * float(np.arccos(min(1.0, abs(value))))
         unit = "m" if kind == SLIDE else "rad"
-        line, (low, high) = line_of(joints[name]), model.jnt_range[j]
-        yield from _beyond(f"joint {name}", name, value, (low, high), unit, line)
+        where, (low, high) = scene.place(joints[name]), model.jnt_range[j]
+        yield from _beyond(f"joint {name}", name, value, (low, high), unit, where)
         dofs = slice(int(model.jnt_dofadr[j]), int(model.jnt_dofadr[j]) + (1 if kind in DRIVABLE else 3))
         if low == high and value == low and free[:, dofs].max(initial=0.0) > MOVES:
-            yield _shut(name, float(low), unit, line)
+            yield _shut(name, float(low), unit, where)
     tendons = {tendon.name: tendon for tendon in scene.read.spec.tendons}
     for t in np.flatnonzero(model.tendon_limited):
         name, value = str(model.tendon(t).name), float(scene.started.ten_length[t])
-        line = line_of(tendons[name]) if name in tendons else None
+        where = scene.place(tendons[name]) if name in tendons else NOWHERE
         low, high = model.tendon_range[t]
-        yield from _beyond(f"tendon {name}", name, value, (low, high), "m or rad", line)
+        yield from _beyond(f"tendon {name}", name, value, (low, high), "m or rad", where)
 
 
-def _shut(name: str, at: float, unit: str, line: int | None) -> Finding:
+def _shut(name: str, at: float, unit: str, where: FilePlace) -> Finding:
     return Finding(
         kind="limit",
         what=name,
@@ -49,12 +49,12 @@ def _shut(name: str, at: float, unit: str, line: int | None) -> Finding:
         explains=0.0,
         say=f"joint {name} is limited to {at:g} {unit} alone, and every motion of its loop breaks that",
         remedy='give it a range, or limited="false"',
-        line=line,
+        **where,
     )
 
 
 def _beyond(
-    called: str, name: str, value: float, bounds: tuple[float, float], unit: str, line: int | None
+    called: str, name: str, value: float, bounds: tuple[float, float], unit: str, where: FilePlace
 ) -> Iterator[Finding]:
     low, high = float(bounds[0]), float(bounds[1])
     by = max(low - value, value - high)
@@ -66,5 +66,5 @@ def _beyond(
             explains=0.0,
             say=f"{called} starts at {value:.6g} {unit}, {by:.3g} beyond its range, {low:.6g} to {high:.6g}",
             remedy="widen the range, or start from a keyframe within it",
-            line=line,
+            **where,
         )

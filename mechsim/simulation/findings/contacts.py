@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.model.finding import Finding
-from mechsim.simulation.findings.inspected import Inspected, line_of
+from mechsim.simulation.findings.inspected import Inspected
 from mechsim.simulation.findings.swing import swing
 from mechsim.simulation.mjcf.silence import quiet
 
@@ -43,7 +43,7 @@ def _collision(scene: Inspected, geoms: tuple[int, int], depth: float, *, joined
         explains=0.0,
         say=f"{first} and {second} {where}: they are {depth:.2g} m deep in each other",
         remedy=f'<contact><exclude body1="{first}" body2="{second}"/></contact>, or smaller geoms',
-        line=line_of(list(scene.read.spec.geoms)[geoms[0]]),
+        **scene.place(list(scene.read.spec.geoms)[geoms[0]]),
     )
 
 

@@ -1,6 +1,7 @@
 """A scene that is looked over: the compiled model at its start, its loops, and closed states about it."""
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -8,13 +9,24 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
+from mechsim.model.finding import NOWHERE, FilePlace
 from mechsim.model.programs import Programs
 from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.equality_rows import CONNECT, JOINT, TENDON, WELD
+from mechsim.simulation.mjcf_text.included_places import included_places
 
+# what a finding may be about
+Part = (
+    mujoco.MjsBody
+    | mujoco.MjsJoint
+    | mujoco.MjsGeom
+    | mujoco.MjsEquality
+    | mujoco.MjsActuator
+    | mujoco.MjsTendon
+)
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 OFF = mujoco.mjtDisableBit
 # singular values below this part of the largest count as zero: files are rounded to a millionth
@@ -34,14 +46,14 @@ class Loop:
         number: in the model.
         kind: of the constraint, as MuJoCo numbers it.
         bodies: that it joins, for connect and weld; else none.
-        line: in the file.
+        place: in the file.
     """
 
     name: str
     number: int
     kind: int
     bodies: tuple[int, ...]
-    line: int | None
+    place: FilePlace
 
     @property
     def closes(self) -> bool:
@@ -102,12 +114,30 @@ class Inspected:
         if model.opt.disableflags & int(OFF.mjDSBL_EQUALITY):
             return ()
         known = (CONNECT, WELD, JOINT, TENDON)
-        lines = [line_of(one) for one in self.read.spec.equalities]
+        places = [self.place(one) for one in self.read.spec.equalities]
         return tuple(
-            Loop(model.equality(i).name, i, kind, _bodies(model, i), lines[i])
+            Loop(model.equality(i).name, i, kind, _bodies(model, i), places[i])
             for i in range(model.neq)
             if model.eq_active0[i] and (kind := int(model.eq_type[i])) in known
         )
+
+    @cached_property
+    def included(self) -> Mapping[tuple[str, ...], FilePlace]:
+        """Where the parts of included files stand, by kind and name."""
+        return included_places(self.read.path)
+
+    def place(self, part: Part) -> FilePlace:
+        """Return where a part stands in the file, or in one that it includes."""
+        found = re.search(r"line (\d+)", str(part.info))
+        number = int(found[1]) if found else None
+        # MuJoCo knows no line of what an included file holds
+        if number != 0:
+            return {"file": "", "line": number}
+        kind = type(part).__name__.removeprefix("Mjs").lower()
+        known = self.included.get((kind, str(part.name)))
+        if known is None and isinstance(part, mujoco.MjsEquality):
+            known = self.included.get((kind, str(part.name1), str(part.name2)))
+        return NOWHERE if known is None else known
 
     def opened(self, qpos: Array) -> tuple[Array, Array, Array]:
         """Return how far the loops stand open, (m,), the Jacobian (m, nv), and the loop of each row, (m,)."""
@@ -178,12 +208,6 @@ def _bodies(model: mujoco.MjModel, i: int) -> tuple[int, ...]:
     if int(model.eq_objtype[i]) == int(mujoco.mjtObj.mjOBJ_SITE):
         return tuple(int(model.site_bodyid[end]) for end in ends)
     return ends
-
-
-def line_of(part: mujoco.MjsBody | mujoco.MjsJoint | mujoco.MjsEquality | mujoco.MjsActuator) -> int | None:
-    """Return the line of a part in its file, as MuJoCo has it."""
-    found = re.search(r"line (\d+)", str(part.info))
-    return int(found[1]) if found else None
 
 
 def rank(matrix: Array) -> int:

@@ -46,7 +46,7 @@ def _gap(loop: Loop, by: float, unit: str, what: str) -> Finding:
         explains=0.0,
         say=f"{loop.name} stands open where the scene starts: {what} are {by:.3g} {unit} apart",
         remedy="MuJoCo snaps it shut in the first steps: move an anchor or start from a closed keyframe",
-        line=loop.line,
+        **loop.place,
     )
 
 
@@ -70,7 +70,7 @@ def doubled(scene: Inspected) -> Iterator[Finding]:
                 say=f"{loop.name} says what {other.name} says: the loop is closed twice over, "
                 f"and its {len(rows[loop.number])} rows add no rank",
                 remedy=f"leave out {loop.name}",
-                line=loop.line,
+                **loop.place,
             )
             break
 

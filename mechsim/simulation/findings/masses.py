@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.model.finding import Finding
-from mechsim.simulation.findings.inspected import Inspected, line_of
+from mechsim.simulation.findings.inspected import Inspected
 
 # rounding of the triangle inequality, in parts of the largest moment
 ROUNDED = 1e-9
@@ -48,7 +48,7 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
                 explains=0.0,
                 say=f"body {name} {what}",
                 remedy=remedy,
-                line=line_of(part),
+                **scene.place(part),
             )
 
 

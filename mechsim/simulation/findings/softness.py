@@ -52,7 +52,7 @@ def soft(scene: Inspected) -> Iterator[Finding]:
             explains=0.0,
             say=f"{loop.name} is soft: its own forces will open it by {by:.2g} {unit} {when}",
             remedy=f"{remedy}; mechsim tune finds what your tolerance needs",
-            line=loop.line,
+            **loop.place,
         )
 
 
@@ -98,7 +98,7 @@ def refsafe(scene: Inspected) -> Iterator[Finding]:
             say=f"the time constant {constant:g} s of {names} is raised to {least:g} s, two steps: "
             f"gaps are {(least / constant) ** 2:.3g} times wider than the file asks for",
             remedy=f"take a step of {constant / SAFE:g} s, or a time constant of {least:g} s",
-            line=loops[0].line,
+            **loops[0].place,
         )
 
 
@@ -128,7 +128,7 @@ def timestep(scene: Inspected) -> Iterator[Finding]:
         explains=0.0,
         say=f"the step of {step:g} s is too long for the stiffest loop, {loop.name}: a gap {ends}",
         remedy=f"take a step of {fits:.2g} s, or make the loop {step / fits:.2g} times slower",
-        line=loop.line,
+        **loop.place,
     )
 
 

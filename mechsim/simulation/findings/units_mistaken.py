@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mechsim.model.finding import Finding
-from mechsim.simulation.findings.inspected import Inspected, line_of
+from mechsim.simulation.findings.inspected import Inspected
 from mechsim.simulation.mjcf_reader.kinds import DRIVABLE, SLIDE
 
 # a scene this large in [m], or a part so many times farther off than the middle one, is in mm
@@ -47,7 +47,7 @@ def _lengths(scene: Inspected) -> Iterator[Finding]:
                 explains=0.0,
                 say=f"body {name} is {by:.3g} m from its parent, others {middle:.2g} m: it looks like mm",
                 remedy="write m",
-                line=line_of(bodies[name]),
+                **scene.place(bodies[name]),
             )
 
 
@@ -72,7 +72,7 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
             explains=0.0,
             say=f"{names} of a loop may turn from {low:g} to {high:g} rad: that looks like degrees",
             remedy='write rad, or angle="degree" for the whole file',
-            line=line_of(joints[str(model.joint(wide[0]).name)]),
+            **scene.place(joints[str(model.joint(wide[0]).name)]),
         )
     narrow = [j for j, width in widths.items() if 0.0 < np.rad2deg(width) <= NARROW]
     if scene.read.spec.compiler.degree and len(narrow) == len(hinges) > 1:
@@ -84,7 +84,7 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
             explains=0.0,
             say=f"no hinge may turn by more than {np.rad2deg(widths[j]):.3g} deg: the ranges look like rad",
             remedy='angles are degrees unless the file says <compiler angle="radian"/>',
-            line=line_of(joints[str(model.joint(j).name)]),
+            **scene.place(joints[str(model.joint(j).name)]),
         )
 
 

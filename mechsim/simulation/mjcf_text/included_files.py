@@ -44,7 +44,7 @@ def with_included(
         raise InputError("files include each other without end; mend the file")
     edited, put_in = EditedText(text), list[str]()
     for one in edited.root.every("include"):
-        path = _found(one.attributes.get("file", ""), folder, base)
+        path = found_include(one.attributes.get("file", ""), folder, base)
         if path is None:
             continue
         inner = read_text(path)
@@ -58,7 +58,8 @@ def with_included(
     return edited.result, tuple(put_in)
 
 
-def _found(name: str, folder: Path, base: Path | None) -> Path | None:
+def found_include(name: str, folder: Path, base: Path | None) -> Path | None:
+    """Return where an included file lies: beside the main file, or beside the one that includes it."""
     for place in (folder, base):
         if place is not None and (place / name).is_file():
             return place / name
