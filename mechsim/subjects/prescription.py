@@ -1,7 +1,10 @@
 """What is prescribed of a mechanism: what is driven and how, what is held, and which points count."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from mechsim import units
 from mechsim.analytic.closure.loop_form import LoopForm
@@ -17,7 +20,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.programs import Programs, State
 from mechsim.model.programs import programs as all_programs
 from mechsim.model.written_units import WrittenUnits
-from mechsim.subjects.program_text import Program, program
+from mechsim.subjects.program_text import Program, Start, program
 from mechsim.subjects.toml_drivers import FileProgram
 from mechsim.subjects.toml_source import nearest
 from mechsim.units import Unit
@@ -99,6 +102,42 @@ def prescribed(
     )
 
 
+class _NeedsStartError(Exception):
+    """A motion law counts from where its driver starts."""
+
+
+def started_by_laws(form: LoopForm, laws: Mapping[str, Given]) -> LoopForm:
+    """Return a mechanism whose drivers start where their motion laws begin, if nothing else says where.
+
+    A value that the file states, or a guess of both links of a driver's joint, comes first. A lone crank
+    starts at zero.
+    """
+    mechanism = form.mechanism
+    if mechanism.has_crank:
+        return form
+    placed, starts = {GROUND, *mechanism.guess}, dict(mechanism.counted)
+    for name, joint in zip(mechanism.drivers, mechanism.driven_joints, strict=True):
+        if name in laws and name not in starts and not {joint.a.link, joint.b.link} <= placed:
+            with suppress(_NeedsStartError):
+                state = _state(mechanism, name, laws[name], _no_start, form.written)
+                starts[name] = float(np.asarray(state(np.zeros(1))[0]).ravel()[0])
+    if starts == mechanism.counted or not np.isfinite(list(starts.values())).all():
+        return form
+    return replace(form, mechanism=replace(mechanism, counted=starts))
+
+
+def _no_start() -> float:
+    raise _NeedsStartError
+
+
+def _state(mechanism: Mechanism, name: str, law: Given, start: Start, written: WrittenUnits) -> State:
+    """Return the motion law of a driver, read."""
+    unit = mechanism.unit(name)
+    if isinstance(law, str):
+        return program(law, name, unit, start, declared=written.of(unit))
+    return law.made(name, unit, start) if isinstance(law, FileProgram) else law
+
+
 def _programs(
     mechanism: Mechanism,
     given: Mapping[str, Given],
@@ -129,13 +168,7 @@ def _states(mechanism: Mechanism, given: Mapping[str, Given], written: WrittenUn
 
         return found
 
-    def state(name: str, one: Given) -> State:
-        if isinstance(one, str):
-            unit = mechanism.unit(name)
-            return program(one, name, unit, start(name), declared=written.of(unit))
-        return one.made(name, mechanism.unit(name), start(name)) if isinstance(one, FileProgram) else one
-
-    return {name: state(name, one) for name, one in given.items()}
+    return {name: _state(mechanism, name, law, start(name), written) for name, law in given.items()}
 
 
 def lasting(asked: float | None, own: float | None, states: Mapping[str, State]) -> float:

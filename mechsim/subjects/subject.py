@@ -16,7 +16,7 @@ from mechsim.model.programs import State
 from mechsim.subjects import gallery
 from mechsim.subjects.catalog_object import read_catalog
 from mechsim.subjects.mjcf_source import MjcfForm, read_mjcf
-from mechsim.subjects.prescription import Prescription, prescribed
+from mechsim.subjects.prescription import Prescription, prescribed, started_by_laws
 from mechsim.subjects.python_object import read_python
 from mechsim.subjects.toml_reader import TomlSubject, read_toml
 
@@ -122,7 +122,11 @@ def _prescribed(
     if isinstance(read, MjcfForm):
         # the reader has done the rest
         return prescribed(read, Prescription(drive=asked.drive, duration=asked.duration))
-    form = read.form if isinstance(read, TomlSubject) else read
+    form = (
+        started_by_laws(read.form, {**read.programs, **asked.drive})
+        if isinstance(read, TomlSubject)
+        else read
+    )
     form = _begun(form) if begun and isinstance(form, LoopForm) else form
     if isinstance(read, TomlSubject):
         return prescribed(form, asked, read.programs, read.duration)

@@ -184,7 +184,7 @@ def check_of(
 ) -> Check:
     """Return the check of an error (n,), 0 or more, at instants (n,) against a tolerance in its unit.
 
-    RecordInstants that are a bare array are crank angles in [rad].
+    Instants that are a bare array are crank angles in [rad].
 
     Every instant is held against the bound there, which widens where the conditioning (n,) is poor.
     """

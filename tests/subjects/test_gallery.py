@@ -6,7 +6,7 @@ import pytest
 from mechsim.errors import InputError
 from mechsim.studies.agreement.claim import claimed
 from mechsim.studies.agreement.comparand import comparand_of
-from mechsim.studies.agreement.comparison import check, scales_of
+from mechsim.studies.agreement.comparison import bound_of, check, scales_of
 from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.studies.validate import case_of
 from mechsim.subjects import gallery
@@ -60,7 +60,10 @@ def test_the_law_condemns_a_dimension_a_thousandth_off(shown):
     comparand = comparand_of(wrong, speed=1.0)
     law = claimed(object_of(shown.formula), comparand, names_of(wrong.mechanism), "law", shown.parameters)
     scales = scales_of(comparand, law)
-    assert not all(check(one, comparand.exact(one.named), comparand, scales, None).passed for one in law)
+    assert not all(
+        check(one, comparand.exact(one.named), comparand, bound_of(one, scales, None), None).passed
+        for one in law
+    )
 
 
 def test_a_law_follows_the_parameters_that_are_changed():

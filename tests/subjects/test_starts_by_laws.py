@@ -1,0 +1,64 @@
+"""Drivers without a start begin where their motion laws begin, unless the guess states otherwise."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.errors import AssemblyError
+
+BASE, PLATE, LEG = 0.2, 0.12, 0.3
+DRIVERS = ("l1", "l2", "l3")
+
+
+def platform(law, more=""):
+    """Return a 3-RPS platform whose legs have a motion law, as TOML."""
+    lines = ['name = "rps"', f"drivers = {list(DRIVERS)}", more, "[programs]"]
+    lines += [f'{name} = "{law}"' for name in DRIVERS]
+    for i in (1, 2, 3):
+        c, s = np.cos(2.0 * np.pi * i / 3.0), np.sin(2.0 * np.pi * i / 3.0)
+        lines += [
+            f'[joints.r{i}]\nkind = "revolute"\nb = {{ link = "lower{i}", axis = [0, 1, 0] }}',
+            f'a = {{ link = "ground", at = [{BASE * c}, {BASE * s}, 0], axis = [{-s}, {c}, 0] }}',
+            f'[joints.l{i}]\nkind = "prismatic"\na = {{ link = "lower{i}" }}\nb = {{ link = "upper{i}" }}',
+            f'[joints.s{i}]\nkind = "spherical"\na = {{ link = "upper{i}" }}',
+            f'b = {{ link = "plate", at = [{PLATE * c}, {PLATE * s}, 0] }}',
+        ]
+    return "\n".join([*lines, "[points]", 'C = { link = "plate" }', ""])
+
+
+@pytest.fixture
+def load(tmp_path):
+    def loaded(*given, **asked):
+        path = tmp_path / "rps.toml"
+        path.write_text(platform(*given))
+        return ms.load(path, **asked)
+
+    return loaded
+
+
+def lengths(motion):
+    return np.stack([motion.joints[name].value for name in DRIVERS])
+
+
+def test_a_platform_without_start_begins_where_its_laws_begin(load):
+    form = load("0.3 + 0.02*sin(2*pi*t)")
+    times = np.array([0.0, 0.25, 0.6])
+    wanted = np.broadcast_to(0.3 + 0.02 * np.sin(2.0 * np.pi * times), (3, 3))
+    np.testing.assert_allclose(lengths(form.solve(t=times)), wanted, atol=1e-13)
+    run = ms.simulate(form, samples=4)
+    assert ms.crosscheck(run, form).passed
+
+
+def test_laws_given_in_place_of_those_of_the_file_say_where_it_begins(load):
+    form = load("0.05 + 0.01*t", drive=dict.fromkeys(DRIVERS, "0.32 + 0.01*t"))
+    np.testing.assert_allclose(lengths(form.solve(t=[0.0])), 0.32, atol=1e-13)
+
+
+def test_a_start_that_is_stated_comes_before_the_laws(load):
+    form = load("20mm/s", "start = { l1 = 0.3, l2 = 0.3, l3 = 0.3 }")
+    np.testing.assert_allclose(lengths(form.solve(t=[0.0, 1.0]))[:, 1], 0.32, atol=1e-13)
+
+
+def test_a_law_that_counts_from_the_start_does_not_say_it(load):
+    with pytest.raises(AssemblyError, match=r"l1 = 0 m, .* where the drivers start"):
+        load("20mm/s").solve(t=[0.0])
