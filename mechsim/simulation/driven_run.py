@@ -17,7 +17,7 @@ from mechsim.model.work_size import require_steps
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.divergence_cause import STIFF, met_last, near_singular
 from mechsim.simulation.model_loops import CLOSED, ModelLoops
-from mechsim.simulation.open_freedoms import require_within_limits, told_floating
+from mechsim.simulation.open_freedoms import require_path_within_limits, require_within_limits, told_floating
 from mechsim.simulation.passed_meetings import passed, require_told, undecided, where
 from mechsim.simulation.pose_errors import in_another_assembly, pose_errors
 from mechsim.simulation.poses import follow
@@ -257,6 +257,7 @@ def solved(
     begin = clock.perf_counter()
     qpos, path = follow.followed(closed.loops, closed.closed, angle)
     seconds = clock.perf_counter() - begin
+    require_path_within_limits(closed, angle)
     require_within_limits(closed, qpos)
     near = list(path.blind(angle))
     away = held_off(qpos, near)

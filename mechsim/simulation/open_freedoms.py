@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
 from mechsim.maths.arrays import Array
-from mechsim.model.joint_ranges import require_within
+from mechsim.model.joint_ranges import check_instants, extremes, require_within
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import FREE, HINGE, SLIDE, ModelLoops
 from mechsim.simulation.overdriven import refusal, stuck
+from mechsim.simulation.poses import follow
 from mechsim.simulation.telling import RANK_TOLERANCE
 
 # displacement, in [rad] and in units of the size, by which a freedom is tried; part of it that stays where
@@ -101,10 +102,7 @@ def require_within_limits(closed: ClosedModel, states: Array) -> None:
     Raises:
         AssemblyError: with the joint, its value, its bound and the crank angle or the time.
     """
-    model = closed.model
-    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT):
-        return
-    limited = [i for i in np.flatnonzero(model.jnt_limited).tolist() if model.jnt_type[i] in (HINGE, SLIDE)]
+    model, limited = closed.model, _limited(closed)
     names = {i: str(model.joint(i).name or i) for i in limited}
     require_within(
         closed.loops.name,
@@ -114,6 +112,43 @@ def require_within_limits(closed: ClosedModel, states: Array) -> None:
         lambda worst: closed.loops.said(float(states[worst, closed.loops.crank_place])),
         _less(closed),
     )
+
+
+def require_path_within_limits(closed: ClosedModel, angles: Array) -> None:
+    """Refuse a motion on which a joint leaves its range, between its recorded instants too.
+
+    Args:
+        closed: the model.
+        angles: of the crank or of the clock, (n,) in [rad].
+
+    Raises:
+        AssemblyError: as `require_within_limits`.
+    """
+    limited = _limited(closed)
+    if not limited or np.ptp(angles) == 0.0:
+        return
+    drive = closed.loops.drive
+    if drive is not None and not drive.law(angles)[1].any():
+        # rows of driver coordinates, each a pose by itself
+        return
+    instants = check_instants(float(angles.min()), float(angles.max()))
+    try:
+        states = follow.follow(closed.loops, closed.closed, instants)
+        between = extremes(instants, states[:, closed.model.jnt_qposadr[limited]].T)
+        if len(between):
+            states = np.concatenate([states, follow.follow(closed.loops, closed.closed, between)])
+    except AssemblyError:
+        # instants at which the loops do not close are no part of what was requested
+        return
+    require_within_limits(closed, states)
+
+
+def _limited(closed: ClosedModel) -> list[int]:
+    """Return the hinges and slides whose ranges count."""
+    model = closed.model
+    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT):
+        return []
+    return [i for i in np.flatnonzero(model.jnt_limited).tolist() if model.jnt_type[i] in (HINGE, SLIDE)]
 
 
 def _drivers(closed: ClosedModel) -> str:

@@ -20,6 +20,7 @@ from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.open_freedoms import (
     require_determined,
     require_movable,
+    require_path_within_limits,
     require_within_limits,
     standing,
 )
@@ -121,11 +122,13 @@ def simulate(
     check_records(closed, profile, samples)
     if method is None and (tolerance is not None or settings is not None or timestep is not None):
         method = "step"
-    closed, method = _movable(closed, method, programs)
+    closed, method, determined = _movable(closed, method, programs)
     if method == "pose":
         return solved(closed, profile, samples, tolerance, watch or unwatched)
     start = first_state(closed, profile)
     require_within_limits(closed, start[0][None])
+    if determined:
+        require_path_within_limits(closed, profile.angles)
     run = DrivenRun(closed, profile, start, samples, watch or unwatched, budget=budget)
     run.require_decided()
     settings = settings or Settings()
@@ -156,8 +159,10 @@ def _check(
 
 def _movable(
     closed: ClosedModel, method: Method | None, programs: Programs | None
-) -> tuple[ClosedModel, Method]:
-    """Return a model where its motion begins, and the method; what leaves a freedom is stepped.
+) -> tuple[ClosedModel, Method, bool]:
+    """Return a model where its motion begins, the method, and whether the drivers determine all poses.
+
+    What leaves a degree of freedom is stepped.
 
     Raises:
         MobilityError: where the crank cannot move, or poses are asked for that it does not settle.
@@ -169,7 +174,7 @@ def _movable(
         require_determined(closed, found)
     if method == "step":
         closed = closed.untouched(found.settled)
-    return closed if programs is None else begun(closed, programs), method
+    return closed if programs is None else begun(closed, programs), method, not found.open
 
 
 def require_programs(source: Source, programs: Programs | None, else_given: object) -> None:

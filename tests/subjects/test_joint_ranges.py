@@ -6,6 +6,7 @@ import pytest
 from mechsim import simulate
 from mechsim.analytic import dynamics
 from mechsim.errors import AssemblyError
+from mechsim.report.facts import facts
 from mechsim.subjects.driver_rows import poses_at
 from mechsim.subjects.subject import load
 
@@ -63,3 +64,79 @@ def test_poses_say_what_floats_beside_them(tmp_path):
     path.write_text(ARM)
     run = simulate(str(path), drive="crank", speed=1.0, turns=0.1, holds={"wrist": 0.3}, method="pose")
     assert run.note == ""
+
+
+FOUR_BAR = """
+<mujoco model="bar">
+  <compiler angle="radian"/>
+  <worldbody>
+    <body name="crank"><joint name="crank" axis="0 0 1"/><geom size="0.004" mass="0.1"/>
+      <body name="coupler" pos="0.04 0 0"><joint name="A" axis="0 0 1"/><geom size="0.004" mass="0.1"/>
+        <site name="tip" pos="0.1 0 0"/></body></body>
+    <body name="rocker" pos="0.1 0 0"><joint name="rocker" axis="0 0 1"/><geom size="0.004" mass="0.1"/>
+      <site name="P" pos="0.04 0 0"/></body>
+  </worldbody>
+  <equality><connect site1="tip" site2="P"/></equality>
+  <keyframe><key name="up" qpos="0.5 -0.5 0.5"/></keyframe>
+</mujoco>"""
+
+
+def parallelogram(tmp_path, joint, low, high, **asked):
+    """Return a parallelogram whose rocker turns as its crank does, one joint of it with a range."""
+    path = tmp_path / "bar.xml"
+    limited = f'name="{joint}" axis="0 0 1" limited="true" range="{low} {high}"'
+    path.write_text(FOUR_BAR.replace(f'name="{joint}" axis="0 0 1"', limited))
+    return load(str(path), key="up", **asked)
+
+
+@pytest.mark.parametrize("joint", ["crank", "rocker"])
+def test_the_crank_range_ends_where_any_joint_reaches_its_range(tmp_path, joint):
+    form = parallelogram(tmp_path, joint, 0.1, 0.85)
+    arcs = form.crank_range()
+    assert not arcs.full
+    # beyond 0 and pi lie change points of the parallelogram
+    np.testing.assert_allclose(arcs.arcs, [(0.1, 0.85)], atol=1e-9)
+    assert form.dead_centres() == ()
+    assert form.change_points() == ()
+    told = facts(form)
+    np.testing.assert_allclose(told["crank_range"], [0.1, 0.85], atol=1e-9)
+    assert told["change_points"] == []
+
+
+def test_a_range_that_is_never_reached_leaves_a_full_turn(tmp_path):
+    form = parallelogram(tmp_path, "rocker", -10.0, 10.0)
+    assert form.crank_range().full
+    assert len(form.change_points()) == 2
+
+
+def test_a_range_wider_than_a_change_point_keeps_it(tmp_path):
+    form = parallelogram(tmp_path, "crank", -0.3, 0.85)
+    np.testing.assert_allclose(form.crank_range().arcs, [(-0.3, 0.85)], atol=1e-9)
+    np.testing.assert_allclose(form.change_points(), [0.0], atol=1e-9)
+
+
+BETWEEN = {
+    "solved": lambda form, samples: form.solve(t=np.linspace(0.0, 0.9, samples)),
+    "posed": lambda form, samples: simulate(form, method="pose", samples=samples - 1),
+    "stepped": lambda form, samples: simulate(form, method="step", samples=samples - 1),
+}
+
+
+@pytest.mark.parametrize("road", BETWEEN)
+@pytest.mark.parametrize("samples", [3, 4, 91])
+@pytest.mark.parametrize("joint", ["crank", "rocker"])
+def test_ranges_are_checked_between_samples_alike_by_every_method(tmp_path, road, samples, joint):
+    # largest at 0.5 s, which is no sample of three or four
+    law, limit = "0.4 + 0.2*(1-cos(2*pi*t))", 0.8
+    beyond = parallelogram(tmp_path, joint, 0.1, limit - 1e-6, drive={"crank": law}, duration="0.9s")
+    with pytest.raises(AssemblyError, match=rf"joint '{joint}' would stand at 0\.8 rad, .* at 0\.5 s"):
+        BETWEEN[road](beyond, samples)
+    within = parallelogram(tmp_path, joint, 0.1, limit + 1e-9, drive={"crank": law}, duration="0.9s")
+    BETWEEN[road](within, samples)
+
+
+def test_rows_of_driver_coordinates_are_poses_each_by_itself(tmp_path):
+    form = parallelogram(tmp_path, "rocker", 0.1, 0.85)
+    assert len(poses_at(form, {"crank": np.array([0.2, 0.8])}, "rows.csv")) == 2
+    with pytest.raises(AssemblyError, match=r"joint 'rocker' would stand at 0\.9 rad"):
+        poses_at(form, {"crank": np.array([0.2, 0.9])}, "rows.csv")

@@ -20,8 +20,10 @@ from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import numbers
+from mechsim.maths.roots import root
+from mechsim.model.crank_profile import arc_around
 from mechsim.model.forces import Forces
-from mechsim.model.joint_ranges import Ranges, require_within
+from mechsim.model.joint_ranges import INSTANTS, ROUNDED, Ranges, check_instants, extremes, require_within
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, Through
@@ -154,25 +156,52 @@ class LoopForm:
         return replace(solve_prescribed(self._path, self.programs, instants), origin=self)
 
     def within_ranges(self, motion: Motion) -> Motion:
-        """Return a motion of it in which every joint stays in its range.
+        """Return a motion of it in which every joint stays in its range, between its instants too.
 
         Raises:
             AssemblyError: naming the joint that does not, and where.
         """
+        if not self.ranges:
+            return motion
+        if motion.speed.any() and np.ptp(motion.angle) > 0.0:
+            # instants at which the loops do not close are no part of what was requested
+            dense = None
+            with suppress(AssemblyError):
+                dense = self._ranged(check_instants(motion.angle.min(), motion.angle.max()))
+            if dense is not None:
+                self._require_within(*dense)
+        self._require_within(motion.angle, {name: joint.value for name, joint in motion.joints.items()})
+        return motion
+
+    def _ranged(self, instants: Array) -> tuple[Array, dict[str, Array]]:
+        """Return path parameters (n,) with those of extremes between, and the values of ranged joints."""
+        values = self._joint_values(instants)
+        between = extremes(instants, values.values())
+        if not len(between):
+            return instants, values
+        more = self._joint_values(between)
+        order = np.argsort(whole := np.concatenate([instants, between]), kind="stable")
+        return whole[order], {name: np.concatenate([values[name], more[name]])[order] for name in values}
+
+    def _joint_values(self, parameter: Array) -> dict[str, Array]:
+        """Return the values of the joints with a range at path parameters (n,)."""
+        joints = LoopForm.solve_along(self, parameter).joints
+        return {name: joints[name].value for name in self.ranges if name in joints}
+
+    def _require_within(self, parameter: Array, values: Mapping[str, Array]) -> None:
         programs = self.programs
         require_within(
             self.name,
             self.ranges,
-            {name: joint.value for name, joint in motion.joints.items()},
+            values,
             {name: self.mechanism.unit(name) for name in self.ranges},
             lambda at: (
-                f"crank angle {motion.angle[at]:.6g} rad"
+                f"crank angle {parameter[at]:.6g} rad"
                 if programs is None
-                else programs.called(float(motion.angle[at]))
+                else programs.called(float(parameter[at]))
             ),
             "turn the crank less" if programs is None else "move the drivers less",
         )
-        return motion
 
     def positions(
         self, angles: ArrayLike | None = None, *, t: ArrayLike | None = None, speed: float | None = None
@@ -190,13 +219,22 @@ class LoopForm:
     def crank_range(self) -> Arcs:
         """Return the arc of crank angle over which this assembly can be followed from its start.
 
-        Under programs, of their clock.
+        It ends at dead centres, and where a joint reaches the end of its own range. Under programs, of their
+        clock.
         """
         return self._range
 
     def dead_centres(self) -> tuple[float, ...]:
-        """Return the crank angles beyond which it cannot be followed, in [rad]; empty for a full turn."""
-        return () if self._range.full else tuple(end for arc in self._range.arcs for end in arc)
+        """Return the crank angles beyond which it cannot be followed, in [rad]; empty for a full turn.
+
+        What the ranges of joints keep from being reached is left out.
+        """
+        closing, reachable = self._closing_range, self._range
+        if closing.full:
+            return ()
+        near = [end for arc in reachable.arcs for end in arc]
+        ends = [end for arc in closing.arcs for end in arc]
+        return tuple(end for end in ends if any(abs(end - other) < SAME for other in near))
 
     def change_points(self) -> tuple[float, ...]:
         """Return the crank angles at which assemblies meet though the crank turns on, in [-pi, pi) rad.
@@ -207,6 +245,9 @@ class LoopForm:
             return tuple(sorted(at for at in self._path.meetings if 0.0 <= at <= self.period))
         start, full = self.mechanism.start, self._range.full
         once = [at for at in self._path.meetings if start <= at < start + TURN or not full]
+        around = None if full else arc_around(self._range, start)
+        if around is not None:
+            once = [at for at in once if around[0] <= at <= around[1]]
         return tuple(sorted({float((at + np.pi) % TURN - np.pi) for at in once}))
 
     def conditioning(self, motion: Motion) -> Array:
@@ -239,6 +280,55 @@ class LoopForm:
 
     @cached_property
     def _range(self) -> Arcs:
+        closing, start = self._closing_range, self.mechanism.start
+        if not self.ranges or self.programs is not None or not closing.arcs:
+            return closing
+        around = (start - TURN, start + TURN) if closing.full else arc_around(closing, start)
+        if around is None:
+            return closing
+        low, high = around
+        ends = [self._range_end(start, end) for end in (low, high)]
+        if ends == [low, high] or None in ends:
+            return closing
+        low, high = (float(end) for end in ends if end is not None)
+        if closing.full and high - low >= TURN:
+            return closing
+        lap = TURN * np.floor((low + np.pi) / TURN)
+        return Arcs(False, ((low - lap, high - lap),))
+
+    def _range_end(self, start: float, end: float) -> float | None:
+        """Return how far the crank can go from its start towards an angle, in [rad]; None if not at all."""
+
+        def excess(values: Mapping[str, Array]) -> Array:
+            beyond = [np.maximum(low - values[name], values[name] - high) for name, (low, high) in known]
+            return np.max(beyond, axis=0)
+
+        inner = start + (end - start) * (1.0 - SAME)
+        if abs(inner - start) < SAME:
+            return end
+        at, values = self._ranged(np.linspace(min(start, inner), max(start, inner), INSTANTS + 1))
+        known = [(name, ends) for name, ends in self.ranges.items() if name in values]
+        if not known:
+            return end
+        if end < start:
+            at, values = at[::-1], {name: one[::-1] for name, one in values.items()}
+        over = excess(values)
+        slack = ROUNDED * max(1.0, *(high - low for _, (low, high) in known))
+        first = int(np.argmax(over > slack)) if (over > slack).any() else None
+        if first is None:
+            return end
+        if first == 0:
+            return None
+
+        def miss(angle: float) -> float:
+            return float(excess(self._joint_values(np.array([angle])))[0])
+
+        inside, outside = float(at[first - 1]), float(at[first])
+        return root(miss, *sorted((inside, outside))) if over[first - 1] < 0.0 else inside
+
+    @cached_property
+    def _closing_range(self) -> Arcs:
+        """The arc of crank angle over which the loops close."""
         path, start = self._path, self.mechanism.start
         if self.programs is not None:
             path.extend(self.period)
