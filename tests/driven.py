@@ -109,7 +109,7 @@ def bending_rack() -> Mechanism:
     """A pinion to be programmed: its rack goes in a straight line with it, a follower bends with the rack."""
     whole = rack_and_cam()
     bent = Coupling("cam", "cam", "rack", (0.0, 0.3, -8.0, 40.0), zeros=(0.003, 0.01))
-    return replace(whole, driver=("crank",), holds={}, couplings=(whole.couplings[0], bent))
+    return replace(whole, driver=("crank",), locked={}, couplings=(whole.couplings[0], bent))
 
 
 def bending_rocker() -> Mechanism:
@@ -164,7 +164,7 @@ def table(*, backwards: bool) -> Mechanism:
         (plane, tool),
         ("tool",),
         {"P": ("bit", (0.01, 0.02, 0.0))},
-        holds={},
+        locked={},
         couplings=(
             Coupling("x", "plane.x", "tool", (0.01, 0.03, 0.002)),
             Coupling("y", "plane.y", {"tool": 1.0, "plane.x": 2.0}, (0.0, -0.02, 0.001)),

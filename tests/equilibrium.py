@@ -118,7 +118,7 @@ def actions(mechanism: Mechanism, forces: Forces, motion: Motion, efforts: Effor
         yield Action(f"teeth of {name}", one.link, one.by, one.force, one.point, none)
     if not efforts.drives:
         yield along_coordinate(mechanism, at, mechanism.crank.name, efforts.torque, "drive")
-    for name, effort in {**efforts.drives, **efforts.holds}.items():
+    for name, effort in {**efforts.drives, **efforts.locked}.items():
         yield along_coordinate(mechanism, at, name, effort, f"drive of {name}")
     yield from _ideal_transmissions(mechanism, at, efforts)
 

@@ -58,7 +58,7 @@ def print_promise(told: dict[str, Any] | None) -> None:
         used = told["settings"]
         typer.echo(
             f"{used['integrator']}, {used['steps_per_turn']} steps a turn of {used['timestep']:.4g} s, "
-            f"hardness {used['hardness']:.0e}: {told['steps']} steps, {told['trials']} more on trials; "
+            f"compliance {used['compliance']:.0e}: {told['steps']} steps, {told['trials']} more on trials; "
             f"{told['by']}"
         )
 

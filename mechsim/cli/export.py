@@ -28,7 +28,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.pictures.render.exported_scene import exported
 from mechsim.simulation import Settings, mjcf
-from mechsim.simulation.mjcf.changes import set_flywheel
+from mechsim.simulation.mjcf.changes import set_drive_inertia
 from mechsim.simulation.mjcf.generator import CONSTANT
 from mechsim.studies.tuning import turning_model
 from mechsim.subjects.toml_writer import toml_of
@@ -156,8 +156,8 @@ def _text(
     if "solref" not in asked:
         asked = {"constant_steps": CONSTANT, **asked}
     plain_settings(asked, timestep, float(spec.option.timestep), rate).put_into(spec)
-    if "flywheel" in asked:
-        set_flywheel(spec, asked["flywheel"])
+    if "drive_inertia" in asked:
+        set_drive_inertia(spec, asked["drive_inertia"])
     if tolerance is None:
         return mjcf.to_xml(spec if speed is None else turning_model.turning(spec, mechanism, rate)), ""
     wanted = units.parse_length(tolerance, "the tolerance")

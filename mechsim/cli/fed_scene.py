@@ -35,8 +35,8 @@ def simulate_fed(
     as_json: bool,
 ) -> None:
     """Run a scene, its actuators fed, and say how it ended; the exit code is that of `simulate`."""
-    if "flywheel" in asked:
-        raise InputError("--flywheel is of a driven run; with --ctrl leave it out")
+    if "drive_inertia" in asked:
+        raise InputError("--drive-inertia is of a driven run; with --ctrl leave it out")
     read = pair_of(CTRL)
     pairs = tuple((name, program or "") for name, program in map(read, ctrl))
     scene = user_scene(

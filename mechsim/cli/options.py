@@ -53,24 +53,24 @@ WHERE = typer.Option(
 File = Annotated[str, WHERE]
 Output = Annotated[str | None, WHERE]
 
-ThroughChange = Annotated[
+ChangePointOption = Annotated[
     str | None,
     typer.Option(
-        "--through",
-        metavar="smooth|fold",
+        "--change-point",
+        metavar="smooth|branch",
         help="Where two assemblies meet: smooth goes on as a heavy drive does, and so if left out; fold "
         "keeps to its branch.",
     ),
 ]
 
 
-def passed(form: Form, through: str | None) -> Form:
+def with_policy(form: Form, policy: str | None) -> Form:
     """Return what goes through its change points so; None leaves it as it is."""
-    if through is None:
+    if policy is None:
         return form
-    if through not in ("smooth", "fold"):
-        raise InputError(f"--through is {through!r}; it can be smooth or fold")
-    return form.passing("smooth" if through == "smooth" else "fold")
+    if policy not in ("smooth", "branch"):
+        raise InputError(f"--through is {policy!r}; it can be smooth or branch")
+    return form.with_change_point("smooth" if policy == "smooth" else "branch")
 
 
 def pair_of(example: str, *, alone: bool = False) -> Callable[[str], tuple[str, str | None]]:
@@ -103,20 +103,20 @@ def driving(doc: str, more: str = "") -> Any:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HoldOptions:
+class LockOptions:
     """What is held."""
 
-    hold: tuple[tuple[str, str | None], ...] = pairs(
-        "--hold boom=30deg",
+    lock: tuple[tuple[str, str | None], ...] = pairs(
+        "--lock boom=30deg",
         "Hold a joint, where it starts if no value is given.",
         "JOINT[=VALUE]",
         alone=True,
     )
-    hold_base: bool = option(False, "Hold what floats where it starts.", name="--hold-base")
+    fix_base: bool = option(False, "Hold what floats where it starts.", name="--fix-base")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DriveOptions(HoldOptions):
+class DriveOptions(LockOptions):
     """How a mechanism is driven, what is held, and which points count."""
 
     drive: tuple[tuple[str, str], ...] = driving(
@@ -145,7 +145,7 @@ def form_of(
     found = load(model, changed, **moved_by(driven), still=still)
     asked_parameters(found, changed)
     if driven is not None and driven.lock_others:
-        locked = [name for name in found.mechanism.holds if name not in dict(driven.hold)]
+        locked = [name for name in found.mechanism.locked if name not in dict(driven.hold)]
         notes.append(f"{found.name}: joints locked where they start: {', '.join(locked) or 'none'}")
     return _told(found)
 
@@ -176,11 +176,11 @@ def moved_by(driven: DriveOptions | None) -> dict[str, Any]:
     if driven is None:
         return {}
     once("--drive", driven.drive)
-    once("--hold", driven.hold)
+    once("--lock", driven.lock)
     return {
         "drive": dict(driven.drive),
         "hold": dict(driven.hold),
-        "hold_base": driven.hold_base,
+        "fix_base": driven.fix_base,
         "lock_others": driven.lock_others,
         "key": driven.key,
         "track": driven.track,

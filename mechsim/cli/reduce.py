@@ -8,7 +8,7 @@ import typer
 
 from mechsim import files, units
 from mechsim.cli.declared_options import spread
-from mechsim.cli.options import File, HoldOptions, Json, writable
+from mechsim.cli.options import File, Json, LockOptions, writable
 from mechsim.cli.output import Tick, print_json, print_table, progress
 from mechsim.cli.scene_options import SceneOptions, user_scene
 from mechsim.errors import InputError
@@ -30,7 +30,7 @@ def reduce(
         str, typer.Option(metavar="trajectory|torque", help="What counts: tracked points, or efforts.")
     ] = "trajectory",
     asked: SceneOptions,
-    held: HoldOptions,
+    held: LockOptions,
     output: File,
     as_json: Json = False,
 ) -> None:

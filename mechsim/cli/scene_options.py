@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim import files
 from mechsim.cli.endings import notes
-from mechsim.cli.options import HoldOptions, driving, once, pairs
+from mechsim.cli.options import LockOptions, driving, once, pairs
 from mechsim.errors import InputError
 from mechsim.model.links import Vector
 from mechsim.model.programs import State, steady
@@ -19,7 +19,7 @@ from mechsim.subjects.subject import load
 from mechsim.subjects.time_expressions import as_python
 from mechsim.units import option
 
-NOTHING_HELD = HoldOptions()
+NOTHING_HELD = LockOptions()
 CTRL = "--ctrl servo=0.3*sin(2*pi*t)"
 
 
@@ -47,7 +47,7 @@ class SceneOptions:
     )
 
 
-def user_scene(path: str, asked: SceneOptions, held: HoldOptions = NOTHING_HELD) -> UserScene:
+def user_scene(path: str, asked: SceneOptions, held: LockOptions = NOTHING_HELD) -> UserScene:
     """Return the scene of an MJCF file and the motion it is put through; what was changed is told on stderr.
 
     Args:
@@ -61,13 +61,13 @@ def user_scene(path: str, asked: SceneOptions, held: HoldOptions = NOTHING_HELD)
     """
     if not path.lower().endswith(".xml"):
         raise InputError(f"{path!r} is no MJCF file; name FILE.xml (`mechsim export NAME -o FILE.xml`)")
-    for what, given in (("--drive", asked.drive), ("--ctrl", asked.ctrl), ("--hold", held.hold)):
+    for what, given in (("--drive", asked.drive), ("--ctrl", asked.ctrl), ("--lock", held.lock)):
         once(what, given)
     form = load(
         path,
         drive=dict(asked.drive),
-        hold=dict(held.hold),
-        hold_base=held.hold_base,
+        lock=dict(held.lock),
+        fix_base=held.fix_base,
         key=asked.key,
         track=asked.track,
         # without laws of joints the duration is that of the controls
@@ -78,7 +78,7 @@ def user_scene(path: str, asked: SceneOptions, held: HoldOptions = NOTHING_HELD)
     for fact in form.facts:
         notes.append(f"{form.name}: {fact}")
     drive = {} if form.programs is None else dict(form.programs.by_name)
-    drive |= {name: steady(value, 0.0) for name, value in form.mechanism.holds.items()}
+    drive |= {name: steady(value, 0.0) for name, value in form.mechanism.locked.items()}
     ctrl = actuator_programs(dict(asked.ctrl))
     states: dict[str, State] = {**drive, **ctrl}
     points: dict[str, tuple[str, Vector]] | None = dict(form.mechanism.points) if asked.track else None

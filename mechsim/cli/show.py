@@ -118,7 +118,7 @@ def _print_change_points(found: dict[str, Any]) -> None:
     at = ", ".join(f"{math.degrees(a):.4f} deg" for a in found["change_points"])
     typer.echo(
         f"change points of the crank: {at}: there assemblies meet and bars lie on each other; the motion "
-        "goes on smoothly, or back with --through fold; a real one needs a second crank or a flywheel"
+        "goes on smoothly, or back with --change-point branch; a real one needs a second crank or a flywheel"
     )
     if found["turns_to_come_round"] > 1:
         typer.echo(f"it stands as before after {found['turns_to_come_round']} turns of the crank")

@@ -15,17 +15,17 @@ from mechsim.cli.fed_scene import simulate_fed
 from mechsim.cli.few_digits import digits_in_json, few_digits, tell_digits
 from mechsim.cli.options import (
     SPEED,
+    ChangePointOption,
     DriveOptions,
     Json,
     Model,
     Output,
     Sets,
-    ThroughChange,
     form_of,
     moving,
-    passed,
     scene_of,
     speed_of,
+    with_policy,
     writable,
 )
 from mechsim.cli.output import print_json, progress
@@ -120,7 +120,7 @@ def simulate(
             "FILE.csv. The file is then stepped as it is, but for settings asked for; --drive prescribes.",
         ),
     ] = None,
-    through: ThroughChange = None,
+    through: ChangePointOption = None,
     sets: Sets = None,
     units: Units = None,
     output: Output = None,

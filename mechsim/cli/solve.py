@@ -15,16 +15,16 @@ from mechsim.cli.declared_options import spread
 from mechsim.cli.few_digits import FewDigits, digits_in_json, few_digits, tell_digits, worse
 from mechsim.cli.options import (
     SPEED,
+    ChangePointOption,
     DriveOptions,
     Json,
     Model,
     Output,
     Sets,
-    ThroughChange,
     form_of,
     moving,
-    passed,
     speed_of,
+    with_policy,
     writable,
 )
 from mechsim.cli.output import Tick, print_json, progress
@@ -77,7 +77,7 @@ def solve(
     model: Model,
     asked: SolveOptions,
     driven: DriveOptions,
-    through: ThroughChange = None,
+    through: ChangePointOption = None,
     sets: Sets = None,
     units: Units = None,
     output: Output = None,
@@ -85,7 +85,7 @@ def solve(
 ) -> None:
     """Solve a mechanism by its closed form, else by loop equations; write .csv or .npz, or print a table."""
     place = None if output is None else writable(output, ".csv", ".npz")
-    drive = passed(form_of(model, sets, driven), through)
+    drive = with_policy(form_of(model, sets, driven), through)
     asked.check(drive)
     shown = output_units(units, drive)
     if asked.at is not None:

@@ -11,7 +11,7 @@ import typer
 from mechsim import units
 from mechsim.cli.declared_options import spread
 from mechsim.cli.endings import tell
-from mechsim.cli.options import HoldOptions, Json, writable
+from mechsim.cli.options import Json, LockOptions, writable
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.cli.scene_options import SceneOptions, expressions, user_scene
 from mechsim.errors import InputError
@@ -44,8 +44,8 @@ def tune(
         ),
     ] = "closure",
     asked: SceneOptions,
-    held: HoldOptions,
-    free: Annotated[
+    held: LockOptions,
+    allow: Annotated[
         str,
         typer.Option(
             metavar="KIND,...",
@@ -72,7 +72,7 @@ def tune(
     wanted = _tolerance(tolerance, by)
     seconds = units.parse_time(budget, "the budget")
     scene = user_scene(model, asked, held)
-    scene = replace(scene, free=_freed(free))
+    scene = replace(scene, free=_freed(allow))
     if place.resolve() == Path(scene.path).resolve():
         raise InputError(f"-o {output} is the file itself; name another, so that it stays as it is")
     if by == "closure":
@@ -92,7 +92,7 @@ def _freed(text: str) -> tuple[str, ...]:
     kinds = tuple(one.strip() for one in text.split(",") if one.strip())
     for kind in kinds:
         if kind not in FREEABLE:
-            raise InputError(f"--free names {kind!r}; what can be freed is {', '.join(FREEABLE)}")
+            raise InputError(f"--allow names {kind!r}; what can be freed is {', '.join(FREEABLE)}")
     return kinds
 
 

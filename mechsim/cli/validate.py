@@ -21,7 +21,7 @@ from mechsim.cli.verdict_table import print_verdict
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.finding import Finding
 from mechsim.report.validation import write_validation_report
-from mechsim.simulation.settings import HARDNESS
+from mechsim.simulation.settings import COMPLIANCE
 from mechsim.studies.validate import BUDGET, Case, validate_all
 from mechsim.subjects import gallery
 
@@ -82,7 +82,7 @@ def validate(
     if sets and len(wanted) != 1:
         raise InputError("--set changes one mechanism; name it")
     if driven != DriveOptions() and len(wanted) != 1:
-        raise InputError("--drive, --hold, --key and --track are of one mechanism; name it")
+        raise InputError("--drive, --lock, --key and --track are of one mechanism; name it")
     families = _told_apart({model: family_of(model, sets, driven) for model in wanted})
     asked, tolerance = speed_of(speed), held.bound
     folder = None if report is None else folder_for(report)
@@ -155,8 +155,8 @@ def _print_cases(cases: Mapping[str, Case], scenes: Mapping[str, Sequence[Findin
     for name, case in cases.items():
         tell_findings(scenes[name])
         print_verdict(name, case.verdict)
-        if case.hardness not in (None, HARDNESS):
-            typer.echo(f"stepped with loops held by hardness {case.hardness:.2g}, not {HARDNESS:.2g}")
+        if case.compliance not in (None, COMPLIANCE):
+            typer.echo(f"stepped with loops held by compliance {case.compliance:.2g}, not {COMPLIANCE:.2g}")
         if case.published is not None and case.run.settings is not None and case.run.timestep is not None:
             own = ", ".join(f"{name} {value}" for name, value in case.run.settings.rows().items())
             typer.echo(f"rows 'step': mechsim's settings (timestep {1e3 * case.run.timestep:.3g} ms, {own})")

@@ -133,7 +133,7 @@ def alike(one: Mechanism, other: Mechanism) -> bool:
         [link.name for link in one.links] == [link.name for link in other.links]
         and [_kind(joint) for joint in one.joints] == [_kind(joint) for joint in other.joints]
         and one.drivers == other.drivers
-        and one.holds == other.holds
+        and one.locked == other.locked
         and one.laws == other.laws
         and {name: link for name, (link, _) in one.points.items()}
         == {name: link for name, (link, _) in other.points.items()}

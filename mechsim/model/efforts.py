@@ -147,7 +147,7 @@ class Efforts:
     residual: Array
     sliding: Array
     drives: Mapping[str, Array] = field(default_factory=dict[str, Array])
-    holds: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    locked: Mapping[str, Array] = field(default_factory=dict[str, Array])
     drive_accelerations: Mapping[str, Array] = field(default_factory=dict[str, Array])
     straight: frozenset[str] = frozenset()
     meshes: Mapping[str, MeshForce] = field(default_factory=dict[str, MeshForce])
@@ -176,7 +176,7 @@ class Efforts:
         moved = () if self.drives else ("angle", "speed", "acceleration", "torque")
         for name in (*moved, "kinetic", "potential"):
             yield name, getattr(self, name)
-        for name, effort in {**self.drives, **self.holds}.items():
+        for name, effort in {**self.drives, **self.locked}.items():
             yield f"drive {name}", effort
         for name in ("power_in", "power_loads", "power_lost"):
             yield name, getattr(self, name)

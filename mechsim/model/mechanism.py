@@ -63,7 +63,7 @@ class Mechanism:
     guess: Mapping[str, Pose] = field(default_factory=dict)
     start: float = 0.0
     couplings: tuple[Coupling, ...] = ()
-    holds: Mapping[str, float] = field(default_factory=dict[str, float])
+    locked: Mapping[str, float] = field(default_factory=dict[str, float])
     counted: Mapping[str, float] = field(default_factory=dict[str, float])
     up: Up | None = None
 
@@ -125,12 +125,12 @@ class Mechanism:
         drivable = [name for joint in self.joints if KINDS[joint.kind].drivable for name in joint.coordinates]
         for name in self.drivers:
             _known("driver", "coordinate", name, drivable)
-        for what, given in (("holds", self.holds), ("counted", self.counted)):
+        for what, given in (("locked", self.locked), ("counted", self.counted)):
             for name, value in require(f"{what} of {self.name!r}", given, Mapping).items():
                 _known(what, "coordinate", name, known)
                 if not abs(number(value)) < np.inf:
                     raise InputError(f"{what}: coordinate {name!r} is {value}; give a finite number")
-        _unique(self.name, "driver or hold of the coordinate", [*self.drivers, *self.holds])
+        _unique(self.name, "driver or hold of the coordinate", [*self.drivers, *self.locked])
         for named in (*self.gears, *self.couplings):
             if not 0.0 <= number(named.pressure_angle or 0.0) < np.pi / 2:
                 raise InputError(
@@ -199,7 +199,7 @@ class Mechanism:
     def straight(self) -> frozenset[str]:
         """Names of those drivers, holds and couplings whose effort is a force."""
         named = [*((name, next(iter(law.left_terms))) for name, law in self.named_laws.items())]
-        named += [(name, name) for name in (*self.drivers, *self.holds)]
+        named += [(name, name) for name in (*self.drivers, *self.locked)]
         return frozenset(called for called, of in named if self.unit(of) == "m")
 
     @property

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Record = TypeVar("Record")
 # how a motion goes on where two assemblies meet: as a heavy drive does, or back into the one it came from
-Through = Literal["smooth", "fold"]
+ChangePointPolicy = Literal["smooth", "branch"]
 Source = Literal["closed form", "loop equations", "pose", "step", "user"]
 
 

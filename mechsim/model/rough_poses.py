@@ -101,7 +101,7 @@ def starts(mechanism: Mechanism) -> dict[str, float]:
 
     Of a screw between guessed links the turns that lead to where these stand.
     """
-    told = {**_wound(mechanism), **mechanism.counted, **mechanism.holds}
+    told = {**_wound(mechanism), **mechanism.counted, **mechanism.locked}
     if mechanism.has_crank:
         told[mechanism.crank.name] = mechanism.start
     return told

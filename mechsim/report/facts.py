@@ -93,7 +93,7 @@ def _described(drive: Form) -> dict[str, Any]:
             }
             for law in mechanism.laws
         ],
-        "holds": dict(mechanism.holds),
+        "locked": dict(mechanism.locked),
     }
 
 
@@ -106,8 +106,8 @@ def _mobility(drive: LoopForm) -> dict[str, Any]:
         f"{_several(found.redundant, 'redundant constraint')}",
         f"driven: {', '.join(found.drivers) or 'nothing'}",
     ]
-    if mechanism.holds:
-        lines.append(f"held: {', '.join(mechanism.holds)}")
+    if mechanism.locked:
+        lines.append(f"held: {', '.join(mechanism.locked)}")
     if found.open:
         lines.append(f"undetermined: {', '.join(found.open)} can still move; drive, hold or couple them")
     if found.superfluous:

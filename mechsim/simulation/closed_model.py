@@ -18,7 +18,7 @@ from mechsim.model.rough_poses import rough_poses
 from mechsim.model.scene import Scene
 from mechsim.simulation.drive import drive_of, with_clock
 from mechsim.simulation.mjcf import compiled, generate, quiet
-from mechsim.simulation.mjcf.changes import hold_joints, require_single
+from mechsim.simulation.mjcf.changes import lock_joints, require_single
 from mechsim.simulation.mjcf.joints import CRANK, model_names
 from mechsim.simulation.mjcf_reader.held_still import without_stilled
 from mechsim.simulation.model_loops import ModelLoops
@@ -131,7 +131,7 @@ def of_source(
     scene: Scene | None = None,
     *,
     drivers: Sequence[str] | str | None = None,
-    holds: Mapping[str, float | None] | None = None,
+    lock: Mapping[str, float | None] | None = None,
     key: str | None = None,
 ) -> ClosedModel:
     """Return a mechanism, or a model of one's own, ready to be run.
@@ -150,8 +150,8 @@ def of_source(
         InputError: where the model cannot be read, or has no point to track.
         AssemblyError: if its loops do not close where the drivers stand at first.
     """
-    closed = _of_source(source, scene, drivers, holds, key)
-    closed.loops.passing = getattr(source, "through", "smooth")
+    closed = _of_source(source, scene, drivers, lock, key)
+    closed.loops.passing = getattr(source, "change_point", "smooth")
     return closed
 
 
@@ -189,7 +189,7 @@ def _as_read(source: Source, read: ReadModel, drivers: Sequence[str] | str | Non
     """
     told, asked = read.mechanism, drivers if drivers is not None else read.mechanism.driver
     try:
-        return _own(read.spec.copy(), tuple(told.points), asked, told.holds, read.qpos)
+        return _own(read.spec.copy(), tuple(told.points), asked, told.locked, read.qpos)
     except AssemblyError:
         meant = getattr(source, "mechanism", told)
         if meant is told or not isinstance(meant, Mechanism):
@@ -220,7 +220,7 @@ def _own(
         there = {name: value if (asked := holds.get(name)) is None else asked for name, value in stands}
         start = brought(loops, begin, np.array([*there.values()]), "where joints are held")
         start = np.delete(start, loops.crank_place)
-        hold_joints(spec, {name: there[name] for name in holds})
+        lock_joints(spec, {name: there[name] for name in holds})
     return replace(of_spec(spec, points, drivers, start=start), own=True)
 
 

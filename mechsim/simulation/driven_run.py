@@ -153,7 +153,7 @@ class DrivenRun:
         """
         loops, met = self.closed.loops, passed(self.closed, self.profile)
         require_told(loops, met, float(self.profile.state(np.zeros(1))[0][0]))
-        if met and loops.passing == "fold":
+        if met and loops.passing == "branch":
             raise InputError(
                 f"{loops.name} is to fold at {where(loops, met)}, where its links would jump "
                 "in speed, which no stepped motion does; run it by pose, or let it go on smoothly"
@@ -193,7 +193,7 @@ class DrivenRun:
         if seen:
             return seen
         run = loops.over_copy()
-        replace(steps.settings, hardness=1.0).apply(run, steps.timestep)  # weights are then inertia
+        replace(steps.settings, compliance=1.0).apply(run, steps.timestep)  # weights are then inertia
         return stiffest_part(run.model) or STIFF
 
     def _broken(self, steps: Steps, motion: Motion) -> str:

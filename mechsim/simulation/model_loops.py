@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
-from mechsim.model.motion import Through
+from mechsim.model.motion import ChangePointPolicy
 from mechsim.simulation import followers
 from mechsim.simulation.drive import CLOCK, Drive, Law
 from mechsim.simulation.loop_constraints import Coupled, constraints
@@ -71,7 +71,7 @@ class ModelLoops:
         self.crank = int(model.jnt_dofadr[joint])
         self.crank_place = int(model.jnt_qposadr[joint])
         self.drive = drive
-        self.passing: Through = "smooth"
+        self.passing: ChangePointPolicy = "smooth"
         found = constraints(model)
         self.pairs, self.frames, self.couplings = found.pairs, found.frames, found.couplings
         self.name = model.names.partition(b"\0")[0].decode() or "model"

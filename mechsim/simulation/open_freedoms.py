@@ -230,5 +230,5 @@ def told_floating(closed: ClosedModel) -> str:
     )
     return (
         f"{', '.join(names)}{more} {floats} beside what is driven, and poses say nothing of that: {stands}; "
-        f"hold {them} (--hold-base), or {STEPPED}"
+        f"hold {them} (--fix-base), or {STEPPED}"
     )

@@ -11,8 +11,8 @@ import numpy as np
 from mechsim.errors import BudgetError
 from mechsim.maths.angles import TURN
 from mechsim.maths.convergence import believed_order
+from mechsim.simulation.compliance_search import less_left
 from mechsim.simulation.driven_run import DrivenRun
-from mechsim.simulation.other_hardness import less_left
 from mechsim.simulation.pose_errors import beside
 from mechsim.simulation.refine import AIM, MOST, Attempt, Promise, refine, rounded, steps_for
 from mechsim.simulation.run_result import Run
@@ -71,26 +71,27 @@ def _softened(drive: DrivenRun, settings: Settings, run: Run, promise: Promise) 
 
 
 def _held_otherwise(drive: DrivenRun, settings: Settings, run: Run, promise: Promise) -> Run:
-    """Return the run that keeps a tolerance by another hardness; where one was asked for it is only named."""
+    """Return the run that keeps a tolerance by another compliance; a given one is only named."""
     steps, tolerance, tried = _per_cycle(drive, run), promise.tolerance, list[Run]()
 
-    def error(hardness: float) -> float:
-        tried.append(drive.stepped(replace(_with(drive, settings, steps), hardness=hardness), tolerance))
+    def error(compliance: float) -> float:
+        tried.append(drive.stepped(replace(_with(drive, settings, steps), compliance=compliance), tolerance))
         return tried[-1].estimate
 
     known = promise.estimate
-    found = less_left(error, settings.factor, known, tolerance)
+    found = less_left(error, settings.compliance_used, known, tolerance)
     spent = promise.trials + sum(one.steps for one in tried)
     if found is None:
         return _told(run, replace(promise, trials=spent))
-    hardness, left = found
-    if settings.hardness is not None:
-        reason = f"{promise.reason}, and by hardness {hardness:.2g} {left:.2g} m"
+    compliance, left = found
+    if settings.compliance is not None:
+        reason = f"{promise.reason}, and by compliance {compliance:.2g} {left:.2g} m"
         return _told(run, replace(promise, trials=spent, reason=reason))
     how = (
-        f"loops are held by hardness {hardness:.2g}: {settings.factor:.2g} leaves places off by {known:.2g} m"
+        f"loops are held by compliance {compliance:.2g}: "
+        f"{settings.compliance_used:.2g} leaves places off by {known:.2g} m"
     )
-    settings, spent = replace(settings, hardness=hardness), spent + run.steps
+    settings, spent = replace(settings, compliance=compliance), spent + run.steps
     if tried[-1].outcome == "met":
         kept = replace(promise, estimates={"place": left}, trials=spent - run.steps, reason="")
         return _told(tried[-1], kept, how)

@@ -46,7 +46,7 @@ def simulate(
     scene: Scene | None = None,
     programs: Programs | None = None,
     drive: str | None = None,
-    holds: Mapping[str, float | None] | None = None,
+    lock: Mapping[str, float | None] | None = None,
     key: str | None = None,
     watch: Watch | None = None,
     budget: ProcessorBudget | None = None,
@@ -64,7 +64,7 @@ def simulate(
             is then chosen by trials and the result checked against it. None steps as the settings say and
             calls the run met within a ten-thousandth of the stroke.
         settings: how to step; with a tolerance their number of steps is replaced, and where no number keeps
-            it, their hardness, unless that is given.
+            it, their compliance, unless that is given.
         timestep: in [s] or text, as "2ms"; kept exactly: the run ends with the last whole step within its
             duration. It replaces the number of steps of the settings.
         method: "step" integrates in time; "pose" solves each crank angle by itself, to rounding. None
@@ -111,7 +111,7 @@ def simulate(
     if profile is not None:
         source = starting_at(source, profile.angles)
     drivers = drive if programs is None else programs.drivers
-    closed = closed_model.of_source(source, scene, drivers=drivers, holds=holds, key=key)
+    closed = closed_model.of_source(source, scene, drivers=drivers, lock=lock, key=key)
     if programs is not None:
         profile = clock_of(programs)
     elif profile is None:

@@ -22,13 +22,13 @@ LEAST_CONSTANT = 10.0
 
 
 # factor on softness where none is asked for: measured in validation/choices/constraint_settings.py
-HARDNESS = 1e-8
+COMPLIANCE = 1e-8
 # steps of Newton's method where there is more than equalities, at least
 ITERATIONS = 100
 
 
-def _hardness(value: float | None) -> str:
-    return f"{HARDNESS if value is None else value:g} of MuJoCo's softness"
+def _compliance(value: float | None) -> str:
+    return f"{COMPLIANCE if value is None else value:g} of MuJoCo's softness"
 
 
 def _steps(value: float | None) -> str:
@@ -83,12 +83,12 @@ class Settings:
         doc="Two to five numbers with commas, as MuJoCo takes them.",
         fewest=2,
     )
-    hardness: float | None = setting_fields.number(
+    compliance: float | None = setting_fields.number(
         None,
-        "Factor on the inverse weights that scale a constraint's softness; 1 is MuJoCo's own. None takes "
-        "1e-8, and another where a tolerance of places asks for it.",
-        doc="Factor on constraint softness; 1 is MuJoCo's own. 1e-8 if left out, or what a tolerance needs.",
-        row=("constraint hardness", _hardness),
+        "Factor on the compliance of constraints; 1 is MuJoCo's own. None takes 1e-8, and another value "
+        "where a position tolerance requires it.",
+        doc="Factor on constraint compliance; 1 is MuJoCo's own. Default 1e-8, or what a tolerance needs.",
+        row=("constraint compliance", _compliance),
     )
     refsafe: bool = setting_fields.switch(
         False,
@@ -143,11 +143,11 @@ class Settings:
         "Whether constraints are solved island by island.",
         doc="Whether constraints are solved island by island.",
     )
-    flywheel: float | None = setting_fields.number(
+    drive_inertia: float | None = setting_fields.number(
         None,
         "Inertia on the crank, or on each driver, that holds its speed, in [kg m2]; None for 1e12 times that "
         "of the links, which no reaction of theirs and no redundant constraint turns.",
-        doc="Inertia that holds the crank's speed, in kg m2; 1e12 times the links' if left out.",
+        doc="Virtual inertia on the driver that keeps its speed, kg m2; default 1e12 times the links'.",
     )
 
     def __post_init__(self) -> None:
@@ -166,9 +166,9 @@ class Settings:
         return self.constant_steps or max(LEAST_CONSTANT, self.steps_per_turn / 10.0)
 
     @property
-    def factor(self) -> float:
-        """The hardness that is taken."""
-        return HARDNESS if self.hardness is None else self.hardness
+    def compliance_used(self) -> float:
+        """The compliance that is taken."""
+        return COMPLIANCE if self.compliance is None else self.compliance
 
     def apply(self, loops: ModelLoops, timestep: float, *, bending: bool = False) -> "Settings":
         """Set up a compiled model for a run; its own constraint and solver settings are replaced.
@@ -207,9 +207,9 @@ class Settings:
         _set(option, "enableflags", int(enable.mjENBL_DIAGEXACT), self.diagexact)
         model.eq_solref[:] = self.solref or self._solref(timestep, self.constant)
         model.eq_solimp[:] = self.solimp
-        model.body_invweight0[:] *= self.factor
-        model.dof_invweight0[:] *= self.factor
-        model.tendon_invweight0[_coupled_tendons(model, loops)] *= self.factor
+        model.body_invweight0[:] *= self.compliance_used
+        model.dof_invweight0[:] *= self.compliance_used
+        model.tendon_invweight0[_coupled_tendons(model, loops)] *= self.compliance_used
         if not bending:
             # a constraint leaves out the bend of a polynomial: the sooner it draws back the better
             bent = [one.number for one in loops.couplings if one.bends]
@@ -217,9 +217,10 @@ class Settings:
         set_armature(
             model,
             np.array([loops.crank]),
-            self.flywheel or flywheel(model.body_mass, model.body_inertia, loops.size, self.factor),
+            self.drive_inertia
+            or drive_inertia(model.body_mass, model.body_inertia, loops.size, self.compliance_used),
         )
-        used = replace(self, hardness=self.factor)
+        used = replace(self, compliance=self.compliance_used)
         if self.jacobian == "auto":
             used = replace(used, jacobian=quicker(model) if equalities else "dense")
         option.jacobian = KINDS["sparse" if used.jacobian == "sparse" else "dense"]
@@ -251,20 +252,20 @@ def set_armature(model: mujoco.MjModel, dofs: NDArray[np.int64], armature: float
     model.dof_armature[dofs] = armature
 
 
-def flywheel(mass: Array, inertia: Array, size: Any, hardness: float) -> Any:
+def drive_inertia(mass: Array, inertia: Array, size: Any, compliance: float) -> Any:
     """Return the inertia that holds a crank's speed, in [kg m2], or (d,) of d designs.
 
     It is so many times that of all links about a point as far off as the longest of them, and as much more as
-    loops are held harder than usual: in that proportion redundant constraints fight, which at hardness 1e-10
+    loops are held harder than usual: in that proportion redundant constraints fight: at compliance 1e-10 this
     made the crank of a Bennett linkage 7e-8 faster.
 
     Args:
         mass: of the bodies, (..., nbody) in [kg].
         inertia: their principal moments, (..., nbody, 3) in [kg m2].
         size: yardstick of lengths, in [m], or (d,).
-        hardness: of the loops, as in `Settings`.
+        compliance: of the loops, as in `Settings`.
     """
-    return FLYWHEEL * max(1.0, HARDNESS / hardness) * (mass.sum(-1) * size**2 + inertia.max(-1).sum(-1))
+    return FLYWHEEL * max(1.0, COMPLIANCE / compliance) * (mass.sum(-1) * size**2 + inertia.max(-1).sum(-1))
 
 
 def _coupled_tendons(model: mujoco.MjModel, loops: ModelLoops) -> list[int]:

@@ -77,14 +77,14 @@ class Case:
         return self.verdict.passed
 
     @property
-    def hardness(self) -> float | None:
+    def compliance(self) -> float | None:
         """By which the loops were held where it was stepped."""
-        return None if self.run.settings is None else self.run.settings.hardness
+        return None if self.run.settings is None else self.run.settings.compliance
 
     def as_dict(self) -> dict[str, Any]:
         """Return the case as `mechsim validate --json` prints it."""
         cost = {"steps": 0 if self.quick else self.run.steps, "seconds": self.seconds}
-        held = {} if self.hardness is None else {"hardness": self.hardness}
+        held = {} if self.compliance is None else {"compliance": self.compliance}
         published = {} if self.published is None else {"published": self.published.as_dict()}
         explained = {} if self.formula is None else self.formula.explained
         return self.verdict.as_dict() | cost | held | explained | published

@@ -58,8 +58,8 @@ def read_mjcf(
     path: str,
     *,
     drivers: Sequence[str] = (),
-    holds: Mapping[str, str | float | None] | None = None,
-    hold_base: bool = False,
+    lock: Mapping[str, str | float | None] | None = None,
+    fix_base: bool = False,
     key: str | None = None,
     track: Sequence[str] = (),
     still: bool = False,
@@ -70,7 +70,7 @@ def read_mjcf(
         path: of a file that MuJoCo loads.
         drivers: joints that are driven; empty takes those of actuators, else a hinge called crank.
         holds: joint -> value at which it is held, as text or in SI; None for that of the start.
-        hold_base: whether bodies with free joints stand still.
+        fix_base: whether bodies with free joints stand still.
         key: keyframe to start from; None takes the reference configuration.
         track: NAME of a site or body, or NAME,BODY@x,y,z in [m]; empty takes the named sites, or the
             origins of bodies where there are none.
@@ -83,12 +83,11 @@ def read_mjcf(
     from mechsim.simulation.mjcf_reader import read_model
 
     values = {
-        name: _value(name, value) if isinstance(value, str) else value
-        for name, value in (holds or {}).items()
+        name: _value(name, value) if isinstance(value, str) else value for name, value in (lock or {}).items()
     }
     try:
         read = read_model(
-            path, drivers=drivers, holds=values, base_held=hold_base, key=key, track=track, still=still
+            path, drivers=drivers, lock=values, fix_base=fix_base, key=key, track=track, still=still
         )
     except InputError as error:
         raise error if path in str(error) else InputError(f"{path}: {error}") from None
@@ -127,12 +126,12 @@ def _gaps(read: "MjcfModel", exact: Corrected) -> list[str]:
 
 def _held(mechanism: Mechanism) -> Mechanism:
     """Return a mechanism whose guess has its joints where they are held, brought there with drivers still."""
-    counted, holds = dict(mechanism.counted), dict(mechanism.holds)
+    counted, holds = dict(mechanism.counted), dict(mechanism.locked)
     far = {name: value for name, value in holds.items() if value != counted[name]}
     if not far:
         return mechanism
     both = (*mechanism.drivers, *holds)
-    moving = replace(mechanism, driver=both, holds={})
+    moving = replace(mechanism, driver=both, locked={})
     states = {name: steady(counted[name], far.get(name, counted[name]) - counted[name]) for name in both}
     bound = programs(moving, states, 1.0)
     try:

@@ -39,7 +39,7 @@ class Prescription:
         drive: coordinate -> its program, as text (see `program_text.program`) or a function of time.
         hold: joint or coordinate -> where it is held, as text or in SI; None holds it where it starts, and
             alone holds a ball.
-        hold_base: whether what floats is held where it starts.
+        fix_base: whether what floats is held where it starts.
         lock_others: whether what the drivers leave undetermined is locked where it starts.
         key: name of a keyframe to start from.
         track: the only points that count, as `NAME` or `NAME,LINK@x,y,z`; empty for those there are.
@@ -49,7 +49,7 @@ class Prescription:
 
     drive: Mapping[str, str | State] = field(default_factory=dict[str, "str | State"])
     hold: Mapping[str, str | float | None] = field(default_factory=dict[str, "str | float | None"])
-    hold_base: bool = False
+    fix_base: bool = False
     lock_others: bool = False
     key: str | None = None
     track: tuple[str, ...] = ()
@@ -87,7 +87,7 @@ def prescribed(
     still = _standing_still(mechanism, asked)
     if still:
         mechanism = _stilled(mechanism, still)
-        asked = replace(asked, hold={name: one for name, one in asked.hold.items() if name not in still})
+        asked = replace(asked, hold={name: one for name, one in asked.lock.items() if name not in still})
     mechanism = _redriven(mechanism, asked, own.written)
     if mechanism is form.mechanism and not (asked.drive or programs) and asked.duration is None:
         return form
@@ -204,23 +204,23 @@ def _redriven(mechanism: Mechanism, asked: Prescription, written: WrittenUnits) 
     for name in asked.drive:
         if name not in known:
             raise InputError(f"{mechanism.name} has no coordinate {name!r} to drive{nearest(name, known)}")
-    if not asked.hold and set(asked.drive) <= set(mechanism.drivers):
+    if not asked.lock and set(asked.drive) <= set(mechanism.drivers):
         return mechanism
     poses, starts = start_poses(mechanism)
-    holds = _holds(mechanism, asked.hold, starts, written)
+    holds = _holds(mechanism, asked.lock, starts, written)
     drivers = tuple(name for name in mechanism.drivers if name not in holds)
     if not set(asked.drive) <= set(drivers):
         drivers = tuple(asked.drive)
-        holds = {name: value for name, value in holds.items() if name not in drivers or name in asked.hold}
+        locked = {name: value for name, value in locked.items() if name not in drivers or name in asked.lock}
     if not drivers:
         raise InputError(f"{mechanism.name}: nothing is driven; hold less, or name a driver by --drive")
     counted = {name: starts[name] for name in drivers}
-    counted |= {name: value for name, value in mechanism.counted.items() if name not in holds}
+    counted |= {name: value for name, value in mechanism.counted.items() if name not in locked}
     alone = drivers[0] if len(drivers) == 1 else ""
     changed = replace(
         mechanism,
         driver=alone or drivers,
-        holds=holds,
+        locked=locked,
         counted=counted,
         guess=poses,
     )
@@ -234,7 +234,7 @@ def _holds(
     written: WrittenUnits,
 ) -> dict[str, float]:
     """Return all coordinates held, and where, in SI."""
-    holds = dict(mechanism.holds)
+    holds = dict(mechanism.locked)
     known: dict[str, tuple[str, ...]] = {
         name: (name,) for joint in mechanism.joints for name in joint.coordinates
     }
@@ -296,10 +296,10 @@ def _standing_still(mechanism: Mechanism, asked: Prescription) -> list[str]:
         for joint in mechanism.joints
         if KINDS[joint.kind].floats and GROUND in (joint.a.link, joint.b.link)
     ]
-    if asked.hold_base and not floating:
-        raise InputError(f"{mechanism.name} has no link that floats; leave out --hold-base")
-    held = [name for name in _balls(mechanism) if asked.hold.get(name, "") is None]
-    return [*(floating if asked.hold_base else ()), *held]
+    if asked.fix_base and not floating:
+        raise InputError(f"{mechanism.name} has no link that floats; leave out --fix-base")
+    held = [name for name in _balls(mechanism) if asked.lock.get(name, "") is None]
+    return [*(floating if asked.fix_base else ()), *held]
 
 
 def _balls(mechanism: Mechanism) -> list[str]:
@@ -317,7 +317,7 @@ def _stilled(mechanism: Mechanism, names: list[str]) -> Mechanism:
         mechanism,
         joints=joints,
         guess=poses,
-        holds={name: value for name, value in mechanism.holds.items() if name in known},
+        locked={name: value for name, value in mechanism.locked.items() if name in known},
         counted={name: value for name, value in mechanism.counted.items() if name in known},
     )
 

@@ -35,7 +35,7 @@ def load(
     *,
     drive: Mapping[str, str | State] | None = None,
     hold: Mapping[str, str | float | None] | Iterable[str] = (),
-    hold_base: bool = False,
+    fix_base: bool = False,
     lock_others: bool = False,
     key: str | None = None,
     track: Iterable[str] = (),
@@ -54,7 +54,7 @@ def load(
             returns value, rate and acceleration, (n,) each in SI.
         hold: joint or coordinate -> where it is held, as text or in SI; None, or a name alone, holds it where
             it starts.
-        hold_base: whether what floats is held where it starts.
+        fix_base: whether what floats is held where it starts.
         lock_others: whether joints that the drivers leave undetermined are locked where they start: all those
             outside loops, and in loops as many as there are undetermined degrees of freedom.
         key: name of a keyframe to start from; of MJCF files only.
@@ -68,7 +68,7 @@ def load(
     if not isinstance(model, str | PathLike):  # pyright: ignore[reportUnnecessaryIsInstance]
         kind = type(model).__name__
         raise InputError(f"a model is of type {kind}; give a name or a file, as 'rssr' or 'linkage.toml'")
-    asked = _asked(drive, hold, hold_base, key, track, duration, still, lock_others)
+    asked = _asked(drive, hold, fix_base, key, track, duration, still, lock_others)
     return _moving(fspath(model), set, asked, begun=True)
 
 
@@ -82,8 +82,8 @@ def described(model: str, set: Mapping[str, str | float] | None = None, **asked:
 
 def _asked(
     drive: Mapping[str, str | State] | None = None,
-    hold: Mapping[str, str | float | None] | Iterable[str] = (),
-    hold_base: bool = False,
+    lock: Mapping[str, str | float | None] | Iterable[str] = (),
+    fix_base: bool = False,
     key: str | None = None,
     track: Iterable[str] = (),
     duration: str | float | None = None,
@@ -92,8 +92,8 @@ def _asked(
 ) -> Prescription:
     return Prescription(
         drive=drive or {},
-        hold=hold if isinstance(hold, Mapping) else dict.fromkeys(hold),
-        hold_base=hold_base,
+        lock=lock if isinstance(lock, Mapping) else dict.fromkeys(lock),
+        fix_base=fix_base,
         key=key,
         track=tuple(track),
         duration=units.parse_time(duration, "the duration") if isinstance(duration, str) else duration,
@@ -150,8 +150,8 @@ def _read(model: str, changed: Mapping[str, str | float], asked: Prescription) -
         return read_mjcf(
             model,
             drivers=tuple(asked.drive),
-            holds=asked.hold,
-            hold_base=asked.hold_base,
+            lock=asked.lock,
+            fix_base=asked.fix_base,
             key=asked.key,
             track=asked.track,
             still=asked.still,

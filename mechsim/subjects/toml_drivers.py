@@ -105,10 +105,12 @@ def start_of(
     return found.pop(crank, 0.0) if crank is not None else 0.0, found
 
 
-def holds_of(of: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]) -> dict[str, float]:
+def locked_of(
+    of: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
+) -> dict[str, float]:
     """Return the coordinates held, and where in SI."""
     found: dict[str, float] = {}
-    for name, (path, one) in of.table(read, "holds").items():
+    for name, (path, one) in of.table(read, "locked").items():
         if name in ((driver,) if isinstance(driver, str) else driver):
             raise of.values.source.refusal(path, "is driven; hold it, or drive it")
         found[name] = of.value(name, one, path)

@@ -139,7 +139,7 @@ ROOT = Keys(
             ),
             "where the driver stands at the guess, or a table by coordinate; 0 if left out",
         ),
-        "holds": by_coordinate(Amount("where it is held"), "coordinates that do not move"),
+        "locked": by_coordinate(Amount("where it is held"), "coordinates that do not move"),
         "programs": by_coordinate(
             Word("as in 600rpm, 30deg*sin(2*pi*t) with t in s, or FILE.csv"), "how drivers go over time"
         ),

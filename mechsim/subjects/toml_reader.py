@@ -24,7 +24,7 @@ from mechsim.subjects.toml_drivers import (
     FileProgram,
     coordinates_of,
     drivers_of,
-    holds_of,
+    locked_of,
     programs_of,
     start_of,
 )
@@ -89,7 +89,7 @@ def toml_subject(
             guess={name: _pose(source, name, one) for name, one in _of(read, "guess")},
             start=start,
             couplings=couplings,
-            holds=holds_of(of, read, driver),
+            locked=locked_of(of, read, driver),
             counted=counted,
             up=_up(read),
         )

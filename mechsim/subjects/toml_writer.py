@@ -38,8 +38,8 @@ def toml_of(source: Mechanism | LoopForm) -> str:
         lines += ["", f"[couplings.{key(_gear_name(mechanism, i, taken))}]", *_gear(gear)]
     for coupling in mechanism.couplings:
         lines += ["", f"[couplings.{key(coupling.name)}]", *_coupling(coupling)]
-    if mechanism.holds:
-        lines += ["", "[holds]", *_values(mechanism.holds)]
+    if mechanism.locked:
+        lines += ["", "[locked]", *_values(mechanism.locked)]
     if mechanism.points:
         lines += ["", "[points]"]
     for name, (link, place) in mechanism.points.items():

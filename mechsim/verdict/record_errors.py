@@ -133,12 +133,12 @@ def of_reactions(kind: Literal["force", "moment"]) -> Error:
 
 def drives(found: Efforts, exact: Efforts) -> Iterable[str]:
     """Return the drivers that programs move, and holds."""
-    return [*exact.drives, *exact.holds]
+    return [*exact.drives, *exact.locked]
 
 
 def drive_effort(found: Efforts, exact: Efforts, name: str) -> Array:
     """Return the error of the torque of one drive, of a force times the size."""
-    own, true = ({**one.drives, **one.holds}[name] for one in (found, exact))
+    own, true = ({**one.drives, **one.locked}[name] for one in (found, exact))
     return _along(own, true, exact, name)
 
 

@@ -92,12 +92,12 @@ def test_links_keep_their_lengths_and_nothing_leaps_at_a_change_point(which):
 
 @pytest.mark.parametrize("which", FOLDING)
 def test_folding_keeps_to_the_side_of_the_branch(which):
-    drive = FLAT_ONES[which].passing("fold")
+    drive = FLAT_ONES[which].with_change_point("branch")
     angles = np.linspace(-TURN, TURN, 41)
     assert (drive.assembly_sign(drive.positions(angles)) >= -1e-15).all()
     smooth = FLAT_ONES[which].assembly_sign(FLAT_ONES[which].positions(angles))
     assert smooth.min() < 0.0 < smooth.max()
-    told = FLAT_ONES[which].positions(angles, through="fold")
+    told = FLAT_ONES[which].positions(angles, change_point="branch")
     for name, places in drive.positions(angles).items():
         assert (told[name] == places).all()
 
@@ -107,8 +107,8 @@ def test_loop_equations_fold_as_the_closed_form_does(which):
     drive = FLAT_ONES[which]
     beside = [at + off for at in drive.change_points() for off in (-1e-3, -1e-7, 0.0, 1e-7, 1e-3)]
     angles = np.unique([*np.linspace(-TURN, TURN, 33), *beside])
-    exact = drive.solve(angles, -2.0, through="fold")
-    found = closure.solve(drive.mechanism, angles, -2.0, through="fold")
+    exact = drive.solve(angles, -2.0, change_point="branch")
+    found = closure.solve(drive.mechanism, angles, -2.0, change_point="branch")
     smooth = closure.solve(drive.mechanism, angles, -2.0)
     # measured 3e-14 of the size, 2e-12 and 1e-8
     for name, point in exact.points.items():
@@ -125,17 +125,17 @@ def test_loop_equations_fold_as_the_closed_form_does(which):
 @pytest.mark.parametrize("which", ["kite round its frame", "rhombus"])
 def test_what_cannot_fold_is_refused_on_either_road(which):
     drive = FLAT_ONES[which]
-    with pytest.raises(AssemblyError, match="and it cannot fold; take through=smooth"):
-        drive.positions([0.5], through="fold")
+    with pytest.raises(AssemblyError, match="no assembly leads into another; take change_point=smooth"):
+        drive.positions([0.5], change_point="branch")
     with pytest.raises(AssemblyError, match="by folding, for it does not turn"):
-        closure.solve(drive.mechanism, [-0.5, 0.5], through="fold")
+        closure.solve(drive.mechanism, [-0.5, 0.5], change_point="branch")
 
 
 def test_a_mechanism_of_ones_own_folds_too():
     drive = FLAT_ONES["parallelogram"]
-    form = LoopForm(drive.mechanism).passing("fold")
+    form = LoopForm(drive.mechanism).with_change_point("branch")
     angles = np.linspace(-TURN, TURN, 17)
-    exact = drive.positions(angles, through="fold")
+    exact = drive.positions(angles, change_point="branch")
     for name, places in form.positions(angles).items():
         np.testing.assert_allclose(places, exact[name], atol=1e-12)
     assert form.period == TURN
@@ -146,7 +146,7 @@ def test_a_linkage_without_change_points_has_none():
     for name in catalog.DRIVES:
         drive = catalog.make(name)
         assert drive.change_points() == ()
-        assert drive.passing("fold").positions([0.3]).keys() == drive.positions([0.3]).keys()
+        assert drive.with_change_point("branch").positions([0.3]).keys() == drive.positions([0.3]).keys()
 
 
 @pytest.mark.parametrize("lack", [1e-3, 1e-6, 1e-9, 1e-12])

@@ -74,7 +74,7 @@ def test_loop_equations_start_with_the_sign_too(which):
 
 @pytest.mark.parametrize("which", FOLDING)
 def test_what_folds_has_its_sign_at_the_first_configuration(which):
-    drive = FLAT_ONES[which].passing("fold")
+    drive = FLAT_ONES[which].with_change_point("branch")
     for first in (0.3, 2.0, 3.9, 5.5):
         assert drive.assembly_sign(drive.positions([first, first + 1e-3]))[0] > 0.0
 

@@ -122,7 +122,7 @@ def test_a_cell_whose_rows_tell_a_fifth_of_what_they_do_elsewhere_in_it_is_halve
     assert (length == 0.025) == (not holds)
 
 
-@pytest.mark.parametrize("passing", ["smooth", "fold"])
+@pytest.mark.parametrize("passing", ["smooth", "branch"])
 @pytest.mark.parametrize(("sense", "to"), [(1, 8.0), (-1, -2.0)])
 def test_cells_are_taken_back_as_far_as_the_last_change_point_and_no_farther(sense, to, passing):
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)

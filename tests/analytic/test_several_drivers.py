@@ -60,7 +60,7 @@ def test_what_the_drivers_leave_open_is_named():
 
 
 def test_a_held_coordinate_is_no_freedom():
-    mechanism = replace(five_bar(), driver="left", holds={"right": 1.2}, start=2.0, counted={})
+    mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, counted={})
     motion = LoopForm(mechanism).solve(np.linspace(1.8, 2.2, 5))
     truth = where_circles_meet(motion.angle, np.full(5, 1.2))
     assert motion.points["P"].position[:, :2] == pytest.approx(truth, abs=1e-15)
@@ -118,8 +118,8 @@ def test_a_table_is_a_program():
     [
         {"driver": ("left", "left")},
         {"driver": "missing"},
-        {"holds": {"left": 0.0}},
-        {"holds": {"A": np.nan}},
+        {"locked": {"left": 0.0}},
+        {"locked": {"A": np.nan}},
         {"couplings": (Coupling("c", "A", "nothing", (0.0, 1.0)),)},
     ],
 )

@@ -98,5 +98,5 @@ def test_loops_that_lock_each_other_by_digits_are_named_and_move_with_one_left_o
     with pytest.raises(MobilityError, match=r"crank cannot move, for upper and lower .* lock"):
         ms.load(path, drive=drive).solve(t=np.linspace(0.0, 1.0, 21))
     path.write_text(TWO_RODS.format(active="false"))
-    motion = ms.load(path, drive=drive, hold={"two": None}).solve(t=np.linspace(0.0, 1.0, 21))
+    motion = ms.load(path, drive=drive, lock={"two": None}).solve(t=np.linspace(0.0, 1.0, 21))
     assert np.isfinite(motion.joints["arm"].value).all()

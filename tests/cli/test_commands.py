@@ -110,7 +110,7 @@ def test_a_table_that_is_none_is_refused_by_line_and_column(mechsim: Call, tmp_p
 def test_settings_that_tear_the_loops_open_are_missed_though_no_tolerance_was_asked_for(
     mechsim: Call,
 ) -> None:
-    mujoco_defaults = ["--solref", "0.02,1", "--solimp", "0.9,0.95,0.001,0.5,2", "--hardness", "1"]
+    mujoco_defaults = ["--solref", "0.02,1", "--solimp", "0.9,0.95,0.001,0.5,2", "--compliance", "1"]
     answer = mechsim("simulate", "rssr", "--integrator", "Euler", "--timestep", "20ms", *mujoco_defaults)
     assert answer.code == 1
     assert answer.out.startswith("missed: places within")
@@ -207,7 +207,7 @@ def test_simulate_answers_with_one_json_object_and_writes_time_too(mechsim: Call
 
 
 def test_simulate_with_mujocos_own_settings_misses_and_says_so_by_its_exit_code(mechsim: Call) -> None:
-    words = ["simulate", "rssr", "--integrator", "Euler", "--timestep", "1ms", "--hardness", "1"]
+    words = ["simulate", "rssr", "--integrator", "Euler", "--timestep", "1ms", "--compliance", "1"]
     answer = mechsim(*words, "--solref", "0.02,1", "--solimp", "0.9,0.95,0.001", "--json")
     said = json.loads(answer.out)
     # without a tolerance nothing can be missed, but the estimate tells: a tenth of a millimetre and more
@@ -238,14 +238,16 @@ def test_a_fold_keeps_to_the_branch_and_a_stepped_run_says_where_it_is_not_decid
     mechsim: Call, tmp_path: Path
 ) -> None:
     table = str(tmp_path / "turn.csv")
-    assert mechsim("solve", "four_bar", *PARALLELOGRAM, "--through", "fold", "-o", table).code == 0
+    assert mechsim("solve", "four_bar", *PARALLELOGRAM, "--change-point", "branch", "-o", table).code == 0
     found = files.read(table)
-    exact = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, through="fold")
+    exact = catalog.make(
+        "four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, change_point="branch"
+    )
     points = {name: np.column_stack([found[f"{name}.{axis}"] for axis in "xyz"]) for name in ("A", "B")}
     assert (exact.assembly_sign(points) >= -1e-15).all()
-    refused = mechsim("solve", "four_bar", *PARALLELOGRAM, "--through", "past")
+    refused = mechsim("solve", "four_bar", *PARALLELOGRAM, "--change-point", "past")
     assert refused.code == 2
-    assert "smooth or fold" in refused.err
+    assert "smooth or branch" in refused.err
     told = mechsim("simulate", "four_bar", *PARALLELOGRAM, "--method", "step")
     assert told.code == 2
     assert "it starts at crank angle 0 rad, where two assemblies meet and dynamics alone cannot" in told.err

@@ -98,7 +98,7 @@ def test_show_answers_whatever_is_driven(mechsim):
         [],
         0,
     )
-    assert told("--hold", "lift")["freedoms"] == 1
+    assert told("--lock", "lift")["freedoms"] == 1
 
 
 WRONG = {

@@ -42,7 +42,7 @@ def test_settings_asked_for_replace_those_of_the_file_and_no_others(mechsim):
     assert settings == {"timestep": 1e-3, "integrator": "implicitfast", "solver": "CG"}
 
 
-def test_a_tolerance_chooses_steps_and_hardness(mechsim):
+def test_a_tolerance_chooses_steps_and_compliance(mechsim):
     told = json.loads(mechsim(*FEED, "--tolerance", "1um", "--json").out)
     assert told["outcome"] == "met"
     assert told["estimate"] <= 1e-6
@@ -53,7 +53,7 @@ def test_a_tolerance_chooses_steps_and_hardness(mechsim):
     [
         (("--ctrl", "motor=1"), "actuators of the model are servo"),
         (("--ctrl", "servo"), "has no '='"),
-        (("--ctrl", "servo=1", "--hold", "swung"), "swung"),
+        (("--ctrl", "servo=1", "--lock", "swung"), "swung"),
         (("--ctrl", "servo=1", "--speed", "3"), "--speed"),
         (("--ctrl", "servo=1", "--steps-per-turn", "50"), "--steps-per-turn"),
     ],

@@ -72,7 +72,7 @@ def test_masses_are_listed_with_their_source(press):
 def test_a_link_without_mass_in_a_scene_is_listed_as_zero(tmp_path):
     path = tmp_path / "pair.xml"
     path.write_text(SCENE)
-    form = ms.load(str(path), hold={"tip": 0.0})
+    form = ms.load(str(path), lock={"tip": 0.0})
     assert {one.link: one.source for one in masses_of(form.mechanism)} == {"arm": "given", "tip": "zero"}
     assert summary(masses_of(form.mechanism)) == "masses: arm given, 2 kg; tip zero in the file"
 

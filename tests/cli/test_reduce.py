@@ -47,7 +47,7 @@ def test_two_points_may_be_named_at_once(mechsim, finger, monkeypatch):
 def test_what_is_held_stands_still_in_what_is_left(mechsim, tmp_path, monkeypatch):
     few_trials(monkeypatch)
     (tmp_path / "floating.xml").write_text(FLOATING)
-    held = ("--hold-base", "--hold", "swing=0.2", "--key", "home", "--ctrl", "servo=0.1")
+    held = ("--fix-base", "--lock", "swing=0.2", "--key", "home", "--ctrl", "servo=0.1")
     words = ("--duration", "0.1s", "--tolerance", "7um", "--track", "pad", "-o", "out.xml", "--json")
     answer = mechsim("reduce", "floating.xml", *held, *words)
     assert answer.code == 0, answer.err

@@ -106,6 +106,6 @@ def test_what_is_open_in_a_file_is_held_as_the_refusal_says(trace, file):
     code, _, err = trace(*words)
     assert code == 2
     assert "hold" in err
-    code, out, err = trace(*words, "--hold", "loose")
+    code, out, err = trace(*words, "--lock", "loose")
     assert (code, err) == (0, "")
     assert "component" in out

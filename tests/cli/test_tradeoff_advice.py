@@ -18,7 +18,7 @@ SOFT = Settings(
     steps_per_turn=288,
     integrator="implicitfast",
     constant_steps=2.0,
-    hardness=1.0,
+    compliance=1.0,
     refsafe=True,
     diagexact=True,
     jacobian="dense",
@@ -51,13 +51,13 @@ def test_an_export_that_is_advised_has_the_settings_of_the_run_that_was_measured
     assert written.eq_solimp == pytest.approx(run.model.eq_solimp)
     safe = int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
     assert written.opt.disableflags & safe == run.model.opt.disableflags & safe == 0
-    assert exporting(point(replace(SOFT, hardness=1e-4), Build()), "slider_crank", SPEED) is None
+    assert exporting(point(replace(SOFT, compliance=1e-4), Build()), "slider_crank", SPEED) is None
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("--hardness 1e-8", "no MJCF file can say other than 1"),
+        ("--compliance 1e-8", "an MJCF file can only state 1"),
         ("--integrator verlet", "there is no integrator 'verlet'"),
         ("--timestep 1ms --steps-per-turn 100", "give one of them"),
         ("--solref .1,1 --constant-steps 2", "give one of them"),

@@ -128,7 +128,7 @@ def test_screen_and_file_state_the_same_and_a_worse_trajectory(mechsim, tmp_path
 @pytest.mark.slow
 def test_what_is_held_stands_still_in_what_is_written(mechsim, tmp_path):
     (tmp_path / "floating.xml").write_text(FLOATING)
-    words = ("floating.xml", "--hold-base", "--hold", "swing=0.2", "--key", "home", "--duration", "0.1s")
+    words = ("floating.xml", "--fix-base", "--lock", "swing=0.2", "--key", "home", "--duration", "0.1s")
     answer = mechsim("simulate", *words, "--ctrl", "servo=0.1", "-o", "run.csv", "--json")
     assert answer.code in (0, 1), answer.err
     assert files.read(tmp_path / "run.csv")["swing.q"] == pytest.approx(0.2, abs=1e-9)
@@ -142,7 +142,7 @@ def test_what_is_held_stands_still_in_what_is_written(mechsim, tmp_path):
     assert model.body("hull").pos == pytest.approx([0.0, 0.2, 1.5])
     assert model.key("home").ctrl == 0.1
     assert len(model.key("home").qpos) == 4
-    answer = mechsim("tune", "finger.xml", "--tolerance", "5um", "--hold-base", "-o", "no.xml")
+    answer = mechsim("tune", "finger.xml", "--tolerance", "5um", "--fix-base", "-o", "no.xml")
     assert answer.code == 2
     assert "no body has a free joint" in answer.err
 
@@ -194,7 +194,7 @@ def test_what_no_file_reaches_is_said_with_what_one_does(mechsim, tmp_path):
         (("finger.xml", "--tolerance", "1e-5", "--ctrl", "servo=fast"), "actuator servo"),
         (("finger.xml", "--tolerance", "1e-5", "--track", "nobody"), "nobody"),
         (("finger.xml", "--tolerance", "1e-5", "--key", "home"), "home"),
-        (("finger.xml", "--tolerance", "1e-5", "--free", "gravity"), "contacts, limits, friction"),
+        (("finger.xml", "--tolerance", "1e-5", "--allow", "gravity"), "contacts, limits, friction"),
     ],
 )
 def test_what_cannot_be_is_said_in_one_line_and_nothing_is_written(mechsim, tmp_path, words, said):

@@ -52,7 +52,7 @@ def test_the_remedy_named_is_one_that_the_command_has(words, mechsim, tmp_path):
 def test_a_run_in_time_and_a_hold_both_settle_it(mechsim, tmp_path):
     (tmp_path / "finger.xml").write_text(FINGER)
     assert mechsim("simulate", *DRIVE, "--method", "step").code in (0, 1)
-    assert mechsim("solve", *DRIVE, "--hold", "swing").code == 0
+    assert mechsim("solve", *DRIVE, "--lock", "swing").code == 0
 
 
 def test_a_crank_that_leaves_something_open_runs_in_time_from_where_it_starts(mechsim, tmp_path):

@@ -130,6 +130,6 @@ def test_what_cannot_be_kept_is_bad_input():
 
 def test_settings_given_are_kept_but_for_their_number_of_steps():
     machine = of("rssr")
-    given = Settings(hardness=1e-6)
+    given = Settings(compliance=1e-6)
     run = driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-4, settings=given)
     assert replace(run.settings, steps_per_turn=given.steps_per_turn) == given

@@ -198,11 +198,11 @@ def test_what_is_asked_is_cut_even_where_a_joint_that_holds_nothing_could_be():
 
 
 def test_a_loop_of_joints_that_are_all_needed_is_refused_and_a_held_one_is_called_so():
-    held = replace(chain(*rows(FOUR_BAR)), holds={"A": 0.3, "B": -0.2})
+    held = replace(chain(*rows(FOUR_BAR)), locked={"A": 0.3, "B": -0.2})
     with pytest.raises(InputError, match="joint 'B' is held and cannot be cut; cut another"):
         cut_loops(held, ("B",))
     assert cut_in(held) == ["C"]
-    stiff = replace(held, holds={"A": 0.3, "B": -0.2, "C": 0.1})
+    stiff = replace(held, locked={"A": 0.3, "B": -0.2, "C": 0.1})
     with pytest.raises(
         InputError, match=r"the loop through joint 'B' has only driven and geared joints; have"
     ):

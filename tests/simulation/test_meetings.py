@@ -62,7 +62,7 @@ def test_a_run_by_poses_stays_one_linkage_for_two_turns(drive):
 @pytest.mark.parametrize("turns", [2.4, -0.9])
 @pytest.mark.parametrize("drive", OTHERS, ids=lambda one: f"{one.name} {one.change_points()[0]:.2f}")
 def test_a_run_by_poses_folds_as_the_closed_form_does(drive, turns):
-    drive = drive.passing("fold")
+    drive = drive.with_change_point("branch")
     run = simulate(drive, speed=20.0 * np.sign(turns), turns=abs(turns), samples=96)
     assert run.outcome == "met"
     motion = run.motion
@@ -82,17 +82,17 @@ def test_efforts_at_a_meeting_are_limits(drive):
     heavier = dynamics.machine(drive, Forces(gravity=(0.0, -9.8101, 0.0)))
     assert not crosscheck_driven(run, heavier).passed
     with pytest.raises(InputError, match="to fold at change points, where its links would jump in speed"):
-        dynamics.machine(drive.passing("fold"))
+        dynamics.machine(drive.with_change_point("branch"))
 
 
 def test_what_cannot_fold_is_refused_with_its_angle():
     rhombus = catalog.make("four_bar", ground=0.1, crank=0.1, coupler=0.1, rocker=0.1, branch=-1)
     with pytest.raises(AssemblyError, match=r"cannot pass crank angle .* by folding, for it does not turn"):
-        simulate(LoopForm(rhombus.mechanism, through="fold"), speed=20.0)
+        simulate(LoopForm(rhombus.mechanism, change_point="branch"), speed=20.0)
 
 
 def test_a_stepped_run_cannot_fold_and_one_that_meets_nothing_need_not():
-    drive = OTHERS[0].passing("fold")
+    drive = OTHERS[0].with_change_point("branch")
     with pytest.raises(InputError, match=r"to fold at crank angle 3\.142, 6\.283 rad, .*; run it by pose"):
         simulate(drive, speed=20.0, method="step")
     start = drive.mechanism.start

@@ -197,7 +197,7 @@ ACTUATED = LOOPS.replace("EQUALITY", EQUALITIES["joint"]).replace(
     [
         (LOOPS.replace("EQUALITY", ""), {}, ("crank",)),
         (ACTUATED, {}, ("slide", "crank")),
-        (ACTUATED, {"holds": {"slide": None}}, ("crank",)),
+        (ACTUATED, {"lock": {"slide": None}}, ("crank",)),
         (ACTUATED, {"drivers": ["swing", "swing"]}, ("swing",)),
     ],
 )
@@ -213,7 +213,7 @@ def test_a_held_base_stands_where_the_keyframe_has_it_whatever_frame_it_is_in(fi
     text = text.replace(
         '<freejoint/><geom size="0.01"/></body>', '<freejoint/><geom size="0.01"/></body></frame>'
     )
-    read = read_model(file(text), base_held=True, key="up")
+    read = read_model(file(text), fix_base=True, key="up")
     model = read.spec.compile()
     assert model.nq == 9
     assert len(read.qpos) == 9
@@ -349,11 +349,11 @@ def test_a_file_may_be_as_deep_as_is_said_and_declare_its_kind(file):
     [
         ({"drivers": ["cranck"]}, "--drive names 'cranck'; hinges and slides of the model are first, second"),
         (
-            {"holds": {"socket": 0.1}},
-            "--hold names 'socket', a ball joint, .*hold it where it starts with --hold socket",
+            {"lock": {"socket": 0.1}},
+            "--lock names 'socket', a ball joint, .*hold it where it starts with --lock socket",
         ),
         ({"drivers": ["socket"]}, "--drive names 'socket', a ball joint, .*three hinges across each other"),
-        ({"holds": {"loose_joint": 0.0}}, "--hold names 'loose_joint', a free joint, .* or --hold-base"),
+        ({"lock": {"loose_joint": 0.0}}, "--lock names 'loose_joint', a free joint, .* or --fix-base"),
         ({"key": "home"}, "there is no keyframe 'home'; there are none"),
         ({"track": ["nose"]}, "--track names 'nose'; sites and bodies"),
         ({"track": ["tip,nose@0,0,0"]}, "names body 'nose'"),

@@ -117,7 +117,7 @@ def test_a_held_joint_stands_still_where_it_is_held():
     text = FOUR_BAR.replace("EQUALITY", "")
     held = {"A": 0.4, "C": -0.2, "D": 0.3}
     for method in ("pose", "step"):
-        joints = swept(text, drive="motor", speed=2.0, holds=held, method=method).motion.joints
+        joints = swept(text, drive="motor", speed=2.0, lock=held, method=method).motion.joints
         for name, value in held.items():
             assert joints[name].value == pytest.approx(value, abs=1e-12)
 
@@ -136,7 +136,7 @@ def test_what_a_model_has_not_is_named():
     with pytest.raises(InputError, match=r"no hinge or slide called 'X' to drive \(it has motor, A, D, C\)"):
         simulate(text, programs=by_name({"X": steady(0.0, 1.0)}, 1.0))
     with pytest.raises(InputError, match=r"no hinge or slide called 'X' to hold"):
-        swept(text, drive="motor", speed=1.0, holds={"X": 0.0})
+        swept(text, drive="motor", speed=1.0, lock={"X": 0.0})
     with pytest.raises(InputError, match=r"no keyframe 'behind' \(it has ahead\)"):
         swept(text, drive="motor", speed=1.0, key="behind")
 
@@ -144,7 +144,7 @@ def test_what_a_model_has_not_is_named():
 def test_a_joint_that_cannot_go_where_it_is_held_is_refused_with_the_place():
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
     with pytest.raises((AssemblyError, MobilityError), match=r"D = |overdriven"):
-        swept(text, drive="motor", speed=1.0, holds={"D": 2.0})
+        swept(text, drive="motor", speed=1.0, lock={"D": 2.0})
 
 
 def test_the_clock_of_programs_stands_under_no_default_and_in_no_record():

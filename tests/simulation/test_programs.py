@@ -124,7 +124,7 @@ def test_a_platform_goes_where_its_legs_were_measured():
 
 
 def test_a_lone_crank_under_a_steady_program_goes_as_at_that_speed():
-    mechanism = replace(five_bar(), driver="left", holds={"right": 1.2}, start=2.0, counted={})
+    mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, counted={})
     moves = programs(mechanism, {"left": steady(2.0, 0.5)}, 1.0)
     known = simulate(mechanism, speed=0.5, turns=0.5 / (2 * np.pi), samples=10, method="pose").motion
     for method, near in (("pose", 1e-15), ("step", 1e-11)):

@@ -221,7 +221,7 @@ def test_a_run_that_blows_up_is_diverged_and_its_motion_says_so() -> None:
 
 def test_a_soft_loop_is_reported_by_its_true_error() -> None:
     drive = catalog.make("rssr")
-    soft = Settings(integrator="Euler", steps_per_turn=100, solref=(0.02, 1.0), hardness=1.0, refsafe=True)
+    soft = Settings(integrator="Euler", steps_per_turn=100, solref=(0.02, 1.0), compliance=1.0, refsafe=True)
     soft = replace(soft, solimp=(0.9, 0.95, 0.001, 0.5, 2.0))
     run = simulate(drive.mechanism, speed=rpm(600.0), settings=soft)
     error = worst(run.motion, drive.solve(run.motion.angle, run.motion.speed))
@@ -340,7 +340,7 @@ def test_values_that_cannot_be_used_are_refused_in_one_sentence(change: dict, se
     [
         ({"integrator": "euler"}, "there is no integrator 'euler'"),
         ({"steps_per_turn": 3}, "take at least 4"),
-        ({"hardness": 0.0}, "hardness is 0.0"),
+        ({"compliance": 0.0}, "compliance is 0.0"),
         ({"constant_steps": np.nan}, "constant_steps is nan"),
         ({"solref": (np.nan, 1.0)}, "solref is"),
     ],
@@ -394,7 +394,7 @@ def test_a_point_that_the_crank_leaves_free_is_stepped() -> None:
 
 def test_a_crank_that_its_drive_loses_is_a_diverged_run_and_says_where() -> None:
     mechanism = catalog.make("rssr").mechanism
-    run = simulate(mechanism, speed=10.0, turns=20.0, settings=Settings(flywheel=1e-6))
+    run = simulate(mechanism, speed=10.0, turns=20.0, settings=Settings(drive_inertia=1e-6))
     assert run.outcome == "diverged"
     assert "the crank stands at" in run.motion.broken
 
@@ -458,9 +458,9 @@ def test_forces_of_links_that_all_turn_evenly_are_judged_by_their_speed() -> Non
     assert found.residual.max() < 1e-11
 
 
-@pytest.mark.parametrize("hardness", [1e-8, 1e-10, 1e-12])
-def test_harder_loops_turn_the_crank_of_a_redundant_linkage_no_more(hardness):
+@pytest.mark.parametrize("compliance", [1e-8, 1e-10, 1e-12])
+def test_harder_loops_turn_the_crank_of_a_redundant_linkage_no_more(compliance):
     """Measured 1.3e-11, 1.3e-11 and 4.9e-13; with the same flywheel for all, 1.3e-11, 1.3e-9 and 4.9e-9."""
-    settings = Settings(steps_per_turn=2000, hardness=hardness)
+    settings = Settings(steps_per_turn=2000, compliance=compliance)
     motion = simulate(catalog.make("bennett").mechanism, speed=60.0, settings=settings).motion
     assert np.abs(motion.speed / 60.0 - 1.0).max() < 1e-10

@@ -19,7 +19,7 @@ VALUES = {
     "steps-per-turn": "50",
     "solref": "0.01,1",
     "solimp": "0.9,0.99",
-    "hardness": "0.1",
+    "compliance": "0.1",
 }
 
 

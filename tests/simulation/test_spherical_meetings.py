@@ -49,17 +49,17 @@ def rocker_end(coupler, rocker, through, sign):
     ("coupler", "rocker", "through"),
     [
         (65.0, 45.0, "smooth"),
-        (65.0, 45.0, "fold"),
+        (65.0, 45.0, "branch"),
         (85.0, 35.0, "smooth"),
         (80.0, 30.0, "smooth"),
-        (80.0, 30.0, "fold"),
+        (80.0, 30.0, "branch"),
         (65.0, 45.05, "smooth"),
         (65.0, 45.0 + 1e-5, "smooth"),
         (80.0, 30.0 + 1e-3, "smooth"),
     ],
 )
 def test_poses_of_a_spherical_linkage_pass_its_flat_poses_and_those_beside(coupler, rocker, through):
-    form = ms.load("spherical_four_bar", set=arcs(coupler, rocker)).passing(through)
+    form = ms.load("spherical_four_bar", set=arcs(coupler, rocker)).with_change_point(through)
     model = closed_model.of_source(form)
     states = follow.follow(model.loops, model.closed, ANGLES)
     found = model.places(states)[:, model.track.points.index("B")]

@@ -38,7 +38,7 @@ def held_rack():
     """A pinion that drives a rack, beside a held joint."""
     mechanism = machines.rack_and_cam()
     mesh = Coupling("mesh", "rack", "crank", (0.001, 0.02))
-    mechanism = replace(mechanism, driver=("crank",), couplings=(mesh,), holds={"cam": 0.01})
+    mechanism = replace(mechanism, driver=("crank",), couplings=(mesh,), locked={"cam": 0.01})
     moves = programs(mechanism, {"crank": machines.waving(0.3, 1.0, 2.0)}, 2.0)
     return dynamics.machine(LoopForm(mechanism, programs=moves), Forces(gravity=(-9.81, -9.81, 0.0)))
 

@@ -213,7 +213,7 @@ def test_the_thread_of_a_press_carries_its_load_and_the_torque_that_goes_with_it
 @pytest.mark.parametrize("method", METHODS)
 def test_a_hold_beside_a_crank_is_reported_and_balances_its_links(method):
     made = train(1)
-    mechanism = replace(made.mechanism, couplings=made.mechanism.couplings[:1], holds={"cam": 0.01})
+    mechanism = replace(made.mechanism, couplings=made.mechanism.couplings[:1], locked={"cam": 0.01})
     if method == "MuJoCo":
         run = driven(mechanism, made.forces, speed=3.0, turns=0.1, method="pose", samples=4)
         motion, efforts = run.motion, run.efforts
@@ -221,7 +221,7 @@ def test_a_hold_beside_a_crank_is_reported_and_balances_its_links(method):
         machine = dynamics.machine(mechanism, made.forces)
         angles = np.linspace(0.0, 0.6, 5)
         motion, efforts = machine.drive.solve(angles, 3.0), dynamics.prescribed(machine, angles, 3.0).efforts
-    assert {*efforts.holds} == {"cam"}
+    assert {*efforts.locked} == {"cam"}
     assert equilibrium.largest_imbalance(mechanism, made.forces, motion, efforts) <= BALANCED
     off = equilibrium.largest_imbalance(mechanism, made.forces, motion, efforts, without="drive of cam")
     assert off > 1e4 * BALANCED

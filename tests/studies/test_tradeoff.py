@@ -72,12 +72,12 @@ def test_every_family_has_its_own_name_and_every_integrator_several():
 def test_the_ladder_covers_drives_levels_and_reductions():
     subject = subject_of(catalog.make("rssr"), SPEED)
     builds = [family.build for family in families(subject.mechanism, subject.variants)]
-    assert {build.drive for build in builds} == {"flywheel", "geared", "servo"}
+    assert {build.drive for build in builds} == {"drive_inertia", "geared", "servo"}
     assert {build.level for build in builds} == set(LEVELS)
     assert {build.rod for build in builds} == {None, "coupler"}
     assert {build.variant for build in builds} == {None, "guided"}
     assert {build.drive for build in (family.build for family in families())} == {
-        "flywheel",
+        "drive_inertia",
         "geared",
         "servo",
     }

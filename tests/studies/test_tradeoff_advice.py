@@ -15,7 +15,7 @@ SOFT = Settings(
     steps_per_turn=288,
     integrator="implicitfast",
     constant_steps=2.0,
-    hardness=1.0,
+    compliance=1.0,
     refsafe=True,
     diagexact=True,
 )

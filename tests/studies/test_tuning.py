@@ -79,11 +79,11 @@ def test_models_that_differ_in_a_mass_differ(fed):
 
 
 def test_the_script_does_in_python_what_was_meant(driven, tmp_path):
-    settings = replace(HARD, hardness=1e-4, integrator="RK4")
-    plain = replace(settings, hardness=None, integrator=None)
+    settings = replace(HARD, compliance=1e-4, integrator="RK4")
+    plain = replace(settings, compliance=None, integrator=None)
     written(driven, plain, tuned_text(driven, plain, [], tmp_path).after, tmp_path / "out.xml")
     stands = replace(driven, model=settings.applied(driven.model), key=KEY)
-    changed = {"hardness": 1e-4, "integrator": "RK4"}
+    changed = {"compliance": 1e-4, "integrator": "RK4"}
     lines = python_of(stands, tmp_path / "out.xml", {"knuckle": "0.5*sin(2*pi*t)"}, changed=changed)
     (tmp_path / "run.py").write_text(lines)
     spec = importlib.util.spec_from_file_location("tuned_run", tmp_path / "run.py")

@@ -32,14 +32,14 @@ def test_a_mechanism_with_change_points_meets_every_bound(which):
 
 def test_another_assembly_of_a_flat_linkage_is_not_met():
     name, lengths = FLAT["parallelogram"]
-    fold = catalog.make(name, **lengths, through="fold")
+    fold = catalog.make(name, **lengths, change_point="branch")
     run = simulate(catalog.make(name, **lengths), speed=20.0, method="pose")
     assert crosscheck(run, fold).outcome == "changed assembly"
 
 
 def test_what_folds_meets_every_bound_too():
     name, lengths = FLAT["one flat pose"]
-    fold = catalog.make(name, **lengths, through="fold")
+    fold = catalog.make(name, **lengths, change_point="branch")
     case = case_of(fold)
     assert case.verdict.outcome == "met", case.verdict.reason
     # over the one revolution between two passes of the change point the smooth motion is the same

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mechsim import simulate
-from mechsim.cli.scene_options import HoldOptions, SceneOptions, user_scene
+from mechsim.cli.scene_options import LockOptions, SceneOptions, user_scene
 from mechsim.errors import InputError
 from mechsim.studies.scenes.plain_settings import PlainSettings
 from mechsim.studies.scenes.user_scene import spec_of
@@ -51,7 +51,7 @@ def tip(key, turned):
 
 @pytest.mark.parametrize("key", [None, "k"])
 def test_what_a_ball_and_a_free_joint_carry_stands_as_it_starts_on_every_road(boom, key):
-    form = load(boom, drive={"crank": "0.5*t"}, hold=HELD, key=key)
+    form = load(boom, drive={"crank": "0.5*t"}, lock=HELD, key=key)
     begin = float(form.programs.first["crank"])
     at = 0.0 if key is None else 0.7
     poses = form.solve(t=np.array([0.0, 1.0])).points["tip"].position
@@ -67,15 +67,15 @@ def test_what_a_ball_and_a_free_joint_carry_stands_as_it_starts_on_every_road(bo
 @pytest.mark.parametrize("key", [None, "k"])
 def test_a_specification_holds_them_where_it_starts(key):
     spec = mujoco.MjSpec.from_string(BOOM)
-    run = simulate(spec, drive="crank", speed=1.0, turns=0.1, holds=dict.fromkeys(HELD), key=key)
+    run = simulate(spec, drive="crank", speed=1.0, turns=0.1, lock=dict.fromkeys(HELD), key=key)
     place = run.motion.points["tip"].position
     np.testing.assert_allclose(place[-1], tip(key, 0.2 * np.pi), atol=1e-13)
     with pytest.raises(InputError, match="no hinge or slide called 'neck' to hold"):
-        simulate(spec, drive="crank", speed=1.0, holds={"neck": 0.1})
+        simulate(spec, drive="crank", speed=1.0, lock={"neck": 0.1})
 
 
 def test_a_scene_and_its_tuned_text_lose_the_ball(boom):
-    held = HoldOptions(hold=(("neck", None), ("loose", None)))
+    held = LockOptions(lock=(("neck", None), ("loose", None)))
     scene = user_scene(boom, SceneOptions(drive=(("crank", "0.5*t"),)), held)
     assert (scene.model.nq, spec_of(scene).compile().nq) == (3, 3)
     text = tuned_text(scene, PlainSettings(), [], Path(boom).parent).after
@@ -108,7 +108,7 @@ turn = { axis = [1, 0.5, 0.2], angle = 0.7 }
 def test_a_ball_of_a_description_carries_its_link_round_with_the_crank(tmp_path):
     path = tmp_path / "arm.toml"
     path.write_text(ARM)
-    form = load(str(path), hold=["neck"])
+    form = load(str(path), lock=["neck"])
     place = form.positions([0.0, 1.2])["tip"]
     c, s = np.cos(1.2), np.sin(1.2)
     np.testing.assert_allclose(place[1], np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ place[0], atol=1e-14)
@@ -118,4 +118,4 @@ def test_a_ball_of_a_description_carries_its_link_round_with_the_crank(tmp_path)
         np.testing.assert_allclose(run.motion.points["tip"].position[0], place[0], atol=1e-13)
         assert np.ptp(np.linalg.norm(run.motion.points["tip"].position, axis=1)) < 1e-9
     with pytest.raises(InputError, match="'neck' turns about every axis, and no one value says how far"):
-        load(str(path), hold={"neck": "10deg"})
+        load(str(path), lock={"neck": "10deg"})

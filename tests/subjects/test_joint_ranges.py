@@ -26,7 +26,7 @@ def arm(tmp_path):
     def made(held, text=ARM):
         path = tmp_path / "arm.xml"
         path.write_text(text)
-        return load(str(path), drive={"crank": "0.3*sin(t)"}, hold={"wrist": held})
+        return load(str(path), drive={"crank": "0.3*sin(t)"}, lock={"wrist": held})
 
     return made
 
@@ -58,11 +58,11 @@ def test_poses_say_what_floats_beside_them(tmp_path):
     path = tmp_path / "load.xml"
     load_text = '<body name="load" pos="1 0 0"><freejoint/><geom size="0.01"/></body></worldbody>'
     path.write_text(ARM.replace("</worldbody>", load_text))
-    run = simulate(str(path), drive="crank", speed=1.0, turns=0.1, holds={"wrist": 0.3}, method="pose")
+    run = simulate(str(path), drive="crank", speed=1.0, turns=0.1, lock={"wrist": 0.3}, method="pose")
     assert "load floats beside what is driven, and poses say nothing of that: it stands" in run.note
-    assert "--hold-base" in run.note
+    assert "--fix-base" in run.note
     path.write_text(ARM)
-    run = simulate(str(path), drive="crank", speed=1.0, turns=0.1, holds={"wrist": 0.3}, method="pose")
+    run = simulate(str(path), drive="crank", speed=1.0, turns=0.1, lock={"wrist": 0.3}, method="pose")
     assert run.note == ""
 
 

@@ -146,8 +146,8 @@ def test_a_keyframe_says_from_where_the_loops_are_closed(file):
 
 def test_a_joint_is_brought_to_where_it_is_held_along_the_assembly(file):
     path = file(five_bar())
-    form = read_mjcf(path, drivers=["left"], holds={"right": "8.0rad"})
-    assert form.mechanism.holds == {"right": 8.0}
+    form = read_mjcf(path, drivers=["left"], lock={"right": "8.0rad"})
+    assert form.mechanism.locked == {"right": 8.0}
     motion = form.solve([2.0, 2.1])
     _, moved = driven(path, {"left": steady(2.0, 0.1), "right": lambda t: (8.0 + 0 * t, 0 * t, 0 * t)})
     assert motion.points["P"].position[1] == pytest.approx(moved.points["P"].position[-1], abs=1e-13)
@@ -155,7 +155,7 @@ def test_a_joint_is_brought_to_where_it_is_held_along_the_assembly(file):
 
 def test_a_joint_that_cannot_go_to_where_it_is_held_is_refused_with_the_place(file):
     with pytest.raises(AssemblyError, match=r"on the way to right = 6.28, where it is to be held"):
-        read_mjcf(file(five_bar(rod=0.078)), drivers=["left"], holds={"right": 6.28})
+        read_mjcf(file(five_bar(rod=0.078)), drivers=["left"], lock={"right": 6.28})
 
 
 def test_what_is_left_open_is_named_once_for_each_freedom(file):
@@ -171,9 +171,9 @@ def test_a_base_that_floats_is_named_with_its_remedy(file):
     text = text.replace("ACOS ASIN", "0.1 0").replace("PX PY", "0.1 0")
     path = file(text)
     drive = {"left": steady(2.0, 1.0), "elbow": steady(-1.3, 0.5)}
-    with pytest.raises(MobilityError, match=r"root is left open; .*--hold-base"):
+    with pytest.raises(MobilityError, match=r"root is left open; .*--fix-base"):
         driven(path, drive)
-    _, motion = driven(path, drive, hold_base=True)
+    _, motion = driven(path, drive, fix_base=True)
     assert motion.joints["elbow"].value[-1] == pytest.approx(-0.8)
 
 

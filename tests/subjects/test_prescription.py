@@ -136,7 +136,7 @@ def test_another_joint_than_the_file_s_is_driven_and_starts_where_it_stands(file
 
 @pytest.mark.parametrize(("value", "angle"), [(None, 120.0), ("100deg", 100.0), (np.deg2rad(100.0), 100.0)])
 def test_a_held_driver_stands_still_and_the_other_moves(file, value, angle):
-    form = load(file(FIVE_BAR), drive={"right": "10deg/s"}, hold={"left": value})
+    form = load(file(FIVE_BAR), drive={"right": "10deg/s"}, lock={"left": value})
     assert form.mechanism.drivers == ("right",)
     time = np.linspace(0.0, 1.0, 5)
     motion = form.solve(t=time)
@@ -195,13 +195,13 @@ hand = { link = "arm", at = [0.3, 0, 0] }
 at = [1, 2, 3]
 turn = { axis = [1, 0, 0], angle = 0.5 }
 """
-    form = load(file(text), hold_base=True)
+    form = load(file(text), fix_base=True)
     place = form.positions([0.0, np.pi / 2])["hand"]
     across = np.array([0.0, np.cos(0.5), np.sin(0.5)])
     pivot = np.array([1.0, 2.0, 3.0]) + 0.2 * across
     np.testing.assert_allclose(place, [pivot + np.array([0.3, 0, 0]), pivot + 0.3 * across], atol=1e-14)
     with pytest.raises(InputError, match="no link that floats"):
-        load(file(FIVE_BAR), hold_base=True)
+        load(file(FIVE_BAR), fix_base=True)
 
 
 def test_poses_are_followed_row_by_row_in_the_assembly_of_the_guess(file):
@@ -227,9 +227,9 @@ REFUSED = [
     ({"drive": {"lift": "1"}}, "did you mean 'left'"),
     ({"drive": {"left": "3mm/s"}}, "a speed of rotation"),
     ({"drive": {"left": "10deg*t"}}, "no program says how right moves; give each a --drive"),
-    ({"hold": {"knee": None}}, "no coordinate 'knee' to hold"),
-    ({"hold": {"left": "3mm"}}, "does not measure that"),
-    ({"hold": ["left", "right"]}, "nothing is driven"),
+    ({"lock": {"knee": None}}, "no coordinate 'knee' to hold"),
+    ({"lock": {"left": "3mm"}}, "does not measure that"),
+    ({"lock": ["left", "right"]}, "nothing is driven"),
     ({"track": ["Q"]}, "no point or link 'Q'"),
     ({"track": ["Q,arm@0,0,0"]}, "'arm'"),
     ({"track": ["Q,a@0,0"]}, "three numbers"),

@@ -184,8 +184,8 @@ CHANGES = {
         'start = 10\nprograms = { crank = "10deg*t + 3" }',
         ("line 5", "without a unit"),
     ),
-    "a hold of none": ("start = 10", "start = 10\nholds = { handle = 3 }", ("line 5", "'handle'")),
-    "held and driven": ("start = 10", "start = 10\nholds = { crank = 3 }", ("line 5", "crank")),
+    "a hold of none": ("start = 10", "start = 10\nlocked = { handle = 3 }", ("line 5", "'handle'")),
+    "held and driven": ("start = 10", "start = 10\nlocked = { crank = 3 }", ("line 5", "crank")),
     "a coupling that is told twice": (
         "[points]",
         '[couplings.c]\ndriver = "crank"\ndriven = "rocker"\nratio = 1\nradius = 2\n[points]',

@@ -158,7 +158,7 @@ driver = "crank"
 driven = "sleeve.turn"
 coefficients = [0, 3]
 turns = true
-[holds]
+[locked]
 "table.y" = 7
 table.turn = "10 deg"
 [links.wheel]
@@ -231,7 +231,7 @@ def test_couplings_are_what_their_keys_say_in_si(press):
 def test_starts_and_holds_are_in_the_file_s_units(press):
     mechanism = press.mechanism
     assert mechanism.counted == {"crank": np.deg2rad(20), "sleeve.way": 0.005, "rack": 0.003}
-    assert mechanism.holds == {"table.y": 0.007, "table.turn": pytest.approx(np.deg2rad(10))}
+    assert mechanism.locked == {"table.y": 0.007, "table.turn": pytest.approx(np.deg2rad(10))}
 
 
 def test_programs_of_a_file_are_in_its_units_and_its_parameters(press):
@@ -287,5 +287,5 @@ def test_the_schema_takes_what_the_reader_takes_and_no_more(press):
     made = schema()["properties"]
     assert made["joints"]["additionalProperties"]["properties"]["kind"]["enum"].count("screw") == 1
     assert set(made["couplings"]["additionalProperties"]["properties"]) >= {"ratio", "travel", "coefficients"}
-    assert {"programs", "holds", "duration", "forces"} <= made.keys()
+    assert {"programs", "locked", "duration", "forces"} <= made.keys()
     assert made["forces"]["properties"]["motor"]["properties"]["kind"]["enum"] == ["constant", "line", "dc"]

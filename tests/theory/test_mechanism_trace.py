@@ -289,7 +289,7 @@ def test_what_is_held_stays_where_it_is_along_the_whole_curve():
     arm = Joint("crank", "revolute", End("car", (0.01, 0.02, 0.0), (0.1, 0.3, 1.0)), End("arm"))
     links, points = (*rail.links, Link("arm")), {"P": ("arm", (0.05, 0.0, 0.01))}
     held = replace(
-        rail, links=links, joints=(*rail.joints, arm), driver="crank", points=points, holds={"rail": 0.013}
+        rail, links=links, joints=(*rail.joints, arm), driver="crank", points=points, locked={"rail": 0.013}
     )
     (curve,) = trace(held, starts=8).curves
     assert curve.turns == 1

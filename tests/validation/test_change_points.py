@@ -37,12 +37,12 @@ def test_loop_equations_keep_their_assembly_round_the_sharpest_bends(study):
 
 def test_poses_fold_where_the_path_bends_so_sharply_that_little_of_it_is_known(study):
     alike = (0.06679722798869933, 0.07148163874581459, 0.11481950387243817, 0.11950391462955343)
-    found = study.tallied("MuJoCo, poses", [alike], "fold")
+    found = study.tallied("MuJoCo, poses", [alike], "branch")
     assert (found.right, found.refused, found.wrong) == (1, 0, 0)
 
 
 def test_a_road_that_folds_is_found_out(study, monkeypatch):
     monkeypatch.setitem(
-        study.ROADS, "folding", lambda drive: drive.positions(study.ANGLES, through="fold")["B"]
+        study.ROADS, "folding", lambda drive: drive.positions(study.ANGLES, change_point="branch")["B"]
     )
     assert study.tallied("folding", study.random_linkages(3, False)).wrong == 3

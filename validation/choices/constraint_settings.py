@@ -1,4 +1,4 @@
-"""How a loop is best held closed in MuJoCo: integrator, time constant, hardness, and what they cost.
+"""How a loop is best held closed in MuJoCo: integrator, time constant, compliance, and what they cost.
 
 The spatial four-bar at 600 rpm against its closed form over two turns, at the crank angles really
 reached. Errors are worst values: rocker angle in rad, place in units of the crank, velocity and
@@ -24,7 +24,7 @@ REPEATS = 3
 LADDER = (30, 100, 300, 1000, 3000)
 MUJOCO_SOLIMP = (0.9, 0.95, 0.001, 0.5, 2.0)
 # softer settings that are compared have MuJoCo's own scale of softness
-PLAIN = Settings(hardness=1.0)
+PLAIN = Settings(compliance=1.0)
 
 
 def ladder() -> dict[str, list[Settings]]:
@@ -55,14 +55,14 @@ def ladder() -> dict[str, list[Settings]]:
         "discrete, direct": direct("discrete"),
     }
     for integrator in ("Euler", "implicitfast", "discrete", "RK4"):
-        table[f"{integrator}, 2 steps"] = hard(2.0, integrator=integrator, hardness=1.0)
-    table["RK4, 7 steps"] = hard(7.0, hardness=1.0)
-    table["RK4, 7 steps, refsafe"] = hard(7.0, hardness=1.0, refsafe=True)
-    table["RK4, 7 steps, diagexact"] = hard(7.0, hardness=1.0, diagexact=True)
+        table[f"{integrator}, 2 steps"] = hard(2.0, integrator=integrator, compliance=1.0)
+    table["RK4, 7 steps"] = hard(7.0, compliance=1.0)
+    table["RK4, 7 steps, refsafe"] = hard(7.0, compliance=1.0, refsafe=True)
+    table["RK4, 7 steps, diagexact"] = hard(7.0, compliance=1.0, diagexact=True)
     for constant in (7.0, 20.0, 40.0):
-        table[f"RK4, {constant:.0f} steps, 1e-4"] = hard(constant, hardness=1e-4)
-    for hardness in (1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10):
-        table[f"RK4, turn/10, {hardness:.0e}"] = part(0.1, hardness=hardness)
+        table[f"RK4, {constant:.0f} steps, 1e-4"] = hard(constant, compliance=1e-4)
+    for compliance in (1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10):
+        table[f"RK4, turn/10, {compliance:.0e}"] = part(0.1, compliance=compliance)
     for of_turn in (0.2, 0.05, 0.025):
         table[f"RK4, turn/{1 / of_turn:.0f}, 1e-08"] = part(of_turn)
     table["RK4, turn/10, 1e-08, diagexact"] = part(0.1, diagexact=True)

@@ -52,11 +52,11 @@ class Drive:
     fed: bool = False
 
 
-HARD = Settings(steps_per_turn=STEPS, flywheel=NO_FLYWHEEL)
-SOFT = replace(HARD, hardness=1.0, constant_steps=2.0)
+HARD = Settings(steps_per_turn=STEPS, drive_inertia=NO_FLYWHEEL)
+SOFT = replace(HARD, compliance=1.0, constant_steps=2.0)
 DRIVES = (
-    Drive("flywheel 1e9", replace(HARD, flywheel=1e9)),
-    Drive("flywheel 1e3", replace(HARD, flywheel=1e3)),
+    Drive("flywheel 1e9", replace(HARD, drive_inertia=1e9)),
+    Drive("flywheel 1e3", replace(HARD, drive_inertia=1e3)),
     Drive("velocity servo", HARD, derivative=1.0),
     Drive("velocity servo x 1e4", replace(SOFT, integrator="implicitfast"), derivative=1e4),
     Drive("velocity servo x 10", replace(SOFT, integrator="discrete"), derivative=10.0),

@@ -85,7 +85,7 @@ def free(drive: ClosedForm, speed: float, part: float) -> dict[str, Any]:
         return run, float(np.abs(angle[:n] - exact.angle).max())
 
     run, error = off(tolerance=part)
-    given = {name: getattr(run.settings, name) for name in ("hardness", "constant_steps")}
+    given = {name: getattr(run.settings, name) for name in ("compliance", "constant_steps")}
 
     def keeps(steps: int) -> bool:
         return off(settings=Settings(steps_per_turn=steps, **given))[1] <= part

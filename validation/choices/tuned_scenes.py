@@ -54,10 +54,10 @@ def outside(scene: UserScene, found: Tuned, best: SceneTrial, work: Path) -> tup
     """Write what was found, run it from outside; return its worst error and the reference's own, in [m]."""
     stem = f"tuned-{scene.mechanism.name}".replace(" ", "-")
     file, script = work / f"{stem}.xml", work / f"{stem}.py"
-    in_file = replace(best.settings, hardness=None)
+    in_file = replace(best.settings, compliance=None)
     read = written(scene, in_file, tuned_text(scene, in_file, [], work).after, file)
     stands = replace(read, model=best.settings.applied(read.model))
-    changed = {} if best.settings.in_file else {"hardness": best.settings.hardness}
+    changed = {} if best.settings.in_file else {"compliance": best.settings.compliance}
     script.write_text(python_of(stands, file, expressions(scene), changed=changed))
     if found.by == "trajectory":
         return trajectory_error(script_of(script), scene.duration, scene.places)

@@ -25,7 +25,7 @@ CLOSED = "mechsim, closed form"
 STEPS = (20, 40, 60, 100, 200, 500, 1000, 3000)
 POSES = (20, 100, 1000, 10_000)
 MUJOCO = Settings(
-    integrator="Euler", solref=(0.02, 1.0), solimp=(0.9, 0.95, 0.001, 0.5, 2.0), hardness=1.0, refsafe=True
+    integrator="Euler", solref=(0.02, 1.0), solimp=(0.9, 0.95, 0.001, 0.5, 2.0), compliance=1.0, refsafe=True
 )
 
 

@@ -31,7 +31,7 @@ from mechsim.model.rod_inertia import slender_rod
 from mechsim.simulation.dynamics.free_running import free_run
 
 GRAVITY = 9.81
-SETTINGS = ms.Settings(integrator="discrete", constant_steps=1e-3, hardness=1e-4)
+SETTINGS = ms.Settings(integrator="discrete", constant_steps=1e-3, compliance=1e-4)
 # place and velocity of B0 for N = 2 at 10 s, as ../shared/benchmarks.md has them
 N2_AT_10S = ((0.3284581115, 0.9445185382), (1.4230514702, -0.4948688455))
 

@@ -88,7 +88,7 @@ def forces() -> Forces:
 
 
 def stepped() -> SteppedFreeRun:
-    settings = ms.Settings(constant_steps=100.0, hardness=1e-6)
+    settings = ms.Settings(constant_steps=100.0, compliance=1e-6)
     cut = ("E3", "E4", "E6")
     return free_run(squeezer(), forces(), duration=END, timestep=5e-6, samples=10, settings=settings, cut=cut)
 

@@ -98,8 +98,8 @@ def random_settings(random: np.random.Generator) -> Settings:
     integrator = str(random.choice(["RK4", "RK4", "implicitfast", "Euler"]))
     if random.random() < 0.5:
         return Settings(steps_per_turn=steps, integrator=integrator)
-    hardness = float(10.0 ** random.uniform(-8.0, 0.0))
-    return Settings(steps_per_turn=steps, integrator=integrator, hardness=hardness, constant_steps=2.0)
+    compliance = float(10.0 ** random.uniform(-8.0, 0.0))
+    return Settings(steps_per_turn=steps, integrator=integrator, compliance=compliance, constant_steps=2.0)
 
 
 def main(arguments: list[str]) -> int:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from mechsim import catalog
 from mechsim.analytic import closure
 from mechsim.errors import MechsimError
-from mechsim.model.motion import Through
+from mechsim.model.motion import ChangePointPolicy
 from mechsim.simulation import closed_model
 from mechsim.simulation.poses import follow
 
@@ -33,10 +33,10 @@ ANGLES: Array = np.unique(
     [*np.linspace(-2 * np.pi, 2 * np.pi, 25), *(np.pi + np.array([-1e-3, 1e-6, 1e-9])), 1e-9, -1e-6, 1e-3]
 )
 WRONG = 1e-6
-KINDS: tuple[tuple[str, bool, Through], ...] = (
+KINDS: tuple[tuple[str, bool, ChangePointPolicy], ...] = (
     ("change point", False, "smooth"),
     ("near change point", True, "smooth"),
-    ("that fold", False, "fold"),
+    ("that fold", False, "branch"),
 )
 
 
@@ -74,7 +74,7 @@ def random_linkages(count: int, near: bool, seed: int = 11) -> list[Lengths]:
     return found
 
 
-def truth(lengths: Lengths, angle: float, sign: int, through: Through) -> complex:
+def truth(lengths: Lengths, angle: float, sign: int, through: ChangePointPolicy) -> complex:
     """Return joint B, to 40 digits, where the root that tells the assemblies apart is smooth, or folds."""
     with mpmath.workdps(40):
         ground, crank, coupler, rocker = (mpmath.mpf(length) for length in lengths)
@@ -89,7 +89,7 @@ def truth(lengths: Lengths, angle: float, sign: int, through: Through) -> comple
         tiny = mpmath.mpf(10) ** -14 * (ground + crank) ** 2
         first = mpmath.sqrt(first**2 + outer) if abs(outer) > tiny else first
         second = mpmath.sqrt(second**2 + inner) if abs(inner) > tiny else second
-        root = abs(first * second) if through == "fold" else first * second
+        root = abs(first * second) if through == "branch" else first * second
         along = (abs(arm) ** 2 + coupler**2 - rocker**2) / 2
         return complex(a + arm / abs(arm) ** 2 * (along + mpmath.mpc(0, 1) * sign * root / 2))
 
@@ -101,7 +101,7 @@ def by_closed_form(drive: catalog.FourBar) -> Array:
 
 def by_loop_equations(drive: catalog.FourBar) -> Array:
     """Return joint B at the angles, (n, 3) in [m]."""
-    return closure.solve(drive.mechanism, ANGLES, through=drive.through).points["B"].position
+    return closure.solve(drive.mechanism, ANGLES, change_point=drive.change_point).points["B"].position
 
 
 def by_poses(drive: catalog.FourBar) -> Array:
@@ -119,12 +119,12 @@ ROADS: dict[str, Callable[[catalog.FourBar], Array]] = {
 }
 
 
-def tallied(road: str, linkages: Sequence[Lengths], through: Through = "smooth") -> Tally:
+def tallied(road: str, linkages: Sequence[Lengths], through: ChangePointPolicy = "smooth") -> Tally:
     """Return how many linkages a road gets right, refuses, and gets wrong without a word."""
     right = refused = wrong = 0
     worst = 0.0
     for lengths in linkages:
-        drive = catalog.FourBar(**dict(zip(NAMES, lengths, strict=True)), through=through)
+        drive = catalog.FourBar(**dict(zip(NAMES, lengths, strict=True)), change_point=through)
         try:
             found = ROADS[road](drive)
         except MechsimError as error:

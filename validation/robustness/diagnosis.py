@@ -44,7 +44,7 @@ SCENES = {
     },
     "robotiq_2f85.xml": {
         "drive": {"right_driver_joint": "0.3*(1-cos(2*pi*t))"},
-        "hold": ("right_coupler_joint", "left_coupler_joint"),
+        "lock": ("right_coupler_joint", "left_coupler_joint"),
     },
 }
 # of another formula, as a part of what it measures

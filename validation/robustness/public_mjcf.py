@@ -77,16 +77,16 @@ def apart(form: MjcfForm, motion):
     state = {
         name: (lambda t, s=s: float(s(np.array([t]))[0][0])) for name, s in form.programs.by_name.items()
     }
-    held = {name: (lambda t, v=v: v) for name, v in form.mechanism.holds.items()}
+    held = {name: (lambda t, v=v: v) for name, v in form.mechanism.locked.items()}
     links = {name: (link.position[::THIN], link.rotation[::THIN]) for name, link in motion.links.items()}
     return worst_difference(model, form.mechanism.size, form.source.qpos, state | held, instants, links)
 
 
 def judged(path, options):
     """Return the row of one file."""
-    known = ("drivers", "hold_base", "key", "track")
+    known = ("drivers", "fix_base", "key", "track")
     holds = dict.fromkeys(options.get("holds", ()))
-    form = read_mjcf(str(path), holds=holds, **{name: options[name] for name in known if name in options})
+    form = read_mjcf(str(path), lock=holds, **{name: options[name] for name in known if name in options})
     loops, at = assembled(form.mechanism)
     slope = loops.linearise(at)[1][..., 0]
     rank = int(np.linalg.matrix_rank(slope, tol=1e-9)) if slope.size else 0

@@ -236,7 +236,7 @@ def seeded(read: MjcfModel, asked, before):
 def efforts(scene: Inspected, motion, inputs):
     """Return what moves the drivers along `inputs` over a motion, (n, k), and the inertia on each, (n, k)."""
     model, data = scene.bare, mujoco.MjData(scene.bare)
-    dofs = [int(model.joint(name).dofadr[0]) for name in (*scene.drivers, *scene.read.mechanism.holds)]
+    dofs = [int(model.joint(name).dofadr[0]) for name in (*scene.drivers, *scene.read.mechanism.locked)]
     moving, heavy = [], []
     for qpos, qvel, qacc in zip(motion.qpos, motion.qvel, motion.qacc, strict=True):
         data.qpos[:], data.qvel[:] = qpos, qvel
@@ -324,8 +324,8 @@ def main(folder, *, measured):
             continue
         known = ("drivers", "key", "track")
         asked = {name: options[name] for name in known if name in options}
-        asked |= {"base_held": options.get("hold_base", False)}
-        asked |= {"holds": dict.fromkeys(options.get("holds", ()))}
+        asked |= {"fix_base": options.get("fix_base", False)}
+        asked |= {"lock": dict.fromkeys(options.get("holds", ()))}
         try:
             read = read_model(str(path), **asked)
             before = findings(read)
@@ -338,8 +338,8 @@ def main(folder, *, measured):
             continue
         for one in before:
             print(f"    {one.kind}: {one.told}"[:220])
-        base = found_in(read.spec.copy(), {**asked, "base_held": False, "key": None})
-        missed, tried = seeded(read, {**asked, "base_held": False, "key": None}, base)
+        base = found_in(read.spec.copy(), {**asked, "fix_base": False, "key": None})
+        missed, tried = seeded(read, {**asked, "fix_base": False, "key": None}, base)
         total, lost = total + tried, lost + len(missed)
         for one in missed:
             print(f"    MISSED {one}")

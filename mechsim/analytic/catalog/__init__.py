@@ -48,7 +48,7 @@ def parameters(name: str) -> dict[str, Field[Any]]:
     if str(name) not in DRIVES:
         raise InputError(f"there is no mechanism {name!r}{nearest(str(name), list(DRIVES))}")
     # how change points are passed stands last: it is no dimension
-    known = sorted(fields(DRIVES[name]), key=lambda field: field.name == "through")
+    known = sorted(fields(DRIVES[name]), key=lambda field: field.name == "change_point")
     return {field.name: field for field in known}
 
 

@@ -28,7 +28,7 @@ from mechsim.model.crank_profile import arc_around, closes_nowhere
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import JointMotion, Motion, Through, join
+from mechsim.model.motion import ChangePointPolicy, JointMotion, Motion, join
 
 # parameters that say which assembly is meant
 SELECTORS = ("branch", "side", "assembly")
@@ -174,14 +174,14 @@ class ClosedForm(ABC):
     def positions(
         self,
         angles: ArrayLike | None = None,
-        through: Through | None = None,
+        change_point: ChangePointPolicy | None = None,
         *,
         t: ArrayLike | None = None,
         speed: float | None = None,
     ) -> dict[str, Array]:
         """Return the tracked points at crank angles, or at times: name -> (n, 3) in [m].
 
-        `through`, `t` and `speed` are as in `solve`; so is the assembly.
+        `change_point`, `t` and `speed` are as in `solve`; so is the assembly.
 
         Raises:
             AssemblyError: where the loop cannot close; says over which part of the turn it can.
@@ -189,7 +189,7 @@ class ClosedForm(ABC):
         if t is not None or angles is None:
             angles = path_instants(self.mechanism, None, angles, speed, 0.0, t).parameter
         angles = self._angles(angles)
-        form = self.passing(through).starting_at(angles)
+        form = self.with_change_point(change_point).starting_at(angles)
         parts = [form._places(angles[part]) for part in _chunks(len(angles))]
         places = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         self._require_closed(angles, places)
@@ -203,7 +203,7 @@ class ClosedForm(ABC):
         *,
         t: ArrayLike | None = None,
         links: bool = True,
-        through: Through | None = None,
+        change_point: ChangePointPolicy | None = None,
     ) -> Motion:
         """Return the motion at crank angles, or at times, in closed form.
 
@@ -216,7 +216,7 @@ class ClosedForm(ABC):
             t: times, (n,) in [s], in place of crank angles: the crank turns at a constant `speed` and stands
                 at the mechanism's `start` at time zero.
             links: False leaves out links and joints, for speed where only points are wanted.
-            through: "smooth" or "fold" where two assemblies meet; None takes the mechanism's own. Rates
+            change_point: "smooth" or "branch" at change points; None takes the mechanism's own. Rates
                 there are limits, of a fold those beyond it.
 
         Returns:
@@ -235,7 +235,7 @@ class ClosedForm(ABC):
         angles = self._angles(angles)
         speed = checked_rate(self.name, "speed", 1.0 if speed is None else speed, angles.shape)
         acceleration = checked_rate(self.name, "acceleration", acceleration, angles.shape)
-        form = self.passing(through).starting_at(angles, float(speed[0]))
+        form = self.with_change_point(change_point).starting_at(angles, float(speed[0]))
         parts = [
             form._motion(Jet(angles[part], speed[part], acceleration[part]), links)
             for part in _chunks(len(angles))
@@ -274,7 +274,7 @@ class ClosedForm(ABC):
         """
         return TURN
 
-    def passing(self, through: Through | None) -> Self:
+    def with_change_point(self, change_point: ChangePointPolicy | None) -> Self:
         """Return the mechanism that goes on so where assemblies meet; None, or none meet: as it is."""
         return self
 
@@ -433,7 +433,9 @@ class TwoBranchForm(ClosedForm):
         # every subclass declares it where its own parameters say
         branch: Sign
 
-    through: Through = choice("smooth", ("smooth", "fold"), "how it goes on where both assemblies meet")
+    change_point: ChangePointPolicy = choice(
+        "smooth", ("smooth", "branch"), "how it goes on where both assemblies meet"
+    )
 
     @abstractmethod
     def margin(self, angles: ArrayLike) -> Array:
@@ -451,12 +453,12 @@ class TwoBranchForm(ClosedForm):
 
     @property
     def period(self) -> float:
-        return 2.0 * TURN if len(self.change_points()) % 2 and self.through == "smooth" else TURN
+        return 2.0 * TURN if len(self.change_points()) % 2 and self.change_point == "smooth" else TURN
 
-    def passing(self, through: Through | None) -> Self:
-        if through in (None, self.through):
+    def with_change_point(self, change_point: ChangePointPolicy | None) -> Self:
+        if change_point in (None, self.change_point):
             return self
-        made = replace(self, through=through)
+        made = replace(self, change_point=change_point)
         if self._keeps_assembly:
             vars(made).update(_keeps_assembly=True, _begin=self._begin)
         return made
@@ -475,7 +477,7 @@ class TwoBranchForm(ClosedForm):
         return made
 
     def across(self, angle: Values) -> Any:
-        """Return the square root of the margin that passes change points as `through` says, (n,).
+        """Return the square root of the margin that passes change points as `change_point` says, (n,).
 
         At the first configuration, see `starting_at`, it has the sign of `branch`. None where there are
         no change points, and the sign never changes.
@@ -483,7 +485,7 @@ class TwoBranchForm(ClosedForm):
         if not self._root.touching:
             return None
         angle = self.counted(angle)
-        if self.through == "fold":
+        if self.change_point == "branch":
             return self.branch * self._root.folded(angle)
         return self.branch * self._root.sign(self._begin) * self._root.over(angle)
 

@@ -118,10 +118,10 @@ class FourBar(TwoBranchForm):
         There A comes to lie on O4, and coupler and rocker on each other. O4A, 2 r sin(f/2) long with its
         sign, points along (-sin(f/2), cos(f/2)), which leads through. A rhombus lies flat at f = pi, too.
         """
-        if self.through == "fold":
+        if self.change_point == "branch":
             raise AssemblyError(
                 f"four_bar: crank and ground are {self.crank} m, coupler and rocker {self.rocker} m: where A "
-                "lies on O4 neither assembly leads into the other, and it cannot fold; take through=smooth"
+                "lies on O4 no assembly leads into another; take change_point=smooth"
             )
         half = 0.5 * self.counted(angle)
         cosine, sine = cos_sin(half)

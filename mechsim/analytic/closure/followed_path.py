@@ -19,7 +19,7 @@ from mechsim.analytic.closure.path_cells import Cell, Drive, PathRows, nodes_bet
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
-from mechsim.model.motion import Through
+from mechsim.model.motion import ChangePointPolicy
 from mechsim.model.work_size import require_travel
 
 # nodes of a cell, its first length and its longest, in radians of the drivers' motion, and how many times as
@@ -86,12 +86,12 @@ class FollowedPath(PathRows):
         first: LoopSolver,
         drive: Drive,
         at: float,
-        passing: Through = "smooth",
+        passing: ChangePointPolicy = "smooth",
         words: Words = CRANK,
     ):
         super().__init__(first.loops, drive)
         self.first, self.start, self.begin = first, first.pinned, at
-        self.passing: Through = passing
+        self.passing: ChangePointPolicy = passing
         self.words = words
         self.cells: dict[int, list[Cell]] = {1: [], -1: []}
         self.meetings: list[float] = []
@@ -269,7 +269,7 @@ class FollowedPath(PathRows):
             )
         after = (
             folded(self, whole, meeting)
-            if self.passing == "fold"
+            if self.passing == "branch"
             else whole.part(here, meeting + sense * beyond)
         )
         if after is None:
@@ -277,7 +277,7 @@ class FollowedPath(PathRows):
                 f"{self._name}: {self.words.who} cannot pass {self.words.place(meeting)} by folding, "
                 "for it does not turn in the assembly that is met there; go on smoothly"
             )
-        if self.passing == "fold":
+        if self.passing == "branch":
             self.cells[sense].append(whole.part(here, meeting))
         beyond = sense * (float(after.nodes[-1]) - meeting)
         self.meetings.append(meeting)

@@ -69,7 +69,7 @@ def equations(
     asked = _asked(mechanism, angle)
     for law in mechanism.laws:
         _add_law(stack, mechanism, law, value, motion, asked)
-    for name, wanted in (*mechanism.holds.items(), *asked.items()):
+    for name, wanted in (*mechanism.locked.items(), *asked.items()):
         gap = np.zeros(n) if wanted is None else value(name) - np.asarray(wanted)
         stack.weighted(
             gap if mechanism.unit(name) == "m" else wrap(gap), np.zeros(n), [(np.ones(n), motion(name))]
@@ -121,7 +121,7 @@ def lengths(mechanism: Mechanism, count: int) -> NDArray[np.bool_]:
     """Say of each of the first `count` rows of a mechanism whether its residual is a length, (count,)."""
     found = [length for joint in mechanism.joints for length in is_length(joint)]
     firsts = [next(iter(law.left_terms)) for law in mechanism.laws]
-    named = (*firsts, *mechanism.holds, *mechanism.drivers)
+    named = (*firsts, *mechanism.locked, *mechanism.drivers)
     return np.array([*found, *(mechanism.unit(name) == "m" for name in named)][:count], dtype=np.bool_)
 
 

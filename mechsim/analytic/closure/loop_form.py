@@ -26,7 +26,7 @@ from mechsim.model.forces import Forces
 from mechsim.model.joint_ranges import INSTANTS, ROUNDED, Ranges, check_instants, extremes, require_within
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion, Through
+from mechsim.model.motion import ChangePointPolicy, Motion
 from mechsim.model.programs import Programs
 from mechsim.model.written_units import WrittenUnits
 
@@ -45,7 +45,7 @@ class LoopForm:
         mechanism: its guess says which assembly is meant.
         parameters: name -> value of what it was made from, as written.
         formula: FILE.py:FUNCTION of the user's own model; empty where there is none.
-        through: how it goes on where two assemblies meet.
+        change_point: how it goes on where two assemblies meet.
         forces: what acts on it; None where that is not said.
         programs: of its drivers, where they are not one crank; angles are then those of their clock.
         ranges: joint -> between which values it can stand, in [m] or [rad].
@@ -55,7 +55,7 @@ class LoopForm:
     mechanism: Mechanism
     parameters: Mapping[str, float] = field(default_factory=dict[str, float])
     formula: str = ""
-    through: Through = "smooth"
+    change_point: ChangePointPolicy = "smooth"
     forces: Forces | None = None
     programs: Programs | None = None
     ranges: Ranges = field(default_factory=dict[str, tuple[float, float]])
@@ -74,7 +74,7 @@ class LoopForm:
         """
         if self.programs is not None:
             return self.programs.pace * self.programs.duration
-        if self.through != "smooth" or not self._range.full or not self._path.meetings:
+        if self.change_point != "smooth" or not self._range.full or not self._path.meetings:
             return TURN
         return TURN if self._back_after_a_turn() else 2.0 * TURN
 
@@ -88,9 +88,9 @@ class LoopForm:
         gone = [np.ptp(link.position, axis=0).max() / self.mechanism.size for link in links]
         return max(*gone, *(np.ptp(link.rotation, axis=0).max() for link in links)) < BACK
 
-    def passing(self, through: Through) -> "LoopForm":
+    def with_change_point(self, policy: ChangePointPolicy) -> "LoopForm":
         """Return the mechanism that goes on so where assemblies meet."""
-        return self if through == self.through else replace(self, through=through)
+        return self if policy == self.change_point else replace(self, change_point=policy)
 
     def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> Self:
         """Return itself: the guess selects the assembly, whatever crank angles come first."""
@@ -275,8 +275,8 @@ class LoopForm:
     @cached_property
     def _path(self) -> FollowedPath:
         if self.programs is not None:
-            return followed_under(self.mechanism, self.programs, self.through)
-        return followed(self.mechanism, self.through)
+            return followed_under(self.mechanism, self.programs, self.change_point)
+        return followed(self.mechanism, self.change_point)
 
     @cached_property
     def _range(self) -> Arcs:

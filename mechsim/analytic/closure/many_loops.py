@@ -85,7 +85,7 @@ def rough_coordinates(many: ManyLoops, started: StartedDesigns) -> tuple[Coordin
             ball += 1
         found = coordinates(branch.kind, gap, turn_a, turn_b, joint.cross_angle)
         values[branch.first : branch.first + found.shape[1]] = found.T
-    prescribed = {*tree.mechanism.drivers, *tree.mechanism.holds}
+    prescribed = {*tree.mechanism.drivers, *tree.mechanism.locked}
     for name, value in started.told.items():
         place = tree.places.get(name)
         if place is None:

@@ -34,7 +34,7 @@ def require_determined(solver: LoopSolver) -> None:
     floating = {joint.name for joint in loops.tree.mechanism.joints if KINDS[joint.kind].floats}
     if names:
         listed = " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
-        base = ", hold the base (--hold-base)" if floating & {*names} else ""
+        base = ", hold the base (--fix-base)" if floating & {*names} else ""
         raise MobilityError(
             f"{loops.tree.mechanism.name}: undetermined: with what is driven held, {listed} "
             f"{'are' if len(names) > 1 else 'is'} left open; drive, hold or couple "

@@ -12,18 +12,20 @@ from mechsim.analytic.closure.tree_rates import Instants, loop_motion
 from mechsim.analytic.closure.whole_motion import recorded
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion, Through
+from mechsim.model.motion import ChangePointPolicy, Motion
 from mechsim.model.programs import Programs
 
 
-def followed_under(mechanism: Mechanism, programs: Programs, through: Through = "smooth") -> FollowedPath:
+def followed_under(
+    mechanism: Mechanism, programs: Programs, change_point: ChangePointPolicy = "smooth"
+) -> FollowedPath:
     """Return the path of a mechanism's assembly over the angle of its programs' clock, begun at time zero.
 
     Args:
         mechanism: its guess says which assembly is meant, and where the drivers stand in it; from there they
             go straight to where the programs begin.
         programs: of its drivers.
-        through: "smooth" or "fold" where two assemblies meet.
+        change_point: "smooth" or "branch" where two assemblies meet.
 
     Raises:
         AssemblyError: where the loops do not close at the guess or on the way to where the programs begin.
@@ -35,12 +37,12 @@ def followed_under(mechanism: Mechanism, programs: Programs, through: Through = 
     def drive(clock: Array) -> Array:
         return with_holds(programs.by_clock(clock)[0], held)
 
-    first = _begun(first, drive(np.zeros(1)), through)
+    first = _begun(first, drive(np.zeros(1)), change_point)
     words = Words("the drivers", programs.called, lambda clock: f"{programs.called(clock)} of the programs")
-    return FollowedPath(first, drive, 0.0, through, words)
+    return FollowedPath(first, drive, 0.0, change_point, words)
 
 
-def _begun(first: LoopSolver, there: Array, through: Through) -> LoopSolver:
+def _begun(first: LoopSolver, there: Array, through: ChangePointPolicy) -> LoopSolver:
     """Return what solves the loops where what is prescribed, (driven, 1), has gone straight to its place."""
     loops, driven = first.loops, list(first.loops.driven)
     here = first.pinned.values[driven]
@@ -52,7 +54,7 @@ def _begun(first: LoopSolver, there: Array, through: Through) -> LoopSolver:
         return here + (there - here) * (s / far)
 
     def place(s: float) -> str:
-        names = (*loops.tree.mechanism.drivers, *loops.tree.mechanism.holds)
+        names = (*loops.tree.mechanism.drivers, *loops.tree.mechanism.locked)
         values = straight(np.array([s]))[:, 0]
         return ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, values, strict=True))
 

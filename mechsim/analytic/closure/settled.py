@@ -52,7 +52,7 @@ def settled(mechanism: Mechanism) -> Settled:
     """
     asked, best, slope = _generic(mechanism)
     loops = replace(asked, driven=())
-    names = (*mechanism.holds, *mechanism.drivers)
+    names = (*mechanism.locked, *mechanism.drivers)
     rows, superfluous = slope, list[str]()
     for name in names:
         row = np.zeros((1, loops.tree.count))
@@ -62,7 +62,7 @@ def settled(mechanism: Mechanism) -> Settled:
             superfluous.append(name)
         else:
             rows = wider
-    held = len([name for name in mechanism.holds if name not in superfluous])
+    held = len([name for name in mechanism.locked if name not in superfluous])
     return Settled(
         freedoms=loops.tree.count - rank(slope) - held,
         drivers=mechanism.drivers,

@@ -135,7 +135,7 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
     """
     first = {
         *mechanism.drivers,
-        *mechanism.holds,
+        *mechanism.locked,
         *(name for law in mechanism.laws for name in law.coordinates),
     }
     # turns of a joint that closes a loop are not counted

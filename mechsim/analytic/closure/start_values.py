@@ -45,7 +45,7 @@ def _counted(mechanism: Mechanism, values: Mapping[str, float]) -> dict[str, flo
     found = dict(mechanism.counted)
     for law in mechanism.laws:
         for name in law.coordinates if not law.turns else ():
-            given = name in found or name in mechanism.drivers or name in mechanism.holds
+            given = name in found or name in mechanism.drivers or name in mechanism.locked
             if not given and mechanism.unit(name) == "rad" and abs(values[name]) > np.pi:
                 found[name] = values[name]
     return found

@@ -65,7 +65,7 @@ def _shared(loops: TreeLoops, freedoms: Array) -> tuple[list[str], list[str]]:
     mechanism = loops.tree.mechanism
     enough: list[str] = []
     more: list[str] = []
-    for name, place in zip((*mechanism.drivers, *mechanism.holds), loops.driven, strict=True):
+    for name, place in zip((*mechanism.drivers, *mechanism.locked), loops.driven, strict=True):
         if len(freedoms) and float(np.linalg.norm(freedoms[:, place])) > PART:
             freedoms = held(freedoms, place)
             enough.append(name)

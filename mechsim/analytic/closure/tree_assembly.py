@@ -97,7 +97,7 @@ def _not_from_there(
     if not away.shape[1]:
         return None
     nearest = own.values + (loops.units * away[:, np.abs(away).max(0).argmin()])[:, None]
-    prescribed = (*mechanism.drivers, *mechanism.holds)
+    prescribed = (*mechanism.drivers, *mechanism.locked)
     named = [name for name in places if name not in prescribed][:NAMED]
 
     def stand(names: Iterable[str]) -> str:
@@ -123,7 +123,7 @@ def _strayed(mechanism: Mechanism, loops: TreeLoops, here: Placed) -> float:
 
 def held_values(mechanism: Mechanism) -> Array:
     """Return the values of held coordinates, (holds,) in [m] or [rad]."""
-    return np.array([*mechanism.holds.values()], dtype=np.float64)
+    return np.array([*mechanism.locked.values()], dtype=np.float64)
 
 
 def with_holds(driven: Array, held: Array) -> Array:

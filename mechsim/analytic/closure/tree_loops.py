@@ -132,8 +132,8 @@ def tree_loops(
             drivers and holds where they stand.
     """
     tree = spanning_tree(mechanism)
-    prescribed = {*mechanism.drivers, *mechanism.holds}
-    driven = tuple(tree.places[name] for name in (*mechanism.drivers, *mechanism.holds))
+    prescribed = {*mechanism.drivers, *mechanism.locked}
+    driven = tuple(tree.places[name] for name in (*mechanism.drivers, *mechanism.locked))
     loops = TreeLoops(tree, cuts_of(tree), (), driven)
     at = loops.read(poses, {})
     for name, value in counted.items():

@@ -21,7 +21,7 @@ from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism, described, starting_at
-from mechsim.model.motion import JointMotion, Motion, Through
+from mechsim.model.motion import ChangePointPolicy, JointMotion, Motion
 
 # part of the quickest turn of any link along an idle freedom at which another turns with it
 SPINS = 1e-6
@@ -29,12 +29,12 @@ SPINS = 1e-6
 WHOLE = 1e-12
 
 
-def followed(mechanism: Mechanism, through: Through = "smooth") -> FollowedPath:
+def followed(mechanism: Mechanism, change_point: ChangePointPolicy = "smooth") -> FollowedPath:
     """Return the path of a mechanism's assembly over its crank angle, as yet no longer than its start.
 
     Args:
         mechanism: its guess says which assembly is meant.
-        through: "smooth" or "fold" where two assemblies meet.
+        change_point: "smooth" or "branch" where two assemblies meet.
 
     Raises:
         AssemblyError: where the loops do not close at the start.
@@ -46,7 +46,7 @@ def followed(mechanism: Mechanism, through: Through = "smooth") -> FollowedPath:
     first = checked_start(mechanism)
     begin = float(first.pinned.values[first.loops.tree.places[crank], 0])
     held = held_values(mechanism)
-    return FollowedPath(first, lambda angle: with_holds(angle[None], held), begin, through)
+    return FollowedPath(first, lambda angle: with_holds(angle[None], held), begin, change_point)
 
 
 def follow(mechanism: Mechanism, angles: ArrayLike) -> dict[str, Pose]:
@@ -76,7 +76,7 @@ def solve(
     speed: ArrayLike = 1.0,
     acceleration: ArrayLike = 0.0,
     *,
-    through: Through = "smooth",
+    change_point: ChangePointPolicy = "smooth",
 ) -> Motion:
     """Return the motion of any mechanism from its loop equations alone.
 
@@ -90,7 +90,7 @@ def solve(
         angles: crank angles, not wrapped, in any order, (n,) in [rad] or text, as "0:360:5deg".
         speed: crank speed, scalar or (n,) in [rad/s] or text, as "600rpm".
         acceleration: crank acceleration, scalar or (n,) in [rad/s2].
-        through: "smooth" or "fold" where two assemblies meet.
+        change_point: "smooth" or "branch" where two assemblies meet.
 
     Raises:
         AssemblyError: where the loops do not close.
@@ -103,7 +103,7 @@ def solve(
     asked = crank_angles(described(mechanism), angles)
     rate = crank_rate(described(mechanism), "speed", speed, len(asked))
     mechanism = starting_at(mechanism, asked, float(rate[0]))
-    return solve_along(followed(mechanism, through), angles, speed, acceleration)
+    return solve_along(followed(mechanism, change_point), angles, speed, acceleration)
 
 
 def solve_along(path: FollowedPath, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike) -> Motion:

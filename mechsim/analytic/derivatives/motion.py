@@ -30,7 +30,7 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.complex_step import STEP, change_of, stepped
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion, Through
+from mechsim.model.motion import ChangePointPolicy, Motion
 from mechsim.model.split_joints import split
 
 # how far loops that repeat each other may be torn open by a dimension, as parts of the change of the loops
@@ -176,7 +176,7 @@ def followed_form(
 ) -> tuple[FollowedPath, Instants]:
     """Return the path of what moves, and instants along it."""
     programs = form.programs
-    through: Through = getattr(form, "through", "smooth")
+    through: ChangePointPolicy = getattr(form, "change_point", "smooth")
     if programs is not None:
         path = followed_under(form.mechanism, programs, through)
         return path, held_too(path, clock_instants(programs, angle, speed, acceleration))
@@ -194,7 +194,7 @@ def _changed(
     loops = with_mechanism(part.solver.loops, mechanism)
     solver = replace(part.solver, loops=loops)
     at = Coordinates(part.at.values.astype(complex), part.at.turns.astype(complex))
-    for held, value in mechanism.holds.items():
+    for held, value in mechanism.locked.items():
         at.values[loops.tree.places[held]] += 1j * np.imag(value)
     for driver in mechanism.drivers:
         at.values[loops.tree.places[driver]] += 1j * STEP * ahead

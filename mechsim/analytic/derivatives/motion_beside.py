@@ -58,7 +58,7 @@ class MotionBeside:
         loops = with_mechanism(part.solver.loops, mechanism)
         solver = replace(part.solver, loops=loops)
         side, at = np.sign(part.loops.side), replace(part.at, values=part.at.values.copy())
-        for held, value in mechanism.holds.items():
+        for held, value in mechanism.locked.items():
             at.values[loops.tree.places[held]] = value
         for driver in mechanism.drivers:
             at.values[loops.tree.places[driver]] += ahead

@@ -82,7 +82,7 @@ def _numbers(mechanism: Mechanism) -> Iterator[object]:
     for law in mechanism.laws:
         yield from (law.coefficients, law.zeros, [*law.left_terms.values()], [*law.right_terms.values()])
         yield law.pressure_angle or 0.0
-    yield [*mechanism.holds.values()]
+    yield [*mechanism.locked.values()]
     for _, local in mechanism.points.values():
         yield local
     for link in mechanism.links:
@@ -118,7 +118,7 @@ def with_numbers(mechanism: Mechanism, numbers: Array) -> GivenMechanism:
     take = Taker(numbers)
     joints = tuple(_joint(joint, take) for joint in mechanism.joints)
     laws = tuple(_coupling(law, take) for law in mechanism.laws)
-    holds = take.terms(mechanism.holds)
+    holds = take.terms(mechanism.locked)
     points = {name: (link, take.tuple(3)) for name, (link, _) in mechanism.points.items()}
     links = tuple(_link(link, take) for link in mechanism.links)
     own = {one.name: getattr(mechanism, one.name) for one in fields(mechanism)}
@@ -126,7 +126,7 @@ def with_numbers(mechanism: Mechanism, numbers: Array) -> GivenMechanism:
         "joints": joints,
         "links": links,
         "points": points,
-        "holds": holds,
+        "locked": holds,
         "gears": (),
         "couplings": laws,
     }

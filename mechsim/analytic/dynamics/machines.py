@@ -106,10 +106,10 @@ def machine(
             f"forces act on a mechanism, and this is of type {type(source).__name__}; give what mechsim.load "
             "or catalog.make returns"
         )
-    if getattr(drive, "through", "smooth") == "fold" and drive.change_points():
+    if getattr(drive, "change_point", "smooth") == "branch" and drive.change_points():
         raise InputError(
             f"{drive.name} is to fold at change points, where its links would jump in speed and no force is "
-            "large enough; leave out through=fold"
+            "large enough; leave out change_point=branch"
         )
     bare = mechanism or drive.mechanism
     described = with_inertia(bare, density, units.si(diameter, "m", "diameter of the rods"))

@@ -240,7 +240,7 @@ def moved_as(
         sliding=_sliding(acting.dry, np.where(standing, 0.0, np.sign(w))),
         drive_accelerations=_drive_accelerations(unit, w),
         drives={**held.drives, **held.holds} if unit.drivers else {},
-        holds={} if unit.drivers else held.holds,
+        locked={} if unit.drivers else held.holds,
         straight=unit.mechanism.straight,
         meeting=held.meeting,
     )

@@ -76,7 +76,7 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
     told = _named(mechanism, multipliers)
     return Balance(
         {name: told[name] for name in mechanism.drivers},
-        {name: told[name] for name in mechanism.holds},
+        {name: told[name] for name in mechanism.locked},
         {
             joint.name: _reaction(unit, joint, span, multipliers, slack * rows[:, None], sound)
             for joint, span in zip(mechanism.joints, _spans(mechanism), strict=True)
@@ -179,7 +179,7 @@ def _wrench(unit: UnitMotion, joint: Joint, span: slice, multipliers: Array) -> 
 
 def _named(mechanism: Mechanism, multipliers: Array) -> dict[str, Array]:
     """Return the multipliers of couplings, holds and drivers, which are the last rows, by name."""
-    names = [*mechanism.named_laws, *mechanism.holds, *mechanism.drivers]
+    names = [*mechanism.named_laws, *mechanism.locked, *mechanism.drivers]
     first = multipliers.shape[1] - len(names)
     return {name: multipliers[:, first + i] for i, name in enumerate(names)}
 
@@ -187,5 +187,5 @@ def _named(mechanism: Mechanism, multipliers: Array) -> dict[str, Array]:
 def _row(mechanism: Mechanism, coupling: str, multipliers: Array) -> int:
     """Return the row of a coupling among all multipliers, (n, m)."""
     names = [*mechanism.named_laws]
-    first = multipliers.shape[1] - len(names) - len(mechanism.holds) - len(mechanism.drivers)
+    first = multipliers.shape[1] - len(names) - len(mechanism.locked) - len(mechanism.drivers)
     return first + names.index(coupling)

@@ -142,7 +142,7 @@ def efforts(loaded: LoadedModel, at: Situation, qacc: Array, multipliers: Array,
         gears=_coupled(loaded, multipliers, [*loaded.mechanism.named_laws], 0),
         meshes=mesh_forces(loaded, at.plain, multipliers),
         drives=_drives(loaded, multipliers),
-        holds=_holds(loaded, multipliers) if driven is None else {},
+        locked=_holds(loaded, multipliers) if driven is None else {},
         drive_accelerations=_drive_accelerations(loaded, qacc),
         straight=loaded.mechanism.straight,
         kinetic=_kinetic(loaded, rates, at.plain["inertia"]),
@@ -215,7 +215,7 @@ def _drives(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
 
 def _holds(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
     """Return the force of each hold."""
-    return _coupled(loaded, multipliers, [*loaded.mechanism.holds], len(loaded.mechanism.laws))
+    return _coupled(loaded, multipliers, [*loaded.mechanism.locked], len(loaded.mechanism.laws))
 
 
 def _wound(loaded: LoadedModel, fields: Fields) -> Array:
@@ -332,7 +332,11 @@ LIGHTER = 1e-6
 
 
 def efforts_of(
-    loaded: LoadedModel, stepped: mujoco.MjModel, hardness: float, states: States, force: Array | None = None
+    loaded: LoadedModel,
+    stepped: mujoco.MjModel,
+    compliance: float,
+    states: States,
+    force: Array | None = None,
 ) -> Efforts:
     """Return the efforts at recorded states of a stepped model, from its own constraint forces.
 
@@ -341,14 +345,14 @@ def efforts_of(
     Args:
         loaded: the mechanism.
         stepped: the model as it was stepped, the drive's inertia in it.
-        hardness: factor on its inverse weights.
+        compliance: factor on its inverse weights.
         states: recorded.
         force: of the drives at each state besides what holds their speeds, (n,) or (n, drivers) in [N m]
             or [N].
     """
     model = copy.copy(stepped)
     loaded.prepare(model)
-    softened = hardness * soften(model, hardness)
+    softened = compliance * soften(model, compliance)
     moved = loaded.loops.driven_dofs
     if force is not None:
         force = force.reshape(len(force), -1)[:, : len(moved)]
@@ -381,7 +385,7 @@ def _looked(
     return rigid_forces(look, *states.qvel.shape)
 
 
-def _couple(loaded: LoadedModel, model: mujoco.MjModel, hardness: float) -> None:
+def _couple(loaded: LoadedModel, model: mujoco.MjModel, compliance: float) -> None:
     """Let constraints hold all that couplings bend, also what was stepped as the crank is.
 
     They ask for no acceleration by how far they stand open: with the bend added (`_bent`), none is lacking.
@@ -389,7 +393,7 @@ def _couple(loaded: LoadedModel, model: mujoco.MjModel, hardness: float) -> None
     loops = loaded.loops
     dofs = loops.moved_dofs[len(loops.driven_dofs) :]
     set_armature(model, dofs, loops.model.dof_armature[dofs])
-    model.dof_invweight0[dofs] = hardness * loops.model.dof_invweight0[dofs]
+    model.dof_invweight0[dofs] = compliance * loops.model.dof_invweight0[dofs]
     model.eq_active0[[one.number for one in loops.followers]] = 1
     model.eq_solref[[one.number for one in loops.couplings if one.bends]] = 0.0
     weigh_sums(loops, model)

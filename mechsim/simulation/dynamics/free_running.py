@@ -28,7 +28,7 @@ from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
 from mechsim.simulation.run_result import SteppedFreeRun
-from mechsim.simulation.settings import HARDNESS, Settings, set_armature
+from mechsim.simulation.settings import COMPLIANCE, Settings, set_armature
 from mechsim.simulation.stepping import Watch, unwatched
 from mechsim.simulation.telling import RANK_TOLERANCE
 from mechsim.units import si
@@ -36,11 +36,11 @@ from mechsim.units import si
 # turns of the crank at its expected speed after which a run for turns is given up
 PATIENCE = 20.0
 # where constraints repeat each other only as long as loops are closed they must give way, or that by which
-# they disagree acts like a brake: of hardnesses 1e-8 to 1e4 and constants of 3 to 20 steps this keeps the
+# they disagree acts like a brake: of compliances 1e-8 to 1e4 and constants of 3 to 20 steps this keeps the
 # energy best (Bennett, 3e-7)
-REDUNDANT = Settings(hardness=100.0, constant_steps=5.0, steps_per_turn=4000)
+REDUNDANT = Settings(compliance=100.0, constant_steps=5.0, steps_per_turn=4000)
 # the same where they agree
-AGREEING = Settings(steps_per_turn=4000, hardness=HARDNESS)
+AGREEING = Settings(steps_per_turn=4000, compliance=COMPLIANCE)
 # records over which the work is summed up, at least
 FINEST = 10_000
 # instants at which the energy of a trial is looked at
@@ -240,7 +240,7 @@ def _recorded(plan: _Plan, stepping: FreeStepping) -> SteppedFreeRun:
     kept = np.unique(np.append(np.arange(0, len(run.time), stepping.every), len(run.time) - 1))
     states = States(run.time[kept], run.qpos[kept], run.qvel[kept])
     work, lost = _work(loaded, States(run.time, run.qpos, run.qvel))
-    found = efforts_of(loaded, loops.model, stepping.settings.factor, states)
+    found = efforts_of(loaded, loops.model, stepping.settings.compliance_used, states)
     motion = evaluate(loaded.loops, loaded.track, states, "step", crank_acceleration=found.acceleration)
     return SteppedFreeRun(
         motion=motion,
@@ -261,7 +261,7 @@ def _recorded(plan: _Plan, stepping: FreeStepping) -> SteppedFreeRun:
         steps=run.steps,
         seconds=stepping.seconds,
         timestep=float(loops.model.opt.timestep),
-        settings=replace(stepping.settings, hardness=stepping.settings.factor),
+        settings=replace(stepping.settings, compliance=stepping.settings.compliance_used),
         masses=masses_of(loaded.mechanism),
     )
 

@@ -30,7 +30,7 @@ from mechsim.units import si
 SAMPLES = 72
 # constraints ten thousand times harder than places need: near a dead centre the gap that carries the forces
 # showed in the torque, 1e-3 of it in an elliptic trammel (validation/robustness/torque_scale.py)
-HARD = Settings(hardness=1e-12)
+HARD = Settings(compliance=1e-12)
 # conditioning of loops below which it is told that stepped forces err: 2e-3 left 3e-5 of the torque where a
 # third crank lies 0.1 mm beside the line of pivots, 7e-3 left less than the bound
 BARELY = 5e-3
@@ -181,7 +181,7 @@ def _stepped(
     controls = loaded.controls(profile.state(time)[0], time) if model.nu else None
     steps = step(loops, settings, profile, started(loaded, first, speed), total, stride, controls, watch)
     states = steps.states
-    found = efforts_of(loaded, model, settings.factor, states, steps.force)
+    found = efforts_of(loaded, model, settings.compliance_used, states, steps.force)
     drivers = [*found.drive_accelerations.values()]
     motion = evaluate(
         loaded.loops,
@@ -200,7 +200,7 @@ def _stepped(
         method="step",
         steps=steps.count,
         seconds=steps.seconds,
-        settings=replace(settings, hardness=settings.factor),
+        settings=replace(settings, compliance=settings.compliance_used),
         timestep=steps.timestep,
         note=_barely_held(loaded, states),
         masses=masses_of(loaded.mechanism),

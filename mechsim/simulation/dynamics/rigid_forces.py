@@ -22,17 +22,17 @@ ITERATIONS, PASSES = 10, 3
 SHRINKING = 0.1
 
 
-def soften(model: mujoco.MjModel, hardness: float) -> float:
+def soften(model: mujoco.MjModel, compliance: float) -> float:
     """Make a model's constraints fit to look for their forces.
 
     Args:
         model: compiled; its inverse weights are multiplied.
-        hardness: factor on them so far.
+        compliance: factor on them so far.
 
     Returns:
         The factor by which they were multiplied, 1 or more.
     """
-    factor = max(1.0, SOFTNESS / hardness)
+    factor = max(1.0, SOFTNESS / compliance)
     model.body_invweight0[:] *= factor
     model.dof_invweight0[:] *= factor
     model.opt.iterations = ITERATIONS

@@ -26,13 +26,13 @@ def left_open(scene: Inspected) -> Iterator[Finding]:
     if not (scene.drivers and _any_open(scene)):
         return
     model, (slope, _) = scene.model, scene.generic
-    held = [*scene.drivers, *scene.read.mechanism.holds]
+    held = [*scene.drivers, *scene.read.mechanism.locked]
     rows = np.eye(model.nv)[[int(model.joint(name).dofadr[0]) for name in held]]
     free = null_space(np.vstack([slope, rows]))
     count, names = _one_each(scene, free)
     more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
     told = ", ".join(names[:LISTED]) + more
-    floats = " or --hold-base" if free_bodies(model) else ""
+    floats = " or --fix-base" if free_bodies(model) else ""
     yield Finding(
         kind="open",
         what=told,
@@ -40,7 +40,7 @@ def left_open(scene: Inspected) -> Iterator[Finding]:
         explains=0.0,
         say=f"{model.nv - rank(slope)} freedoms, {count} of them open with {', '.join(held)} held: "
         f"{told} can still move, and only springs, weight, friction and contacts say how",
-        remedy=f"drive, hold or couple them (--drive, --hold{floats})",
+        remedy=f"drive, hold or couple them (--drive, --lock{floats})",
     )
 
 

@@ -61,7 +61,7 @@ def driven_by(scene: Inspected) -> Array:
     """Return in which directions efforts move the drivers, (k, nv): by an actuator's tendon or joint."""
     model, arms = scene.bare, moments(scene, scene.read.qpos)
     rows: list[Array] = []
-    for name in (*scene.drivers, *scene.read.mechanism.holds):
+    for name in (*scene.drivers, *scene.read.mechanism.locked):
         own = np.zeros(model.nv)
         own[int(model.joint(name).dofadr[0])] = 1.0
         acting = [a for a in range(model.nu) if name in acted_on(model, a)]

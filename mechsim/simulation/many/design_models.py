@@ -87,7 +87,7 @@ def like_model(mechanism: Mechanism, gravity: Vector | None = None) -> LikeModel
     Raises:
         AssemblyError: where its own loops do not close.
     """
-    if not mechanism.has_crank or mechanism.laws or mechanism.holds:
+    if not mechanism.has_crank or mechanism.laws or mechanism.locked:
         return None
     tree = cut_loops(mechanism, splits=True)
     if gravity is None:

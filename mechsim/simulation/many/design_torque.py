@@ -16,7 +16,7 @@ from mechsim.simulation.recorded_motion import CHUNK
 OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 
 
-def design_torque(stepped: SteppedDesigns, rows: Rows, records: Rows, hardness: float) -> Array:
+def design_torque(stepped: SteppedDesigns, rows: Rows, records: Rows, compliance: float) -> Array:
     """Return the drive torque of some designs at some records, (designs, records) in [N m].
 
     As `dynamics.efforts.efforts_of` has it for one: what M q'' takes at the crank beyond gravity, gyroscopic
@@ -26,16 +26,16 @@ def design_torque(stepped: SteppedDesigns, rows: Rows, records: Rows, hardness: 
         stepped: designs with real inertias.
         rows: which of them.
         records: which of the recorded instants.
-        hardness: factor on the inverse weights of the constraints, as they were stepped.
+        compliance: factor on the inverse weights of the constraints, as they were stepped.
     """
     step = max(1, CHUNK // len(records))
     parts = [rows[first : first + step] for first in range(0, len(rows), step)]
-    return np.concatenate([_torque(stepped, part, records, hardness) for part in parts])
+    return np.concatenate([_torque(stepped, part, records, compliance) for part in parts])
 
 
-def _torque(stepped: SteppedDesigns, rows: Rows, records: Rows, hardness: float) -> Array:
+def _torque(stepped: SteppedDesigns, rows: Rows, records: Rows, compliance: float) -> Array:
     model = copy.copy(stepped.loops.model)
-    factor = soften(model, hardness)
+    factor = soften(model, compliance)
     own = {name: one[rows] for name, one in stepped.fields.items()}
     for name in ("body_invweight0", "dof_invweight0"):
         own[name] = factor * own[name]

@@ -13,7 +13,7 @@ from mechsim.simulation.many.design_fields import Fields, loosened
 from mechsim.simulation.many.design_models import Bools, DesignModels, Rows, closed_states
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import CLOSED, ModelLoops
-from mechsim.simulation.settings import Settings, flywheel
+from mechsim.simulation.settings import Settings, drive_inertia
 from mechsim.simulation.stepping import TIME
 
 # steps in one call into C: longer ones are remembered in parts, so that a long run needs little memory
@@ -110,10 +110,12 @@ def _hardened(models: DesignModels, loops: ModelLoops, settings: Settings) -> Fi
     count, crank = len(models.qpos), loops.crank
     for name in ("body_invweight0", "dof_invweight0", "dof_M0", "dof_armature"):
         fields[name] = fields.get(name, np.repeat(getattr(model, name)[None], count, 0)).copy()
-    fields["body_invweight0"] *= settings.factor
-    fields["dof_invweight0"] *= settings.factor
+    fields["body_invweight0"] *= settings.compliance_used
+    fields["dof_invweight0"] *= settings.compliance_used
     size = models.like.closed.loops.with_fields(fields).sizes
-    heavy = settings.flywheel or flywheel(fields["body_mass"], fields["body_inertia"], size, settings.factor)
+    heavy = settings.drive_inertia or drive_inertia(
+        fields["body_mass"], fields["body_inertia"], size, settings.compliance_used
+    )
     fields["dof_M0"][:, crank] += heavy - fields["dof_armature"][:, crank]
     fields["dof_armature"][:, crank] = heavy
     return fields

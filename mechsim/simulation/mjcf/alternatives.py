@@ -72,7 +72,7 @@ def rod_of(mechanism: Mechanism) -> str | None:
     parents = {branch.parent.link for branch in tree.branches}
     planar = plane_normals(mechanism) is not None
     coupled = [name for law in mechanism.laws for name in law.coordinates]
-    fixed = joints_of(mechanism, [*mechanism.drivers, *mechanism.holds, *coupled])
+    fixed = joints_of(mechanism, [*mechanism.drivers, *mechanism.locked, *coupled])
     cuts = {joint.name for joint in tree.cuts}
     for link in mechanism.links:
         joints = [joint for joint in mechanism.joints if link.name in (joint.a.link, joint.b.link)]

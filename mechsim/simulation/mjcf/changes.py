@@ -12,7 +12,7 @@ from mechsim.simulation.mjcf.joints import CRANK
 SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 
 
-def hold_joints(spec: mujoco.MjSpec, holds: Mapping[str, float]) -> None:
+def lock_joints(spec: mujoco.MjSpec, holds: Mapping[str, float]) -> None:
     """Hold hinges and slides at values in [m] or [rad].
 
     Raises:
@@ -37,7 +37,7 @@ def require_single(spec: mujoco.MjSpec, holds: Iterable[str]) -> None:
             raise InputError(f"the model has no hinge or slide called {name!r} to hold (it has {known})")
 
 
-def set_flywheel(spec: mujoco.MjSpec, inertia: float) -> None:
+def set_drive_inertia(spec: mujoco.MjSpec, inertia: float) -> None:
     """Put an inertia in [kg m2] on the crank of a model that the generator made.
 
     Raises:
@@ -45,5 +45,7 @@ def set_flywheel(spec: mujoco.MjSpec, inertia: float) -> None:
     """
     crank = next((joint for joint in spec.joints if joint.name == CRANK), None)
     if crank is None:
-        raise InputError("a flywheel is on a crank, and no joint of the model is called crank; leave it out")
+        raise InputError(
+            "a drive inertia is on a crank, and no joint of the model is called crank; leave it out"
+        )
     crank.armature = inertia

@@ -132,7 +132,7 @@ def counted(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tu
     if kind.floats:
         raise InputError(
             f"{mechanism.name}: joint {joint.name!r} floats and nothing else holds its link, for which no "
-            "MuJoCo model is made; hold it by --hold-base, or leave the link out"
+            "MuJoCo model is made; hold it by --fix-base, or leave the link out"
         )
     slides = len(kind.slides)
     return tuple(
@@ -214,7 +214,7 @@ def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
             names = [_tendon(spec, f"{law.name} {i}", side) for i, side in enumerate(sides)]
         made = _add_equality(spec, called, kind, object_kind, [*names, ""][:2])
         made.data[:5] = shifted
-    for name, value in mechanism.holds.items():
+    for name, value in mechanism.locked.items():
         hold(spec, of[name], value - float(spec.joint(of[name]).ref))
 
 

@@ -89,7 +89,7 @@ def _needed(mechanism: Mechanism) -> set[str]:
     """Return the names of joints that the model must have: what is driven, held or geared."""
     driven = {joint.name for joint in mechanism.driven_joints}
     geared = joints_of(mechanism, [name for law in mechanism.laws for name in law.coordinates])
-    return driven | geared | joints_of(mechanism, mechanism.holds)
+    return driven | geared | joints_of(mechanism, mechanism.locked)
 
 
 def _require_cuttable(mechanism: Mechanism, asked: set[str], needed: set[str]) -> None:
@@ -99,7 +99,7 @@ def _require_cuttable(mechanism: Mechanism, asked: set[str], needed: set[str]) -
         raise InputError(f"{mechanism.name}: there is no joint {unknown!r} to cut; known are {known}")
     driven = {joint.name for joint in mechanism.driven_joints}
     for name in sorted(asked & needed):
-        what = "driven" if name in driven else "held" if name in mechanism.holds else "geared"
+        what = "driven" if name in driven else "held" if name in mechanism.locked else "geared"
         raise InputError(f"{mechanism.name}: joint {name!r} is {what} and cannot be cut; cut another")
 
 

@@ -35,12 +35,12 @@ def require_coordinate(model: mujoco.MjModel, name: str, what: str) -> None:
         if kinds.get(name) == FREE:
             raise InputError(
                 f"{what} names {name!r}, a free joint, which no one value places; hold it where it starts "
-                f"with --hold {name} or --hold-base, at a keyframe with --key NAME"
+                f"with --lock {name} or --fix-base, at a keyframe with --key NAME"
             )
         if kinds.get(name) == BALL:
             raise InputError(
                 f"{what} names {name!r}, a ball joint, which no one value turns; hold it where it starts "
-                f"with --hold {name}, at a keyframe with --key NAME, or write three hinges across each other "
+                f"with --lock {name}, at a keyframe with --key NAME, or write three hinges across each other "
                 "in its place and name them"
             )
         raise InputError(f"{what} names {name!r}; hinges and slides of the model are {listed(known)}")

@@ -63,8 +63,8 @@ def read_model(
     path: str,
     *,
     drivers: Sequence[str] = (),
-    holds: Mapping[str, Held] | None = None,
-    base_held: bool = False,
+    lock: Mapping[str, Held] | None = None,
+    fix_base: bool = False,
     key: str | None = None,
     track: Sequence[str] = (),
     still: bool = False,
@@ -76,7 +76,7 @@ def read_model(
         drivers: joints that are driven; empty takes those of actuators, else a hinge called crank.
         holds: joint -> value at which it is held in [m] or [rad], or a function that has it from the unit;
             None for that of the start, at which alone a ball or a free joint can be held.
-        base_held: whether bodies with free joints stand still.
+        fix_base: whether bodies with free joints stand still.
         key: keyframe to start from; None takes the reference configuration.
         track: points, as `tracked` reads them.
         still: whether nothing need be driven.
@@ -91,9 +91,9 @@ def read_model(
     start = _start(path, model, key)
     for one in list(spec.keys):  # they fit no model to which anything is added
         spec.delete(one)
-    if base_held and not free_bodies(model):
-        raise InputError(f"{path}: no body has a free joint; leave out --hold-base")
-    stilled, holds = _stilled(model, holds or {}, base_held=base_held)
+    if fix_base and not free_bodies(model):
+        raise InputError(f"{path}: no body has a free joint; leave out --fix-base")
+    stilled, lock = _stilled(model, lock or {}, fix_base=fix_base)
     if stilled:
         remarks += _told_still(model, stilled)
         start = hold_still(spec, model, stilled, start)
@@ -103,7 +103,7 @@ def read_model(
     carried = chained.carriers
     said = equalities(model, carried)
     values = facts.coordinate_values(model, start)
-    fixed = _held(model, holds, values)
+    fixed = _held(model, lock, values)
     drives, raised = driven(model, drivers, list(fixed), still), raised_mass(remarks)
     points = tracked(model, carried, track)
     of = {model.body(b).name: carried[b] for b in range(model.nbody)}
@@ -115,7 +115,7 @@ def read_model(
         points={name: (of[body].link, of[body].point(place)) for name, (body, place) in points.items()},
         guess=poses(model, chained, start),
         couplings=tuple(said.couplings),
-        holds=fixed,
+        locked=fixed,
         counted=values,
     )
     mechanism = replace(mechanism, links=weighed(model, mechanism.links, carried, mechanism.size, raised))
@@ -137,13 +137,13 @@ def read_model(
 
 
 def _stilled(
-    model: mujoco.MjModel, holds: Mapping[str, Held], *, base_held: bool
+    model: mujoco.MjModel, lock: Mapping[str, Held], *, fix_base: bool
 ) -> tuple[tuple[int, ...], dict[str, Held]]:
     """Return the balls and free joints that are held where they start, by their numbers, and other holds."""
     turning = turning_joints(model)
-    named = {turning[name] for name, value in holds.items() if name in turning and value is None}
-    found = tuple(sorted(named.union(free_joints(model) if base_held else ())))
-    return found, {name: value for name, value in holds.items() if turning.get(name) not in found}
+    named = {turning[name] for name, value in lock.items() if name in turning and value is None}
+    found = tuple(sorted(named.union(free_joints(model) if fix_base else ())))
+    return found, {name: value for name, value in lock.items() if turning.get(name) not in found}
 
 
 def _told_still(model: mujoco.MjModel, joints: tuple[int, ...]) -> list[str]:
@@ -167,12 +167,12 @@ def _start(path: str, model: mujoco.MjModel, key: str | None) -> Array:
 def _held(model: mujoco.MjModel, holds: Mapping[str, Held], values: Mapping[str, float]) -> dict[str, float]:
     found: dict[str, float] = {}
     for name, value in holds.items():
-        require_coordinate(model, name, "--hold")
+        require_coordinate(model, name, "--lock")
         if callable(value):
             value = value("m" if int(model.joint(name).type[0]) == SLIDE else "rad")
         found[name] = values[name] if value is None else float(value)
         if not np.isfinite(found[name]):
-            raise InputError(f"--hold {name} is at {value}; give a finite number in SI")
+            raise InputError(f"--lock {name} is at {value}; give a finite number in SI")
     return found
 
 

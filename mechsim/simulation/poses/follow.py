@@ -62,7 +62,7 @@ def followed(loops: ModelLoops, start: Array, angles: ArrayLike) -> tuple[Array,
 
 
 def _followed(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, AssemblyPath | FoldedPath]:
-    if loops.passing == "fold":
+    if loops.passing == "branch":
         return _folded(loops, start, angles)
     sprinted = _sprinted(loops, start, angles)
     if sprinted is not None:

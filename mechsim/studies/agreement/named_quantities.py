@@ -125,7 +125,7 @@ class Names:
         )
 
     def _drives(self) -> list[str]:
-        return [*self.mechanism.drivers, *self.mechanism.holds]
+        return [*self.mechanism.drivers, *self.mechanism.locked]
 
     def _joints(self) -> list[str]:
         return [joint.name for joint in self.mechanism.joints]

@@ -213,7 +213,7 @@ def exact_closure(
         superfluous = settled(mechanism).superfluous
     except AssemblyError:
         superfluous = ()
-    names = [name for name in (*mechanism.drivers, *mechanism.holds) if name not in superfluous]
+    names = [name for name in (*mechanism.drivers, *mechanism.locked) if name not in superfluous]
     tree = _tree(replace(mechanism, points=dict(points)), model.njnt)
     driven = tuple(tree.places[name] for name in names)
     loops = TreeLoops(tree, cuts_of(tree), (0.0,) * len(mechanism.laws), driven)

@@ -62,7 +62,7 @@ class PlainSettings:
         frictionloss: whether anything rubs dry.
         actuation: whether actuators act.
         spring: whether springs of joints and tendons act.
-        hardness: factor on the inverse weights by which softness is scaled, after compiling: no file says it.
+        compliance: factor on the inverse weights that scale softness, after compiling: no file states it.
     """
 
     timestep: float | None = None
@@ -83,12 +83,12 @@ class PlainSettings:
     frictionloss: bool | None = None
     actuation: bool | None = None
     spring: bool | None = None
-    hardness: float | None = None
+    compliance: float | None = None
 
     @property
     def in_file(self) -> bool:
         """Whether a file can say all of it."""
-        return self.hardness is None
+        return self.compliance is None
 
     def applied(self, model: mujoco.MjModel) -> mujoco.MjModel:
         """Return a copy of a compiled model with these settings."""
@@ -102,20 +102,20 @@ class PlainSettings:
             model.eq_solref[:] = self.solref
         if self.solimp is not None:
             model.eq_solimp[:] = self.solimp
-        if self.hardness is not None:
-            model.body_invweight0[:] *= self.hardness
-            model.dof_invweight0[:] *= self.hardness
+        if self.compliance is not None:
+            model.body_invweight0[:] *= self.compliance
+            model.dof_invweight0[:] *= self.compliance
         return model
 
     def put_into(self, spec: mujoco.MjSpec) -> None:
         """Change a specification to these settings.
 
         Raises:
-            InputError: for a hardness, which no file can say.
+            InputError: for a compliance, which no file can say.
         """
-        if self.hardness not in (None, 1.0):
+        if self.compliance not in (None, 1.0):
             raise InputError(
-                f"hardness is {self.hardness:g}, and no MJCF file can say other than 1; leave it out, or let "
+                f"compliance is {self.compliance:g}, and an MJCF file can only state 1; leave it out, or let "
                 "`mechsim tune --python` write lines that run it"
             )
         for name in OPTIONS:

@@ -156,7 +156,7 @@ def published_scene(form: MjcfForm, profile: CrankProfile | None = None) -> tupl
         laws = {form.mechanism.crank.name: profile.state}
     drive, ctrl = _fed(form, laws)
     # joints that are locked stand still by a flywheel, too
-    drive |= {name: steady(value, 0.0) for name, value in form.mechanism.holds.items()}
+    drive |= {name: steady(value, 0.0) for name, value in form.mechanism.locked.items()}
     scene = scene_of(
         form.source,
         form.mechanism,

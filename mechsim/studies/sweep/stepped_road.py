@@ -74,7 +74,7 @@ def _measure(task: SweepTask, stepped: SteppedDesigns, rows: Rows, own: Rows, fo
     motion, efforts = design_motion(stepped, rows, task.records, _told(task)), dict[str, Array]()
     if task.loaded:
         assert task.settings is not None
-        efforts["torque"] = design_torque(stepped, rows, task.records, task.settings.factor)
+        efforts["torque"] = design_torque(stepped, rows, task.records, task.settings.compliance_used)
     turns = Turns(len(rows), len(task.records), motion, efforts)
     values = table_of(task.measures, turns, task.places)
     found.take(own[rows], values)

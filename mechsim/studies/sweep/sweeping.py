@@ -82,7 +82,7 @@ def sweep(
         samples: poses a turn, or over the programs of drivers; None for 72.
         speed: of the crank in [rad/s], or text, as "600rpm".
         settings: how designs are stepped in MuJoCo, in place of motions by formulas and loop equations.
-            Without a hardness, loops are as hard as what is measured asks for. Poses are then some of the
+            Without a compliance, loops are as hard as what is measured asks for. Poses are then some of the
             steps, about 72 where `samples` does not say, and the steps of a turn are made a multiple of
             them; an automatic `jacobian` is dense, so that numbers are the same wherever they are made.
         output: .nc, .zarr, .parquet or .csv to write, part by part.
@@ -166,9 +166,9 @@ def _hard_enough(task: SweepTask) -> SweepTask:
     torque of a Bennett linkage, whose rows are redundant, and made no other better.
     """
     settings = task.settings
-    if settings is None or settings.hardness is not None or not task.loaded or task.like is not None:
+    if settings is None or settings.compliance is not None or not task.loaded or task.like is not None:
         return task
-    return replace(task, settings=replace(settings, hardness=HARD.hardness))
+    return replace(task, settings=replace(settings, compliance=HARD.compliance))
 
 
 def _designs(

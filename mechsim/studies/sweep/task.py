@@ -157,7 +157,7 @@ class SweepTask:
         """What designs followed together have in common; None where each must be by itself."""
         form = self.subject.form
         alone = self.loaded or self.wants("transmission") or any(one.kind in ALONE for one in self.measures)
-        if alone or getattr(form, "through", "smooth") != "smooth":
+        if alone or getattr(form, "change_point", "smooth") != "smooth":
             return None
         with suppress(MechsimError):
             return can_be_followed_together(form.mechanism, self.joints, form.programs)

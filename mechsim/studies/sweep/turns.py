@@ -170,7 +170,7 @@ def _effort(name: str, mechanism: Mechanism) -> TurnQuantity | None:
     word, colon, own = name.partition(":")
     if colon and word in WRENCH and own in joints:
         return TurnQuantity(name, "effort", own, word, "N" if word == "force" else "N m")
-    if colon and word == "torque" and own in (*mechanism.drivers, *mechanism.holds):
+    if colon and word == "torque" and own in (*mechanism.drivers, *mechanism.locked):
         single = mechanism.has_crank and own == mechanism.crank.name
         unit = "N" if own in mechanism.straight else "N m"
         return TurnQuantity(name, "effort", "torque" if single else f"drive {own}", "", unit)

@@ -49,7 +49,7 @@ def exporting(point: Point, model: str, speed: float) -> str | None:
         return None
     # what a run makes of what it was not told
     file = replace(settings, solref=_solref(settings, speed), iterations=1, residual=0.0)
-    left = {"steps_per_turn", "constant_steps", "hardness", "flywheel"}
+    left = {"steps_per_turn", "constant_steps", "compliance", "drive_inertia"}
     told = {one.name: getattr(file, one.name) for one in fields(Settings) if one.name not in left}
     options = [_option(name, _plain(value)) for name, value in told.items() if value is not None]
     return " ".join(["mechsim", "export", model, f"--timestep {settings.timestep(speed)!r}", *options])
@@ -62,7 +62,7 @@ def _solref(settings: Settings, speed: float) -> tuple[float, float]:
 def fragment(point: Point, speed: float) -> str | None:
     """Return the MJCF that says a point's settings; None where softness is scaled after compiling."""
     settings = point.settings
-    if settings.factor != 1.0 or point.family.build != Build():
+    if settings.compliance_used != 1.0 or point.family.build != Build():
         return None
     timestep = settings.timestep(speed)
     solref = _solref(settings, speed)

@@ -70,9 +70,9 @@ class BuiltModel:
         controls = None
         if self.build.rod is not None:
             loops.model.eq_active0[:] = 1
-            loops.model.tendon_invweight0[:] *= settings.factor
-        if self.build.drive != "flywheel":
-            settings = replace(settings, flywheel=NO_FLYWHEEL)
+            loops.model.tendon_invweight0[:] *= settings.compliance_used
+        if self.build.drive != "drive_inertia":
+            settings = replace(settings, drive_inertia=NO_FLYWHEEL)
         if self.servo is not None:
             timestep = self.profile.duration / total
             gain = float(self.servo.torque(np.ones(1), timestep)[0])

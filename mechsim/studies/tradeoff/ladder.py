@@ -1,7 +1,7 @@
 """The settings that `mechsim tradeoff` compares: families of them, each a curve over the number of steps.
 
 A family keeps everything but the step: integrator, time constant of the loops (a number of steps, or a
-part of a turn), hardness, impedance, refsafe, diagexact, and how the model is built: the joint that is
+part of a turn), compliance, impedance, refsafe, diagexact, and how the model is built: the joint that is
 cut, the scene's level, what drives the crank, reductions.
 """
 
@@ -23,7 +23,7 @@ MUJOCO_SOLREF, MUJOCO_SOLIMP = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
 DEFAULTS = "MuJoCo's defaults"
 HARD = "RK4, turn/10, 1e-08"
 # MuJoCo's own scale of softness
-PLAIN = Settings(hardness=1.0)
+PLAIN = Settings(compliance=1.0)
 BUILD = Build()
 
 
@@ -122,20 +122,20 @@ def _of(integrator: str) -> Iterator[Family]:
 
     yield family(1, "2 steps", two)
     yield family(1, "7 steps", seven)
-    yield family(1, "20 steps, 1e-04", replace(plain, constant_steps=20.0, hardness=1e-4))
+    yield family(1, "20 steps, 1e-04", replace(plain, constant_steps=20.0, compliance=1e-4))
     if integrator == "RK4":
         yield family(2, "turn/5, 1e-08", Settings(), part=0.2)
         yield family(2, "turn/20, 1e-08", Settings(), part=0.05)
     else:
         yield family(1, "direct", plain, direct=True)
-        yield family(1, "turn/10, 1e-08", replace(plain, hardness=1e-8), part=0.1)
+        yield family(1, "turn/10, 1e-08", replace(plain, compliance=1e-8), part=0.1)
     if integrator == "discrete":
         yield family(2, "1e-3 steps", replace(plain, constant_steps=1e-3))
-    yield family(2, "turn/10, 1e-04", replace(plain, hardness=1e-4), part=0.1)
+    yield family(2, "turn/10, 1e-04", replace(plain, compliance=1e-4), part=0.1)
     yield family(2, "2 steps, refsafe", replace(two, refsafe=True))
     yield family(2, "7 steps, diagexact", replace(seven, diagexact=True))
     yield family(2, "7 steps, impedance 0.95", replace(seven, solimp=MUJOCO_SOLIMP))
-    yield family(2, "2 steps, 1e-08", replace(two, hardness=1e-8))
+    yield family(2, "2 steps, 1e-08", replace(two, compliance=1e-8))
 
 
 def cuts_of(mechanism: Mechanism) -> list[tuple[str, ...]]:

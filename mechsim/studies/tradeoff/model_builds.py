@@ -9,7 +9,7 @@ from mechsim.model.scene import Level, Scene
 from mechsim.simulation.closed_model import Model, load
 from mechsim.simulation.mjcf.alternatives import add_servo, gear_to_motor, rod_as_length
 
-CrankDrive = Literal["flywheel", "geared", "servo"]
+CrankDrive = Literal["drive_inertia", "geared", "servo"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +28,7 @@ class Build:
 
     cut: tuple[str, ...] | None = None
     level: Level = "motion"
-    drive: CrankDrive = "flywheel"
+    drive: CrankDrive = "drive_inertia"
     gain: float = 1.0
     rod: str | None = None
     variant: str | None = None

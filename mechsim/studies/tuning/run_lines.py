@@ -84,7 +84,7 @@ def _changed(settings: Mapping[str, object]) -> list[str]:
             lines.append(f"model.opt.{field} {f'|= {bit}' if value != off else f'&= ~{bit}'}  # {name}")
         elif name in ("solref", "solimp"):
             lines.append(f"model.eq_{name}[:] = {value!r}")
-        elif name == "hardness":
+        elif name == "compliance":
             lines += [
                 "# softness is scaled by these weights, and no file can say them",
                 f"model.body_invweight0[:] *= {value:g}",

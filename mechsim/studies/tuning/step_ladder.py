@@ -23,7 +23,7 @@ CHEAP = ("Euler", "implicitfast", "discrete")
 CONSTANTS = (2.0, 1.5, 3.0, 5.0, 10.0)
 SAFE = 2.0
 # factors on softness that no file can say
-HARDNESSES = (1e-2, 1e-4, 1e-8)
+COMPLIANCES = (1e-2, 1e-4, 1e-8)
 
 
 def steps_of(scene: UserScene) -> list[float]:
@@ -89,7 +89,7 @@ def fourth(scene: UserScene, step: float) -> Iterator[PlainSettings]:
 def hardest(scene: UserScene, step: float) -> Iterator[PlainSettings]:
     """Yield a few settings that no file can say and that tell whether a step can do."""
     for integrator, constant in (("Euler", 2.0), ("RK4", 10.0)):
-        yield replace(_settings(scene, step, integrator, constant), hardness=HARDNESSES[-1])
+        yield replace(_settings(scene, step, integrator, constant), compliance=COMPLIANCES[-1])
 
 
 def dear(scene: UserScene, step: float) -> Iterator[PlainSettings]:
@@ -100,9 +100,9 @@ def dear(scene: UserScene, step: float) -> Iterator[PlainSettings]:
 
 def harder(scene: UserScene, step: float) -> Iterator[PlainSettings]:
     """Yield settings of a step that no file can say."""
-    for hardness in HARDNESSES:
+    for compliance in COMPLIANCES:
         for integrator, constant in (("Euler", 2.0), ("implicitfast", 2.0), ("RK4", 5.0), ("RK4", 10.0)):
-            yield replace(_settings(scene, step, integrator, constant), hardness=hardness)
+            yield replace(_settings(scene, step, integrator, constant), compliance=compliance)
 
 
 def variants(scene: UserScene, settings: PlainSettings) -> Iterator[PlainSettings]:

@@ -107,13 +107,13 @@ def test_settings_tell_stepped_sweeps_apart(tmp_path):
 def test_loops_are_as_hard_as_what_is_measured_asks_for_unless_it_is_said():
     """What `mechsim sweep --method step` asks for, too: it gives its settings as they are."""
 
-    def hardness(model, vary, measure, **given):
-        return swept_task(model, vary, measure, settings=Settings(**given)).settings.hardness
+    def compliance(model, vary, measure, **given):
+        return swept_task(model, vary, measure, settings=Settings(**given)).settings.compliance
 
     forces = ("rack_steering", {"radius": [0.005]}, "max:torque")
-    assert hardness(*forces) == 1e-12
-    assert hardness(*forces, hardness=1e-8) == 1e-8
+    assert compliance(*forces) == 1e-12
+    assert compliance(*forces, compliance=1e-8) == 1e-8
     # stepped together, and where no force is measured, as places need
-    assert hardness("four_bar", {"crank": [0.03]}, "max:torque") is None
-    assert hardness("rack_steering", {"radius": [0.005]}, "range:rack") is None
-    assert Settings().factor == 1e-8
+    assert compliance("four_bar", {"crank": [0.03]}, "max:torque") is None
+    assert compliance("rack_steering", {"radius": [0.005]}, "range:rack") is None
+    assert Settings().compliance_used == 1e-8

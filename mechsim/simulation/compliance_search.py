@@ -1,8 +1,8 @@
 """How hard loops are held instead, where no number of steps keeps a tolerance of places.
 
-What softness leaves of an error is in proportion to the hardness; rounding of forces, where a solver takes
-accelerations from these, to its inverse. Which of the two is left a run by another hardness tells: measured
-in validation/choices/hardness.py.
+What softness leaves of an error is in proportion to the compliance; rounding of forces, where a solver takes
+accelerations from these, to its inverse. Which of the two is left a run by another compliance tells: measured
+in validation/choices/compliance.py.
 """
 
 from collections.abc import Callable
@@ -11,24 +11,24 @@ from mechsim.simulation.refine import AIM, GAIN
 
 # beyond these nothing falls any more: MuJoCo's own least softness, and its own softness
 HARDEST, SOFTEST = 1e-16, 1.0
-# what a hardness is changed by at least
+# what a compliance is changed by at least
 STEP = 100.0
 
 
 def less_left(
-    error: Callable[[float], float], hardness: float, known: float, tolerance: float
+    error: Callable[[float], float], compliance: float, known: float, tolerance: float
 ) -> tuple[float, float] | None:
-    """Return a hardness by which much less is left of an error, and how much; None where none was found.
+    """Return a compliance by which much less is left of an error, and how much; None where none was found.
 
     Args:
-        error: hardness -> worst error of a run by it, in [m].
-        hardness: by which an error is left.
+        error: compliance -> worst error of a run by it, in [m].
+        compliance: by which an error is left.
         known: that error, in [m].
         tolerance: that it should keep, in [m].
     """
     far = max(STEP, known / (AIM * tolerance))
-    tried = {hardness}
-    for other in (hardness / far, hardness * far, hardness * STEP):
+    tried = {compliance}
+    for other in (compliance / far, compliance * far, compliance * STEP):
         there = min(max(other, HARDEST), SOFTEST)
         if there in tried:
             continue

@@ -9,8 +9,8 @@ import mechsim as ms
 from mechsim import catalog
 from mechsim.cli import app
 from mechsim.simulation import Settings, simulate
-from mechsim.simulation.other_hardness import less_left
-from mechsim.simulation.settings import HARDNESS
+from mechsim.simulation.compliance_search import less_left
+from mechsim.simulation.settings import COMPLIANCE
 
 # a five-bar that bears its weight slowly: what the loop gives way by is in proportion to the time squared
 FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 -9.81 0"/><default><joint axis="0 0 1"/></default>
@@ -43,13 +43,13 @@ def path(tmp_path):
     ],
 )
 def test_the_way_is_told_by_what_is_left(error, to):
-    hardness, left = less_left(error, 1e-8, error(1e-8), 1e-11)
-    assert to[0] <= hardness <= to[1]
-    assert left == error(hardness)
+    compliance, left = less_left(error, 1e-8, error(1e-8), 1e-11)
+    assert to[0] <= compliance <= to[1]
+    assert left == error(compliance)
     assert left <= 1e-11
 
 
-def test_where_hardness_changes_nothing_little_is_tried():
+def test_where_compliance_changes_nothing_little_is_tried():
     asked = []
     assert less_left(lambda h: asked.append(h) or 1e-9, 1e-8, 1e-9, 1e-11) is None
     assert len(asked) <= 3
@@ -61,23 +61,23 @@ def test_a_slow_motion_under_weight_keeps_a_tolerance_by_harder_loops(path):
     assert run.outcome == "met"
     assert run.promise.met
     assert run.estimate <= TOLERANCE
-    assert run.settings.hardness < 0.1 * HARDNESS
-    assert f"hardness {run.settings.hardness:.2g}: 1e-08 leaves places off by" in run.note
+    assert run.settings.compliance < 0.1 * COMPLIANCE
+    assert f"compliance {run.settings.compliance:.2g}: 1e-08 leaves places off by" in run.note
 
 
-def test_a_hardness_that_was_asked_for_is_kept_and_the_miss_says_which_would_do(path):
+def test_a_compliance_that_was_asked_for_is_kept_and_the_miss_says_which_would_do(path):
     words = [word for name, how in DRIVES.items() for word in ("--drive", f"{name}={how}")]
     words = ["simulate", path, *words, "--duration", "100s", "--tolerance", "2e-11"]
-    said = CliRunner().invoke(app, [*words, "--hardness", "1e-8", "--json"])
+    said = CliRunner().invoke(app, [*words, "--compliance", "1e-8", "--json"])
     assert said.exit_code == 1
     told = json.loads(said.stdout)
     assert told["outcome"] == "missed"
-    assert told["settings"]["hardness"] == 1e-8
-    better = float(told["note"].partition("and by hardness ")[2].split()[0])
-    again = CliRunner().invoke(app, [*words, "--hardness", f"{better:g}"])
+    assert told["settings"]["compliance"] == 1e-8
+    better = float(told["note"].partition("and by compliance ")[2].split()[0])
+    again = CliRunner().invoke(app, [*words, "--compliance", f"{better:g}"])
     assert again.exit_code == 0, again.output
 
 
-def test_a_run_without_a_tolerance_names_the_hardness_it_had():
+def test_a_run_without_a_tolerance_names_the_compliance_it_had():
     run = simulate(catalog.make("four_bar"), speed=60.0, settings=Settings(steps_per_turn=100))
-    assert run.settings.hardness == HARDNESS
+    assert run.settings.compliance == COMPLIANCE

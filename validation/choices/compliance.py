@@ -1,14 +1,14 @@
-"""What of a place error is softness and what is rounding: which way a hardness is changed.
+"""What of a place error is softness and what is rounding: which way a compliance is changed.
 
 A five-bar under its weight, its cranks swinging once in 1 s, 100 s and 10,000 s, and a Bennett linkage, whose
 rows repeat each other, without weight at 600 rpm; 1,000 steps. Reference: the poses solved at the drivers'
 own places, to 1e-16 m. Errors are the worst distance of a tracked point in m. Newton's method finds
 accelerations; MuJoCo's noslip pass, which a run leaves out, takes them from forces, with all their rounding.
 
-Softness is in proportion to the hardness: the script exits with 1 where a hundredth of the hardness does not
+Softness is proportional to compliance: the script exits with 1 where a hundredth of the compliance does not
 leave a hundredth of the error, within 5 %, of the slow five-bar.
 
-Run: python validation/choices/hardness.py [--out DIR]
+Run: python validation/choices/compliance.py [--out DIR]
 """
 
 import sys
@@ -34,7 +34,7 @@ FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 -9.81 0"/><default><jo
  <body pos=".023 .056 0"><joint/><geom pos="-.02 .02 0" size=".005"/>
   <site name="Q" pos="-.056 .04 0"/></body></body>
 </worldbody><equality><connect site1="P" site2="Q"/></equality></mujoco>"""
-HARDNESSES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
+COMPLIANCES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
 PERIODS = (1.0, 100.0, 10_000.0)
 STEPS, SPEED = 1000, 20.0 * np.pi
 APPLY = Settings.apply
@@ -48,8 +48,8 @@ def with_noslip(settings, loops, timestep, **options):
 
 
 def errors(moved):
-    """Return the worst place error of runs by each hardness, in [m]."""
-    return [moved(Settings(steps_per_turn=STEPS, hardness=one)).estimate for one in HARDNESSES]
+    """Return the worst place error of runs by each compliance, in [m]."""
+    return [moved(Settings(steps_per_turn=STEPS, compliance=one)).estimate for one in COMPLIANCES]
 
 
 def five_bar(period, path):
@@ -72,10 +72,10 @@ def main() -> None:
     with mock.patch.object(Settings, "apply", with_noslip):
         found |= {f"{name}, noslip": errors(moved) for name, moved in cases.items()}
     rows = [
-        {"motion": name, **{f"{one:.0e}": error for one, error in zip(HARDNESSES, each, strict=True)}}
+        {"motion": name, **{f"{one:.0e}": error for one, error in zip(COMPLIANCES, each, strict=True)}}
         for name, each in found.items()
     ]
-    sheet.show(rows, out, "hardness")
+    sheet.show(rows, out, "compliance")
     falls = slow[1:4] / slow[2:5]
     sys.exit(0 if (np.abs(falls / 100.0 - 1.0) < 0.05).all() else 1)
 

@@ -1,0 +1,281 @@
+"""Count words that only this project uses, in identifiers, in prose of the sources and on the pages.
+
+    python validation/readability/private_words.py [--list] [PATH ...]
+
+The tables `WORDS`, `NAME_PARTS` and `NAMES` give the term of the field that replaces each word.
+
+"""
+
+import argparse
+import ast
+import io
+import re
+import sys
+import tokenize
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+# rejected in prose and as a part of an identifier: word -> what to write instead
+WORDS = {
+    "told": "reported, known",
+    "tells": "reports, determines",
+    "telling": "significant, reporting",
+    "foretold": "predicted, expected",
+    "foretell": "predict",
+    "foretells": "predicts",
+    "nought": "zero",
+    "thrice": "three times",
+    "whither": "to where",
+    "anyhow": "in any case",
+    "astray": "beyond the maximum corrector displacement",
+    "comparand": "evaluation points",
+    "comparands": "evaluation points",
+    "hardness": "compliance",
+    "softness": "compliance",
+    "flywheel": "virtual drive inertia",
+    "flywheels": "virtual drive inertia",
+    "begun": "initial",
+    "mend": "repair",
+    "mended": "repaired",
+    "mends": "repairs",
+    "yardstick": "characteristic length",
+    "twins": "mirrored mechanisms",
+    "ornaments": "visual-only bodies",
+    "knob": "parameter",
+    "knobs": "parameters",
+    "slopes": "Jacobian, derivatives",
+    "beside": "next to, relative to, compared with",
+    "sprint": "explicit predictor",
+    "overdriven": "overdetermined",
+    "superfluous": "redundant",
+    "untouching": "contact filtering",
+    "refusal": "error",
+    "refusals": "errors",
+    "meetings": "change points, branch points",
+    "dear": "expensive",
+    "dearer": "more expensive",
+    "houses": "packages",
+    "lean": "reduced",
+    "leaner": "smaller",
+    "slips": "unit warnings",
+    "endings": "exit codes",
+    "lasting": "duration",
+    "yon": "that",
+    "aught": "anything",
+    "hither": "here",
+    "wherefrom": "from which",
+    "whereby": "by which",
+    "thereof": "of it",
+}
+
+# rejected as a part of an identifier (between underscores), not in prose
+NAME_PARTS = {
+    "tell": "report",
+    "said": "message, label, text",
+    "say": "message, report",
+    "says": "message, report",
+    "asked": "options, requested",
+    "meant": "target, intended",
+    "foretold": "predicted",
+    "slope": "jacobian, derivative",
+    "stray": "corrector displacement",
+    "strays": "corrector displacement",
+    "stride": "step",
+    "strides": "steps",
+    "walk": "trace",
+    "walked": "traced",
+    "meeting": "branch_point, change_point",
+    "road": "method, backend",
+    "roads": "methods, backends",
+    "room": "package",
+    "house": "repository",
+    "film": "animation",
+    "filming": "animation",
+    "refuse": "reject",
+    "refused": "rejected",
+    "settled": "converged, determined",
+    "settle": "converge, determine",
+    "nought": "zero",
+    "sure": "certain",
+    "doubt": "ambiguous",
+    "doubts": "ambiguities",
+    "tick": "progress",
+    "lap": "revolution",
+    "laps": "revolutions",
+    "blind": "singular_neighbourhood",
+    "bent": "curved, nonlinear",
+    "bend": "second_derivative, nonlinear",
+    "promise": "tolerance_report",
+    "promises": "tolerances",
+    "held": "locked, constrained, compared",
+    "efforts": "forces",
+    "machine": "dynamic_model",
+    "program": "motion_law",
+    "programs": "motion_laws",
+    "feed": "control",
+    "fed": "control",
+    "missed": "failed",
+    "judge": "check, verdict",
+    "judged": "checked",
+    "freed": "disabled",
+    "freedom": "dof",
+    "freedoms": "dofs",
+    "clock": "path_parameter, time",
+    "pace": "rate",
+    "here": "current",
+    "there": "next, present",
+    "nowhere": "absent",
+    "anywhere": "any",
+}
+
+# rejected as a whole identifier
+NAMES = {
+    "one": "the thing: joint, design, row, check",
+    "ones": "the things",
+    "found": "solution, motion, roots, report",
+    "at": "q, t, s, index",
+    "of": "from_..., select",
+    "some": "subset",
+    "taken": "selected",
+    "given": "options, inputs",
+    "wanted": "requested, target",
+    "seen": "observed, visited",
+    "known": "names",
+    "gone": "displacement",
+    "far": "distance",
+    "near": "neighbours, close",
+    "left": "remaining (left and right are fine as a pair)",
+    "way": "path, distance, direction",
+    "place": "position, address, path",
+    "places": "positions, addresses, paths",
+    "part": "fraction, component, chunk",
+    "parts": "fractions, components, chunks",
+    "hold": "lock, constrain",
+    "good": "valid, converged",
+    "turned": "rotated",
+    "turn": "angle, revolution",
+    "watch": "progress",
+    "done": "progress, finished",
+    "bound": "tolerance, limit",
+    "why": "reason",
+    "met": "passed",
+    "size": "characteristic length, count",
+    "sense": "direction",
+    "mark": "reference direction",
+    "marks": "reference directions",
+    "cell": "segment",
+    "cells": "segments",
+    "rough": "initial guess",
+    "margin": "discriminant",
+    "drive": "solver, mechanism, motor",
+    "form": "solver",
+    "forms": "solvers",
+    "family": "parametric model",
+    "MOST": "MAX_...",
+    "LONGEST": "MAX_...",
+    "SAME": "..._TOLERANCE",
+    "APART": "MIN_DISTANCE",
+    "BENT": "MAX_CURVATURE",
+    "CLEAR": "MIN_DISTANCE_FROM_SINGULARITY",
+}
+
+_PROSE = re.compile(r"(?<![\w`./'-])(" + "|".join(map(re.escape, WORDS)) + r")(?![\w`/(])", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Use:
+    """A private word: file, line, the identifier or word, the replacement and the kind of text it is in."""
+
+    path: Path
+    line: int
+    word: str
+    instead: str
+    kind: str
+
+
+def _bound_names(tree: ast.AST) -> Iterator[tuple[str, int]]:
+    for node in ast.walk(tree):
+        match node:
+            case ast.FunctionDef() | ast.AsyncFunctionDef() | ast.ClassDef():
+                yield node.name, node.lineno
+            case ast.arg():
+                yield node.arg, node.lineno
+            case ast.Name(ctx=ast.Store()):
+                yield node.id, node.lineno
+            case ast.Attribute(ctx=ast.Store()):
+                yield node.attr, node.lineno
+            case ast.alias(asname=str() as name):
+                yield name, node.lineno
+
+
+def private_name(name: str) -> str | None:
+    """Return what to write instead of an identifier, or None where it holds no private word."""
+    if name in NAMES:
+        return NAMES[name]
+    bare = name.lower().strip("_")
+    if bare in NAMES:
+        return NAMES[bare]
+    parts = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)
+    return next(
+        (table[part.lower()] for part in parts for table in (WORDS, NAME_PARTS) if part.lower() in table),
+        None,
+    )
+
+
+def _prose(text: str, line: int, path: Path, kind: str) -> Iterator[Use]:
+    for match in _PROSE.finditer(text):
+        yield Use(path, line + text[: match.start()].count("\n"), match[1], WORDS[match[1].lower()], kind)
+
+
+def python_uses(path: Path) -> Iterator[Use]:
+    """Yield the private words of a Python file: its name, bound names, comments, docstrings and strings."""
+    text = path.read_text()
+    tree = ast.parse(text)
+    if instead := private_name(path.stem):
+        yield Use(path, 0, path.name, instead, "identifier")
+    for name, line in _bound_names(tree):
+        if instead := private_name(name):
+            yield Use(path, line, name, instead, "identifier")
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield from _prose(node.value, node.lineno, path, "string")
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type == tokenize.COMMENT:
+            yield from _prose(token.string, token.start[0], path, "comment")
+
+
+def page_uses(path: Path) -> Iterator[Use]:
+    """Yield the private words of a Markdown page."""
+    yield from _prose(path.read_text(), 1, path, "page")
+
+
+def uses(paths: list[Path]) -> list[Use]:
+    """Return every private word under files and folders."""
+    files = [file for path in paths for file in (sorted(path.rglob("*")) if path.is_dir() else [path])]
+    readers = {".py": python_uses, ".md": page_uses}
+    return [use for file in files if file.suffix in readers for use in readers[file.suffix](file)]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Count words that only this project uses.")
+    parser.add_argument(
+        "paths", nargs="*", type=Path, default=[ROOT / "mechsim", ROOT / "docs", ROOT / "README.md"]
+    )
+    parser.add_argument("--list", action="store_true", help="print every use")
+    options = parser.parse_args()
+    uses_found = uses(options.paths)
+    if options.list:
+        for use in uses_found:
+            print(f"{use.path}:{use.line}: {use.kind} {use.word}: {use.instead}")
+    kinds = Counter(use.kind for use in uses_found)
+    words = Counter(use.word.lower() for use in uses_found)
+    print(", ".join(f"{kind} {count}" for kind, count in kinds.most_common()), f"; {len(words)} different")
+    print(", ".join(f"{word} {count}" for word, count in words.most_common(60)), file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
