@@ -39,7 +39,10 @@ BAD = {
     "speed is a length": ("solve rssr --speed 3mm", ["3mm", "600 rpm"]),
     "step larger than the turn": ("simulate rssr --timestep 1s", ["1 s", "0.1 s"]),
     "step that never ends": ("simulate rssr --timestep 1e-300", ["1e-300 s", "at the least"]),
-    "steps that never end": ("simulate rssr --steps-per-turn 1000000000000", ["1e+12", "at the most"]),
+    "steps that never end": (
+        "simulate rssr --steps-per-turn 1000000000000",
+        ["1e+12", "the limit of one run"],
+    ),
     "turns that never end": ("simulate rssr --turns 1e9", ["1e+09 turns", "at the most"]),
     "records that fill the disk": ("simulate rssr --every 1e-12deg", ["3.6e+14", "at the most"]),
     "step zero": ("simulate rssr --timestep 0", ["time step"]),

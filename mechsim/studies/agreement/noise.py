@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import gammaincc, gammainccinv, ndtr, ndtri
 
 from mechsim.maths.arrays import Array
 
@@ -22,6 +21,13 @@ TESTS = 3
 SMOOTH = 9
 # below this number of standard deviations the stated noise is called too large
 SMALL = 0.7
+
+
+def special() -> Any:
+    """Return scipy's special functions, which take long to load."""
+    from scipy import special as functions
+
+    return functions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,13 +151,13 @@ def _chi_squared(what: str, values: Array, shift: float, tail: float) -> Statist
     """Return the test of a sum of squares; `shift` is the norm of an error that is allowed beside noise."""
     degrees, norm = values.size, float(np.sqrt((values**2).sum()))
     beyond = max(0.0, norm - shift) if norm == norm else np.inf
-    limit = float(np.sqrt(2.0 * gammainccinv(degrees / 2.0, tail))) + shift
+    limit = float(np.sqrt(2.0 * special().gammainccinv(degrees / 2.0, tail))) + shift
     root = np.sqrt(degrees)
     return Statistic(
         what=what,
         squares=norm**2,
         degrees=degrees,
-        probability=float(gammaincc(degrees / 2.0, beyond**2 / 2.0)),
+        probability=float(special().gammaincc(degrees / 2.0, beyond**2 / 2.0)),
         worst=float(norm / root),
         limit=float(limit / root),
     )
@@ -163,14 +169,14 @@ def _largest(residual: Array, shift: float, tail: float) -> Statistic:
     # 1 - (1 - p)^count, exact where p is small
     each = -np.expm1(np.log1p(-tail) / count)
     beyond = max(0.0, worst - shift)
-    outside = 2.0 * float(ndtr(-beyond))
+    outside = 2.0 * float(special().ndtr(-beyond))
     return Statistic(
         what="largest error",
         squares=worst**2,
         degrees=count,
         probability=1.0 if outside >= 1.0 else float(-np.expm1(count * np.log1p(-outside))),
         worst=worst,
-        limit=float(-ndtri(each / 2.0)) + shift,
+        limit=float(-special().ndtri(each / 2.0)) + shift,
     )
 
 
@@ -218,7 +224,7 @@ def totals(tested: Sequence[Noise], which: str) -> tuple[float, int, float]:
     """Return the sum of squares of one statistic over quantities, its degrees of freedom and probability."""
     parts: list[Statistic] = [getattr(one, which) for one in tested]
     squares, degrees = sum(one.squares for one in parts), sum(one.degrees for one in parts)
-    return squares, degrees, float(gammaincc(degrees / 2.0, squares / 2.0))
+    return squares, degrees, float(special().gammaincc(degrees / 2.0, squares / 2.0))
 
 
 def _what(name: str, noise: Noise) -> str:
