@@ -145,7 +145,7 @@ def form_of(
     found = load(model, changed, **moved_by(driven), still=still)
     asked_parameters(found, changed)
     if driven is not None and driven.lock_others:
-        locked = [name for name in found.mechanism.locked if name not in dict(driven.hold)]
+        locked = [name for name in found.mechanism.locked if name not in dict(driven.lock)]
         notes.append(f"{found.name}: joints locked where they start: {', '.join(locked) or 'none'}")
     return _told(found)
 
@@ -179,7 +179,7 @@ def moved_by(driven: DriveOptions | None) -> dict[str, Any]:
     once("--lock", driven.lock)
     return {
         "drive": dict(driven.drive),
-        "hold": dict(driven.hold),
+        "lock": dict(driven.lock),
         "fix_base": driven.fix_base,
         "lock_others": driven.lock_others,
         "key": driven.key,

@@ -133,7 +133,7 @@ def simulate(
     if ctrl:
         options.refuse(*OF_A_CRANK, "method", because=PROGRAMMED)
         if through is not None:
-            raise InputError(f"--through {PROGRAMMED}")
+            raise InputError(f"--change-point {PROGRAMMED}")
         options.refuse("at", because="prescribes joints; leave it out with --ctrl")
         simulate_fed(
             model,
@@ -147,7 +147,7 @@ def simulate(
             output=output,
             as_json=as_json,
         )
-    drive = passed(form_of(model, sets, driven), through)
+    drive = with_policy(form_of(model, sets, driven), through)
     model_of, shown = scene_of(scene, cut, drive.forces), output_units(units, drive)
     if options.at is not None:
         run, motion = _posed(drive, options, asked, model_of), None

@@ -37,7 +37,7 @@ class Prescription:
 
     Attributes:
         drive: coordinate -> its program, as text (see `program_text.program`) or a function of time.
-        hold: joint or coordinate -> where it is held, as text or in SI; None holds it where it starts, and
+        lock: joint or coordinate -> where it is locked, as text or in SI; None holds it where it starts, and
             alone holds a ball.
         fix_base: whether what floats is held where it starts.
         lock_others: whether what the drivers leave undetermined is locked where it starts.
@@ -48,7 +48,7 @@ class Prescription:
     """
 
     drive: Mapping[str, str | State] = field(default_factory=dict[str, "str | State"])
-    hold: Mapping[str, str | float | None] = field(default_factory=dict[str, "str | float | None"])
+    lock: Mapping[str, str | float | None] = field(default_factory=dict[str, "str | float | None"])
     fix_base: bool = False
     lock_others: bool = False
     key: str | None = None
@@ -87,7 +87,7 @@ def prescribed(
     still = _standing_still(mechanism, asked)
     if still:
         mechanism = _stilled(mechanism, still)
-        asked = replace(asked, hold={name: one for name, one in asked.lock.items() if name not in still})
+        asked = replace(asked, lock={name: one for name, one in asked.lock.items() if name not in still})
     mechanism = _redriven(mechanism, asked, own.written)
     if mechanism is form.mechanism and not (asked.drive or programs) and asked.duration is None:
         return form
@@ -207,8 +207,8 @@ def _redriven(mechanism: Mechanism, asked: Prescription, written: WrittenUnits) 
     if not asked.lock and set(asked.drive) <= set(mechanism.drivers):
         return mechanism
     poses, starts = start_poses(mechanism)
-    holds = _holds(mechanism, asked.lock, starts, written)
-    drivers = tuple(name for name in mechanism.drivers if name not in holds)
+    locked = _holds(mechanism, asked.lock, starts, written)
+    drivers = tuple(name for name in mechanism.drivers if name not in locked)
     if not set(asked.drive) <= set(drivers):
         drivers = tuple(asked.drive)
         locked = {name: value for name, value in locked.items() if name not in drivers or name in asked.lock}

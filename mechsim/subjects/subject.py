@@ -34,7 +34,7 @@ def load(
     set: Mapping[str, str | float] | None = None,
     *,
     drive: Mapping[str, str | State] | None = None,
-    hold: Mapping[str, str | float | None] | Iterable[str] = (),
+    lock: Mapping[str, str | float | None] | Iterable[str] = (),
     fix_base: bool = False,
     lock_others: bool = False,
     key: str | None = None,
@@ -52,7 +52,7 @@ def load(
             rule of numbers without a unit.
         drive: coordinate -> its program: text as `--drive` takes it, or a function of times (n,) in [s] that
             returns value, rate and acceleration, (n,) each in SI.
-        hold: joint or coordinate -> where it is held, as text or in SI; None, or a name alone, holds it where
+        lock: joint or coordinate -> where it is locked, as text or in SI; None, or a name alone: where
             it starts.
         fix_base: whether what floats is held where it starts.
         lock_others: whether joints that the drivers leave undetermined are locked where they start: all those
@@ -68,7 +68,7 @@ def load(
     if not isinstance(model, str | PathLike):  # pyright: ignore[reportUnnecessaryIsInstance]
         kind = type(model).__name__
         raise InputError(f"a model is of type {kind}; give a name or a file, as 'rssr' or 'linkage.toml'")
-    asked = _asked(drive, hold, fix_base, key, track, duration, still, lock_others)
+    asked = _asked(drive, lock, fix_base, key, track, duration, still, lock_others)
     return _moving(fspath(model), set, asked, begun=True)
 
 
@@ -108,9 +108,9 @@ def _moving(model: str, set: Mapping[str, str | float] | None, asked: Prescripti
     if not asked.lock_others:
         return _prescribed(model, set, plain, begun=begun)
     # on the way to a value that a joint is locked at, the others are to be locked already
-    at_start = replace(plain, hold=dict.fromkeys(plain.hold))
+    at_start = replace(plain, lock=dict.fromkeys(plain.lock))
     others = undetermined_joints(_prescribed(model, set, at_start, begun=begun).mechanism)
-    locked = replace(plain, hold={**plain.hold, **dict.fromkeys(others)})
+    locked = replace(plain, lock={**plain.lock, **dict.fromkeys(others)})
     return _prescribed(model, set, locked, begun=begun)
 
 
