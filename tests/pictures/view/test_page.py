@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,9 +14,17 @@ from mechsim.pictures.view import page
 from mechsim.report.views import mechanism_view
 
 DRIVE = ms.catalog.make("four_bar")
-TEXT = page(mechanism_view(DRIVE, ms.units.rpm(600)))
-DATA = json.loads(re.search(r'id="data">(.*?)</script>', TEXT, re.S)[1])
 shown = pytest.mark.skipif(PROGRAM is None, reason="no Chromium here; Debian's package chromium brings it")
+
+
+@cache
+def text():
+    return page(mechanism_view(DRIVE, ms.units.rpm(600)))
+
+
+@cache
+def data():
+    return json.loads(re.search(r'id="data">(.*?)</script>', text(), re.S)[1])
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +36,7 @@ def window(tmp_path_factory):
 @pytest.fixture(scope="module")
 def place_of(tmp_path_factory):
     place = tmp_path_factory.mktemp("page") / "view.html"
-    place.write_text(TEXT, encoding="utf-8")
+    place.write_text(text(), encoding="utf-8")
     return place
 
 
@@ -40,7 +49,7 @@ def fresh(window, page, fragment="", width=1280, scheme="light"):
 def expected(window, point, degrees):
     """Where a point falls on the stage, by the closed form and the camera that the records give."""
     place = DRIVE.positions([np.deg2rad(degrees)])[point][0]
-    view = DATA["cameras"][0]
+    view = data()["cameras"][0]
     width, height = window.run("[document.getElementById('stage').clientWidth, stage.clientHeight]")
     scale = 0.82 * min(width / view["width"], height / view["height"])
     back, up = np.array(view["back"]), np.array(view["up"])
@@ -66,10 +75,10 @@ def dragged(window, share):
 
 
 def test_a_page_brings_all_it_needs_and_stays_small():
-    assert len(TEXT.encode()) < 6e6
-    outside = re.sub(r"<script>.*?</script>", "", TEXT, flags=re.S)
+    assert len(text().encode()) < 6e6
+    outside = re.sub(r"<script>.*?</script>", "", text(), flags=re.S)
     assert not re.search(r'(src|href)="(?!data:)', outside)
-    assert "@import" not in TEXT
+    assert "@import" not in text()
 
 
 def test_no_name_of_a_mechanism_ends_the_script():
@@ -101,7 +110,7 @@ def test_what_is_drawn_is_where_the_page_says(window, place_of):
     fresh(window, place_of, "#crank=123&paths=off&names=off&joints=off")
     image = window.look().astype(int)
     left, top = window.run("(b => [b.left, b.top])(stage.getBoundingClientRect())")
-    for point in DATA["points"]:
+    for point in data()["points"]:
         x, y = expected(window, point["name"], 123.0) + np.array([left, top])
         colour = np.round(255 * np.array(point["colour"]))
         near = image[round(y) - 30 : round(y) + 31, round(x) - 30 : round(x) + 31]
