@@ -167,6 +167,7 @@ def test_a_start_that_stands_open_is_said_and_the_tuned_file_begins_closed(mechs
     assert data.qpos[0] == pytest.approx(0.01)
 
 
+@pytest.mark.slow
 def test_what_no_file_reaches_is_said_with_what_one_does(mechsim, tmp_path):
     words = (
         "tune",
