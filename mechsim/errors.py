@@ -5,6 +5,15 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 
 
+def cut(text: str, longest: int) -> str:
+    """Return text of at most so many characters: what is cut ends with a whole word and with " ..."."""
+    if len(text) <= longest:
+        return text
+    words = text[: longest - 3].rpartition(" ")[0]
+    # what has no space in its second half is one long word, which must be cut
+    return f"{words if 2 * len(words) > longest else text[: longest - 4]} ..."
+
+
 class MechsimError(Exception):
     """Base of all errors a user can mend; the command line prints its text and exits with 2."""
 

@@ -14,7 +14,7 @@ from typing import Any, Literal, TypeVar, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, cut
 
 Array = NDArray[np.float64]
 Given = TypeVar("Given")
@@ -375,4 +375,4 @@ def _refusal(text: str, unit: Unit, name: str, what: str) -> InputError:
 
 
 def _short(text: str) -> str:
-    return text if len(text) <= 4 * LONGEST_UNIT else f"{text[:LONGEST_UNIT]}..."
+    return cut(text, 4 * LONGEST_UNIT)

@@ -14,7 +14,7 @@ from typing import Any
 from typer import Abort
 from typer.exceptions import TyperException
 
-from mechsim.errors import MechsimError
+from mechsim.errors import MechsimError, cut
 
 REFUSED = 2
 # what the command-line library returns for Ctrl-C, without a word
@@ -110,7 +110,7 @@ def _failed(error: BaseException) -> int:
     if os.environ.get(DEBUG):
         traceback.print_exception(error)
     said = f"{type(error).__name__}: {error}"
-    tell(f"mechsim: internal error: {said[:300]}: please report it; {DEBUG}=1 shows where it came from")
+    tell(f"mechsim: internal error: {cut(said, 300)}: please report it; {DEBUG}=1 shows where it came from")
     return INTERNAL
 
 

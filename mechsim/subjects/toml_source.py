@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, cut
 
 # a file longer than this describes no mechanism
 LARGEST = 1_000_000
@@ -78,8 +78,7 @@ def dotted(key: KeyPath) -> str:
 
 def shown(value: object) -> str:
     """Return a value as a refusal repeats it."""
-    text = repr(value)
-    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
+    return cut(repr(value), SHOWN)
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

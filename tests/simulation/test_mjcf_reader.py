@@ -347,7 +347,10 @@ def test_a_file_may_be_as_deep_as_is_said_and_declare_its_kind(file):
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        ({"drivers": ["cranck"]}, "--drive names 'cranck'; hinges and slides of the model are first, second"),
+        (
+            {"drivers": ["cranck"]},
+            r"'cranck' \(did you mean 'crank'\?\); hinges and slides of the model are first, second",
+        ),
         (
             {"lock": {"socket": 0.1}},
             "--lock names 'socket', a ball joint, .*hold it where it starts with --lock socket",
@@ -355,7 +358,7 @@ def test_a_file_may_be_as_deep_as_is_said_and_declare_its_kind(file):
         ({"drivers": ["socket"]}, "--drive names 'socket', a ball joint, .*three hinges across each other"),
         ({"lock": {"loose_joint": 0.0}}, "--lock names 'loose_joint', a free joint, .* or --fix-base"),
         ({"key": "home"}, "there is no keyframe 'home'; there are none"),
-        ({"track": ["nose"]}, "--track names 'nose'; sites and bodies"),
+        ({"track": ["nose"]}, r"--track names 'nose'.*; sites and bodies"),
         ({"track": ["tip,nose@0,0,0"]}, "names body 'nose'"),
         ({"track": ["tip,ball@0,nan,0"]}, "write NAME,BODY@x,y,z"),
     ],

@@ -1,6 +1,7 @@
 """Which joints of a model are driven: those named, else those of its actuators, else a hinge called crank."""
 
 from collections.abc import Sequence
+from difflib import get_close_matches
 
 import mujoco
 
@@ -27,6 +28,12 @@ def listed(names: Sequence[str]) -> str:
     return ", ".join(names[:LISTED]) + more if names else "none"
 
 
+def meant(name: str, known: Sequence[str]) -> str:
+    """Return what was probably meant, as a refusal says it before it lists what there is; else nothing."""
+    close = get_close_matches(name, known, n=1)
+    return f" (did you mean {close[0]!r}?)" if close else ""
+
+
 def require_coordinate(model: mujoco.MjModel, name: str, what: str) -> None:
     """Refuse what is no hinge or slide of a model."""
     known = coordinates(model)
@@ -43,7 +50,9 @@ def require_coordinate(model: mujoco.MjModel, name: str, what: str) -> None:
                 f"with --lock {name}, at a keyframe with --key NAME, or write three hinges across each other "
                 "in its place and name them"
             )
-        raise InputError(f"{what} names {name!r}; hinges and slides of the model are {listed(known)}")
+        raise InputError(
+            f"{what} names {name!r}{meant(name, known)}; hinges and slides of the model are {listed(known)}"
+        )
 
 
 def driven(model: mujoco.MjModel, wanted: Sequence[str], held: Sequence[str], still: bool) -> tuple[str, ...]:

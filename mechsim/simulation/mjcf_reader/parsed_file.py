@@ -8,7 +8,7 @@ from xml.parsers import expat
 
 import mujoco
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, cut
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader.mended_inertias import with_possible_inertias
@@ -108,7 +108,7 @@ def refusal(path: str, error: Exception) -> InputError:
         )
     said = " ".join(_NOISE.sub("", _LINE.sub("", text)).split()).strip(" ,;:")
     said = _ELEMENT.sub(r" (element \1)", said)
-    said = said if len(said) <= SHOWN else f"{said[:SHOWN]}..."
+    said = cut(said, SHOWN)
     remedy = "take the plugin out of a copy" if _PLUGIN.search(said) else "mend the file"
     return InputError(f"{where}: MuJoCo refuses it: {said}; {remedy}")
 

@@ -13,7 +13,7 @@ from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import facts
-from mechsim.simulation.mjcf_reader.driven_joints import driven, listed, require_coordinate
+from mechsim.simulation.mjcf_reader.driven_joints import driven, listed, meant, require_coordinate
 from mechsim.simulation.mjcf_reader.equality_rows import equalities
 from mechsim.simulation.mjcf_reader.held_still import free_bodies, free_joints, hold_still, turning_joints
 from mechsim.simulation.mjcf_reader.joint_chains import chains, poses
@@ -160,7 +160,9 @@ def _start(path: str, model: mujoco.MjModel, key: str | None) -> Array:
         return model.qpos0.copy()
     known = [model.key(k).name for k in range(model.nkey)]
     if key not in known:
-        raise InputError(f"{path}: there is no keyframe {key!r}; there are {listed(known)}")
+        raise InputError(
+            f"{path}: there is no keyframe {key!r}{meant(key, known)}; there are {listed(known)}"
+        )
     return model.key_qpos[known.index(key)].copy()
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND
-from mechsim.simulation.mjcf_reader.driven_joints import listed
+from mechsim.simulation.mjcf_reader.driven_joints import listed, meant
 from mechsim.simulation.mjcf_reader.link_places import Carrier
 
 # body and place in its frame, in [m]
@@ -48,14 +48,16 @@ def _asked(text: str, known: dict[str, Place], bodies: dict[str, Place]) -> tupl
     if not comma:
         if name not in known:
             raise InputError(
-                f"--track names {name!r}; sites and bodies of the model are {listed(list(known))}; "
+                f"--track names {name!r}{meant(name, list(known))}; sites and bodies of the model "
+                f"are {listed(list(known))}; "
                 "write NAME,BODY@x,y,z for another point"
             )
         return name, known[name]
     body, at, numbers = rest.partition("@")
     if body not in bodies:
         raise InputError(
-            f"--track {text!r} names body {body!r}; bodies of the model are {listed(list(bodies))}"
+            f"--track {text!r} names body {body!r}{meant(body, list(bodies))}; bodies of the model are "
+            f"{listed(list(bodies))}"
         )
     try:
         place = np.array([float(number) for number in numbers.split(",")]) if at else np.zeros(3)

@@ -17,6 +17,7 @@ from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.generator import FLYWHEEL
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
+from mechsim.simulation.mjcf_reader.driven_joints import listed, meant
 from mechsim.simulation.mjcf_reader.held_still import HeldStill, hold_in_scene
 from mechsim.simulation.mjcf_reader.link_places import carriers, link_name, vector
 from mechsim.simulation.mjcf_reader.parsed_file import parsed
@@ -258,8 +259,9 @@ def _require_actuators(model: mujoco.MjModel, ctrl: Mapping[str, State]) -> None
     names = [model.actuator(i).name or f"actuator{i + 1}" for i in range(model.nu)]
     for name in ctrl:
         if name not in names:
-            known = ", ".join(names) or "none"
-            raise InputError(f"--ctrl names {name!r}; actuators of the model are {known}")
+            raise InputError(
+                f"--ctrl names {name!r}{meant(name, names)}; actuators of the model are {listed(names)}"
+            )
 
 
 def _put_flywheels(

@@ -13,7 +13,7 @@ from mechsim.analytic.closure.many_swings import SwingTracer
 from mechsim.analytic.dynamics import machine
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form, closed_form
-from mechsim.errors import InputError, MechsimError, MobilityError
+from mechsim.errors import InputError, MechsimError, MobilityError, cut
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import arc_around, closes_nowhere
@@ -252,10 +252,10 @@ def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, found: M
                 found.values[name][i] = value
             values, outcome, why = alone(task, form, facts)
         except MechsimError as error:
-            found.refuse(row, _outcome(error), str(error)[:LONGEST])
+            found.refuse(row, _outcome(error), cut(str(error), LONGEST))
             continue
         except (ArithmeticError, np.linalg.LinAlgError, ValueError) as error:
-            found.refuse(row, "diverged", f"{type(error).__name__}: {error}"[:LONGEST])
+            found.refuse(row, "diverged", cut(f"{type(error).__name__}: {error}", LONGEST))
             continue
         lost = [name for name, value in values.items() if not np.isfinite(value)]
         found.take(row, {name: np.array([value]) for name, value in values.items()})

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim._version import __version__
-from mechsim.errors import InputError
+from mechsim.errors import InputError, cut
 from mechsim.files import written_beside
 from mechsim.maths.arrays import Array
 from mechsim.studies.sweep.libraries import library
@@ -188,7 +188,7 @@ def read_sweep(path: str | Path) -> "Dataset":
             found = _read_parquet(path) if kind == ".parquet" else _read_csv(path)
     except (OSError, ValueError, KeyError, TypeError) as error:
         line = (str(error).splitlines() or [type(error).__name__])[0]
-        raise InputError(f"{path} holds no sweep: {line[:120]}") from None
+        raise InputError(f"{path} holds no sweep: {cut(line, 120)}") from None
     if "outcome" not in found:
         raise InputError(f"{path} holds no sweep: it has no outcome")
     return found
