@@ -15,6 +15,8 @@ from mechsim.maths.angles import TURN
 MAX_REVOLUTIONS = 1_000.0
 # time steps of one run; MuJoCo takes about 3 us for one of a four-bar linkage
 MAX_STEPS = 100_000_000
+# of one free run whose motor or damping is so stiff that it, not the motion, limits explicit steps
+MAX_STIFF_STEPS = 500_000
 # of one run of an MJCF scene as it is, at 10 to 100 us each
 MAX_SCENE_STEPS = 2_000_000
 

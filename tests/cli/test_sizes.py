@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, cli, dynamics, files, motors, units
+from mechsim.analytic.dynamics.free_run_events import Runner
 from mechsim.cli import dynamics as cli_dynamics
 from mechsim.cli import output, solve, time_left
 from mechsim.maths import memory
 from mechsim.model.forces import Forces
+from mechsim.simulation.dynamics import free_running
 
 # what would hold more than a machine has: words of the command, and what the one line says
 TOO_LARGE = {
@@ -121,6 +123,37 @@ def test_memory_that_mujoco_cannot_get_is_no_internal_error(
 
     monkeypatch.setattr(solve, "form_of", fails)
     assert "not enough memory" in one_line("solve four_bar", monkeypatch, capsys)
+
+
+@pytest.mark.parametrize("motor", ["line:1e6,600rpm", "dc:1,2,3"])
+def test_a_motor_too_stiff_for_explicit_steps_is_rejected_before_any_is_taken(
+    motor: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def taken(*_: object, **__: object) -> None:
+        pytest.fail("steps were taken")
+
+    monkeypatch.setattr(free_running, "step_freely", taken)
+    said = one_line(f"dynamics four_bar --motor {motor}", monkeypatch, capsys)
+    assert "and 500,000 are the limit of one run; give a flywheel" in said
+    assert "--method none" in said
+
+
+def test_a_crank_under_a_stiff_motor_is_solved_by_few_evaluations() -> None:
+    # 579,000 evaluations did not suffice where Radau's method overflowed
+    motor = motors.TorqueSpeedLine(1e6, units.rpm(600))
+    machine, looked = dynamics.machine(catalog.make("four_bar"), Forces(motor=motor)), 0
+
+    class Counting(Runner):
+        def parts(self, time: float, angle: float, speed: float) -> tuple[float, ...]:
+            nonlocal looked
+            looked += 1
+            return super().parts(time, angle, speed)
+
+    runner = Counting(machine, machine.mechanism.start, 0.0, 0.1, 3e-13)
+    assert runner.run(None) == ("done", "")
+    assert looked < 50_000
+    # at its no-load speed but for the microscopic start
+    assert runner.time == pytest.approx(0.01, rel=1e-6)
 
 
 def test_a_solution_under_motion_laws_is_the_same_in_parts(

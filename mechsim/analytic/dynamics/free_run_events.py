@@ -88,6 +88,30 @@ class Runner:
 
         return rate
 
+    def jacobian(self, sign: float) -> Callable[[float, Array], Array]:
+        """Return the derivatives of the right-hand side by the state, for an implicit method.
+
+        Those by the speed, which the motor makes large, are exact; of those by the angle only the change of
+        inertia counts, which suffices for Newton's method. Nothing depends on the work done or lost, which
+        scipy's own differences increase until they overflow.
+        """
+
+        def derivatives(_: float, state: Array) -> Array:
+            time, angle, speed = self.time, float(state[0]), float(state[1])
+            inertia, slope, static, damping, dry, drive = self.parts(time, angle, speed)
+            motor = self.forces.motor
+            steeper = 0.0 if motor is None else float(motor.slope)
+            force = static - damping * speed - sign * dry + drive - 0.5 * slope * speed**2
+            matrix = np.zeros((4, 4))
+            matrix[0, 1] = 1.0
+            matrix[1, 1] = (steeper - damping - slope * speed) / inertia
+            matrix[1, 0] = -force * slope / inertia**2
+            matrix[2, 1] = drive + steeper * speed
+            matrix[3, 1] = 2.0 * damping * speed + sign * dry
+            return matrix
+
+        return derivatives
+
     def run(self, duration: float | None) -> tuple[Outcome, str]:
         """Go on until an end; return which."""
         try:
@@ -150,7 +174,7 @@ class Runner:
         """Return the solution up to the next event: by DOP853, or by Radau's method where that is stiff."""
         from scipy.integrate import solve_ivp
 
-        def by(method: str) -> Any:
+        def by(method: str, **more: Any) -> Any:
             return solve_ivp(
                 self.rates(sign),
                 (self.time, end),
@@ -160,12 +184,13 @@ class Runner:
                 atol=floor,
                 dense_output=True,
                 events=events,
+                **more,
             )
 
         if self._is_stiff(inertia):
             # what bars its way is no number, and an implicit method then has no step to shorten
             with suppress(ValueError):
-                return by("Radau")
+                return by("Radau", jac=self.jacobian(sign))
         return by("DOP853")
 
     def _is_stiff(self, inertia: float) -> bool:

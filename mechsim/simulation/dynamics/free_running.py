@@ -12,6 +12,7 @@ from mechsim.model.efforts import FreeRun
 from mechsim.model.forces import Forces, acting_on
 from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
+from mechsim.model.work_size import MAX_STIFF_STEPS, require_steps
 from mechsim.simulation.closed_model import Described
 from mechsim.simulation.dynamics.angle_tolerance import FreeStepping, within
 from mechsim.simulation.dynamics.efforts import (
@@ -47,6 +48,13 @@ FINEST = 10_000
 SEEN = 72
 # steps of Newton's method at each instant: with one the energy drifts by 1e-5 a turn, with two by 1e-9
 ITERATIONS = 2
+# a motor is stiff that brings the crank to its speed in this part of a turn
+STIFF = 1e-3
+# what to do where the motor is so stiff that explicit steps are too many
+STIFF_REMEDY = (
+    "give a flywheel, a weaker motor or fewer turns, or leave MuJoCo out (--method none): the equations of "
+    "motion are solved by an implicit method"
+)
 # times the step that damping allows, in the coarsest of the trials: with 4 the work of a motor in the first
 # instants, summed over so few steps, is off by 1e-3 of itself
 COARSER = 2.0
@@ -180,6 +188,7 @@ class _Plan:
         total = likely = int(np.ceil(duration / step - 1e-9))
         if self.turns is not None and self.fastest > 0.0:
             likely = min(total, int(TURN * abs(self.turns) / self.fastest / step) + 1)
+        self._require_feasible(step, likely)
         stride = max(1, likely // max(self.samples, FINEST))
         if self.turns is None:
             total = stride * -(-total // stride)
@@ -192,6 +201,18 @@ class _Plan:
         run = step_freely(self.loaded, loops, self.start, total, stride, self.turns, self.fastest, self.watch)
         seconds = clock.perf_counter() - begin
         return FreeStepping(run, loops, settings, seconds, every)
+
+    def _require_feasible(self, step: float, likely: int) -> None:
+        """Raise InputError where a stiff motor makes explicit steps too many: it holds the crank's speed."""
+        motor, steps = self.loaded.forces.motor, float(likely)
+        slowest = 0.0 if motor is None else TURN / abs(motor.no_load) if motor.no_load else np.inf
+        if self.longest > STIFF * slowest:
+            return
+        if self.turns is not None:
+            steps = max(steps, abs(self.turns) * slowest / step)
+        name = self.loaded.mechanism.name
+        what = f"{name}: a free run under so stiff a motor, stepped by {step:.2g} s,"
+        require_steps(what, steps, STIFF_REMEDY, MAX_STIFF_STEPS)
 
 
 def _is_redundant(loaded: LoadedModel) -> bool:
