@@ -48,7 +48,7 @@ def robot(file):
     ("words", "meant"),
     [
         ("--drive jiont29=1rpm", "'joint29'"),
-        ("--hold joint_28", "'joint28'"),
+        ("--lock joint_28", "'joint28'"),
         ("--key hme", "'home'"),
         ("--track lnk27", "'link27'"),
         ("--ctrl moter26=1", "'motor26'"),

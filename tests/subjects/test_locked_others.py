@@ -40,9 +40,9 @@ def test_the_arm_the_head_and_the_base_are_locked_and_the_loop_moves(robot):
     with pytest.raises(MobilityError, match="undetermined"):
         load(robot, drive=drive).solve(t=np.linspace(0.0, 1.0, 3))
     form = load(robot, drive=drive, lock_others=True)
-    assert set(form.mechanism.holds) == {"shoulder", "elbow"}
+    assert set(form.mechanism.locked) == {"shoulder", "elbow"}
     assert settled(form.mechanism).outcome == "determined"
-    by_hand = load(robot, drive=drive, hold=("float", "shoulder", "elbow", "neck"))
+    by_hand = load(robot, drive=drive, lock=("float", "shoulder", "elbow", "neck"))
     times = np.linspace(0.0, 1.0, 3)
     one, other = form.solve(t=times), by_hand.solve(t=times)
     path, same = one.points["B1"].position, other.points["B1"].position
@@ -52,18 +52,18 @@ def test_the_arm_the_head_and_the_base_are_locked_and_the_loop_moves(robot):
 
 
 def test_what_is_held_by_hand_stays_where_it_was_put(robot):
-    form = load(robot, drive={"motor": "0.2*t"}, hold={"elbow": 0.5}, lock_others=True)
-    assert form.mechanism.holds["elbow"] == 0.5
+    form = load(robot, drive={"motor": "0.2*t"}, lock={"elbow": 0.5}, lock_others=True)
+    assert form.mechanism.locked["elbow"] == 0.5
 
 
 def test_in_a_loop_no_more_is_locked_than_has_to_be(robot):
     form = load(robot, drive={"shoulder": "0.2*t"}, lock_others=True)
-    assert "elbow" in form.mechanism.holds
-    assert len({"motor", "A", "C"} & set(form.mechanism.holds)) == 1
+    assert "elbow" in form.mechanism.locked
+    assert len({"motor", "A", "C"} & set(form.mechanism.locked)) == 1
 
 
 def test_where_drivers_determine_all_nothing_is_locked():
-    assert not load("five_bar", lock_others=True).mechanism.holds
+    assert not load("five_bar", lock_others=True).mechanism.locked
 
 
 CHAIN = """
@@ -82,4 +82,4 @@ def test_a_file_in_toml_is_locked_likewise(file):
         for i, (a, b) in enumerate(pairwise(links))
     )
     path = file(CHAIN.format(joints=joints + "\n[links.L3]"))
-    assert set(load(path, lock_others=True).mechanism.holds) == {"J1", "J2", "J3"}
+    assert set(load(path, lock_others=True).mechanism.locked) == {"J1", "J2", "J3"}
