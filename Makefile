@@ -6,14 +6,14 @@ check:
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m pyright --pythonpath $(PYTHON)
-	$(PYTHON) -m mypy --warn-unused-ignores --cache-dir /dev/null tests/house/typed_use.py
+	$(PYTHON) -m mypy --warn-unused-ignores --cache-dir /dev/null tests/repository/typed_use.py
 
 test:
 	$(PYTHON) -m pytest -q -n 2 --dist worksteal
 
 # what the repository says of itself: imports, names, links, README's commands, examples
 test-repository:
-	$(PYTHON) -m pytest -q -n 2 --dist worksteal tests/house tests/validation
+	$(PYTHON) -m pytest -q -n 2 --dist worksteal tests/repository tests/validation
 
 # long physics and full grids too
 test-all:

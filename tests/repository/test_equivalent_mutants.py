@@ -3,13 +3,13 @@
 import ast
 from functools import cache
 
-import house
+import structure
 from equivalent_mutants import EQUIVALENT
 
 
 @cache
 def lines(file):
-    tree = ast.parse((house.PACKAGE / file).read_text())
+    tree = ast.parse((structure.PACKAGE / file).read_text())
     return {line.strip() for line in ast.unparse(tree).splitlines()}
 
 

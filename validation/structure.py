@@ -1,10 +1,10 @@
-"""The house in figures: rooms, arrows, circles, floors, lines and the longest function of a package.
+"""The structure of a package in figures: packages, imports, cycles, layers, lines, the longest function.
 
-    python validation/house.py [FOLDER]
+    python validation/structure.py [FOLDER]
 
-FOLDER is the package's; left out, mechsim of this checkout. A room is a folder of it or a loose file;
-an arrow leads from a room to one it imports, under TYPE_CHECKING and inside functions too; a circle is
-a set of files that import each other, a floor the longest way down.
+FOLDER defaults to mechsim of this checkout. A package is a folder of it, or a file next to the folders.
+Imports under TYPE_CHECKING and inside functions count. A cycle is a set of files that import each other.
+The number of layers is the length of the longest chain of imports between packages.
 """
 
 import ast
@@ -59,31 +59,31 @@ def import_graph(imported: Mapping[str, set[str]]) -> nx.DiGraph:
     return graph
 
 
-def room_of(module: str) -> str:
-    """Return the folder of the package that a module lies in, or its own name where it lies loose."""
+def package_of(module: str) -> str:
+    """Return the folder that a module lies in, or its own name if it lies next to the folders."""
     return [*module.split("."), ""][1]
 
 
-def rooms(graph: nx.DiGraph) -> nx.DiGraph:
-    """Return which room imports which; the package's own `__init__` is no room."""
+def packages(graph: nx.DiGraph) -> nx.DiGraph:
+    """Return which package imports which; the top-level `__init__` does not count."""
     found = nx.DiGraph()
-    found.add_nodes_from(room_of(name) for name in graph if room_of(name))
+    found.add_nodes_from(package_of(name) for name in graph if package_of(name))
     found.add_edges_from(
-        (room_of(a), room_of(b))
+        (package_of(a), package_of(b))
         for a, b in graph.edges
-        if room_of(a) and room_of(b) and room_of(a) != room_of(b)
+        if package_of(a) and package_of(b) and package_of(a) != package_of(b)
     )
     return found
 
 
-def circles(graph: nx.DiGraph) -> list[list[str]]:
+def cycles(graph: nx.DiGraph) -> list[list[str]]:
     """Return the sets of modules that import each other, largest first."""
     found = [sorted(part) for part in nx.strongly_connected_components(graph) if len(part) > 1]
     return sorted(found, key=len, reverse=True)
 
 
-def floors(graph: nx.DiGraph) -> int:
-    """Return how many rooms stand on each other at the most; rooms in a circle share a floor."""
+def layers(graph: nx.DiGraph) -> int:
+    """Return the length of the longest chain of imports; packages in a cycle share a layer."""
     return nx.dag_longest_path_length(nx.condensation(graph)) + 1
 
 
@@ -96,21 +96,21 @@ def functions(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def figures(package: Path = PACKAGE) -> dict[str, object]:
-    """Return the house in figures."""
+    """Return the figures by name."""
     graph = import_graph(imports(package))
-    between = rooms(graph)
+    between = packages(graph)
     sizes = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in modules(package).values()}
     length, name, path = max((*found, str(path)) for path in sizes for found in functions(path))
-    found = circles(graph)
+    found = cycles(graph)
     largest = max(sizes, key=lambda path: sizes[path])
     return {
-        "rooms": len(between),
+        "packages": len(between),
         "folders": sum(path.is_dir() and any(path.rglob("*.py")) for path in package.iterdir()),
-        "loose files": len(list(package.glob("*.py"))),
-        "arrows between rooms": between.number_of_edges(),
-        "circles of files": f"{len(found)}, the largest of {len(found[0])}" if found else "0",
-        "circles of rooms": len(circles(between)),
-        "floors": floors(between),
+        "files next to them": len(list(package.glob("*.py"))),
+        "imports between packages": between.number_of_edges(),
+        "cycles of files": f"{len(found)}, the largest of {len(found[0])}" if found else "0",
+        "cycles of packages": len(cycles(between)),
+        "layers": layers(between),
         "files": len(sizes),
         "lines": sum(sizes.values()),
         "largest file": f"{sizes[largest]} lines, {largest.relative_to(package)}",

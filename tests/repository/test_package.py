@@ -13,7 +13,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 CALLED = {"mujoco-python": "mujoco", "matplotlib-base": "matplotlib", "netcdf4": "netCDF4"}
 
 
-def floors(asked):
+def lowest_versions(asked):
     """Return package -> lowest version."""
     found = [re.fullmatch(r"([\w-]+)(?:\[.*\])?\s*>=([\w.]+)", one.strip()) for one in asked]
     return {one[1]: one[2] for one in found if one}
@@ -28,13 +28,16 @@ def listed(recipe, key):
 def test_the_recipe_needs_what_the_package_needs():
     recipe = (ROOT / "recipe" / "recipe.yaml").read_text()
     extras = PROJECT["optional-dependencies"]
-    run = {CALLED.get(name, name): floor for name, floor in floors(listed(recipe, "run")).items()}
-    assert run.pop("python") == PROJECT["requires-python"].removeprefix(">=")
-    assert run == floors(PROJECT["dependencies"])
-    beside = {
-        CALLED.get(name, name): floor for name, floor in floors(listed(recipe, "run_constraints")).items()
+    run = {
+        CALLED.get(name, name): version for name, version in lowest_versions(listed(recipe, "run")).items()
     }
-    brought = floors([*extras["pictures"], *extras["tables"], *extras["sweep"]])
+    assert run.pop("python") == PROJECT["requires-python"].removeprefix(">=")
+    assert run == lowest_versions(PROJECT["dependencies"])
+    beside = {
+        CALLED.get(name, name): version
+        for name, version in lowest_versions(listed(recipe, "run_constraints")).items()
+    }
+    brought = lowest_versions([*extras["pictures"], *extras["tables"], *extras["sweep"]])
     assert beside.items() <= brought.items()
     assert set(brought) - set(beside) == {"jupyter-threejs-sage"}
     assert f'version: "{mechsim.__version__}"' in recipe

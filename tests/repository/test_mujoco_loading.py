@@ -11,7 +11,7 @@ import pytest
 import mechsim
 from mechsim.cli import LATE
 
-HOUSE = Path(mechsim.__file__).parent
+PACKAGE = Path(mechsim.__file__).parent
 # at the head of a module, where importing the module imports it
 HEAD = re.compile(r"^(?:import mujoco|from mujoco)", re.MULTILINE)
 FIRST = re.compile(r"^import mechsim\.simulation\b", re.MULTILINE)
@@ -19,9 +19,9 @@ FIRST = re.compile(r"^import mechsim\.simulation\b", re.MULTILINE)
 
 def test_a_package_that_imports_mujoco_loads_it_first_without_a_back_end_that_fails() -> None:
     """Else MUJOCO_GL=nonsense ends a command that draws nothing in an internal error."""
-    importing = {path.parent for path in HOUSE.rglob("*.py") if HEAD.search(path.read_text())}
+    importing = {path.parent for path in PACKAGE.rglob("*.py") if HEAD.search(path.read_text())}
     for folder in importing:
-        above = [one for one in (folder, *folder.parents) if HOUSE in one.parents]
+        above = [one for one in (folder, *folder.parents) if PACKAGE in one.parents]
         heads = [(one / "__init__.py").read_text() for one in above]
         assert any(FIRST.search(head) for head in heads), folder
     assert len(importing) > 5
@@ -57,7 +57,7 @@ def broken(tmp_path, files, *names):
         (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 4.0.0\n")
     return subprocess.run(
         [sys.executable, "-m", "mechsim", "validate", "slider_crank"],
-        env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{HOUSE.parent}"},
+        env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{PACKAGE.parent}"},
         capture_output=True,
         text=True,
         check=False,

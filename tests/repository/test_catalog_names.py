@@ -2,12 +2,12 @@
 
 import ast
 
-import house
 import pytest
+import structure
 
 from mechsim import catalog
 
-FILES = house.modules()
+FILES = structure.modules()
 CATALOG = "mechsim.analytic.catalog"
 # papers 002 to 004 are about one mechanism each, which the signatures of their theories name
 PAPERS = {"WarpKnitter", "Rrsrr", "Looper"}

@@ -1,4 +1,4 @@
-"""The house, read from its folders: who may import whom, no circles, one name for one thing."""
+"""The structure of the package: allowed imports, no cycles, no name used twice."""
 
 import ast
 import importlib
@@ -7,13 +7,13 @@ import sys
 from collections import Counter
 from types import ModuleType
 
-import house
 import pytest
+import structure
 
-FILES = house.modules()
+FILES = structure.modules()
 
-# room -> the rooms it may import, besides `errors`; what stands here is all there is
-MAY = {
+# package -> the packages it may import besides `errors`; every package is listed
+ALLOWED_IMPORTS = {
     "maths": set(),
     "model": {"maths"},
     "analytic": {"maths", "model", "units"},
@@ -37,7 +37,7 @@ MAY = {
     "report": {"maths", "model", "analytic", "theory", "verdict", "pictures", "studies", "files", "units"},
     "cli": {"maths", "model", "analytic", "simulation", "verdict", "shapes", "theory", "pictures", "studies"}
     | {"subjects", "report", "files", "units"},
-    # beside the command line: what a user's own test suite calls, and pytest loads
+    # the pytest plugin and the assertion that a user's own test suite calls
     "testing": {"maths", "model", "analytic", "verdict", "studies", "subjects", "files"},
     "__main__": {"cli"},
     "errors": set(),
@@ -63,22 +63,22 @@ SLOW = re.compile(r"^(?:import|from) (?:matplotlib|mediapy|pint|jinja2|pandas|xa
 
 @pytest.fixture(scope="module")
 def imports():
-    return house.imports()
+    return structure.imports()
 
 
 @pytest.fixture(scope="module")
 def graph(imports):
-    return house.import_graph(imports)
+    return structure.import_graph(imports)
 
 
 def breaches(graph):
-    """Return the imports from one room into another that the table does not allow."""
-    rooms = [(a, b, house.room_of(a), house.room_of(b)) for a, b in graph.edges]
-    return [f"{a} imports {b}" for a, b, one, other in rooms if one and not allowed(one, other)]
+    """Return the imports from one package into another that the table does not allow."""
+    packages = [(a, b, structure.package_of(a), structure.package_of(b)) for a, b in graph.edges]
+    return [f"{a} imports {b}" for a, b, one, other in packages if one and not allowed(one, other)]
 
 
-def allowed(room, other):
-    return room == other or other in EVERYWHERE or other in MAY.get(room, set())
+def allowed(package, other):
+    return package == other or other in EVERYWHERE or other in ALLOWED_IMPORTS.get(package, set())
 
 
 def foreign(name, imported):
@@ -87,28 +87,29 @@ def foreign(name, imported):
     return {one for one in libraries if not name.startswith(LIBRARIES[one])}
 
 
-def test_the_package_is_seen_at_one_look():
-    folders = [path for path in house.PACKAGE.iterdir() if any(path.rglob("*.py"))]
-    # the thirteenth, testing, is pytest's door as cli is the terminal's: no other room may know pytest
+def test_the_top_level_is_small():
+    folders = [path for path in structure.PACKAGE.iterdir() if any(path.rglob("*.py"))]
     assert len(folders) <= 13
-    assert len(list(house.PACKAGE.glob("*.py"))) <= 6
-    assert {house.room_of(name) for name in FILES} - {"", "_version"} == set(MAY)
+    assert len(list(structure.PACKAGE.glob("*.py"))) <= 6
+    assert {structure.package_of(name) for name in FILES} - {"", "_version"} == set(ALLOWED_IMPORTS)
 
 
-@pytest.mark.parametrize("room", [room for room in MAY if (house.PACKAGE / room).is_dir()])
-def test_a_room_says_in_one_sentence_what_it_is_for(room):
-    doc = ast.get_docstring(ast.parse((house.PACKAGE / room / "__init__.py").read_text()))
+@pytest.mark.parametrize(
+    "package", [package for package in ALLOWED_IMPORTS if (structure.PACKAGE / package).is_dir()]
+)
+def test_a_room_says_in_one_sentence_what_it_is_for(package):
+    doc = ast.get_docstring(ast.parse((structure.PACKAGE / package / "__init__.py").read_text()))
     assert doc
     assert doc.split("\n\n")[0].count(".") == 1
 
 
-def test_rooms_import_only_what_the_table_allows(graph):
+def test_imports_import_only_what_the_table_allows(graph):
     assert breaches(graph) == []
 
 
 def test_no_files_import_each_other_in_a_circle(graph):
-    assert house.circles(graph) == []
-    assert house.circles(house.rooms(graph)) == []
+    assert structure.cycles(graph) == []
+    assert structure.cycles(structure.packages(graph)) == []
 
 
 def test_a_library_is_imported_only_where_it_belongs(imports):
@@ -136,8 +137,8 @@ def test_no_module_is_hidden_by_what_its_package_exports():
 
 
 def test_no_function_goes_on_for_more_than_fifty_lines():
-    # its signature and docstring are not counted: both are told line by line
-    long = [(name, *one) for name, path in FILES.items() for one in house.functions(path) if one[0] > 50]
+    # signature and docstring do not count
+    long = [(name, *one) for name, path in FILES.items() for one in structure.functions(path) if one[0] > 50]
     assert long == []
 
 
@@ -159,8 +160,8 @@ def test_no_two_classes_share_a_name():
         ("mechsim.simulation.run", "import typer"),
     ],
 )
-def test_the_judge_sees_a_library_where_it_does_not_belong(name, source):
-    assert foreign(name, house.imports_of(source, name))
+def test_the_check_rejects_a_library_where_it_does_not_belong(name, source):
+    assert foreign(name, structure.imports_of(source, name))
 
 
 @pytest.mark.parametrize(
@@ -176,16 +177,16 @@ def test_the_judge_sees_a_library_where_it_does_not_belong(name, source):
         ("mechsim.model.mechanism", "from mechsim.verdict import judge"),
     ],
 )
-def test_the_judge_sees_a_breach(name, source, graph):
+def test_the_check_rejects_a_breach(name, source, graph):
     wrong = graph.copy()
-    for imported in house.imports_of(source, name.rpartition(".")[0]):
+    for imported in structure.imports_of(source, name.rpartition(".")[0]):
         target = imported if imported in FILES else imported.rpartition(".")[0]
         assert target in FILES, imported
         wrong.add_edge(name, target)
     assert len(breaches(wrong)) == len(breaches(graph)) + 1
 
 
-def test_the_judge_sees_a_circle(graph):
+def test_the_check_rejects_a_circle(graph):
     wrong = graph.copy()
     wrong.add_edge("mechsim.model.mechanism", "mechsim.analytic.catalog.rssr")
-    assert any("mechsim.analytic.catalog.rssr" in circle for circle in house.circles(wrong))
+    assert any("mechsim.analytic.catalog.rssr" in cycle for cycle in structure.cycles(wrong))
