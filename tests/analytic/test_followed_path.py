@@ -165,7 +165,7 @@ def test_a_linkage_passes_its_flat_poses_smoothly_and_rates_there_are_limits(len
 
 
 def test_a_parallelogram_stays_one_turn_after_turn():
-    drive = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=-1)
+    drive = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=1)
     mechanism = drive.mechanism
     path = followed(mechanism)
     path.extend(7.0)
@@ -220,7 +220,7 @@ def test_few_cells_lead_round_a_sharp_bend_and_through_a_change_point(lengths, m
 
 @pytest.mark.parametrize("start", np.linspace(-2.0, -0.4, 17))
 def test_change_points_are_found_wherever_the_path_begins(start):
-    drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
+    drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06, branch=-1)
     poses = closure.follow(drive.mechanism, [start])
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
     path = followed(drive.mechanism.with_guess(guess, float(start)))

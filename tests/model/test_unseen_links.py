@@ -22,7 +22,7 @@ def form():
 def test_their_joints_say_where_they_are(form):
     unseen = [link.name for link in form.mechanism.links if not link.seen]
     assert unseen == ["~slide.way"]
-    everything = LoopForm.solve(form, ANGLES)
+    everything = LoopForm.solve_along(form, ANGLES)
     for motion in (
         form.solve(ANGLES),
         ms.simulate(form, speed=1.0, turns=6.0 / (2 * np.pi), samples=6).motion,

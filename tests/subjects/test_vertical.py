@@ -28,7 +28,7 @@ b = { link = "base" }
 kind = "revolute"
 a = { link = "base", at = [0.1, 0, 0], axis = [0, 1, 0] }
 b = { link = "arm", axis = [0, 1, 0] }
-[holds]
+[locked]
 elbow = 0.4
 [points]
 tip = { link = "arm", at = [0.2, 0, 0.1] }
