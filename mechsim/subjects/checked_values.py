@@ -15,9 +15,10 @@ from mechsim.subjects.load_text import varies
 from mechsim.subjects.toml_source import KeyPath, TomlSource, nearest, shown
 from mechsim.units import Unit
 
+# an SI number this many times the file's own value was probably meant in the file's unit: a number in mm that is
+# read as metres is 1,000 times too large
+IMPLAUSIBLE = 100.0
 # a number and then letters is a quantity; all other text is an expression
-# a number in SI this many times the file's own value was probably meant in the file's unit
-IMPLAUSIBLE = 10.0
 _QUANTITY = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*[^\W\d_eE°%]|.*[°%]")
 
 

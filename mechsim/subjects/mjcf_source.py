@@ -105,7 +105,7 @@ def read_mjcf(
 
 
 def _value(name: str, text: str) -> Callable[[Unit], float]:
-    return lambda unit: units.parse(text, unit, f"the hold of {name}")
+    return lambda unit: units.parse(text, unit, f"the locked position of {name}")
 
 
 def _gaps(read: "MjcfModel", exact: Corrected) -> list[str]:

@@ -258,8 +258,8 @@ def _holds(
             raise InputError(f"joint {name!r} has coordinates {of}; hold each by its own name")
         elif isinstance(value, str):
             unit: Unit = "m" if mechanism.unit(first) == "m" else "rad"
-            units.require_written(value, unit, written.of(unit), f"the hold of {name}")
-            holds[first] = units.parse(value, unit, f"the hold of {name}")
+            units.require_written(value, unit, written.of(unit), f"the locked position of {name}")
+            holds[first] = units.parse(value, unit, f"the locked position of {name}")
         else:
             holds[first] = number(value)
     return holds

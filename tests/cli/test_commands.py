@@ -31,8 +31,11 @@ BAD = {
     "guide neither on nor off": ("solve rssr --set guide=maybe", ["guide", "on or off"]),
     "closes nowhere": ("solve rssr --set coupler=1mm", ["close", "change the dimensions"]),
     "closes nowhere, simulated": ("simulate rssr --set coupler=1mm", ["close", "change the dimensions"]),
-    "closes over part of the turn": ("solve rssr --set rocker=9mm", ["from 2.3", "to 6.39"]),
-    "part of the turn, simulated": ("simulate rssr --set rocker=9mm", ["from 2.3", "to 6.39"]),
+    "closes over part of the turn": (
+        "solve rssr --set rocker=9mm --angles 0:360:5deg",
+        ["from 2.3", "to 6.39"],
+    ),
+    "part of the turn, simulated": ("simulate rssr --set rocker=9mm --turns 1", ["from 2.3", "to 6.39"]),
     "speed zero": ("solve rssr --speed 0rpm", ["0rpm", "other than 0"]),
     "speed no shaft has": ("simulate rssr --speed 1e300rpm", ["1e300rpm", "1e+09"]),
     "speed of a turn in years": ("validate rssr --speed 1e-300rpm", ["1e-300rpm", "0.0001"]),

@@ -60,8 +60,8 @@ def press(tmp_path):
         ("solve --drive crank=30", "the program of crank: 30 has no unit; the file is in deg: write 30deg/s"),
         ("solve --drive crank=30*sin(t)", "'30*sin(t)', has no unit, and the file is in deg"),
         (
-            "solve --drive slide=1mm*t --hold crank=30",
-            "the hold of crank: 30 has no unit",
+            "solve --drive slide=1mm*t --lock crank=30",
+            "the locked position of crank: 30 has no unit",
         ),
         (
             "solve --track P,rod@60,0,0",
