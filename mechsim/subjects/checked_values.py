@@ -15,8 +15,8 @@ from mechsim.subjects.load_text import varies
 from mechsim.subjects.toml_source import KeyPath, TomlSource, nearest, shown
 from mechsim.units import Unit
 
-# an SI number this many times the file's own value was probably meant in the file's unit: mm read as metres are
-# 1,000 times too large
+# an SI number this many times the file's own value was probably meant in the file's unit: a value in mm read
+# as metres is 1,000 times too large
 IMPLAUSIBLE = 100.0
 # a number and then letters is a quantity; all other text is an expression
 _QUANTITY = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*[^\W\d_eE°%]|.*[°%]")
