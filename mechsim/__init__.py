@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from mechsim.studies.sensitivity.asked import moved, sensitivity
     from mechsim.studies.sensitivity.study import tolerance_study
     from mechsim.studies.sweep.sweeping import sweep
-    from mechsim.subjects.named_runs import simulate
+    from mechsim.subjects.simulate_by_name import simulate
     from mechsim.subjects.subject import load
     from mechsim.theory.continuation import trace
     from mechsim.verdict.checks import Check, Verdict
@@ -88,7 +88,7 @@ _HOMES = _MODULES | {
     "optimise": "studies.optimise.search",
     "sensitivity": "studies.sensitivity.asked",
     "show": "report.notebook",
-    "simulate": "subjects.named_runs",
+    "simulate": "subjects.simulate_by_name",
     "sweep": "studies.sweep.sweeping",
     "tolerance_study": "studies.sensitivity.study",
     "trace": "theory.continuation",

@@ -1,7 +1,7 @@
 """Small scenes in MJCF, as users have them: a gripper's finger under a servo, its loop closed softly."""
 
 from mechsim.studies.scenes import scene_of
-from mechsim.subjects.actuator_programs import actuator_programs
+from mechsim.subjects.control_law_text import control_laws
 from mechsim.subjects.subject import load
 
 FINGER = """<mujoco model="finger">
@@ -45,7 +45,7 @@ def scene(folder, *, ctrl=None, drive=None, text=FINGER, duration=0.5):
     path.write_text(text)
     form = load(str(path), drive=drive)
     programs = {} if form.programs is None else form.programs.by_name
-    fed = actuator_programs(ctrl or {})
+    fed = control_laws(ctrl or {})
     return scene_of(form.source, form.mechanism, drive=programs, ctrl=fed, duration=duration)
 
 

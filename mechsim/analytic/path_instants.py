@@ -103,7 +103,7 @@ def _under_laws(
     time = _times(mechanism.name, t)
     for name, state in programs.by_name.items():
         # only a law read from a table ends
-        end = getattr(state, "lasts", None)
+        end = getattr(state, "end_time", None)
         outside = [] if end is None else time[(time < 0.0) | (time > end * (1.0 + 1e-12))]
         if len(outside):
             raise InputError(

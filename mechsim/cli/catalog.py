@@ -9,7 +9,7 @@ from mechsim.subjects import gallery
 def list_mechanisms(as_json: Json = False) -> None:
     """List the mechanisms of the catalogue and of the gallery."""
     described = {name: (drive.__doc__ or "").splitlines()[0] for name, drive in catalog.DRIVES.items()}
-    shown = {name: gallery.about(path) for name, path in gallery.files().items()}
+    shown = {name: gallery.description(path) for name, path in gallery.files().items()}
     if as_json:
         print_json({"mechanisms": described, "gallery": shown})
         return

@@ -31,7 +31,7 @@ from mechsim.simulation import Settings, mjcf
 from mechsim.simulation.mjcf.changes import set_drive_inertia
 from mechsim.simulation.mjcf.generator import CONSTANT
 from mechsim.studies.tuning import turning_model
-from mechsim.subjects.toml_writer import toml_of
+from mechsim.subjects.toml_writer import to_toml
 
 # level of a model where none is asked for
 LEVEL = "motion"
@@ -105,7 +105,7 @@ def export(
     moved = form_of(model, sets, driven)
     missed = ""
     if form == "toml":
-        text = toml_of(moved if isinstance(moved, LoopForm) else moved.mechanism)
+        text = to_toml(moved if isinstance(moved, LoopForm) else moved.mechanism)
     else:
         whole = scene_of(scene, cut, moved.forces)
         text, missed = _text(moved.mechanism, whole, asked, timestep, speed, tolerance)

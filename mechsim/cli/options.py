@@ -18,8 +18,8 @@ from mechsim.cli.slips import asked_parameters
 from mechsim.errors import InputError, OutputError, require_extra
 from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene
-from mechsim.subjects.families import family
 from mechsim.subjects.mjcf_source import MjcfForm
+from mechsim.subjects.parametric_models import parametric_model
 from mechsim.subjects.subject import load
 from mechsim.units import option
 
@@ -153,7 +153,7 @@ def form_of(
 def read_family(model: str, sets: list[str] | None, driven: DriveOptions | None = None) -> DesignFamily:
     """Return the family of what a command was given, which as it stands is what `form_of` returns."""
     changed = changed_by(sets)
-    found = family(model, changed, **moved_by(driven))
+    found = parametric_model(model, changed, **moved_by(driven))
     asked_parameters(_told(found.make({})), changed)
     return found
 

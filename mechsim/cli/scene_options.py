@@ -12,11 +12,11 @@ from mechsim.errors import InputError
 from mechsim.model.links import Vector
 from mechsim.model.programs import State, steady
 from mechsim.studies.scenes import UserScene, scene_of
-from mechsim.subjects.actuator_programs import actuator_programs
+from mechsim.subjects.control_law_text import control_laws
 from mechsim.subjects.mjcf_source import MjcfForm
-from mechsim.subjects.prescription import lasting
+from mechsim.subjects.prescription import duration_of
 from mechsim.subjects.subject import load
-from mechsim.subjects.time_expressions import as_python
+from mechsim.subjects.time_expressions import python_expression
 from mechsim.units import option
 
 NOTHING_HELD = LockOptions()
@@ -79,7 +79,7 @@ def user_scene(path: str, asked: SceneOptions, held: LockOptions = NOTHING_HELD)
         notes.append(f"{form.name}: {fact}")
     drive = {} if form.programs is None else dict(form.programs.by_name)
     drive |= {name: steady(value, 0.0) for name, value in form.mechanism.locked.items()}
-    ctrl = actuator_programs(dict(asked.ctrl))
+    ctrl = control_laws(dict(asked.ctrl))
     states: dict[str, State] = {**drive, **ctrl}
     points: dict[str, tuple[str, Vector]] | None = dict(form.mechanism.points) if asked.track else None
     return scene_of(
@@ -87,7 +87,7 @@ def user_scene(path: str, asked: SceneOptions, held: LockOptions = NOTHING_HELD)
         form.mechanism,
         drive=drive,
         ctrl=ctrl,
-        duration=lasting(asked.duration, None, states),
+        duration=duration_of(asked.duration, None, states),
         points=points,
         key=asked.key,
     )
@@ -103,6 +103,6 @@ def _expression(state: State) -> str:
     if text.lower().endswith(files.EXTENSIONS):
         return f"table({text!r})(t)"
     if re.search(r"\bt\b", text):
-        return as_python(text)
+        return python_expression(text)
     value, rate, _ = (float(part[0]) for part in state(np.zeros(1)))
     return repr(value) if not rate else f"{value!r} + {rate!r} * t"

@@ -37,7 +37,7 @@ from mechsim.model.crank_profile import arc_around
 from mechsim.model.motion import taken
 from mechsim.model.scene import Scene
 from mechsim.simulation import CrankProfile, Run, Settings
-from mechsim.subjects.driver_rows import Poses, rows_of
+from mechsim.subjects.driver_positions import Poses, driver_path
 from mechsim.units import option, parse_angle, parse_length, parse_time
 
 Asked = Annotated[Mapping[str, Any], Settings]
@@ -214,9 +214,9 @@ def _posed(drive: Form, options: RunOptions, asked: Mapping[str, Any], scene: Sc
     if options.method == "step" or asked:
         raise InputError("--at solves poses; leave out --method step and settings of steps")
     assert options.at is not None
-    rows = rows_of(drive, files.read(options.at), options.at, even=True)
-    last = max(round(rows.programs.duration), 1)
-    run = simulation.simulate(drive, programs=rows.programs, method="pose", samples=last, scene=scene)
+    rows = driver_path(drive, files.read(options.at), options.at, uniform=True)
+    last = max(round(rows.motion_laws.duration), 1)
+    run = simulation.simulate(drive, programs=rows.motion_laws, method="pose", samples=last, scene=scene)
     return replace(run, motion=taken(run.motion, rows.times.astype(np.intp)), steps=len(rows.times))
 
 

@@ -35,7 +35,7 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.memory import require_room
 from mechsim.model.motion import Motion
-from mechsim.subjects.driver_rows import Poses, poses_at
+from mechsim.subjects.driver_positions import Poses, poses_of_table
 from mechsim.units import option, parse_angles
 
 # times or crank angles -> the motion there
@@ -89,7 +89,7 @@ def solve(
     asked.check(drive)
     shown = output_units(units, drive)
     if asked.at is not None:
-        _told(drive, poses_at(drive, files.read(asked.at), asked.at), place, as_json, shown)
+        _told(drive, poses_of_table(drive, files.read(asked.at), asked.at), place, as_json, shown)
         return
     moving(drive)
     drive, instants, solved, what = _instants(drive, asked)

@@ -24,8 +24,8 @@ from mechsim.studies.agreement.agreement import Agreement, held
 from mechsim.studies.closed_form_checks import KEPT_OFF, against_loops
 from mechsim.studies.motion_source import profile_of, simulated
 from mechsim.studies.scenes.published_run import PublishedRun, published_run
-from mechsim.subjects.families import family as dimension_family
 from mechsim.subjects.mjcf_source import MjcfForm
+from mechsim.subjects.parametric_models import parametric_model as dimension_family
 from mechsim.verdict.checks import Verdict, check_of, concluded, over_roads
 from mechsim.verdict.instants import RecordInstants
 from mechsim.verdict.judge import crosscheck

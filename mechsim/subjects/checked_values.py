@@ -9,10 +9,21 @@ from typing import Any, TypeGuard
 from mechsim import units
 from mechsim.errors import InputError
 from mechsim.maths.given import HUGE, number
-from mechsim.subjects.expressions import FUNCTIONS, Expressions
-from mechsim.subjects.key_kinds import Amount, Choice, Course, Key, Keys, Named, Number, Several, Truth, Word
-from mechsim.subjects.load_text import varies
-from mechsim.subjects.toml_source import KeyPath, TomlSource, nearest, shown
+from mechsim.subjects.expressions import FUNCTIONS, NumberEvaluator
+from mechsim.subjects.key_types import (
+    AnyOf,
+    Boolean,
+    JointNumber,
+    KeyType,
+    ListOf,
+    Number,
+    Profile,
+    Table,
+    TableOf,
+    Text,
+)
+from mechsim.subjects.load_profile_text import is_profile
+from mechsim.subjects.toml_source import KeyPath, TomlSource, shown, suggestion
 from mechsim.units import Unit
 
 # an SI number this many times the file's own value was probably meant in the file's unit: a value in mm read
@@ -38,7 +49,7 @@ class Values:
     angle: str
     parameters: Mapping[str, float]
 
-    def checked(self, key: Key, value: Any, path: KeyPath) -> Any:
+    def checked(self, key: KeyType, value: Any, path: KeyPath) -> Any:
         """Return a value as a key wants it.
 
         Raises:
@@ -47,63 +58,63 @@ class Values:
         match key:
             case Number(unit=unit):
                 return self._number(value, unit, path)
-            case Course(unit=unit):
-                return value if varies(value) else self._number(value, unit, path)
-            case Amount():
+            case Profile(unit=unit):
+                return value if is_profile(value) else self._number(value, unit, path)
+            case JointNumber():
                 return self._amount(value, path)
-            case Truth():
+            case Boolean():
                 if not isinstance(value, bool):
-                    raise self.source.refusal(path, f"is {shown(value)}; give true or false")
+                    raise self.source.error(path, f"is {shown(value)}; give true or false")
                 return value
-            case Word(options=options):
-                return self._word(value, options, path)
-            case Several(of=of, count=count):
-                return self._several(value, of, count, path)
-            case Named(of=of):
+            case Text(options=options):
+                return self._text(value, options, path)
+            case ListOf(item=item, count=count):
+                return self._list(value, item, count, path)
+            case TableOf(value_type=item):
                 return {
-                    name: self.checked(of, one, (*path, name))
-                    for name, one in self._table(value, path).items()
+                    name: self.checked(item, entry, (*path, name))
+                    for name, entry in self._table(value, path).items()
                 }
-            case Keys():
-                return self._keys(value, key, path)
-            case Choice(of=of, about=about):
-                fitting = next((one for one in of if _fits(one, value)), None)
+            case Table():
+                return self._known_keys(value, key, path)
+            case AnyOf(alternatives=item, about=about):
+                fitting = next((entry for entry in item if _fits(entry, value)), None)
                 if fitting is None:
-                    raise self.source.refusal(path, f"is {shown(value)}; give {about}")
+                    raise self.source.error(path, f"is {shown(value)}; give {about}")
                 return self.checked(fitting, value, path)
 
     def _amount(self, value: Any, path: KeyPath) -> Any:
         """Return a number, a quantity or an expression as it is: a `Number` will give it its unit."""
         if not isinstance(value, str):
-            self.bare(value, path)
+            self.plain_number(value, path)
         return value
 
     def _number(self, value: Any, unit: Unit, path: KeyPath) -> float:
-        bare = None if is_quantity(value) else self.bare(value, path)
-        with self.source.about(path):
+        bare = None if is_quantity(value) else self.plain_number(value, path)
+        with self.source.error_context(path):
             if bare is None:
-                number = units.parse(value, unit, ".".join(str(part) for part in path))
+                number = units.parse(value, unit, ".".join(str(name) for name in path))
             else:
                 number = self.in_si(bare, unit)
         if not abs(number) <= HUGE:
-            raise self.source.refusal(path, f"is {shown(value)}; give {HUGE:g} in SI at most")
+            raise self.source.error(path, f"is {shown(value)}; give {HUGE:g} in SI at most")
         return number
 
-    def bare(self, value: Any, path: KeyPath) -> float:
+    def plain_number(self, value: Any, path: KeyPath) -> float:
         """Return a number, or the value of an expression."""
         if isinstance(value, str):
             try:
-                return Expressions(self.parameters, self.in_si(1.0, "rad")).value(value)
+                return NumberEvaluator(self.parameters, self.in_si(1.0, "rad")).value(value)
             except InputError as error:
-                raise self.source.refusal(path, f"is {shown(value)}, which {error}") from None
+                raise self.source.error(path, f"is {shown(value)}, which {error}") from None
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.source.refusal(path, f"is {shown(value)}; give a number, or text such as '13 mm'")
+            raise self.source.error(path, f"is {shown(value)}; give a number, or text such as '13 mm'")
         try:
             number = float(value)
         except OverflowError:
             number = math.inf
         if not math.isfinite(number):
-            raise self.source.refusal(path, f"is {shown(value)}; give a finite number")
+            raise self.source.error(path, f"is {shown(value)}; give a finite number")
         return number
 
     def in_si(self, value: float, unit: Unit) -> float:
@@ -112,110 +123,112 @@ class Values:
         return units.in_si(value, own.get(unit, unit), unit)
 
     def with_parameters(
-        self, given: Any, changed: Mapping[str, str | float], units_of: Mapping[str, Unit]
+        self, entries: Any, changed: Mapping[str, str | float], units_of: Mapping[str, Unit]
     ) -> "Values":
         """Return the same with parameters, each reckoned from those before it.
 
         Args:
-            given: the file's table.
+            entries: the file's table.
             changed: name -> text, or number in SI, that stands for what the file has.
             units_of: parameter -> "m" or "rad", of those whose use tells.
         """
-        table = self._table(given, ("parameters",))
+        table = self._table(entries, ("parameters",))
         for name in changed:
             if name not in table:
-                raise InputError(f"{self.source.path} has no parameter {name!r}{nearest(name, table)}")
-        found = replace(self, parameters={})
+                raise InputError(f"{self.source.path} has no parameter {name!r}{suggestion(name, table)}")
+        result = replace(self, parameters={})
         for name, value in table.items():
             path = ("parameters", name)
             if not name.isidentifier() or name in (*FUNCTIONS, "pi"):
-                raise self.source.refusal(path, "is no name for a parameter; use letters, digits and _")
+                raise self.source.error(path, "is no name for a parameter; use letters, digits and _")
             if name in changed:
-                number = found.changed(name, changed[name], value, units_of)
+                number = result.changed_parameter(name, changed[name], value, units_of)
             else:
-                number = found.parameter(value, path)
-            found = replace(found, parameters={**found.parameters, name: number})
-        return found
+                number = result.parameter(value, path)
+            result = replace(result, parameters={**result.parameters, name: number})
+        return result
 
-    def changed(self, name: str, given: str | float, before: Any, units_of: Mapping[str, Unit]) -> float:
+    def changed_parameter(
+        self, name: str, text: str | float, before: Any, units_of: Mapping[str, Unit]
+    ) -> float:
         """Return a parameter that `--set` or `set=` gives, in the file's unit; see `_require_unit`."""
         path = ("parameters", name)
         unit = self.unit_of(name, before, units_of)
         if unit is not None:
-            self._require_unit(name, given, before, unit)
+            self._require_unit(name, text, before, unit)
         try:
-            bare = float(given)
+            bare = float(text)
         except (TypeError, ValueError):
-            return self.parameter(given, path)
-        return self.bare(bare, path) / (1.0 if unit is None else self.in_si(1.0, unit))
+            return self.parameter(text, path)
+        return self.plain_number(bare, path) / (1.0 if unit is None else self.in_si(1.0, unit))
 
     def unit_of(self, name: str, before: Any, units_of: Mapping[str, Unit]) -> Unit | None:
         """Return what a parameter measures, by its use or by how the file writes it; None if unknown."""
         unit = units_of.get(name)
         if unit is None and is_quantity(before):
-            with self.source.about(("parameters", name)):
+            with self.source.error_context(("parameters", name)):
                 unit = units.of_any_kind(before, f"parameter {name}")[1]
         return unit
 
-    def declared(self, before: Any, unit: Unit) -> str:
+    def declared_unit(self, before: Any, unit: Unit) -> str:
         """Return the unit that the file declares for a parameter: of its own text, else of bare numbers."""
         if is_quantity(before):
             return units.unit_in(before)
         return {"m": self.length, "rad": self.angle}.get(unit, unit)
 
-    def _require_unit(self, name: str, given: str | float, before: Any, unit: Unit) -> None:
+    def _require_unit(self, name: str, text: str | float, before: Any, unit: Unit) -> None:
         """Reject text without a unit, and implausible numbers in SI, where the file declares another unit."""
-        declared = self.declared(before, unit)
-        if isinstance(given, str):
-            with self.source.about(("parameters", name)):
-                units.require_written(given, unit, declared, name)
+        declared = self.declared_unit(before, unit)
+        if isinstance(text, str):
+            with self.source.error_context(("parameters", name)):
+                units.require_written(text, unit, declared, name)
             return
-        value = number(given)
+        value = number(text)
         if units.in_si(1.0, declared, unit) == 1.0 or not math.isfinite(value):
             return
-        own = abs(self.parameter(before, ("parameters", name)) * self.in_si(1.0, unit))
-        limit = 2.0 * math.pi if unit == "rad" else IMPLAUSIBLE * own
+        file_value = abs(self.parameter(before, ("parameters", name)) * self.in_si(1.0, unit))
+        limit = 2.0 * math.pi if unit == "rad" else IMPLAUSIBLE * file_value
         if limit > 0.0 and abs(value) > limit:
             raise InputError(
-                f"{name}: {value:g} is {value:g} {unit}, and the file has {own:.6g} {unit}; numbers in set= "
-                f"are SI and the file is in {declared}: give text, as '{value:g}{declared}' or "
+                f"{name}: {value:g} is {value:g} {unit}, and the file has {file_value:.6g} {unit}; numbers "
+                f"in set= are SI and the file is in {declared}: give text, as '{value:g}{declared}' or "
                 f"'{value:g}{unit}'"
             )
 
     def parameter(self, value: Any, path: KeyPath) -> float:
         """Return a parameter, a length or an angle in the file's unit."""
         if not is_quantity(value):
-            return self.bare(value, path)
-        with self.source.about(path):
+            return self.plain_number(value, path)
+        with self.source.error_context(path):
             number, unit = units.of_any_kind(value, f"parameter {path[-1]}")
             return number / self.in_si(1.0, unit)
 
-    def _word(self, value: Any, options: tuple[str, ...], path: KeyPath) -> str:
+    def _text(self, value: Any, options: tuple[str, ...], path: KeyPath) -> str:
         if not isinstance(value, str):
-            raise self.source.refusal(path, f"is {shown(value)}; give text")
+            raise self.source.error(path, f"is {shown(value)}; give text")
         if options and value not in options:
-            raise self.source.refusal(path, f"is {shown(value)}; it can be {', '.join(options)}")
+            raise self.source.error(path, f"is {shown(value)}; it can be {', '.join(options)}")
         return value
 
-    def _several(self, value: Any, of: Key, count: int | None, path: KeyPath) -> tuple[Any, ...]:
+    def _list(self, value: Any, item: KeyType, count: int | None, path: KeyPath) -> tuple[Any, ...]:
         if not isinstance(value, list) or (count is not None and len(value) != count):
-            wanted = "a list" if count is None else f"a list of {count}"
-            raise self.source.refusal(path, f"is {shown(value)}; give {wanted}, each {of.about}")
-        return tuple(self.checked(of, one, (*path, i)) for i, one in enumerate(value))
+            expected = "a list" if count is None else f"a list of {count}"
+            raise self.source.error(path, f"is {shown(value)}; give {expected}, each {item.about}")
+        return tuple(self.checked(item, entry, (*path, i)) for i, entry in enumerate(value))
 
-    def _keys(self, value: Any, keys: Keys, path: KeyPath) -> dict[str, Any]:
+    def _known_keys(self, value: Any, keys: Table, path: KeyPath) -> dict[str, Any]:
         table = self._table(value, path)
         for name in table:
             if name not in keys.keys:
-                raise self.source.refusal((*path, name), f"is no key here{nearest(name, keys.keys)}")
+                raise self.source.error((*path, name), f"is no key here{suggestion(name, keys.keys)}")
         for name in keys.required:
             if name not in table:
-                raise self.source.refusal(path, f"has no {name!r}; give it: {keys.keys[name].about}")
-        return {name: self.checked(keys.keys[name], one, (*path, name)) for name, one in table.items()}
+                raise self.source.error(path, f"has no {name!r}; give it: {keys.keys[name].about}")
+        return {name: self.checked(keys.keys[name], entry, (*path, name)) for name, entry in table.items()}
 
     def _table(self, value: Any, path: KeyPath) -> dict[str, Any]:
         if not isinstance(value, dict):
-            raise self.source.refusal(path, f"is {shown(value)}; give a table")
+            raise self.source.error(path, f"is {shown(value)}; give a table")
         return value
 
 
@@ -224,17 +237,17 @@ def is_quantity(value: object) -> TypeGuard[str]:
     return isinstance(value, str) and _QUANTITY.match(value) is not None
 
 
-def _fits(key: Key, value: Any) -> bool:
+def _fits(key: KeyType, value: Any) -> bool:
     match key:
-        case Number() | Amount() | Course():
+        case Number() | JointNumber() | Profile():
             return isinstance(value, str | int | float)
-        case Word():
+        case Text():
             return isinstance(value, str)
-        case Truth():
+        case Boolean():
             return isinstance(value, bool)
-        case Several():
+        case ListOf():
             return isinstance(value, list)
-        case Choice(of=of):
-            return any(_fits(one, value) for one in of)
+        case AnyOf(alternatives=alternatives):
+            return any(_fits(alternative, value) for alternative in alternatives)
         case _:
             return isinstance(value, dict)

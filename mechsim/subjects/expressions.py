@@ -11,9 +11,9 @@ from typing import Generic, TypeVar
 from mechsim.errors import InputError
 
 # characters of an expression, and how deep its brackets may nest
-LONGEST, DEEPEST = 500, 50
+MAX_CHARACTERS, MAX_DEPTH = 500, 50
 # beyond this an exponent is a slip
-LARGEST_EXPONENT = 64.0
+MAX_EXPONENT = 64.0
 
 Value = TypeVar("Value")
 
@@ -33,18 +33,18 @@ _PLAIN: dict[str, tuple[Callable[..., float], int | None]] = {
     "min": (lambda *x: min(x), None),
     "max": (lambda *x: max(x), None),
 }
-_OF_ANGLES: dict[str, Callable[[float], float]] = {"sin": math.sin, "cos": math.cos, "tan": math.tan}
-_TO_ANGLES: dict[str, tuple[Callable[..., float], int]] = {
+_TRIGONOMETRIC: dict[str, Callable[[float], float]] = {"sin": math.sin, "cos": math.cos, "tan": math.tan}
+_INVERSE_TRIGONOMETRIC: dict[str, tuple[Callable[..., float], int]] = {
     "asin": (math.asin, 1),
     "acos": (math.acos, 1),
     "atan": (math.atan, 1),
     "atan2": (math.atan2, 2),
 }
-FUNCTIONS = (*_OF_ANGLES, *_TO_ANGLES, *_PLAIN)
-KNOWN = f"known are + - * / ** ( ), pi and {', '.join(FUNCTIONS)}"
+FUNCTIONS = (*_TRIGONOMETRIC, *_INVERSE_TRIGONOMETRIC, *_PLAIN)
+_KNOWN = f"known are + - * / ** ( ), pi and {', '.join(FUNCTIONS)}"
 
 
-class Walker(ABC, Generic[Value]):
+class Evaluator(ABC, Generic[Value]):
     """What goes through an expression, bounded in size, and reckons with values of some kind."""
 
     @abstractmethod
@@ -52,66 +52,66 @@ class Walker(ABC, Generic[Value]):
         """Return the value of a number."""
 
     @abstractmethod
-    def named(self, name: str) -> Value:
+    def name_value(self, name: str) -> Value:
         """Return the value of a name."""
 
     @abstractmethod
-    def signed(self, op: ast.unaryop, value: Value) -> Value:
+    def negate(self, op: ast.unaryop, value: Value) -> Value:
         """Return plus or minus a value."""
 
     @abstractmethod
-    def joined(self, op: ast.operator, left: Value, right: Value) -> Value:
+    def combine(self, op: ast.operator, left: Value, right: Value) -> Value:
         """Return what + - * / or ** makes of two values."""
 
     @abstractmethod
-    def called(self, name: str, values: list[Value], node: ast.Call) -> Value:
+    def call(self, name: str, values: list[Value], node: ast.Call) -> Value:
         """Return what a function makes of so many values as it takes."""
 
-    def of(self, node: ast.AST, depth: int = 0) -> Value:
+    def evaluate(self, node: ast.AST, depth: int = 0) -> Value:
         """Return the value of an expression.
 
         Raises:
             InputError: for what is no arithmetic or nests too deep; its sentence has no subject.
         """
-        if depth > DEEPEST:
-            raise InputError(f"nests more than {DEEPEST} deep; make it simpler, or use a parameter")
+        if depth > MAX_DEPTH:
+            raise InputError(f"nests more than {MAX_DEPTH} deep; make it simpler, or use a parameter")
         match node:
             case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
                 return self.constant(float(value))
             case ast.Name(id=name):
-                return self.named(name)
+                return self.name_value(name)
             case ast.UnaryOp(op=ast.UAdd() | ast.USub() as op, operand=operand):
-                return self.signed(op, self.of(operand, depth + 1))
+                return self.negate(op, self.evaluate(operand, depth + 1))
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
-                return self.joined(op, self.of(left, depth + 1), self.of(right, depth + 1))
+                return self.combine(op, self.evaluate(left, depth + 1), self.evaluate(right, depth + 1))
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
                 if name not in FUNCTIONS:
-                    raise InputError(f"calls {name!r}, which is no function here; {KNOWN}")
-                values = [self.of(one, depth + 1) for one in args]
-                wanted = 1 if name in _OF_ANGLES else {**_TO_ANGLES, **_PLAIN}[name][1]
-                if len(values) != wanted and (wanted is not None or not values):
-                    raise InputError(f"gives {name} {len(values)} numbers; give {wanted or '1 or more'}")
-                return self.called(name, values, node)
+                    raise InputError(f"calls {name!r}, which is no function here; {_KNOWN}")
+                values = [self.evaluate(argument, depth + 1) for argument in args]
+                count = 1 if name in _TRIGONOMETRIC else {**_INVERSE_TRIGONOMETRIC, **_PLAIN}[name][1]
+                if len(values) != count and (count is not None or not values):
+                    raise InputError(f"gives {name} {len(values)} numbers; give {count or '1 or more'}")
+                return self.call(name, values, node)
             case _:
-                raise InputError(f"holds {ast.unparse(node)!r}, which is no arithmetic; {KNOWN}")
+                raise InputError(f"holds {ast.unparse(node)!r}, which is no arithmetic; {_KNOWN}")
 
 
-def parsed(text: str) -> ast.expr:
+def parse_expression(text: str) -> ast.expr:
     """Return the tree of an expression.
 
     Raises:
         InputError: for what is no expression or is too long; its sentence has no subject.
     """
-    if len(text) > LONGEST:
-        raise InputError(f"has {len(text)} characters; write {LONGEST} at most")
+    if len(text) > MAX_CHARACTERS:
+        raise InputError(f"has {len(text)} characters; write {MAX_CHARACTERS} at most")
     try:
         return ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
-        raise InputError(f"is no expression; {KNOWN}") from None
+        raise InputError(f"is no expression; {_KNOWN}") from None
 
 
 @dataclass(frozen=True, slots=True)
-class Expressions(Walker[float]):
+class NumberEvaluator(Evaluator[float]):
     """What evaluates expressions: the numbers known by name, and the unit of angles.
 
     Attributes:
@@ -129,47 +129,47 @@ class Expressions(Walker[float]):
             InputError: for what is no expression, is too large, or has no finite value; its sentence has
                 no subject, which the caller knows.
         """
-        tree = parsed(text)
+        tree = parse_expression(text)
         try:
-            found = self.of(tree)
+            result = self.evaluate(tree)
         except ZeroDivisionError:
             raise InputError("divides by zero; change a parameter") from None
         except (ValueError, OverflowError) as error:
             if isinstance(error, InputError):
                 raise
             raise InputError("has no value that is a finite real number; change a parameter") from None
-        if not math.isfinite(found):
+        if not math.isfinite(result):
             raise InputError("has no value that is a finite real number; change a parameter")
-        return found
+        return result
 
     def constant(self, value: float) -> float:
         return value
 
-    def signed(self, op: ast.unaryop, value: float) -> float:
+    def negate(self, op: ast.unaryop, value: float) -> float:
         return -value if isinstance(op, ast.USub) else value
 
-    def joined(self, op: ast.operator, left: float, right: float) -> float:
+    def combine(self, op: ast.operator, left: float, right: float) -> float:
         return _OPERATORS[type(op)](left, right)
 
-    def named(self, name: str) -> float:
+    def name_value(self, name: str) -> float:
         if name in self.names:
             return self.names[name]
         if name == "pi":
             return math.pi
         close = difflib.get_close_matches(name, self.names, n=1)
-        meant = f"; did you mean {close[0]!r}?" if close else ""
+        hint = f"; did you mean {close[0]!r}?" if close else ""
         listed = ", ".join(self.names) or "none"
-        raise InputError(f"names {name!r}, which is no parameter given before{meant}; known are {listed}")
+        raise InputError(f"names {name!r}, which is no parameter given before{hint}; known are {listed}")
 
-    def called(self, name: str, values: list[float], node: ast.Call) -> float:
-        if name in _OF_ANGLES:
-            if self.angle != 1.0 and any(_has_pi(one) for one in node.args):
+    def call(self, name: str, values: list[float], node: ast.Call) -> float:
+        if name in _TRIGONOMETRIC:
+            if self.angle != 1.0 and any(_has_pi(argument) for argument in node.args):
                 raise InputError(
                     f"gives {name} a part of pi, but the file's angles are not in rad; write 45 for 45 deg"
                 )
-            return _OF_ANGLES[name](values[0] * self.angle)
-        if name in _TO_ANGLES:
-            return _TO_ANGLES[name][0](*values) / self.angle
+            return _TRIGONOMETRIC[name](values[0] * self.angle)
+        if name in _INVERSE_TRIGONOMETRIC:
+            return _INVERSE_TRIGONOMETRIC[name][0](*values) / self.angle
         return _PLAIN[name][0](*values)
 
 
@@ -180,9 +180,9 @@ def _power(base: float, exponent: float) -> float:
 
 def require_exponent(exponent: float) -> None:
     """Refuse an exponent that is a slip."""
-    if not abs(exponent) <= LARGEST_EXPONENT:
-        raise InputError(f"has an exponent of {exponent:g}; give {LARGEST_EXPONENT:g} at most")
+    if not abs(exponent) <= MAX_EXPONENT:
+        raise InputError(f"has an exponent of {exponent:g}; give {MAX_EXPONENT:g} at most")
 
 
 def _has_pi(node: ast.AST) -> bool:
-    return any(isinstance(one, ast.Name) and one.id == "pi" for one in ast.walk(node))
+    return any(isinstance(child, ast.Name) and child.id == "pi" for child in ast.walk(node))

@@ -17,7 +17,7 @@ def files() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder().glob("*.toml"))}
 
 
-def about(path: Path) -> str:
+def description(path: Path) -> str:
     """Return what a file of the gallery says of itself: how the comment at its head begins."""
     lines: list[str] = []
     for line in path.read_text(encoding="utf-8").splitlines():

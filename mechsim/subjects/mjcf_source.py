@@ -42,14 +42,14 @@ class MjcfForm(LoopForm):
         Raises:
             AssemblyError: where the loops do not close, or a joint would leave its range.
         """
-        return _seen(self.within_ranges(super().solve_along(parameter, rate, second)))
+        return _without_hidden_links(self.within_ranges(super().solve_along(parameter, rate, second)))
 
     def solve_as(self, found: Motion) -> Motion:
         """Return the motion where the drivers of another motion really were."""
-        return _seen(super().solve_as(found))
+        return _without_hidden_links(super().solve_as(found))
 
 
-def _seen(motion: Motion) -> Motion:
+def _without_hidden_links(motion: Motion) -> Motion:
     """Return a motion without the links that stand for nothing in the file."""
     return replace(motion, links={k: v for k, v in motion.links.items() if not k.startswith(UNSEEN)})
 
@@ -83,65 +83,68 @@ def read_mjcf(
     from mechsim.simulation.mjcf_reader import read_model
 
     values = {
-        name: _value(name, value) if isinstance(value, str) else value for name, value in (lock or {}).items()
+        name: _parser(name, value) if isinstance(value, str) else value
+        for name, value in (lock or {}).items()
     }
     try:
-        read = read_model(
+        model = read_model(
             path, drivers=drivers, lock=values, fix_base=fix_base, key=key, track=track, still=still
         )
     except InputError as error:
         raise error if path in str(error) else InputError(f"{path}: {error}") from None
-    exact = corrected(read.mechanism)
+    exact = corrected(model.mechanism)
     # a scene of MuJoCo without gravity stands on its x-y plane all the same
-    mechanism = replace(_held(exact.mechanism), up=against(read.forces.gravity) or "z")
+    mechanism = replace(_with_locked_guess(exact.mechanism), up=against(model.forces.gravity) or "z")
     return MjcfForm(
         mechanism,
-        forces=read.forces,
-        source=read,
-        ranges=read.limits,
-        facts=(*read.remarks, *_gaps(read, exact)),
+        forces=model.forces,
+        source=model,
+        ranges=model.limits,
+        facts=(*model.remarks, *_correction_remarks(model, exact)),
         corrected=(exact.moved, exact.turned),
     )
 
 
-def _value(name: str, text: str) -> Callable[[Unit], float]:
+def _parser(name: str, text: str) -> Callable[[Unit], float]:
     return lambda unit: units.parse(text, unit, f"the locked position of {name}")
 
 
-def _gaps(read: "MjcfModel", exact: Corrected) -> list[str]:
+def _correction_remarks(model: "MjcfModel", exact: Corrected) -> list[str]:
     """Say how far the loops of a file stood open, and what was changed to close them."""
-    said: list[str] = []
-    if read.gap > 1e-12 * exact.mechanism.size:
-        said.append(
-            f"the loops stand open by {read.gap:.2g} m where the file starts; "
+    remarks: list[str] = []
+    if model.gap > 1e-12 * exact.mechanism.size:
+        remarks.append(
+            f"the loops stand open by {model.gap:.2g} m where the file starts; "
             "what is solved closes them exactly"
         )
     if exact.moved or exact.turned:
-        said.append(
+        remarks.append(
             f"joints were moved by up to {exact.moved:.2g} m and turned by up to {exact.turned:.2g} rad: "
             "to the digits of the file its loops would close in no pose"
         )
-    return said
+    return remarks
 
 
-def _held(mechanism: Mechanism) -> Mechanism:
+def _with_locked_guess(mechanism: Mechanism) -> Mechanism:
     """Return a mechanism whose guess has its joints where they are held, brought there with drivers still."""
-    counted, holds = dict(mechanism.counted), dict(mechanism.locked)
-    far = {name: value for name, value in holds.items() if value != counted[name]}
-    if not far:
+    counted, locked = dict(mechanism.counted), dict(mechanism.locked)
+    displaced = {name: value for name, value in locked.items() if value != counted[name]}
+    if not displaced:
         return mechanism
-    both = (*mechanism.drivers, *holds)
-    moving = replace(mechanism, driver=both, locked={})
-    states = {name: steady(counted[name], far.get(name, counted[name]) - counted[name]) for name in both}
-    bound = programs(moving, states, 1.0)
+    drivers = (*mechanism.drivers, *locked)
+    unlocked = replace(mechanism, driver=drivers, locked={})
+    states = {
+        name: steady(counted[name], displaced.get(name, counted[name]) - counted[name]) for name in drivers
+    }
+    laws = programs(unlocked, states, 1.0)
     try:
-        motion = LoopForm(moving, programs=bound).solve(t=[1.0])
+        motion = LoopForm(unlocked, programs=laws).solve(t=[1.0])
     except MechsimError as error:
-        asked = ", ".join(f"{name} = {value:g}" for name, value in far.items())
-        raise type(error)(f"on the way to {asked}, where it is to be held: {error}") from None
+        targets = ", ".join(f"{name} = {value:g}" for name, value in displaced.items())
+        raise type(error)(f"on the way to {targets}, where it is to be held: {error}") from None
     poses = {
         name: Pose(np.array(link.position[0]), np.array(link.rotation[0]))
         for name, link in motion.links.items()
     }
     counted |= {name: float(motion.joints[name].value[0]) for name in counted if name in motion.joints}
-    return replace(mechanism, guess=poses, counted=counted | holds)
+    return replace(mechanism, guess=poses, counted=counted | locked)

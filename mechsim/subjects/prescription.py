@@ -20,15 +20,15 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.programs import Programs, State
 from mechsim.model.programs import programs as all_programs
 from mechsim.model.written_units import WrittenUnits
-from mechsim.subjects.program_text import Program, Start, program
-from mechsim.subjects.toml_drivers import FileProgram
-from mechsim.subjects.toml_source import nearest
+from mechsim.subjects.motion_law_text import MotionLaw, Start, parse_motion_law
+from mechsim.subjects.toml_drivers import FileMotionLaw
+from mechsim.subjects.toml_source import suggestion
 from mechsim.units import Unit
 
 # how long programs run, in [s], where neither a table ends nor a file says
-DURATION = 1.0
+DEFAULT_DURATION = 1.0
 
-Given = str | State | FileProgram
+DriverLaw = str | State | FileMotionLaw
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +36,7 @@ class Prescription:
     """What is asked of a subject beside what it says itself.
 
     Attributes:
-        drive: coordinate -> its program, as text (see `program_text.program`) or a function of time.
+        drive: coordinate -> its motion law, as text (see `parse_motion_law`) or a function of time.
         lock: joint or coordinate -> where it is locked, as text or in SI; None holds it where it starts, and
             alone holds a ball.
         fix_base: whether what floats is held where it starts.
@@ -57,48 +57,59 @@ class Prescription:
     still: bool = False
 
 
-def prescribed(
+def apply_prescription(
     form: Form,
-    asked: Prescription,
-    programs: Mapping[str, FileProgram] | None = None,
-    duration: float | None = None,
+    prescription: Prescription,
+    file_laws: Mapping[str, FileMotionLaw] | None = None,
+    file_duration: float | None = None,
 ) -> Form:
     """Return what moves as it is asked to.
 
     Args:
         form: what moves.
-        asked: what is prescribed.
-        programs: what a file says of drivers of which nothing is asked.
-        duration: of them in [s], where a file says.
+        prescription: what is prescribed.
+        file_laws: what a file says of drivers of which nothing is asked.
+        file_duration: of them in [s], where a file says.
 
     Raises:
         InputError: for a coordinate, a point or a program that is none.
     """
-    if asked == Prescription() and not programs:
+    if prescription == Prescription() and not file_laws:
         return form
-    if asked.key is not None:
-        raise InputError(f"{form.name} has no keyframes; leave out --key {asked.key}, or give an MJCF file")
-    own = form if isinstance(form, LoopForm) else LoopForm(form.mechanism)
-    mechanism = form.mechanism
-    if asked.track:
-        mechanism = replace(
-            mechanism, points=dict(_tracked(mechanism, text, own.written) for text in asked.track)
+    if prescription.key is not None:
+        raise InputError(
+            f"{form.name} has no keyframes; leave out --key {prescription.key}, or give an MJCF file"
         )
-    still = _standing_still(mechanism, asked)
-    if still:
-        mechanism = _stilled(mechanism, still)
-        asked = replace(asked, lock={name: one for name, one in asked.lock.items() if name not in still})
-    mechanism = _redriven(mechanism, asked, own.written)
-    if mechanism is form.mechanism and not (asked.drive or programs) and asked.duration is None:
+    loop_form = form if isinstance(form, LoopForm) else LoopForm(form.mechanism)
+    mechanism = form.mechanism
+    if prescription.track:
+        mechanism = replace(
+            mechanism,
+            points=dict(_tracked_point(mechanism, text, loop_form.written) for text in prescription.track),
+        )
+    fixed = _joints_to_fix(mechanism, prescription)
+    if fixed:
+        mechanism = _with_fixed_joints(mechanism, fixed)
+        prescription = replace(
+            prescription, lock={name: law for name, law in prescription.lock.items() if name not in fixed}
+        )
+    mechanism = _with_drivers_and_locks(mechanism, prescription, loop_form.written)
+    if (
+        mechanism is form.mechanism
+        and not (prescription.drive or file_laws)
+        and prescription.duration is None
+    ):
         return form
-    before = own.programs
-    given: dict[str, Given] = {} if before is None else dict(before.by_name)
-    given |= programs or {}
-    given = {name: one for name, one in given.items() if name in mechanism.drivers} | dict(asked.drive)
-    if duration is None and before is not None:
-        duration = before.duration
+    form_laws = loop_form.programs
+    laws: dict[str, DriverLaw] = {} if form_laws is None else dict(form_laws.by_name)
+    laws |= file_laws or {}
+    laws = {name: law for name, law in laws.items() if name in mechanism.drivers} | dict(prescription.drive)
+    if file_duration is None and form_laws is not None:
+        file_duration = form_laws.duration
     return replace(
-        own, mechanism=mechanism, programs=_programs(mechanism, given, asked.duration, duration, own.written)
+        loop_form,
+        mechanism=mechanism,
+        programs=_motion_laws(mechanism, laws, prescription.duration, file_duration, loop_form.written),
     )
 
 
@@ -106,7 +117,7 @@ class _NeedsStartError(Exception):
     """A motion law counts from where its driver starts."""
 
 
-def started_by_laws(form: LoopForm, laws: Mapping[str, Given]) -> LoopForm:
+def started_by_laws(form: LoopForm, laws: Mapping[str, DriverLaw]) -> LoopForm:
     """Return a mechanism whose drivers start where their motion laws begin, if nothing else says where.
 
     A value that the file states, or a guess of both links of a driver's joint, comes first. A lone crank
@@ -115,9 +126,9 @@ def started_by_laws(form: LoopForm, laws: Mapping[str, Given]) -> LoopForm:
     mechanism = form.mechanism
     if mechanism.has_crank:
         return form
-    placed, starts = {GROUND, *mechanism.guess}, dict(mechanism.counted)
+    guessed, starts = {GROUND, *mechanism.guess}, dict(mechanism.counted)
     for name, joint in zip(mechanism.drivers, mechanism.driven_joints, strict=True):
-        if name in laws and name not in starts and not {joint.a.link, joint.b.link} <= placed:
+        if name in laws and name not in starts and not {joint.a.link, joint.b.link} <= guessed:
             with suppress(_NeedsStartError):
                 state = _state(mechanism, name, laws[name], _no_start, form.written)
                 starts[name] = float(np.asarray(state(np.zeros(1))[0]).ravel()[0])
@@ -130,142 +141,148 @@ def _no_start() -> float:
     raise _NeedsStartError
 
 
-def _state(mechanism: Mechanism, name: str, law: Given, start: Start, written: WrittenUnits) -> State:
+def _state(mechanism: Mechanism, name: str, law: DriverLaw, start: Start, written: WrittenUnits) -> State:
     """Return the motion law of a driver, read."""
     unit = mechanism.unit(name)
     if isinstance(law, str):
-        return program(law, name, unit, start, declared=written.of(unit))
-    return law.made(name, unit, start) if isinstance(law, FileProgram) else law
+        return parse_motion_law(law, name, unit, start, declared=written.of(unit))
+    return law.parse(name, unit, start) if isinstance(law, FileMotionLaw) else law
 
 
-def _programs(
+def _motion_laws(
     mechanism: Mechanism,
-    given: Mapping[str, Given],
-    asked: float | None,
-    own: float | None,
+    laws: Mapping[str, DriverLaw],
+    requested: float | None,
+    stated: float | None,
     written: WrittenUnits,
 ) -> Programs | None:
     """Return the programs of what is given for drivers; None where nothing is."""
-    if given:
-        states = _states(mechanism, given, written)
-        return all_programs(mechanism, states, lasting(asked, own, states))
-    if asked is not None:
+    if laws:
+        states = _states(mechanism, laws, written)
+        return all_programs(mechanism, states, duration_of(requested, stated, states))
+    if requested is not None:
         raise InputError(
-            f"{mechanism.name} has no programs that could last {asked:g} s; give --drive JOINT=PROGRAM too"
+            f"{mechanism.name} has no programs that could last {requested:g} s; "
+            "give --drive JOINT=PROGRAM too"
         )
     return None
 
 
-def _states(mechanism: Mechanism, given: Mapping[str, Given], written: WrittenUnits) -> dict[str, State]:
+def _states(mechanism: Mechanism, laws: Mapping[str, DriverLaw], written: WrittenUnits) -> dict[str, State]:
     """Return the programs of drivers, read."""
     starts: dict[str, float] = {}
 
     def start(name: str) -> Callable[[], float]:
-        def found() -> float:
+        def value() -> float:
             if not starts:
                 starts.update(start_poses(mechanism)[1])
             return starts[name]
 
-        return found
+        return value
 
-    return {name: _state(mechanism, name, law, start(name), written) for name, law in given.items()}
+    return {name: _state(mechanism, name, law, start(name), written) for name, law in laws.items()}
 
 
-def lasting(asked: float | None, own: float | None, states: Mapping[str, State]) -> float:
+def duration_of(requested: float | None, stated: float | None, states: Mapping[str, State]) -> float:
     """Return how long programs run, in [s], and not beyond a table.
 
     Args:
-        asked: for how long; None where nothing was.
-        own: how long a file says; None where it says nothing.
+        requested: for how long; None where nothing was.
+        stated: how long a file says; None where it says nothing.
         states: of the drivers.
     """
     ends = {
-        name: state.lasts
+        name: state.end_time
         for name, state in states.items()
-        if isinstance(state, Program) and state.lasts is not None
+        if isinstance(state, MotionLaw) and state.end_time is not None
     }
-    if asked is None:
-        asked = own if own is not None else min(ends.values(), default=DURATION)
+    if requested is None:
+        requested = stated if stated is not None else min(ends.values(), default=DEFAULT_DURATION)
     for name, end in ends.items():
-        if asked > end * (1.0 + 1e-12):
+        if requested > end * (1.0 + 1e-12):
             raise InputError(
-                f"the table of {name} ends at {end:g} s, before the duration, {asked:g} s; "
+                f"the table of {name} ends at {end:g} s, before the duration, {requested:g} s; "
                 "give a shorter one, or more rows"
             )
-    return asked
+    return requested
 
 
-def _redriven(mechanism: Mechanism, asked: Prescription, written: WrittenUnits) -> Mechanism:
+def _with_drivers_and_locks(
+    mechanism: Mechanism, prescription: Prescription, written: WrittenUnits
+) -> Mechanism:
     """Return the mechanism with what is asked driven and held.
 
     Where others are driven than its own drivers, those alone are; what is held is driven no more.
     """
-    known = [name for joint in mechanism.joints for name in joint.coordinates]
-    for name in asked.drive:
-        if name not in known:
-            raise InputError(f"{mechanism.name} has no coordinate {name!r} to drive{nearest(name, known)}")
-    if not asked.lock and set(asked.drive) <= set(mechanism.drivers):
+    names = [name for joint in mechanism.joints for name in joint.coordinates]
+    for name in prescription.drive:
+        if name not in names:
+            raise InputError(f"{mechanism.name} has no coordinate {name!r} to drive{suggestion(name, names)}")
+    if not prescription.lock and set(prescription.drive) <= set(mechanism.drivers):
         return mechanism
     poses, starts = start_poses(mechanism)
-    locked = _holds(mechanism, asked.lock, starts, written)
+    locked = _locked_coordinates(mechanism, prescription.lock, starts, written)
     drivers = tuple(name for name in mechanism.drivers if name not in locked)
-    if not set(asked.drive) <= set(drivers):
-        drivers = tuple(asked.drive)
-        locked = {name: value for name, value in locked.items() if name not in drivers or name in asked.lock}
+    if not set(prescription.drive) <= set(drivers):
+        drivers = tuple(prescription.drive)
+        locked = {
+            name: value for name, value in locked.items() if name not in drivers or name in prescription.lock
+        }
     if not drivers:
         raise InputError(f"{mechanism.name}: nothing is driven; hold less, or name a driver by --drive")
     counted = {name: starts[name] for name in drivers}
     counted |= {name: value for name, value in mechanism.counted.items() if name not in locked}
-    alone = drivers[0] if len(drivers) == 1 else ""
+    single = drivers[0] if len(drivers) == 1 else ""
     changed = replace(
         mechanism,
-        driver=alone or drivers,
+        driver=single or drivers,
         locked=locked,
         counted=counted,
         guess=poses,
     )
-    return replace(changed, start=counted[alone]) if changed.has_crank else changed
+    return replace(changed, start=counted[single]) if changed.has_crank else changed
 
 
-def _holds(
+def _locked_coordinates(
     mechanism: Mechanism,
-    hold: Mapping[str, str | float | None],
+    lock: Mapping[str, str | float | None],
     starts: Mapping[str, float],
     written: WrittenUnits,
 ) -> dict[str, float]:
     """Return all coordinates held, and where, in SI."""
-    holds = dict(mechanism.locked)
-    known: dict[str, tuple[str, ...]] = {
+    locked = dict(mechanism.locked)
+    coordinates_of: dict[str, tuple[str, ...]] = {
         name: (name,) for joint in mechanism.joints for name in joint.coordinates
     }
-    known |= {joint.name: joint.coordinates for joint in mechanism.joints if joint.coordinates}
-    balls = _balls(mechanism)
-    for name, value in hold.items():
+    coordinates_of |= {joint.name: joint.coordinates for joint in mechanism.joints if joint.coordinates}
+    balls = _ball_joints(mechanism)
+    for name, value in lock.items():
         if name in balls:
             raise InputError(
                 f"joint {name!r} turns about every axis, and no one value says how far; give none, to hold "
                 "it where it starts"
             )
-        if name not in known:
+        if name not in coordinates_of:
             raise InputError(
-                f"{mechanism.name} has no coordinate {name!r} to hold{nearest(name, [*known, *balls])}"
+                f"{mechanism.name} has no coordinate {name!r} to hold"
+                f"{suggestion(name, [*coordinates_of, *balls])}"
             )
-        first, *others = known[name]
+        first, *others = coordinates_of[name]
         if value is None:
-            holds |= {one: starts[one] for one in known[name]}
+            locked |= {coordinate: starts[coordinate] for coordinate in coordinates_of[name]}
         elif others:
-            of = ", ".join(known[name])
-            raise InputError(f"joint {name!r} has coordinates {of}; hold each by its own name")
+            listed = ", ".join(coordinates_of[name])
+            raise InputError(f"joint {name!r} has coordinates {listed}; hold each by its own name")
         elif isinstance(value, str):
             unit: Unit = "m" if mechanism.unit(first) == "m" else "rad"
             units.require_written(value, unit, written.of(unit), f"the locked position of {name}")
-            holds[first] = units.parse(value, unit, f"the locked position of {name}")
+            locked[first] = units.parse(value, unit, f"the locked position of {name}")
         else:
-            holds[first] = number(value)
-    return holds
+            locked[first] = number(value)
+    return locked
 
 
-def _tracked(mechanism: Mechanism, text: str, written: WrittenUnits) -> tuple[str, tuple[str, Vector]]:
+def _tracked_point(mechanism: Mechanism, text: str, written: WrittenUnits) -> tuple[str, tuple[str, Vector]]:
     """Return a point written as NAME, of a point or a link, or as NAME,LINK@x,y,z."""
     name, comma, rest = text.partition(",")
     links = [GROUND, *(link.name for link in mechanism.links)]
@@ -276,59 +293,61 @@ def _tracked(mechanism: Mechanism, text: str, written: WrittenUnits) -> tuple[st
             return name, (name, ORIGIN)
         raise InputError(
             f"{mechanism.name} has no point or link {name!r} to track"
-            f"{nearest(name, [*mechanism.points, *links])}"
+            f"{suggestion(name, [*mechanism.points, *links])}"
         )
-    link, at, place = rest.partition("@")
+    link, at, numbers = rest.partition("@")
     if link not in links:
-        raise InputError(f"the point {name} is tracked on link {link!r}{nearest(link, links)}")
+        raise InputError(f"the point {name} is tracked on link {link!r}{suggestion(link, links)}")
     if at:
-        units.require_written(place, "m", written.length, f"the place of {name}")
-    values = units.parse_vector(place, "m", f"the place of {name}") if at else ORIGIN
+        units.require_written(numbers, "m", written.length, f"the place of {name}")
+    values = units.parse_vector(numbers, "m", f"the place of {name}") if at else ORIGIN
     if len(values) != 3:
-        raise InputError(f"the place of {name} is {place!r}; give three numbers in m, with commas")
+        raise InputError(f"the place of {name} is {numbers!r}; give three numbers in m, with commas")
     return name, (link, (values[0], values[1], values[2]))
 
 
-def _standing_still(mechanism: Mechanism, asked: Prescription) -> list[str]:
+def _joints_to_fix(mechanism: Mechanism, prescription: Prescription) -> list[str]:
     """Return the joints to be fixed where they start: what floats, or balls held without a value."""
     floating = [
         joint.name
         for joint in mechanism.joints
         if KINDS[joint.kind].floats and GROUND in (joint.a.link, joint.b.link)
     ]
-    if asked.fix_base and not floating:
+    if prescription.fix_base and not floating:
         raise InputError(f"{mechanism.name} has no link that floats; leave out --fix-base")
-    held = [name for name in _balls(mechanism) if asked.lock.get(name, "") is None]
-    return [*(floating if asked.fix_base else ()), *held]
+    balls = [name for name in _ball_joints(mechanism) if prescription.lock.get(name, "") is None]
+    return [*(floating if prescription.fix_base else ()), *balls]
 
 
-def _balls(mechanism: Mechanism) -> list[str]:
+def _ball_joints(mechanism: Mechanism) -> list[str]:
     """Return the joints that turn about every axis."""
     return [joint.name for joint in mechanism.joints if KINDS[joint.kind].ball]
 
 
-def _stilled(mechanism: Mechanism, names: list[str]) -> Mechanism:
+def _with_fixed_joints(mechanism: Mechanism, names: list[str]) -> Mechanism:
     """Return the mechanism with joints fixed where they start."""
     poses, _ = start_poses(mechanism)
-    placed = {GROUND: IDENTITY, **poses}
-    joints = tuple(_fixed(one, placed) if one.name in names else one for one in mechanism.joints)
-    known = [name for joint in joints for name in joint.coordinates]
+    frames = {GROUND: IDENTITY, **poses}
+    joints = tuple(
+        _fixed_joint(joint_, frames) if joint_.name in names else joint_ for joint_ in mechanism.joints
+    )
+    coordinates = [name for joint in joints for name in joint.coordinates]
     return replace(
         mechanism,
         joints=joints,
         guess=poses,
-        locked={name: value for name, value in mechanism.locked.items() if name in known},
-        counted={name: value for name, value in mechanism.counted.items() if name in known},
+        locked={name: value for name, value in mechanism.locked.items() if name in coordinates},
+        counted={name: value for name, value in mechanism.counted.items() if name in coordinates},
     )
 
 
-def _fixed(joint: Joint, poses: Mapping[str, Pose]) -> Joint:
+def _fixed_joint(joint: Joint, poses: Mapping[str, Pose]) -> Joint:
     """Return a joint that leaves its links as they stand."""
     a, b = poses[joint.a.link], poses[joint.b.link]
     frame = a.rotation.T @ b.rotation @ joint.b.frame
     point = a.rotation.T @ (b.point(joint.b.point) - a.position)
-    near = End(joint.a.link, _vector(point), _vector(frame[:, 2]), _vector(frame[:, 0]))
-    return Joint(joint.name, FIXED, near, replace(joint.b, mark=_vector(joint.b.frame[:, 0])))
+    end = End(joint.a.link, _vector(point), _vector(frame[:, 2]), _vector(frame[:, 0]))
+    return Joint(joint.name, FIXED, end, replace(joint.b, mark=_vector(joint.b.frame[:, 0])))
 
 
 def _vector(values: Array) -> Vector:

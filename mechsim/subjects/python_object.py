@@ -12,7 +12,7 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.mechanism import Mechanism
-from mechsim.subjects.toml_source import nearest
+from mechsim.subjects.toml_source import suggestion
 
 
 def read_python(model: str, changed: Mapping[str, str | float] | None = None) -> Form:
@@ -26,30 +26,30 @@ def read_python(model: str, changed: Mapping[str, str | float] | None = None) ->
     Raises:
         InputError: for a file that cannot be run, an object that is no mechanism, or an unknown argument.
     """
-    return python_maker(model)(changed or {})
+    return python_factory(model)(changed or {})
 
 
-def python_maker(model: str) -> Callable[[Mapping[str, str | float]], Form]:
+def python_factory(model: str) -> Callable[[Mapping[str, str | float]], Form]:
     """Run a Python file and return what makes its mechanisms from arguments, as `read_python` does.
 
     Raises:
         InputError: as `object_of`.
     """
-    found, (path, _, name) = object_of(model), model.rpartition(":")
+    loaded, (path, _, name) = run_object(model), model.rpartition(":")
 
     def make(changed: Mapping[str, str | float]) -> Form:
-        made = found
-        if _makes(found):
-            given = _given(model, found, changed)
-            made = tried(f"{path}: {name}()", lambda: found(**given))
+        result = loaded
+        if _is_factory(loaded):
+            arguments = _arguments(model, loaded, changed)
+            result = run_user_code(f"{path}: {name}()", lambda: loaded(**arguments))
         elif changed:
             raise InputError(f"{model}: an object in a Python file has no parameters; leave out --set")
-        if isinstance(made, ClosedForm | LoopForm):
-            return made
-        if isinstance(made, Mechanism):
-            return LoopForm(made)
+        if isinstance(result, ClosedForm | LoopForm):
+            return result
+        if isinstance(result, Mechanism):
+            return LoopForm(result)
         raise InputError(
-            f"{name} of {path} is of type {type(made).__name__}; give a Mechanism, what catalog.make "
+            f"{name} of {path} is of type {type(result).__name__}; give a Mechanism, what catalog.make "
             "returns, or a function that returns either"
         )
 
@@ -62,34 +62,34 @@ def parameters_of(model: str) -> dict[str, float]:
     Raises:
         InputError: as `object_of`.
     """
-    found = object_of(model)
-    return dict(_defaults(found)) if _makes(found) else {}
+    loaded = run_object(model)
+    return dict(_defaults(loaded)) if _is_factory(loaded) else {}
 
 
-def _makes(found: Any) -> bool:
-    return callable(found) and not isinstance(found, Mechanism | ClosedForm | LoopForm)
+def _is_factory(loaded: Any) -> bool:
+    return callable(loaded) and not isinstance(loaded, Mechanism | ClosedForm | LoopForm)
 
 
 def _defaults(function: Any) -> dict[str, float]:
-    told = inspect.signature(function).parameters.values()
+    parameters = inspect.signature(function).parameters.values()
     return {
-        one.name: one.default
-        for one in told
-        if isinstance(one.default, int | float) and not isinstance(one.default, bool)
+        parameter.name: parameter.default
+        for parameter in parameters
+        if isinstance(parameter.default, int | float) and not isinstance(parameter.default, bool)
     }
 
 
-def _given(model: str, function: Any, changed: Mapping[str, str | float]) -> dict[str, float]:
-    known, given = _defaults(function), dict[str, float]()
+def _arguments(model: str, function: Any, changed: Mapping[str, str | float]) -> dict[str, float]:
+    defaults, arguments = _defaults(function), dict[str, float]()
     for name, value in changed.items():
-        if name not in known:
-            raise InputError(f"{model} has no parameter {name!r}{nearest(name, known)}")
+        if name not in defaults:
+            raise InputError(f"{model} has no parameter {name!r}{suggestion(name, defaults)}")
         number = units.of_any_kind(value, f"{name} of {model}")[0] if isinstance(value, str) else float(value)
-        given[name] = int(number) if isinstance(known[name], int) and number == int(number) else number
-    return given
+        arguments[name] = int(number) if isinstance(defaults[name], int) and number == int(number) else number
+    return arguments
 
 
-def object_of(model: str) -> Any:
+def run_object(model: str) -> Any:
     """Run a Python file and return one of its objects.
 
     Raises:
@@ -100,14 +100,14 @@ def object_of(model: str) -> Any:
         raise InputError(f"{model!r} names no object; write FILE.py:OBJECT, as in fourbar.py:mechanism")
     if not os.path.isfile(path):
         raise InputError(f"there is no file {path}; name one that can be read")
-    names: dict[str, Any] = tried(path, lambda: runpy.run_path(path, run_name="mechsim_model"))
+    names: dict[str, Any] = run_user_code(path, lambda: runpy.run_path(path, run_name="mechsim_model"))
     if name not in names:
-        own = [one for one in names if not one.startswith("__")]
-        raise InputError(f"{path} makes no {name!r}{nearest(name, own)}")
+        defined = [name_ for name_ in names if not name_.startswith("__")]
+        raise InputError(f"{path} makes no {name!r}{suggestion(name, defined)}")
     return names[name]
 
 
-def tried(what: str, call: Any) -> Any:
+def run_user_code(what: str, call: Any) -> Any:
     """Return what a user's code returns; its errors in one line."""
     try:
         return call()

@@ -14,8 +14,8 @@ from mechsim.maths.arrays import Array
 from mechsim.model.motion import PointMotion
 from mechsim.subjects.gallery import PACKAGE
 
-SUMS = "SHA256SUMS"
-EFFORTS = ("torque:", "force:")
+CHECKSUMS = "SHA256SUMS"
+DRIVE_FORCE_PREFIXES = ("torque:", "force:")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,21 +56,25 @@ def read(where: Path, name: str) -> ReferenceTable:
     Raises:
         InputError: where it is missing, or is not what its checksum says.
     """
-    known = names(where)
-    if name not in known:
-        raise InputError(f"there are no reference data of {name!r}; known are {', '.join(known) or 'none'}")
+    available = names(where)
+    if name not in available:
+        raise InputError(
+            f"there are no reference data of {name!r}; known are {', '.join(available) or 'none'}"
+        )
     sums = _sums(where)
     paths = {
         path: where / path for path in (f"data/{name}.csv", f"mechanisms/{name}.toml", "datapackage.json")
     }
-    for called, path in paths.items():
-        if sums.get(called) != hashlib.sha256(path.read_bytes()).hexdigest():
-            raise InputError(f"{path} is not what its checksum in {SUMS} says; get the reference data anew")
+    for file_name, path in paths.items():
+        if sums.get(file_name) != hashlib.sha256(path.read_bytes()).hexdigest():
+            raise InputError(
+                f"{path} is not what its checksum in {CHECKSUMS} says; get the reference data anew"
+            )
     with paths[f"data/{name}.csv"].open(encoding="utf-8", newline="") as file:
         head, *lines = csv.reader(file)
     columns = dict(zip(head, np.array(lines, dtype=np.float64).T, strict=True))
-    told = json.loads(paths["datapackage.json"].read_text(encoding="utf-8"))
-    speeds = {one["path"]: one["crank_speed"] for one in told["resources"]}
+    package = json.loads(paths["datapackage.json"].read_text(encoding="utf-8"))
+    speeds = {resource["path"]: resource["crank_speed"] for resource in package["resources"]}
     speed = speeds[f"data/{name}.csv"]
     return ReferenceTable(
         name=name,
@@ -78,17 +82,21 @@ def read(where: Path, name: str) -> ReferenceTable:
         speed=None if speed is None else float(speed.split()[0]),
         first=columns[head[0]],
         points={point: _point(columns, point) for point in _points(head)},
-        efforts={one.partition(":")[2]: column for one, column in columns.items() if one.startswith(EFFORTS)},
+        efforts={
+            resource.partition(":")[2]: column
+            for resource, column in columns.items()
+            if resource.startswith(DRIVE_FORCE_PREFIXES)
+        },
     )
 
 
 def _sums(where: Path) -> dict[str, str]:
-    lines = (where / SUMS).read_text(encoding="utf-8").splitlines()
+    lines = (where / CHECKSUMS).read_text(encoding="utf-8").splitlines()
     return {path: digest for digest, _, path in (line.partition("  ") for line in lines)}
 
 
 def _points(head: list[str]) -> list[str]:
-    return [one.removesuffix(".ax") for one in head if one.endswith(".ax")]
+    return [name.removesuffix(".ax") for name in head if name.endswith(".ax")]
 
 
 def _point(columns: Mapping[str, Array], name: str) -> PointMotion:

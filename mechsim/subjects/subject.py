@@ -16,17 +16,17 @@ from mechsim.model.programs import State
 from mechsim.subjects import gallery
 from mechsim.subjects.catalog_object import read_catalog
 from mechsim.subjects.mjcf_source import MjcfForm, read_mjcf
-from mechsim.subjects.prescription import Prescription, prescribed, started_by_laws
+from mechsim.subjects.prescription import Prescription, apply_prescription, started_by_laws
 from mechsim.subjects.python_object import read_python
-from mechsim.subjects.toml_reader import TomlSubject, read_toml
+from mechsim.subjects.toml_reader import TomlModel, read_toml
 
 # read as MJCF; that URDF is another language is said where it is read
-MODELS = (".xml", ".urdf")
+MJCF_EXTENSIONS = (".xml", ".urdf")
 
 
 def is_file(model: str) -> bool:
     """Whether a model is meant as a file: by its ending alone, so that no file shadows a known name."""
-    return model.lower().endswith((".toml", *MODELS, ".py")) or ".py:" in model
+    return model.lower().endswith((".toml", *MJCF_EXTENSIONS, ".py")) or ".py:" in model
 
 
 def load(
@@ -68,19 +68,19 @@ def load(
     if not isinstance(model, str | PathLike):  # pyright: ignore[reportUnnecessaryIsInstance]
         kind = type(model).__name__
         raise InputError(f"a model is of type {kind}; give a name or a file, as 'rssr' or 'linkage.toml'")
-    asked = _asked(drive, lock, fix_base, key, track, duration, still, lock_others)
-    return _moving(fspath(model), set, asked, begun=True)
+    prescription = _prescription(drive, lock, fix_base, key, track, duration, still, lock_others)
+    return _load(fspath(model), set, prescription, assembled=True)
 
 
-def described(model: str, set: Mapping[str, str | float] | None = None, **asked: Any) -> Form:
+def load_unassembled(model: str, set: Mapping[str, str | float] | None = None, **options: Any) -> Form:
     """Return what `load` does, but as it is described, where nobody asks whether it can be put together.
 
     Its guess is the file's own; finding one that is closed takes far longer than reading.
     """
-    return _moving(model, set, _asked(**asked), begun=False)
+    return _load(model, set, _prescription(**options), assembled=False)
 
 
-def _asked(
+def _prescription(
     drive: Mapping[str, str | State] | None = None,
     lock: Mapping[str, str | float | None] | Iterable[str] = (),
     fix_base: bool = False,
@@ -102,67 +102,73 @@ def _asked(
     )
 
 
-def _moving(model: str, set: Mapping[str, str | float] | None, asked: Prescription, *, begun: bool) -> Form:
+def _load(
+    model: str, set: Mapping[str, str | float] | None, prescription: Prescription, *, assembled: bool
+) -> Form:
     """Return what moves, with what its drivers leave undetermined locked where that is asked for."""
-    plain = replace(asked, lock_others=False)
-    if not asked.lock_others:
-        return _prescribed(model, set, plain, begun=begun)
+    plain = replace(prescription, lock_others=False)
+    if not prescription.lock_others:
+        return _load_prescribed(model, set, plain, assembled=assembled)
     # on the way to a value that a joint is locked at, the others are to be locked already
     at_start = replace(plain, lock=dict.fromkeys(plain.lock))
-    others = undetermined_joints(_prescribed(model, set, at_start, begun=begun).mechanism)
+    others = undetermined_joints(_load_prescribed(model, set, at_start, assembled=assembled).mechanism)
     locked = replace(plain, lock={**plain.lock, **dict.fromkeys(others)})
-    return _prescribed(model, set, locked, begun=begun)
+    return _load_prescribed(model, set, locked, assembled=assembled)
 
 
-def _prescribed(
-    model: str, set: Mapping[str, str | float] | None, asked: Prescription, *, begun: bool
+def _load_prescribed(
+    model: str, set: Mapping[str, str | float] | None, prescription: Prescription, *, assembled: bool
 ) -> Form:
     changed = dict(set or {})
-    read = _read(model, changed, asked)
-    if isinstance(read, MjcfForm):
+    model_ = _read_model(model, changed, prescription)
+    if isinstance(model_, MjcfForm):
         # the reader has done the rest
-        return prescribed(read, Prescription(drive=asked.drive, duration=asked.duration))
+        return apply_prescription(
+            model_, Prescription(drive=prescription.drive, duration=prescription.duration)
+        )
     form = (
-        started_by_laws(read.form, {**read.programs, **asked.drive})
-        if isinstance(read, TomlSubject)
-        else read
+        started_by_laws(model_.form, {**model_.motion_laws, **prescription.drive})
+        if isinstance(model_, TomlModel)
+        else model_
     )
-    form = _begun(form) if begun and isinstance(form, LoopForm) else form
-    if isinstance(read, TomlSubject):
-        return prescribed(form, asked, read.programs, read.duration)
-    return prescribed(form, asked)
+    form = _assembled(form) if assembled and isinstance(form, LoopForm) else form
+    if isinstance(model_, TomlModel):
+        return apply_prescription(form, prescription, model_.motion_laws, model_.duration)
+    return apply_prescription(form, prescription)
 
 
-def _begun(form: LoopForm) -> LoopForm:
+def _assembled(form: LoopForm) -> LoopForm:
     """Return a form that begins where it is put together, on MuJoCo's road too."""
     return replace(form, mechanism=with_closed_guess(form.mechanism))
 
 
-def _read(model: str, changed: Mapping[str, str | float], asked: Prescription) -> Form | TomlSubject:
+def _read_model(
+    model: str, changed: Mapping[str, str | float], prescription: Prescription
+) -> Form | TomlModel:
     """Return what moves as it says itself."""
     if not is_file(model):
-        return _named(model, changed, asked)
+        return _named(model, changed, prescription)
     if model.lower().endswith(".toml"):
-        return read_toml(model, changed, drivers=tuple(asked.drive))
-    if model.lower().endswith(MODELS):
+        return read_toml(model, changed, drivers=tuple(prescription.drive))
+    if model.lower().endswith(MJCF_EXTENSIONS):
         if changed:
             raise InputError(f"{model}: an MJCF file has no parameters; leave out --set")
         return read_mjcf(
             model,
-            drivers=tuple(asked.drive),
-            lock=asked.lock,
-            fix_base=asked.fix_base,
-            key=asked.key,
-            track=asked.track,
-            still=asked.still,
+            drivers=tuple(prescription.drive),
+            lock=prescription.lock,
+            fix_base=prescription.fix_base,
+            key=prescription.key,
+            track=prescription.track,
+            still=prescription.still,
         )
     return read_python(model, changed)
 
 
-def _named(name: str, given: Mapping[str, str | float], asked: Prescription) -> Form | TomlSubject:
-    shown = gallery.files()
-    if name in shown and name not in catalog.DRIVES:
-        return read_toml(str(shown[name]), given, drivers=tuple(asked.drive))
+def _named(name: str, parameters: Mapping[str, str | float], prescription: Prescription) -> Form | TomlModel:
+    files = gallery.files()
+    if name in files and name not in catalog.DRIVES:
+        return read_toml(str(files[name]), parameters, drivers=tuple(prescription.drive))
     if name not in catalog.DRIVES:
-        raise InputError(f"there is no mechanism {name!r}{catalog.nearest(name, [*catalog.DRIVES, *shown])}")
-    return read_catalog(name, {one: str(value) for one, value in given.items()})
+        raise InputError(f"there is no mechanism {name!r}{catalog.nearest(name, [*catalog.DRIVES, *files])}")
+    return read_catalog(name, {parameter: str(value) for parameter, value in parameters.items()})

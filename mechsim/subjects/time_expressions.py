@@ -14,23 +14,23 @@ from mechsim.analytic.vector_method.jets import Jet, Values
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.programs import State
-from mechsim.subjects import jet_functions
-from mechsim.subjects.expressions import Walker, parsed
+from mechsim.subjects import functions_with_derivatives
+from mechsim.subjects.expressions import Evaluator, parse_expression
 
 # a number and then letters: a quantity in the midst of an expression; an exponent is part of its number
 _NUMBER = r"(?<![\w.])((?>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))"
 _QUANTITY = re.compile(_NUMBER + r"\s*((?:[^\W\d_]|°)+)(?![\w(]|\s*\()")
 # how a quantity is named in the tree
-_PLACE = "quantity_{}_"
+_PLACEHOLDER = "quantity_{}_"
 # what a quantity of each unit measures: powers of length, angle and force; time is counted in seconds
-_POWERS: dict[str, tuple[float, float, float]] = {
+_EXPONENTS: dict[str, tuple[float, float, float]] = {
     "m": (1.0, 0.0, 0.0),
     "rad": (0.0, 1.0, 0.0),
     "s": (0.0, 0.0, 0.0),
     "N": (0.0, 0.0, 1.0),
     "N m": (1.0, 0.0, 1.0),
 }
-_KINDS = {
+_DESCRIPTIONS = {
     (0.0, 0.0, 0.0): "a plain number",
     (1.0, 0.0, 0.0): "a length",
     (0.0, 1.0, 0.0): "an angle",
@@ -40,21 +40,21 @@ _KINDS = {
 # what an expression may go over
 VARIABLES = {"t": "the time in s", "angle": "the crank's in rad"}
 
-_OF_ANGLES: dict[str, Callable[[Values], Values]] = {
+_TRIGONOMETRIC: dict[str, Callable[[Values], Values]] = {
     "sin": lambda x: np.sin(x),  # pyright: ignore[reportReturnType, reportCallIssue, reportArgumentType]
     "cos": lambda x: np.cos(x),  # pyright: ignore[reportReturnType, reportCallIssue, reportArgumentType]
-    "tan": jet_functions.tan,
+    "tan": functions_with_derivatives.tan,
 }
-_TO_ANGLES: dict[str, Callable[..., Values]] = {
-    "asin": jet_functions.asin,
-    "acos": jet_functions.acos,
-    "atan": jet_functions.atan,
-    "atan2": jet_functions.atan2,
+_INVERSE_TRIGONOMETRIC: dict[str, Callable[..., Values]] = {
+    "asin": functions_with_derivatives.asin,
+    "acos": functions_with_derivatives.acos,
+    "atan": functions_with_derivatives.atan,
+    "atan2": functions_with_derivatives.atan2,
 }
 
 
 @dataclass(frozen=True, slots=True)
-class Measure:
+class DimensionedValue:
     """A value with its rates, and what it measures.
 
     Attributes:
@@ -72,23 +72,23 @@ class Measure:
     mixed: bool = False
 
     @property
-    def powers(self) -> tuple[float, float, float]:
+    def exponents(self) -> tuple[float, float, float]:
         """Powers of length, angle and force."""
         return self.length, self.angle, self.force
 
     @property
-    def plain(self) -> bool:
+    def dimensionless(self) -> bool:
         """Whether it is a number without a unit."""
-        return not any(self.powers)
+        return not any(self.exponents)
 
     @property
-    def kind(self) -> str:
+    def description(self) -> str:
         """What it measures, in words."""
-        return _KINDS.get(self.powers, "neither a length, an angle, a force nor a moment")
+        return _DESCRIPTIONS.get(self.exponents, "neither a length, an angle, a force nor a moment")
 
 
 @dataclass(frozen=True, slots=True)
-class OverTime(Walker[Measure]):
+class TimeEvaluator(Evaluator[DimensionedValue]):
     """What evaluates expressions of t, or of another variable.
 
     Attributes:
@@ -99,71 +99,76 @@ class OverTime(Walker[Measure]):
 
     time: Values
     variable: str = "t"
-    names: Mapping[str, Measure] = field(default_factory=dict[str, Measure])
+    names: Mapping[str, DimensionedValue] = field(default_factory=dict[str, DimensionedValue])
 
-    def constant(self, value: float) -> Measure:
-        return Measure(value)  # pyright: ignore[reportArgumentType]
+    def constant(self, value: float) -> DimensionedValue:
+        return DimensionedValue(value)  # pyright: ignore[reportArgumentType]
 
-    def named(self, name: str) -> Measure:
+    def name_value(self, name: str) -> DimensionedValue:
         if name == self.variable:
-            return Measure(self.time)
+            return DimensionedValue(self.time)
         if name in self.names:
             return self.names[name]
         if name == "pi":
             return self.constant(math.pi)
-        known = ", ".join([self.variable, "pi", *(one for one in self.names if not _is_place(one)), "units"])
+        known = ", ".join(
+            [self.variable, "pi", *(name_ for name_ in self.names if not _is_placeholder(name_)), "units"]
+        )
         try:
             return quantity(f"1 {name}")
         except InputError:
             raise InputError(f"names {name!r}, which is nothing here; known are {known}") from None
 
-    def signed(self, op: ast.unaryop, value: Measure) -> Measure:
+    def negate(self, op: ast.unaryop, value: DimensionedValue) -> DimensionedValue:
         return replace(value, value=-value.value) if isinstance(op, ast.USub) else value
 
-    def joined(self, op: ast.operator, left: Measure, right: Measure) -> Measure:
+    def combine(self, op: ast.operator, left: DimensionedValue, right: DimensionedValue) -> DimensionedValue:
         match op:
             case ast.Mult() | ast.Div():
-                sense = 1.0 if isinstance(op, ast.Mult) else -1.0
-                made = operator.mul if sense > 0.0 else operator.truediv
+                sign = 1.0 if isinstance(op, ast.Mult) else -1.0
+                operation = operator.mul if sign > 0.0 else operator.truediv
                 length, angle, force = (
-                    one + sense * other for one, other in zip(left.powers, right.powers, strict=True)
+                    exponent + sign * other
+                    for exponent, other in zip(left.exponents, right.exponents, strict=True)
                 )
                 mixed = left.mixed or right.mixed
-                return Measure(made(left.value, right.value), length, _angle(angle), force, mixed)
+                return DimensionedValue(
+                    operation(left.value, right.value), length, _angle(angle), force, mixed
+                )
             case ast.Pow():
                 return _power(left, right)
             case _:
-                made = operator.add if isinstance(op, ast.Add) else operator.sub
-                return _alike(made(left.value, right.value), [left, right])
+                operation = operator.add if isinstance(op, ast.Add) else operator.sub
+                return _of_one_dimension(operation(left.value, right.value), [left, right])
 
-    def called(self, name: str, values: list[Measure], node: ast.Call) -> Measure:
-        x = [one.value for one in values]
+    def call(self, name: str, values: list[DimensionedValue], node: ast.Call) -> DimensionedValue:
+        x = [argument.value for argument in values]
         if name in ("abs", "min", "max"):
-            return _alike(
-                jet_functions.absolute(x[0])
+            return _of_one_dimension(
+                functions_with_derivatives.absolute(x[0])
                 if name == "abs"
-                else jet_functions.least(x, 1.0 if name == "min" else -1.0),
+                else functions_with_derivatives.minimum(x, 1.0 if name == "min" else -1.0),
                 values,
             )
         if name == "sqrt":
-            return _power(values[0], Measure(0.5))  # pyright: ignore[reportArgumentType]
+            return _power(values[0], DimensionedValue(0.5))  # pyright: ignore[reportArgumentType]
         if name == "atan2":
-            _alike(x[0], values)
-        elif any(one.length or one.force for one in values):
-            raise InputError(f"gives {name} {values[0].kind}; give it a plain number")
-        if name in _OF_ANGLES:
-            return Measure(_OF_ANGLES[name](x[0]))
-        if name in _TO_ANGLES:
-            return Measure(_TO_ANGLES[name](*x), angle=1.0)
-        return Measure(np.exp(x[0]) if name == "exp" else jet_functions.log(x[0]))
+            _of_one_dimension(x[0], values)
+        elif any(argument.length or argument.force for argument in values):
+            raise InputError(f"gives {name} {values[0].description}; give it a plain number")
+        if name in _TRIGONOMETRIC:
+            return DimensionedValue(_TRIGONOMETRIC[name](x[0]))
+        if name in _INVERSE_TRIGONOMETRIC:
+            return DimensionedValue(_INVERSE_TRIGONOMETRIC[name](*x), angle=1.0)
+        return DimensionedValue(np.exp(x[0]) if name == "exp" else functions_with_derivatives.log(x[0]))
 
 
-def over_time(
+def time_function(
     text: str,
     unit: str,
     *,
-    bare: float = 1.0,
-    names: Mapping[str, float] | None = None,
+    default_unit: float = 1.0,
+    parameters: Mapping[str, float] | None = None,
     variable: str = "t",
     declared: str = "",
 ) -> tuple[str, State]:
@@ -172,61 +177,63 @@ def over_time(
     Args:
         text: the expression; t is the time in s, sines take radians, and quantities have units.
         unit: of what it gives, "m" or "rad" of a coordinate, "N" or "N m" of a load.
-        bare: what a result without a unit is counted in, in SI.
-        names: parameter -> its number.
+        default_unit: what a result without a unit is counted in, in SI.
+        parameters: parameter -> its number.
         variable: one of `VARIABLES`, in place of t.
         declared: unit in which a result without one was perhaps meant; it is rejected if that is not SI.
 
     Raises:
         InputError: for what is no expression of t, or measures something else; its sentence has no subject.
     """
-    places: dict[str, Measure] = {}
+    quantities: dict[str, DimensionedValue] = {}
 
-    def placed(match: re.Match[str]) -> str:
+    def placeholder(match: re.Match[str]) -> str:
         if match[2] == variable:
             raise InputError(f"holds {match[0]!r}; write {match[1]}*{variable}")
-        name = _PLACE.format(len(places))
-        places[name] = quantity(f"{match[1]} {match[2]}")
+        name = _PLACEHOLDER.format(len(quantities))
+        quantities[name] = quantity(f"{match[1]} {match[2]}")
         return name
 
-    given = {name: Measure(value) for name, value in (names or {}).items()}  # pyright: ignore[reportArgumentType]
-    tree = parsed(_QUANTITY.sub(placed, text))
+    known_quantities = {name: DimensionedValue(value) for name, value in (parameters or {}).items()}  # pyright: ignore[reportArgumentType]
+    tree = parse_expression(_QUANTITY.sub(placeholder, text))
 
-    def evaluated(time: Array) -> Measure:
-        one, nought = np.ones_like(time), np.zeros_like(time)
+    def evaluate(time: Array) -> DimensionedValue:
+        unit_rate, zero = np.ones_like(time), np.zeros_like(time)
         with np.errstate(all="ignore"):
-            return OverTime(Jet(time, one, nought), variable, given | places).of(tree)
+            return TimeEvaluator(
+                Jet(time, unit_rate, zero), variable, known_quantities | quantities
+            ).evaluate(tree)
 
     try:
-        probe = evaluated(np.ones(1))
+        probe = evaluate(np.ones(1))
     except (ArithmeticError, ValueError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError("has no value that is a finite real number") from None
     if not any(isinstance(node, ast.Name) and node.id == variable for node in ast.walk(tree)):
         raise InputError(f"holds no {variable}, {VARIABLES[variable]}")
-    wanted = _POWERS[unit]
+    exponents = _EXPONENTS[unit]
     # a length times an angle is a length
-    alike = (probe.length, probe.force) == (wanted[0], wanted[2]) and (unit != "rad" or probe.angle == 1.0)
-    if not (probe.plain or alike):
-        raise InputError(f"is {probe.kind}; give {_KINDS[wanted]}")
-    other = bool(declared) and units.in_si(1.0, declared, unit) != 1.0  # pyright: ignore[reportArgumentType]
-    if probe.plain and other and not _is_zero(probe.value):
+    fits = (probe.length, probe.force) == exponents[::2] and (unit != "rad" or probe.angle == 1.0)
+    if not (probe.dimensionless or fits):
+        raise InputError(f"is {probe.description}; give {_DESCRIPTIONS[exponents]}")
+    needs_unit = bool(declared) and units.in_si(1.0, declared, unit) != 1.0  # pyright: ignore[reportArgumentType]
+    if probe.dimensionless and needs_unit and not _is_zero(probe.value):
         raise InputError(f"has no unit, and the file is in {declared}; give it one")
-    if probe.mixed and (bare != 1.0 or other):
+    if probe.mixed and (default_unit != 1.0 or needs_unit):
         raise InputError("adds a number without a unit to a quantity; give it a unit")
-    scale = bare if probe.plain else 1.0
+    scale = default_unit if probe.dimensionless else 1.0
 
     def state(time: Array) -> tuple[Array, Array, Array]:
-        found = evaluated(time).value
-        if not isinstance(found, Jet):
-            return np.full_like(time, found), np.zeros_like(time), np.zeros_like(time)
-        return scale * found.value, scale * found.rate, scale * found.second
+        result = evaluate(time).value
+        if not isinstance(result, Jet):
+            return np.full_like(time, result), np.zeros_like(time), np.zeros_like(time)
+        return scale * result.value, scale * result.rate, scale * result.second
 
-    whole = text if scale == 1.0 else f"({text})*{scale:.17g}"
-    for name, value in (names or {}).items():
-        whole = re.sub(rf"(?<![\w.]){name}(?![\w(])", f"({value:.17g})", whole)
-    return whole, state
+    si_text = text if scale == 1.0 else f"({text})*{scale:.17g}"
+    for name, value in (parameters or {}).items():
+        si_text = re.sub(rf"(?<![\w.]){name}(?![\w(])", f"({value:.17g})", si_text)
+    return si_text, state
 
 
 def _is_zero(value: Values) -> bool:
@@ -235,7 +242,7 @@ def _is_zero(value: Values) -> bool:
     return not any(np.any(part) for part in parts)
 
 
-def as_python(text: str) -> str:
+def python_expression(text: str) -> str:
     """Return an expression of t that `over_time` takes as Python has it, quantities in SI."""
 
     def number(match: re.Match[str]) -> str:
@@ -244,37 +251,41 @@ def as_python(text: str) -> str:
     return _QUANTITY.sub(number, text)
 
 
-def quantity(text: str) -> Measure:
+def quantity(text: str) -> DimensionedValue:
     """Return a number with a unit of length, angle, force, moment or time, in SI."""
     if text.split()[-1] == "Hz":
-        return Measure(float(text.split()[0]))  # pyright: ignore[reportArgumentType]
+        return DimensionedValue(float(text.split()[0]))  # pyright: ignore[reportArgumentType]
     value, unit = units.of_any_kind(text, "the quantity")
-    powers = _POWERS.get(unit.removesuffix("/s"))
+    powers = _EXPONENTS.get(unit.removesuffix("/s"))
     if powers is None:
         raise InputError(f"holds {text!r}, which is neither a length, an angle, a force nor a time")
-    return Measure(value, *powers)  # pyright: ignore[reportArgumentType]
+    return DimensionedValue(value, *powers)  # pyright: ignore[reportArgumentType]
 
 
-def _alike(value: Values, of: list[Measure]) -> Measure:
+def _of_one_dimension(value: Values, operands: list[DimensionedValue]) -> DimensionedValue:
     """Return a value made of quantities of one kind; those without a unit may stand among them."""
-    dimensioned = [one for one in of if not one.plain]
-    kinds = {one.powers for one in dimensioned}
+    dimensioned = [operand for operand in operands if not operand.dimensionless]
+    kinds = {operand.exponents for operand in dimensioned}
     if len(kinds) > 1:
-        raise InputError(f"puts {dimensioned[0].kind} and {dimensioned[1].kind} together; give both one kind")
+        raise InputError(
+            f"puts {dimensioned[0].description} and {dimensioned[1].description} together; give both one kind"
+        )
     powers = kinds.pop() if kinds else (0.0, 0.0, 0.0)
-    bare = [one for one in of if one.plain and not _is_zero(one.value)]
-    mixed = any(one.mixed for one in of) or bool(dimensioned and bare)
-    return Measure(value, *powers, mixed)
+    bare = [operand for operand in operands if operand.dimensionless and not _is_zero(operand.value)]
+    mixed = any(operand.mixed for operand in operands) or bool(dimensioned and bare)
+    return DimensionedValue(value, *powers, mixed)
 
 
-def _power(base: Measure, exponent: Measure) -> Measure:
-    if not exponent.plain:
-        raise InputError(f"has an exponent that is {exponent.kind}; give a plain number")
-    if isinstance(exponent.value, Jet) and not base.plain:
-        raise InputError(f"takes {base.kind} to a power that changes; give it a plain number")
-    by = 0.0 if base.plain else float(exponent.value)  # pyright: ignore[reportArgumentType]
-    value = jet_functions.power(base.value, exponent.value)
-    return Measure(value, base.length * by, _angle(base.angle * by), base.force * by, base.mixed)
+def _power(base: DimensionedValue, exponent: DimensionedValue) -> DimensionedValue:
+    if not exponent.dimensionless:
+        raise InputError(f"has an exponent that is {exponent.description}; give a plain number")
+    if isinstance(exponent.value, Jet) and not base.dimensionless:
+        raise InputError(f"takes {base.description} to a power that changes; give it a plain number")
+    factor = 0.0 if base.dimensionless else float(exponent.value)  # pyright: ignore[reportArgumentType]
+    value = functions_with_derivatives.power(base.value, exponent.value)
+    return DimensionedValue(
+        value, base.length * factor, _angle(base.angle * factor), base.force * factor, base.mixed
+    )
 
 
 def _angle(power: float) -> float:
@@ -282,5 +293,5 @@ def _angle(power: float) -> float:
     return power if power == 1.0 else 0.0
 
 
-def _is_place(name: str) -> bool:
-    return name.startswith(_PLACE.partition("{")[0])
+def _is_placeholder(name: str) -> bool:
+    return name.startswith(_PLACEHOLDER.partition("{")[0])

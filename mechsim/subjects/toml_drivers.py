@@ -8,9 +8,9 @@ from mechsim import files
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS, KindName, kinds_that
 from mechsim.subjects.checked_values import Values
-from mechsim.subjects.key_kinds import Number
-from mechsim.subjects.program_text import Program, Start, program
-from mechsim.subjects.toml_source import KeyPath, nearest
+from mechsim.subjects.key_types import Number
+from mechsim.subjects.motion_law_text import MotionLaw, Start, parse_motion_law
+from mechsim.subjects.toml_source import KeyPath, suggestion
 from mechsim.units import Unit
 
 # what a joint is driven by where no driver is named
@@ -34,7 +34,7 @@ class FileCoordinates:
     def require(self, name: str, path: KeyPath) -> None:
         """Refuse what is no coordinate."""
         if name not in self.units:
-            raise self.values.source.refusal(path, f"names coordinate {name!r}{nearest(name, self.units)}")
+            raise self.values.source.error(path, f"names coordinate {name!r}{suggestion(name, self.units)}")
 
     def value(self, name: str, written: Any, path: KeyPath) -> float:
         """Return the value of a coordinate in SI."""
@@ -47,108 +47,120 @@ class FileCoordinates:
 
     def table(self, read: Mapping[str, Any], key: str) -> dict[str, tuple[KeyPath, Any]]:
         """Return a table by coordinates: name -> its place in the file, and its value."""
-        found: dict[str, tuple[KeyPath, Any]] = {}
-        for name, one in read.get(key, {}).items():
-            parts = one if isinstance(one, dict) else {"": one}
-            for part, value in parts.items():
-                whole = f"{name}.{part}" if part else name
-                path = (key, name, part) if part else (key, name)
-                self.require(whole, path)
-                found[whole] = path, value
-        return found
+        entries: dict[str, tuple[KeyPath, Any]] = {}
+        for name, value_ in read.get(key, {}).items():
+            components = value_ if isinstance(value_, dict) else {"": value_}
+            for suffix, value in components.items():
+                coordinate = f"{name}.{suffix}" if suffix else name
+                path = (key, name, suffix) if suffix else (key, name)
+                self.require(coordinate, path)
+                entries[coordinate] = path, value
+        return entries
 
 
 def coordinates_of(values: Values, joints: Mapping[str, Any]) -> FileCoordinates:
     """Return the coordinates of joints as read."""
     kinds: dict[str, KindName] = {}
     units: dict[str, Unit] = {}
-    for name, one in joints.items():
-        kind = KINDS[one["kind"]]
+    for name, table in joints.items():
+        kind = KINDS[table["kind"]]
         for ending, unit in zip(kind.endings, kind.units, strict=True):
-            kinds[name + ending] = one["kind"]
+            kinds[name + ending] = table["kind"]
             units[name + ending] = "m" if unit == "m" else "rad"
     return FileCoordinates(values, kinds, units)
 
 
-def drivers_of(of: FileCoordinates, read: Mapping[str, Any], asked: tuple[str, ...]) -> str | tuple[str, ...]:
+def drivers_of(
+    coordinates: FileCoordinates, read: Mapping[str, Any], requested: tuple[str, ...]
+) -> str | tuple[str, ...]:
     """Return what is driven: what the file names, else what is asked, else the joint called crank."""
-    alone = "drivers" not in read and CRANK in read["joints"]
-    drivers = read.get("drivers") or asked or ((CRANK,) if alone else ())
+    only_crank = "drivers" not in read and CRANK in read["joints"]
+    drivers = read.get("drivers") or requested or ((CRANK,) if only_crank else ())
     if not drivers:
         raise InputError('no joint is driven; add drivers = ["NAME OF A JOINT"], or --drive JOINT=PROGRAM')
     for name in drivers:
-        of.require(name, ("drivers",))
-        kind = of.kinds[name]
+        coordinates.require(name, ("drivers",))
+        kind = coordinates.kinds[name]
         if not KINDS[kind].drivable:  # pyright: ignore[reportArgumentType]
-            only = kinds_that(lambda one: one.drivable)
-            why = f"names {kind} joint {name!r}; only a {only} one can be driven"
-            raise of.values.source.refusal(("drivers",), why)
+            only = kinds_that(lambda kind_: kind_.drivable)
+            reason = f"names {kind} joint {name!r}; only a {only} one can be driven"
+            raise coordinates.values.source.error(("drivers",), reason)
     return drivers[0] if len(drivers) == 1 else tuple(drivers)
 
 
 def start_of(
-    of: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
+    coordinates: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
 ) -> tuple[float, dict[str, float]]:
     """Return the crank angle of the guess in [rad], and what other coordinates are counted from."""
-    given = read.get("start", 0.0)
-    crank = driver if isinstance(driver, str) and KINDS[of.kinds[driver]].hinge else None
-    if not isinstance(given, dict):
+    stated = read.get("start", 0.0)
+    crank = driver if isinstance(driver, str) and KINDS[coordinates.kinds[driver]].hinge else None
+    if not isinstance(stated, dict):
         if not isinstance(driver, str):
             if "start" in read:
                 names = ", ".join(driver)
-                why = f"is one number, but {names} are driven; give a table, {{ {driver[0]} = ... }}"
-                raise of.values.source.refusal(("start",), why)
+                reason = f"is one number, but {names} are driven; give a table, {{ {driver[0]} = ... }}"
+                raise coordinates.values.source.error(("start",), reason)
             return 0.0, {}
-        value = of.value(driver, given, ("start",))
+        value = coordinates.value(driver, stated, ("start",))
         return (value, {}) if crank is not None or "start" not in read else (0.0, {driver: value})
-    found = {name: of.value(name, one, path) for name, (path, one) in of.table(read, "start").items()}
-    return found.pop(crank, 0.0) if crank is not None else 0.0, found
+    values = {
+        name: coordinates.value(name, value_, path)
+        for name, (path, value_) in coordinates.table(read, "start").items()
+    }
+    return values.pop(crank, 0.0) if crank is not None else 0.0, values
 
 
 def locked_of(
-    of: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
+    coordinates: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
 ) -> dict[str, float]:
     """Return the coordinates held, and where in SI."""
-    found: dict[str, float] = {}
-    for name, (path, one) in of.table(read, "locked").items():
+    locked: dict[str, float] = {}
+    for name, (path, value) in coordinates.table(read, "locked").items():
         if name in ((driver,) if isinstance(driver, str) else driver):
-            raise of.values.source.refusal(path, "is driven; hold it, or drive it")
-        found[name] = of.value(name, one, path)
-    return found
+            raise coordinates.values.source.error(path, "is driven; hold it, or drive it")
+        locked[name] = coordinates.value(name, value, path)
+    return locked
 
 
 @dataclass(frozen=True)
-class FileProgram:
+class FileMotionLaw:
     """A program as a file has it: numbers without a unit are in the file's, and parameters have names.
 
     Attributes:
-        of: the file's coordinates.
+        coordinates: the file's coordinates.
         text: as it is written.
         path: where.
     """
 
-    of: FileCoordinates
+    coordinates: FileCoordinates
     text: str
     path: KeyPath
 
-    def made(self, name: str, unit: str, start: Start) -> Program:
-        """Return the program; as `program_text.program`."""
-        values = self.of.values
+    def parse(self, name: str, unit: str, start: Start) -> MotionLaw:
+        """Return the program; as `motion_law_text.parse_motion_law`."""
+        values = self.coordinates.values
         text = self.text
         if text.strip().lower().endswith(files.EXTENSIONS):
-            text = values.source.beside(text)
-        with values.source.about(self.path):
-            return program(text, name, unit, start, bare=self.of.unit_in_si(name), names=values.parameters)
+            text = values.source.sibling(text)
+        with values.source.error_context(self.path):
+            return parse_motion_law(
+                text,
+                name,
+                unit,
+                start,
+                default_unit=self.coordinates.unit_in_si(name),
+                parameters=values.parameters,
+            )
 
 
-def programs_of(
-    of: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
-) -> dict[str, FileProgram]:
+def motion_laws_of(
+    coordinates: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
+) -> dict[str, FileMotionLaw]:
     """Return the programs of a file's drivers."""
     drivers = (driver,) if isinstance(driver, str) else driver
-    found: dict[str, FileProgram] = {}
-    for name, (path, text) in of.table(read, "programs").items():
+    laws: dict[str, FileMotionLaw] = {}
+    for name, (path, text) in coordinates.table(read, "programs").items():
         if name not in drivers:
-            raise of.values.source.refusal(path, f"is not driven; drivers are {', '.join(drivers)}")
-        found[name] = FileProgram(of, text, path)
-    return found
+            raise coordinates.values.source.error(path, f"is not driven; drivers are {', '.join(drivers)}")
+        laws[name] = FileMotionLaw(coordinates, text, path)
+    return laws

@@ -10,16 +10,16 @@ from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor, TorqueSpeedLine
 from mechsim.subjects.checked_values import Values
-from mechsim.subjects.force_keys import MOTORS
-from mechsim.subjects.key_kinds import Number
-from mechsim.subjects.toml_loads import course_of
-from mechsim.subjects.toml_source import nearest
+from mechsim.subjects.force_keys import MOTOR_PARAMETERS
+from mechsim.subjects.key_types import Number
+from mechsim.subjects.toml_loads import load_profile_of
+from mechsim.subjects.toml_source import suggestion
 from mechsim.units import Unit
 
 GRAVITY = (0.0, -9.81, 0.0)
 # by the coordinate's unit: of viscous friction, dry friction, stiffness
 _VISCOUS: dict[str, Unit] = {"m": "N s/m", "rad": "N m s/rad"}
-_DRY: dict[str, Unit] = {"m": "N", "rad": "N m"}
+_COULOMB: dict[str, Unit] = {"m": "N", "rad": "N m"}
 _STIFFNESS: dict[str, Unit] = {"m": "N/m", "rad": "N m/rad"}
 
 
@@ -27,97 +27,103 @@ def forces_of(values: Values, mechanism: Mechanism, read: Mapping[str, Any]) -> 
     """Return what acts on a mechanism; None where a file says nothing of it."""
     if "forces" not in read:
         return None
-    given: dict[str, Any] = read["forces"]
-    with values.source.about(("forces",)):
-        found = Forces(
-            gravity=given.get("gravity", GRAVITY),
-            friction=tuple(_frictions(values, mechanism, given)),
-            springs=tuple(_springs(values, mechanism, given)),
-            joint_springs=tuple(_joint_springs(values, mechanism, given)),
-            loads=tuple(_loads(values, mechanism, given)),
+    table: dict[str, Any] = read["forces"]
+    with values.source.error_context(("forces",)):
+        forces = Forces(
+            gravity=table.get("gravity", GRAVITY),
+            friction=tuple(_frictions(values, mechanism, table)),
+            springs=tuple(_springs(values, mechanism, table)),
+            joint_springs=tuple(_joint_springs(values, mechanism, table)),
+            loads=tuple(_loads(values, mechanism, table)),
             couples=tuple(
-                Couple(link, course_of(values, mechanism, moment, "N m", ("forces", "couples", link)))
-                for link, moment in given.get("couples", {}).items()
+                Couple(link, load_profile_of(values, mechanism, moment, "N m", ("forces", "couples", link)))
+                for link, moment in table.get("couples", {}).items()
             ),
-            crank_torque=_crank_torque(values, mechanism, given),
-            flywheel=given.get("flywheel", 0.0),
-            motor=_motor(values, given["motor"]) if "motor" in given else None,
+            crank_torque=_crank_torque(values, mechanism, table),
+            flywheel=table.get("flywheel", 0.0),
+            motor=_motor(values, table["motor"]) if "motor" in table else None,
         )
-        found.check(mechanism)
-    return found
+        forces.check(mechanism)
+    return forces
 
 
-def _frictions(values: Values, mechanism: Mechanism, given: Mapping[str, Any]) -> Iterator[Friction]:
-    for joint, one in given.get("friction", {}).items():
+def _frictions(values: Values, mechanism: Mechanism, table: Mapping[str, Any]) -> Iterator[Friction]:
+    for joint, entry in table.get("friction", {}).items():
         path = ("forces", "friction", joint)
         unit = _unit(values, mechanism, joint, path)
-        kept = {
+        first = {
             "viscous": values.checked(
-                Number(_VISCOUS[unit], ""), one.get("viscous", 0.0), (*path, "viscous")
+                Number(_VISCOUS[unit], ""), entry.get("viscous", 0.0), (*path, "viscous")
             ),
-            "coulomb": values.checked(Number(_DRY[unit], ""), one.get("coulomb", 0.0), (*path, "coulomb")),
+            "coulomb": values.checked(
+                Number(_COULOMB[unit], ""), entry.get("coulomb", 0.0), (*path, "coulomb")
+            ),
         }
-        rest = {key: one[key] for key in ("viscous_turn", "coulomb_turn") if key in one}
-        with values.source.about(path):
-            yield Friction(joint, **kept, **rest)
+        others = {key: entry[key] for key in ("viscous_turn", "coulomb_turn") if key in entry}
+        with values.source.error_context(path):
+            yield Friction(joint, **first, **others)
 
 
-def _loads(values: Values, mechanism: Mechanism, given: Mapping[str, Any]) -> Iterator[Load]:
-    for name, one in given.get("loads", {}).items():
-        with values.source.about(("forces", "loads", name)):
+def _loads(values: Values, mechanism: Mechanism, table: Mapping[str, Any]) -> Iterator[Load]:
+    for name, entry in table.get("loads", {}).items():
+        with values.source.error_context(("forces", "loads", name)):
             path = ("forces", "loads", name, "force")
-            yield Load(_place(mechanism, one["at"]), course_of(values, mechanism, one["force"], "N", path))
+            yield Load(
+                _point(mechanism, entry["at"]), load_profile_of(values, mechanism, entry["force"], "N", path)
+            )
 
 
-def _crank_torque(values: Values, mechanism: Mechanism, given: Mapping[str, Any]) -> LoadProfile | None:
-    if "crank_torque" not in given:
+def _crank_torque(values: Values, mechanism: Mechanism, table: Mapping[str, Any]) -> LoadProfile | None:
+    if "crank_torque" not in table:
         return None
-    return course_of(values, mechanism, (given["crank_torque"],), "N m", ("forces", "crank_torque"))
+    return load_profile_of(values, mechanism, (table["crank_torque"],), "N m", ("forces", "crank_torque"))
 
 
-def _springs(values: Values, mechanism: Mechanism, given: Mapping[str, Any]) -> Iterator[Spring]:
+def _springs(values: Values, mechanism: Mechanism, tables: Mapping[str, Any]) -> Iterator[Spring]:
     for table in ("springs", "dampers"):
-        for name, one in given.get(table, {}).items():
-            with values.source.about(("forces", table, name)):
-                a, b = (_place(mechanism, one[side]) for side in "ab")
-                yield Spring(a, b, one.get("stiffness", 0.0), one.get("rest", 0.0), one.get("damping", 0.0))
+        for name, entry in tables.get(table, {}).items():
+            with values.source.error_context(("forces", table, name)):
+                a, b = (_point(mechanism, entry[side]) for side in "ab")
+                yield Spring(
+                    a, b, entry.get("stiffness", 0.0), entry.get("rest", 0.0), entry.get("damping", 0.0)
+                )
 
 
-def _joint_springs(values: Values, mechanism: Mechanism, given: Mapping[str, Any]) -> Iterator[JointSpring]:
-    for joint, one in given.get("joint_springs", {}).items():
+def _joint_springs(values: Values, mechanism: Mechanism, table: Mapping[str, Any]) -> Iterator[JointSpring]:
+    for joint, entry in table.get("joint_springs", {}).items():
         path = ("forces", "joint_springs", joint)
         unit = _unit(values, mechanism, joint, path)
-        stiffness = values.checked(Number(_STIFFNESS[unit], ""), one["stiffness"], (*path, "stiffness"))
-        with values.source.about(path):
-            rest = values.checked(Number(unit, ""), one.get("rest", 0.0), (*path, "rest"))
+        stiffness = values.checked(Number(_STIFFNESS[unit], ""), entry["stiffness"], (*path, "stiffness"))
+        with values.source.error_context(path):
+            rest = values.checked(Number(unit, ""), entry.get("rest", 0.0), (*path, "rest"))
             yield JointSpring(joint, stiffness, rest)
 
 
 def _unit(values: Values, mechanism: Mechanism, joint: str, path: tuple[str, ...]) -> Unit:
     """Return the unit of a joint's first coordinate; of a ball's turning "rad"."""
-    kinds: dict[str, KindName] = {one.name: one.kind for one in mechanism.joints}
+    kinds: dict[str, KindName] = {joint_.name: joint_.kind for joint_ in mechanism.joints}
     if joint not in kinds:
-        raise values.source.refusal(path, f"names joint {joint!r}{nearest(joint, kinds)}")
+        raise values.source.error(path, f"names joint {joint!r}{suggestion(joint, kinds)}")
     return "m" if "m" in KINDS[kinds[joint]].units else "rad"
 
 
-def _place(mechanism: Mechanism, read: Any) -> Place:
-    place: Place = read if isinstance(read, str) else (read["link"], read.get("at", ORIGIN))
-    located(mechanism, place)
-    return place
+def _point(mechanism: Mechanism, read: Any) -> Place:
+    point: Place = read if isinstance(read, str) else (read["link"], read.get("at", ORIGIN))
+    located(mechanism, point)
+    return point
 
 
-def _motor(values: Values, one: Mapping[str, Any]) -> Motor:
-    path, kind = ("forces", "motor"), one["kind"]
-    wanted = MOTORS[kind]
-    for key in wanted:
-        if key not in one:
-            raise values.source.refusal(
-                path, f"is of kind {kind!r} and has no {key!r}; give {', '.join(wanted)}"
+def _motor(values: Values, table: Mapping[str, Any]) -> Motor:
+    path, kind = ("forces", "motor"), table["kind"]
+    required = MOTOR_PARAMETERS[kind]
+    for key in required:
+        if key not in table:
+            raise values.source.error(
+                path, f"is of kind {kind!r} and has no {key!r}; give {', '.join(required)}"
             )
-    for key in one:
-        if key not in ("kind", "gear", *wanted):
-            raise values.source.refusal((*path, key), f"does not go with kind {kind!r}; take it out")
-    numbers = [one[key] for key in wanted]
-    made = {"constant": ConstantTorque, "line": TorqueSpeedLine, "dc": DCMotor}[kind](*numbers)
-    return Geared(made, one["gear"]) if "gear" in one else made
+    for key in table:
+        if key not in ("kind", "gear", *required):
+            raise values.source.error((*path, key), f"does not go with kind {kind!r}; take it out")
+    numbers = [table[key] for key in required]
+    motor = {"constant": ConstantTorque, "line": TorqueSpeedLine, "dc": DCMotor}[kind](*numbers)
+    return Geared(motor, table["gear"]) if "gear" in table else motor

@@ -6,13 +6,13 @@ from mechsim.errors import InputError
 from mechsim.model.load_profile import LoadProfile, constant
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.checked_values import Values
-from mechsim.subjects.load_text import Component, component, is_table, load_of
+from mechsim.subjects.load_profile_text import LoadComponent, combine_components, is_table, parse_component
 from mechsim.subjects.toml_source import KeyPath, shown
 
 Written = float | str
 
 
-def course_of(
+def load_profile_of(
     values: Values, mechanism: Mechanism, written: Sequence[Written], unit: str, path: KeyPath
 ) -> LoadProfile:
     """Return the course of a load.
@@ -27,31 +27,31 @@ def course_of(
     Raises:
         InputError: for text that says no load; names file, line, key, value and remedy.
     """
-    alone = len(written) == 1
-    parts = [
-        _component(values, mechanism, one, name, unit, path if alone else (*path, i))
-        for i, (name, one) in enumerate(zip(("crank",) if alone else "xyz", written, strict=True))
+    single = len(written) == 1
+    components = [
+        _component(values, mechanism, component, name, unit, path if single else (*path, i))
+        for i, (name, component) in enumerate(zip(("crank",) if single else "xyz", written, strict=True))
     ]
     try:
-        return load_of(parts)
+        return combine_components(components)
     except InputError as error:
-        raise values.source.refusal(path, str(error)) from None
+        raise values.source.error(path, str(error)) from None
 
 
 def _component(
     values: Values, mechanism: Mechanism, written: Written, name: str, unit: str, path: KeyPath
-) -> Component:
+) -> LoadComponent:
     if not isinstance(written, str):
-        return Component(written, constant(written))
-    tabled = is_table(written)
+        return LoadComponent(written, constant(written))
+    from_file = is_table(written)
     try:
-        text = values.source.beside(written) if tabled else written
-        found = component(text, name, unit, values.parameters)
+        text = values.source.sibling(written) if from_file else written
+        component = parse_component(text, name, unit, values.parameters)
     except InputError as error:
-        joined = ": " if tabled else ", which "
-        raise values.source.refusal(path, f"is {shown(written)}{joined}{error}") from None
-    if found.profile.over == "angle" and not mechanism.has_crank:
+        link = ": " if from_file else ", which "
+        raise values.source.error(path, f"is {shown(written)}{link}{error}") from None
+    if component.profile.over == "angle" and not mechanism.has_crank:
         drivers = ", ".join(mechanism.drivers)
-        why = f"is {shown(written)}, but no crank has an angle where {drivers} drive; give it over t"
-        raise values.source.refusal(path, why)
-    return found
+        reason = f"is {shown(written)}, but no crank has an angle where {drivers} drive; give it over t"
+        raise values.source.error(path, reason)
+    return component

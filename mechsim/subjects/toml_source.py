@@ -14,9 +14,9 @@ from typing import Any
 from mechsim.errors import InputError, cut
 
 # a file longer than this describes no mechanism
-LARGEST = 1_000_000
+MAX_BYTES = 1_000_000
 # characters of a value that a refusal repeats
-SHOWN = 60
+MAX_SHOWN = 60
 
 _NAME = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
 _DOTTED = rf"{_NAME}(?:\s*\.\s*{_NAME})*"
@@ -26,7 +26,7 @@ _KEY = re.compile(rf"\s*({_DOTTED})\s*=")
 KeyPath = tuple[str | int, ...]
 
 
-class PlacedError(InputError):
+class LocatedError(InputError):
     """An error that names file and line."""
 
 
@@ -46,47 +46,47 @@ class TomlSource:
 
     def line(self, key: KeyPath) -> int:
         """Return the line of a key, or of the table that holds it."""
-        names = tuple(part for part in key if isinstance(part, str))
+        names = tuple(name for name in key if isinstance(name, str))
         while names and names not in self.lines:
             names = names[:-1]
         return self.lines.get(names, 1)
 
-    def beside(self, name: str) -> str:
+    def sibling(self, name: str) -> str:
         """Return the path of a file that is named in this one and looked for beside it."""
         return str(Path(self.path).parent / name.strip())
 
-    def refusal(self, key: KeyPath, why: str) -> InputError:
+    def error(self, key: KeyPath, reason: str) -> InputError:
         """Return the error about a key: file, line, key, and why."""
-        return PlacedError(f"{self.path}, line {self.line(key)}: {dotted(key)} {why}")
+        return LocatedError(f"{self.path}, line {self.line(key)}: {dotted(key)} {reason}")
 
     @contextmanager
-    def about(self, key: KeyPath) -> Generator[None]:
+    def error_context(self, key: KeyPath) -> Generator[None]:
         """Give errors raised inside the place of a key, unless they name one."""
         try:
             yield
-        except PlacedError:
+        except LocatedError:
             raise
         except InputError as error:
-            raise PlacedError(f"{self.path}, line {self.line(key)}: {error}") from None
+            raise LocatedError(f"{self.path}, line {self.line(key)}: {error}") from None
 
 
 def dotted(key: KeyPath) -> str:
     """Return a key as joints.crank.a.at[1]."""
-    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key)
+    text = "".join(f"[{name}]" if isinstance(name, int) else f".{name}" for name in key)
     return text.removeprefix(".") or "the file"
 
 
 def shown(value: object) -> str:
     """Return a value as a refusal repeats it."""
-    return cut(repr(value), SHOWN)
+    return cut(repr(value), MAX_SHOWN)
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def suggestion(name: str, known: Iterable[str]) -> str:
     """Return the end of a refusal: what was probably meant, and what there is."""
-    names = list(known)
-    close = difflib.get_close_matches(name, names, n=1)
-    meant = f"; did you mean {close[0]!r}?" if close else ";"
-    return f"{meant} known are {', '.join(names) or 'none'}"
+    listed = list(known)
+    close = difflib.get_close_matches(name, listed, n=1)
+    hint = f"; did you mean {close[0]!r}?" if close else ";"
+    return f"{hint} known are {', '.join(listed) or 'none'}"
 
 
 def read_source(path: str) -> TomlSource:
@@ -96,11 +96,11 @@ def read_source(path: str) -> TomlSource:
         InputError: for a file that is not there, is too large, or is no TOML.
     """
     try:
-        about = os.stat(path)
-        if not stat.S_ISREG(about.st_mode):
+        status = os.stat(path)
+        if not stat.S_ISREG(status.st_mode):
             raise InputError(f"{path} is no regular file; name a TOML file")
-        if about.st_size > LARGEST:
-            raise InputError(f"{path} has {about.st_size} bytes; a mechanism's file has {LARGEST} at most")
+        if status.st_size > MAX_BYTES:
+            raise InputError(f"{path} has {status.st_size} bytes; a mechanism's file has {MAX_BYTES} at most")
         text = Path(path).read_text(encoding="utf-8-sig")
         return TomlSource(path, tomllib.loads(text), _lines(text))
     except FileNotFoundError:
@@ -119,17 +119,17 @@ def read_source(path: str) -> TomlSource:
 
 def _lines(text: str) -> dict[tuple[str, ...], int]:
     """Return on which line each key stands; those in inline tables are left to their table."""
-    found: dict[tuple[str, ...], int] = {}
+    lines: dict[tuple[str, ...], int] = {}
     table: tuple[str, ...] = ()
     for number, line in enumerate(text.splitlines(), 1):
         header, key = _HEADER.match(line), _KEY.match(line)
         if header:
-            table = _parts(header[1])
-            found.setdefault(table, number)
+            table = _key_names(header[1])
+            lines.setdefault(table, number)
         elif key:
-            found.setdefault(table + _parts(key[1]), number)
-    return found
+            lines.setdefault(table + _key_names(key[1]), number)
+    return lines
 
 
-def _parts(name: str) -> tuple[str, ...]:
-    return tuple(part.strip().strip("\"'") for part in re.findall(_NAME, name))
+def _key_names(name: str) -> tuple[str, ...]:
+    return tuple(name_.strip().strip("\"'") for name_ in re.findall(_NAME, name))

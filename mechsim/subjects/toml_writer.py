@@ -13,7 +13,7 @@ from mechsim.subjects.toml_driving import driving_lines
 from mechsim.subjects.toml_text import key, listed, number, quoted
 
 
-def toml_of(source: Mechanism | LoopForm) -> str:
+def to_toml(source: Mechanism | LoopForm) -> str:
     """Return a mechanism as text in TOML, in metres and radians, numbers with 17 digits.
 
     Args:
@@ -33,17 +33,17 @@ def toml_of(source: Mechanism | LoopForm) -> str:
         lines += ["", f"[links.{key(link.name)}]", *_link(link)]
     for joint in mechanism.joints:
         lines += ["", f"[joints.{key(joint.name)}]", *_joint(joint)]
-    taken = [coupling.name for coupling in mechanism.couplings]
+    names = [coupling.name for coupling in mechanism.couplings]
     for i, gear in enumerate(mechanism.gears):
-        lines += ["", f"[couplings.{key(_gear_name(mechanism, i, taken))}]", *_gear(gear)]
+        lines += ["", f"[couplings.{key(_gear_name(mechanism, i, names))}]", *_gear(gear)]
     for coupling in mechanism.couplings:
         lines += ["", f"[couplings.{key(coupling.name)}]", *_coupling(coupling)]
     if mechanism.locked:
         lines += ["", "[locked]", *_values(mechanism.locked)]
     if mechanism.points:
         lines += ["", "[points]"]
-    for name, (link, place) in mechanism.points.items():
-        lines.append(f"{key(name)} = {{ link = {quoted(link)}, at = {listed(place)} }}")
+    for name, (link, position) in mechanism.points.items():
+        lines.append(f"{key(name)} = {{ link = {quoted(link)}, at = {listed(position)} }}")
     if mechanism.guess:
         lines += ["", "[guess]"]
     for link, pose in mechanism.guess.items():
@@ -89,8 +89,8 @@ def _joint(joint: Joint) -> Iterator[str]:
 
 def _end(end: End) -> str:
     assert end.mark is not None
-    places = f"at = {listed(end.point)}, axis = {listed(end.axis)}, mark = {listed(end.mark)}"
-    return f"{{ link = {quoted(end.link)}, {places} }}"
+    fields = f"at = {listed(end.point)}, axis = {listed(end.axis)}, mark = {listed(end.mark)}"
+    return f"{{ link = {quoted(end.link)}, {fields} }}"
 
 
 def _gear(gear: Gear) -> Iterator[str]:
@@ -102,9 +102,9 @@ def _gear(gear: Gear) -> Iterator[str]:
         yield f"pressure_angle = {number(gear.pressure_angle)}"
 
 
-def _gear_name(mechanism: Mechanism, index: int, taken: list[str]) -> str:
+def _gear_name(mechanism: Mechanism, index: int, names: list[str]) -> str:
     name = "gear" if len(mechanism.gears) == 1 else f"gear{index + 1}"
-    while name in taken:
+    while name in names:
         name += "_"
     return name
 

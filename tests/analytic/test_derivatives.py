@@ -16,7 +16,7 @@ from mechsim.analytic.derivatives.joint_places import placed_family
 from mechsim.analytic.derivatives.numbers import numbers_of
 from mechsim.errors import AssemblyError, InputError
 from mechsim.subjects import subject
-from mechsim.subjects.families import family
+from mechsim.subjects.parametric_models import parametric_model
 
 SPEED = 7.0
 ANGLES = np.array([0.3, 1.1, 2.9, 4.4])
@@ -80,7 +80,7 @@ def differences(of: DesignFamily, name, angles, speed, part=1e-5):
     ],
 )
 def test_derivatives_are_those_of_the_motions_of_mechanisms_beside(model, given, names):
-    of = family(model, **given)
+    of = parametric_model(model, **given)
     form = of.make({})
     turning = form.mechanism.has_crank and not given
     angles = form.mechanism.start + ANGLES[:3] if turning else ANGLES[:2] / 10.0 * form.programs.pace
@@ -143,7 +143,7 @@ def test_numbers_of_another_mechanism_are_refused():
 
 
 def test_a_file_beside_is_described_without_being_put_together(monkeypatch):
-    of, near = family("hoeken"), {"arm": 0.176}
+    of, near = parametric_model("hoeken"), {"arm": 0.176}
     made = of.make(near).mechanism
 
     def refused(mechanism):

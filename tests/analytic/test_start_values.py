@@ -13,7 +13,7 @@ from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.subject import load
 from mechsim.subjects.toml_reader import read_toml
-from mechsim.subjects.toml_writer import toml_of
+from mechsim.subjects.toml_writer import to_toml
 
 
 def spherical_four_bar() -> Mechanism:
@@ -65,12 +65,12 @@ def test_both_roads_begin_where_the_mechanism_is_put_together():
 
 def test_a_file_is_loaded_as_it_is_put_together_and_comes_back_so(tmp_path):
     rough = tmp_path / "rough.toml"
-    rough.write_text(toml_of(spherical_four_bar()), "utf-8")
+    rough.write_text(to_toml(spherical_four_bar()), "utf-8")
     begun = load(str(rough)).mechanism
     told = read_toml(str(rough)).form.mechanism.guess["three"].rotation
     assert np.abs(begun.guess["three"].rotation - told).max() > 0.1
     again = tmp_path / "again.toml"
-    again.write_text(toml_of(begun), "utf-8")
+    again.write_text(to_toml(begun), "utf-8")
     back = load(str(again)).mechanism
     assert all((back.guess[link].rotation == pose.rotation).all() for link, pose in begun.guess.items())
 

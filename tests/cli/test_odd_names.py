@@ -25,7 +25,7 @@ from mechsim.report.views import mechanism_view
 from mechsim.simulation import mjcf
 from mechsim.simulation.closed_model import assembled
 from mechsim.subjects.toml_reader import read_toml
-from mechsim.subjects.toml_writer import toml_of
+from mechsim.subjects.toml_writer import to_toml
 
 # each breaks an output that does not escape it
 BREAKING = (
@@ -92,7 +92,7 @@ def test_tables_and_toml_read_back_with_their_names(tmp_path, name):
     for ending in (".csv", ".npz"):
         files.write(tmp_path / f"motion{ending}", motion)
         assert list(files.read(tmp_path / f"motion{ending}")) == list(dict(motion.columns()))
-    (tmp_path / "odd.toml").write_text(toml_of(mechanism), encoding="utf-8")
+    (tmp_path / "odd.toml").write_text(to_toml(mechanism), encoding="utf-8")
     read = read_toml(str(tmp_path / "odd.toml")).form.mechanism
     assert (read.name, read.points, read.drivers) == (mechanism.name, mechanism.points, mechanism.drivers)
     assert [joint.name for joint in read.joints] == [joint.name for joint in mechanism.joints]
@@ -127,7 +127,7 @@ def test_a_page_shows_them_as_they_are():
 
 def test_no_command_ends_in_an_internal_error(mechsim):
     name = r"_[/]$\frac{$,</script>../x"
-    Path("odd.toml").write_text(toml_of(named(name)), encoding="utf-8")
+    Path("odd.toml").write_text(to_toml(named(name)), encoding="utf-8")
     for line in (
         "solve odd.toml --angles 0:20:10deg",
         "show odd.toml --angle 30deg",

@@ -24,7 +24,7 @@ from mechsim.studies.reduction.other_motions import REACH, motion_to_fit, second
 from mechsim.studies.reduction.refit import refit
 from mechsim.studies.reduction.spelled_out import spelled_out
 from mechsim.studies.scenes import scene_of, step_time
-from mechsim.subjects.actuator_programs import actuator_programs
+from mechsim.subjects.control_law_text import control_laws
 from mechsim.subjects.subject import load
 
 SIZE = 0.07
@@ -48,7 +48,7 @@ def scene(folder, text, *, ctrl=FED, drive=None, duration=0.5, track=("tip,pad@0
     path.write_text(text)
     form = load(str(path), drive=drive, track=track)
     programs = {} if form.programs is None else form.programs.by_name
-    fed = actuator_programs({"servo": ctrl} if ctrl else {})
+    fed = control_laws({"servo": ctrl} if ctrl else {})
     made = scene_of(
         form.source,
         form.mechanism,

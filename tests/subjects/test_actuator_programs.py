@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.subjects.actuator_programs import actuator_program
+from mechsim.subjects.control_law_text import control_law
 
 T = np.linspace(0.0, 1.0, 5)
 
@@ -20,18 +20,18 @@ T = np.linspace(0.0, 1.0, 5)
     ],
 )
 def test_a_control_is_a_constant_or_an_expression_in_its_own_unit(text, value):
-    assert actuator_program(text, "servo")(T)[0] == pytest.approx(value)
+    assert control_law(text, "servo")(T)[0] == pytest.approx(value)
 
 
 def test_a_control_is_read_from_a_table(tmp_path):
     path = tmp_path / "control.csv"
     path.write_text("t,value\n" + "".join(f"{t},{2 * t}\n" for t in np.linspace(0, 1, 9)))
-    found = actuator_program(str(path), "servo")
+    found = control_law(str(path), "servo")
     assert found(T)[0] == pytest.approx(2 * T)
-    assert found.lasts == 1.0
+    assert found.end_time == 1.0
 
 
 @pytest.mark.parametrize("text", ["fast", "3*kg*t", "t +", ""])
 def test_a_control_that_says_nothing_is_refused_by_name(text):
     with pytest.raises(InputError, match="actuator servo"):
-        actuator_program(text, "servo")
+        control_law(text, "servo")

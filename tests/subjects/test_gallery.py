@@ -10,7 +10,7 @@ from mechsim.studies.agreement.comparison import bound_of, check, scales_of
 from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.studies.validate import case_of
 from mechsim.subjects import gallery
-from mechsim.subjects.python_object import object_of
+from mechsim.subjects.python_object import run_object
 from mechsim.subjects.subject import load
 from mechsim.verdict.quantities import reach_of
 from mechsim.verdict.tolerances import EPS
@@ -36,7 +36,7 @@ def test_a_file_of_the_gallery_bears_its_mechanism_s_name_and_says_where_it_is_f
     assert text.startswith("# ")
     assert "\n# Source: " in text
     assert "\n# Law" in text
-    assert len(gallery.about(FILES[shown.name])) > 20
+    assert len(gallery.description(FILES[shown.name])) > 20
 
 
 def test_a_mechanism_of_the_gallery_meets_every_bound_and_its_law_to_rounding(shown):
@@ -58,7 +58,7 @@ def test_the_law_condemns_a_dimension_a_thousandth_off(shown):
     name = next(iter(shown.parameters))
     wrong = load(shown.name, {name: f"1.001*{shown.parameters[name]!r}"})
     comparand = comparand_of(wrong, speed=1.0)
-    law = claimed(object_of(shown.formula), comparand, names_of(wrong.mechanism), "law", shown.parameters)
+    law = claimed(run_object(shown.formula), comparand, names_of(wrong.mechanism), "law", shown.parameters)
     scales = scales_of(comparand, law)
     assert not all(
         check(one, comparand.exact(one.named), comparand, bound_of(one, scales, None), None).passed

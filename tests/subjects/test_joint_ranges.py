@@ -7,7 +7,7 @@ from mechsim import simulate
 from mechsim.analytic import dynamics
 from mechsim.errors import AssemblyError
 from mechsim.report.facts import facts
-from mechsim.subjects.driver_rows import poses_at
+from mechsim.subjects.driver_positions import poses_of_table
 from mechsim.subjects.subject import load
 
 ARM = """
@@ -38,7 +38,7 @@ def prescribed(form):
 
 ROADS = {
     "solved": lambda form: form.solve(t=np.linspace(0.0, 1.0, 5)),
-    "row by row": lambda form: poses_at(form, {"crank": np.array([0.0, 0.1])}, "rows.csv"),
+    "row by row": lambda form: poses_of_table(form, {"crank": np.array([0.0, 0.1])}, "rows.csv"),
     "posed": lambda form: simulate(form, method="pose"),
     "stepped": lambda form: simulate(form, method="step"),
     "inverse dynamics": prescribed,
@@ -137,6 +137,6 @@ def test_ranges_are_checked_between_samples_alike_by_every_method(tmp_path, road
 
 def test_rows_of_driver_coordinates_are_poses_each_by_itself(tmp_path):
     form = parallelogram(tmp_path, "rocker", 0.1, 0.85)
-    assert len(poses_at(form, {"crank": np.array([0.2, 0.8])}, "rows.csv")) == 2
+    assert len(poses_of_table(form, {"crank": np.array([0.2, 0.8])}, "rows.csv")) == 2
     with pytest.raises(AssemblyError, match=r"joint 'rocker' would stand at 0\.9 rad"):
-        poses_at(form, {"crank": np.array([0.2, 0.9])}, "rows.csv")
+        poses_of_table(form, {"crank": np.array([0.2, 0.9])}, "rows.csv")

@@ -12,7 +12,7 @@ from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 from mechsim.subjects.schema import schema
 from mechsim.subjects.subject import load
-from mechsim.subjects.toml_writer import toml_of
+from mechsim.subjects.toml_writer import to_toml
 
 SLIDER = """
 name = "slider"
@@ -98,16 +98,16 @@ def test_varying_loads_are_written_as_they_are_read(made, tmp_path):
     path = tmp_path / "deeper"
     path.mkdir()
     path = path / "again.toml"
-    path.write_text(toml_of(form))
+    path.write_text(to_toml(form))
     again = load(str(path))
     at = np.linspace(0.0, 2.0, 11)
     for found, wanted in zip(again.forces.courses, form.forces.courses, strict=True):
         # lengths and angles were in other units, and are reckoned again
         np.testing.assert_allclose(found.at(at, at), wanted.at(at, at), rtol=1e-14)
-    assert toml_of(again) == toml_of(form)
+    assert to_toml(again) == to_toml(form)
     push = replace(form.forces.loads[0], force=replace(form.forces.loads[0].force, value=np.sin))
     with pytest.raises(InputError, match="load on B is a function of time, which no text says"):
-        toml_of(replace(form, forces=replace(form.forces, loads=(push,))))
+        to_toml(replace(form, forces=replace(form.forces, loads=(push,))))
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mechsim.errors import AssemblyError, InputError, MobilityError
-from mechsim.subjects.driver_rows import poses_at
+from mechsim.subjects.driver_positions import poses_of_table
 from mechsim.subjects.subject import load
 
 FIVE_BAR = """
@@ -208,19 +208,19 @@ def test_poses_are_followed_row_by_row_in_the_assembly_of_the_guess(file):
     rng = np.random.default_rng(3)
     left, right = np.deg2rad(rng.uniform(80, 150, 40)), np.deg2rad(rng.uniform(30, 100, 40))
     left[7], right[7] = left[6], right[6]
-    poses = poses_at(load(file(FIVE_BAR)), {"left": left, "right": right}, "rows.csv")
+    poses = poses_of_table(load(file(FIVE_BAR)), {"left": left, "right": right}, "rows.csv")
     columns = dict(poses.columns())
     joints = [f"{name}.q" for name in ("left", "right", "A", "D", "P")]
     assert list(columns) == ["left", "right", "P.x", "P.y", "P.z", *joints]
     wanted = two_circles(left, right)
     np.testing.assert_allclose(np.stack([columns["P.x"], columns["P.y"]], 1), wanted, atol=1e-13)
-    assert len(poses_at(load(file(FIVE_BAR)), {"left": left[:1], "right": right[:1]}, "rows.csv")) == 1
+    assert len(poses_of_table(load(file(FIVE_BAR)), {"left": left[:1], "right": right[:1]}, "rows.csv")) == 1
 
 
 def test_rows_that_cannot_be_reached_are_named(file):
     table = {"left": np.deg2rad([120.0, 140.0, 180.0]), "right": np.deg2rad([60.0, 40.0, 0.0])}
     with pytest.raises(AssemblyError, match="the stretch after row 2 of rows"):
-        poses_at(load(file(FIVE_BAR)), table, "rows.csv")
+        poses_of_table(load(file(FIVE_BAR)), table, "rows.csv")
 
 
 REFUSED = [

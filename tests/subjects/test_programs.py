@@ -8,14 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mechsim.errors import InputError
-from mechsim.subjects.program_text import program
-from mechsim.subjects.time_expressions import over_time
+from mechsim.subjects.motion_law_text import parse_motion_law
+from mechsim.subjects.time_expressions import time_function
 
 TIMES = np.linspace(0.1, 0.9, 17)
 
 
 def made(text, unit="rad", start=0.3):
-    return program(text, "arm", unit, lambda: start)
+    return parse_motion_law(text, "arm", unit, lambda: start)
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def expressions(draw, depth=3):
 @given(expressions())
 @settings(deadline=None, max_examples=60)
 def test_rates_of_an_expression_are_exact(text):
-    state = over_time(f"({text}) + 0*t", "rad")[1]
+    state = time_function(f"({text}) + 0*t", "rad")[1]
     value, rate, second = state(TIMES)
     wanted, first = complex_step(f"({text}) + 0*t", TIMES)
     # differences of the exact rate judge the second one
@@ -95,7 +95,9 @@ def test_rates_of_an_expression_are_exact(text):
 def test_the_judge_of_rates_sees_a_wrong_one():
     with pytest.raises(AssertionError):
         np.testing.assert_allclose(
-            over_time("sin(2*t)", "rad")[1](TIMES)[1], complex_step("sin(2.000001*t)", TIMES)[1], rtol=1e-12
+            time_function("sin(2*t)", "rad")[1](TIMES)[1],
+            complex_step("sin(2.000001*t)", TIMES)[1],
+            rtol=1e-12,
         )
 
 
@@ -157,7 +159,7 @@ def test_a_table_is_joined_smoothly_and_says_how_long_it_lasts(tmp_path):
     time = np.linspace(0.0, 2.0, 41)
     rows = "".join(f"{t:.17g},{np.sin(3 * t):.17g}\n" for t in time)
     found = made(table(tmp_path, "t,arm\n" + rows))
-    assert found.lasts == 2.0
+    assert found.end_time == 2.0
     value, rate, second = found.state(TIMES)
     np.testing.assert_allclose(value, np.sin(3 * TIMES), atol=1e-7)
     np.testing.assert_allclose(rate, 3 * np.cos(3 * TIMES), atol=1e-5)

@@ -16,7 +16,7 @@ from mechsim.model.rod_inertia import with_inertia
 from mechsim.subjects.schema import schema
 from mechsim.subjects.subject import load
 from mechsim.subjects.toml_keys import ROOT
-from mechsim.subjects.toml_writer import toml_of
+from mechsim.subjects.toml_writer import to_toml
 
 VARIANTS = {
     f"{name}, {variant or 'itself'}": one
@@ -27,7 +27,7 @@ VARIANTS = {
 
 def read_back(mechanism: Mechanism, folder: Path) -> Mechanism:
     path = folder / "written.toml"
-    path.write_text(toml_of(mechanism), "utf-8")
+    path.write_text(to_toml(mechanism), "utf-8")
     return load(str(path)).mechanism
 
 
@@ -244,7 +244,7 @@ def test_programs_of_a_file_are_in_its_units_and_its_parameters(press):
 
 def test_everything_comes_back_to_the_last_bit(press, tmp_path):
     path = tmp_path / "again.toml"
-    path.write_text(toml_of(press))
+    path.write_text(to_toml(press))
     again = load(str(path))
     assert alike(again.mechanism, press.mechanism)
     assert again.programs.duration == press.programs.duration
@@ -256,7 +256,7 @@ def test_everything_comes_back_to_the_last_bit(press, tmp_path):
         assert np.array_equal(found.at([0.0]), wanted.at([0.0]))
     bare = [replace(one.forces, loads=(), couples=(), crank_torque=None) for one in (again, press)]
     assert bare[0] == bare[1]
-    assert toml_of(again) == toml_of(press)
+    assert to_toml(again) == to_toml(press)
 
 
 def test_forces_of_a_file_are_in_si(press):
@@ -280,7 +280,7 @@ def test_a_program_that_is_a_function_cannot_be_written():
 
     form = load("four_bar", drive={"crank": state})
     with pytest.raises(InputError, match="no text says"):
-        toml_of(form)
+        to_toml(form)
 
 
 def test_the_schema_takes_what_the_reader_takes_and_no_more(press):

@@ -14,7 +14,7 @@ from mechsim.pictures.view import page
 from mechsim.report.views import mechanism_view
 from mechsim.shapes import camera
 from mechsim.subjects.subject import load
-from mechsim.subjects.toml_writer import toml_of
+from mechsim.subjects.toml_writer import to_toml
 
 # a crank about the vertical z axis with an arm that stays outside the plane of its tip
 ARM = """
@@ -80,7 +80,7 @@ def test_scenes_point_up_against_their_gravity(tmp_path, gravity, expected):
 def test_a_scene_exported_as_toml_keeps_what_points_up(tmp_path):
     form = loaded(tmp_path, SCENE.format("0 0 -9.81"), "arm.xml")
     for source in (form, form.mechanism):
-        written = toml_of(source)
+        written = to_toml(source)
         assert 'up = "z"' in written
         again = loaded(tmp_path, written).mechanism
         assert again.up == "z"

@@ -12,7 +12,7 @@ from mechsim.pictures.render.exported_scene import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf_reader.parsed_file import parsed
 from mechsim.studies.scenes import UserScene, scene_of
-from mechsim.subjects.actuator_programs import actuator_programs
+from mechsim.subjects.control_law_text import control_laws
 from mechsim.subjects.subject import load
 
 
@@ -48,7 +48,7 @@ class Case:
             form.source,
             form.mechanism,
             drive={} if form.programs is None else dict(form.programs.by_name),
-            ctrl=actuator_programs(self.ctrl),
+            ctrl=control_laws(self.ctrl),
             duration=self.duration,
             points=dict(form.mechanism.points),
             key=self.key,

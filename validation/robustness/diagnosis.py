@@ -30,7 +30,7 @@ from mechsim.studies.agreement.claim import Claim
 from mechsim.studies.agreement.comparand import Comparand, comparand_of
 from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.subjects import gallery
-from mechsim.subjects.families import family
+from mechsim.subjects.parametric_models import parametric_model
 
 SPEED = 20.0 * np.pi
 SIZES = (1e-4, 3e-3, 5e-2)
@@ -63,7 +63,7 @@ class Subject:
     @cached_property
     def family(self):
         """The mechanism among others."""
-        return family(self.name, **self.asked)
+        return parametric_model(self.name, **self.asked)
 
     @cached_property
     def form(self):

@@ -23,7 +23,7 @@ from mechsim.analytic.derivatives.dimensions import EIGHTH
 from mechsim.analytic.derivatives.motion_beside import motion_beside
 from mechsim.errors import MechsimError
 from mechsim.subjects import gallery
-from mechsim.subjects.families import family
+from mechsim.subjects.parametric_models import parametric_model
 
 EXACT = {
     "rssr": ("P3", rssr_p3_place),
@@ -100,11 +100,11 @@ def differences(of, near, dimension, part):
 
 def beside(name):
     """Return the largest relative errors of positions and velocities against mechanisms solved beside."""
-    of = family(name)
+    of = parametric_model(name)
     form = of.make({})
     if not form.mechanism.has_crank and form.programs is None:
         units = {one: "5mm" if form.mechanism.unit(one) == "m" else "5deg" for one in form.mechanism.drivers}
-        of = family(name, drive={one: f"{far}*sin(2*pi*t)" for one, far in units.items()})
+        of = parametric_model(name, drive={one: f"{far}*sin(2*pi*t)" for one, far in units.items()})
         form = of.make({})
     programs = form.programs
     angles = form.mechanism.start + 0.4 * AT / AT[-1] if programs is None else programs.pace * AT / 40.0

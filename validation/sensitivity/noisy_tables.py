@@ -18,7 +18,7 @@ from mechsim.studies.agreement.claim import Claim
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.studies.agreement.noise import FALSE_ALARM
-from mechsim.subjects.families import family
+from mechsim.subjects.parametric_models import parametric_model
 
 CASES = (
     ("four_bar", ("B.xy", "C.xy", "rocker.q"), "coupler"),
@@ -53,7 +53,7 @@ def noisy(claim, random):
 
 
 def shorter(name, link):
-    dimensions = family(name)
+    dimensions = parametric_model(name)
     return dimensions.make({link: dimensions.dimensions[link].value - SHORT})
 
 
@@ -72,7 +72,11 @@ def main(tables, causes):
             rejected += not found.passed
         for _ in range(causes):
             found = agreement(
-                comparand, [noisy(claim, random) for claim in wrong], "a wrong table", None, family(name)
+                comparand,
+                [noisy(claim, random) for claim in wrong],
+                "a wrong table",
+                None,
+                parametric_model(name),
             )
             detected += not found.passed
             named += link in [one.what for one in found.findings]

@@ -28,8 +28,8 @@ from mechsim.studies.agreement.miss import Miss
 from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.studies.agreement.noise import Noise, noise_data, noise_report
 from mechsim.studies.agreement.table_claims import claims_of_table, read_table, tabled_comparand
-from mechsim.subjects.families import family as dimension_family
-from mechsim.subjects.python_object import object_of
+from mechsim.subjects.parametric_models import parametric_model as dimension_family
+from mechsim.subjects.python_object import run_object
 from mechsim.units import si
 from mechsim.verdict.checks import Check, Verdict, concluded
 
@@ -266,7 +266,7 @@ def _claims(
         comparand, used = tabled_comparand(form, table, speed, source)
         return source, comparand, claims_of_table(table, used, names, source), None
     if isinstance(against, str | Path):
-        source, function = str(against), object_of(str(against))
+        source, function = str(against), run_object(str(against))
     else:
         source, function = getattr(against, "__name__", "the function"), against
     if not callable(function):

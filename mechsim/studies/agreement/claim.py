@@ -11,7 +11,7 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.studies.agreement.comparand import Comparand, asked_of
 from mechsim.studies.agreement.named_quantities import NamedQuantity, Names
-from mechsim.subjects.python_object import tried
+from mechsim.subjects.python_object import run_user_code
 
 # second arguments by which a function asks for more than places of drivers
 BY_NAME = {
@@ -62,7 +62,7 @@ def claimed(
     asked = asked_of(comparand)
     where = asked if isinstance(asked, Mapping) else {"crank angle": asked}
     with np.errstate(all="ignore"):
-        found = tried(who, lambda: function(_copied(asked), **_more(function, comparand, parameters)))
+        found = run_user_code(who, lambda: function(_copied(asked), **_more(function, comparand, parameters)))
     if not isinstance(found, Mapping) or not found:
         raise InputError(
             f"{who} gives a {type(found).__name__}; give a dictionary from names to values (n, 3) or (n,)"

@@ -13,7 +13,7 @@ from mechsim.studies.fit.calibration import Fit, fit_dimensions
 from mechsim.studies.fit.measured import measured_of
 from mechsim.studies.sensitivity.asked import Subject, moved_along
 from mechsim.studies.sensitivity.moved_family import MovedFamily
-from mechsim.subjects.families import family
+from mechsim.subjects.parametric_models import parametric_model
 
 
 def fit(
@@ -46,7 +46,7 @@ def fit(
     if not isinstance(subject, MovedFamily):
         # the table has the instants
         pace = units.si(speed, "rad/s", "the speed")
-        subject = moved_along(family(subject), np.zeros(1), pace, forces)
+        subject = moved_along(parametric_model(subject), np.zeros(1), pace, forces)
     if isinstance(table, Mapping):
         columns: Mapping[str, Array] = {
             name: np.asarray(one, dtype=np.float64) for name, one in table.items()

@@ -16,7 +16,7 @@ from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, instants_of
 from mechsim.studies.sensitivity.table import ALL, Sensitivity, derivative_table
-from mechsim.subjects.families import family
+from mechsim.subjects.parametric_models import parametric_model
 
 Subject = str | Form | Mechanism | MovedFamily
 
@@ -46,7 +46,7 @@ def moved(
     if isinstance(model, MovedFamily):
         return model
     pace = units.si(speed, "rad/s", "the speed")
-    of = family(model)
+    of = parametric_model(model)
     form = of.make({})
     if angles is None and t is None:
         return moved_along(of, instants_of(form), pace, forces)

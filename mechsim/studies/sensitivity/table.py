@@ -13,7 +13,7 @@ from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
 from mechsim.studies.sensitivity.moved_family import MovedFamily, Slopes
 from mechsim.studies.sensitivity.quantities import unit_of
-from mechsim.subjects.toml_source import nearest
+from mechsim.subjects.toml_source import suggestion
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -135,7 +135,7 @@ def dimensions_asked(moved: MovedFamily, to: str | Sequence[str]) -> list[str]:
         parts = [one for one in known if one == name or one.startswith(f"{name}.")]
         if name not in known and not parts:
             shown = moved.family.usual or known
-            raise InputError(f"{moved.family.name} has no dimension {name!r}{nearest(name, shown)}")
+            raise InputError(f"{moved.family.name} has no dimension {name!r}{suggestion(name, shown)}")
         found |= dict.fromkeys([name] if name in known else parts)
     return list(found)
 

@@ -15,7 +15,7 @@ from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS, kinds_that
 from mechsim.model.joints import Joint
 from mechsim.model.mechanism import Mechanism
-from mechsim.subjects.toml_source import nearest
+from mechsim.subjects.toml_source import suggestion
 from mechsim.units import Unit
 
 Distribution = Literal["uniform", "normal"]
@@ -72,13 +72,13 @@ def tolerances_of(
         if name.endswith(CLEARANCE):
             joint = name.removesuffix(CLEARANCE)
             if joint not in joints:
-                raise InputError(f"{mechanism.name} has no joint {joint!r}{nearest(joint, joints)}")
+                raise InputError(f"{mechanism.name} has no joint {joint!r}{suggestion(joint, joints)}")
             _require_pin(joints[joint])
             clearances[joint] = _bound(name, bound, "m")
         elif name in dimensions:
             bounds[name] = _bound(name, bound, dimensions[name].unit)
         else:
-            raise InputError(f"{mechanism.name} has no dimension {name!r}{nearest(name, dimensions)}")
+            raise InputError(f"{mechanism.name} has no dimension {name!r}{suggestion(name, dimensions)}")
     if not bounds and not clearances:
         raise InputError("no tolerance is given; write crank=±0.02mm, or name a table dimension,tolerance")
     return Tolerances(bounds, clearances, "normal" if distribution == "normal" else "uniform")

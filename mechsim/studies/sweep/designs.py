@@ -16,7 +16,7 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import numbers
 from mechsim.maths.memory import require_room
-from mechsim.subjects.toml_source import nearest
+from mechsim.subjects.toml_source import suggestion
 from mechsim.units import Unit
 
 # of the random numbers of samples
@@ -100,7 +100,7 @@ def known(name: str, model: str, there: Mapping[str, str]) -> str:
         parts = [f"{name}.{axis}" for axis in AXES if f"{name}.{axis}" in there]
         if parts:
             raise InputError(f"{name} of {model} is a place; vary its parts, {', '.join(parts)}")
-        raise InputError(f"{model} has no parameter {name!r} to vary{nearest(name, there)}")
+        raise InputError(f"{model} has no parameter {name!r} to vary{suggestion(name, there)}")
     return there[name]
 
 
@@ -223,7 +223,7 @@ def sampled(
     word, _, number = text.partition(":")
     count = int(number) if number.isdigit() else 0
     if word not in ("sobol", "halton", "latin", "random") or not 1 <= count <= MOST_LISTED:
-        words = nearest(word, ("sobol", "halton", "latin", "random"))
+        words = suggestion(word, ("sobol", "halton", "latin", "random"))
         raise InputError(f"--sample {text!r} is none{words}; write sobol:N with N up to {MOST_LISTED:,}")
     if not spans:
         raise InputError(f"no parameter of {model} varies; give --vary {SPAN}")

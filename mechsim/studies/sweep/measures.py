@@ -12,8 +12,8 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, taken
 from mechsim.model.programs import Programs
 from mechsim.studies.sweep.turns import TurnQuantity, Turns, joint_units, quantity
-from mechsim.subjects.python_object import object_of, tried
-from mechsim.subjects.toml_source import nearest
+from mechsim.subjects.python_object import run_object, run_user_code
+from mechsim.subjects.toml_source import suggestion
 
 # word -> what it makes of a quantity over the turn, (designs, poses) -> (designs,)
 OVER: dict[str, Callable[[Array], Array]] = {
@@ -110,13 +110,13 @@ def measure(text: str, mechanism: Mechanism, programs: Programs | None = None) -
     if text in FACTS:
         return TurnMeasure(text, text, FACTS[text])
     if ".py:" in text:
-        object_of(text)
+        run_object(text)
         return TurnMeasure(text, "function", "", subject=text)
     if colon and word == "range":
         return _range(text, rest, mechanism)
     if colon and word == "stroke":
         if rest not in mechanism.points:
-            raise InputError(f"{mechanism.name} has no point {rest!r}{nearest(rest, mechanism.points)}")
+            raise InputError(f"{mechanism.name} has no point {rest!r}{suggestion(rest, mechanism.points)}")
         return TurnMeasure(text, word, "m", subject=rest)
     if colon and word in OVER:
         of = quantity(rest, mechanism)
@@ -126,7 +126,7 @@ def measure(text: str, mechanism: Mechanism, programs: Programs | None = None) -
         of = quantity(name, mechanism)
         return TurnMeasure(text, word, of.unit, of, angle=_parameter(text, place, programs))
     said = f"{word}:" if colon else text
-    raise InputError(f"there is no measure {text!r}{nearest(said, WORDS)}")
+    raise InputError(f"there is no measure {text!r}{suggestion(said, WORDS)}")
 
 
 def _parameter(text: str, place: str, programs: Programs | None) -> float:
@@ -148,7 +148,7 @@ def _parameter(text: str, place: str, programs: Programs | None) -> float:
 def _range(text: str, rest: str, mechanism: Mechanism) -> TurnMeasure:
     joints = joint_units(mechanism)
     if rest not in joints and "." not in rest and ":" not in rest:
-        raise InputError(f"{mechanism.name} has no joint {rest!r} to range{nearest(rest, joints)}")
+        raise InputError(f"{mechanism.name} has no joint {rest!r} to range{suggestion(rest, joints)}")
     of = quantity(rest, mechanism)
     return TurnMeasure(text, "range", of.unit, of)
 
@@ -167,11 +167,11 @@ def _stroke(turns: Turns, point: str) -> Array:
 
 def _function_values(where: str, turns: Turns) -> Array:
     """Return what a user's function says of each motion, (designs,)."""
-    function = object_of(where)
+    function = run_object(where)
     out = np.empty(turns.designs)
     for i in range(turns.designs):
         motion: Motion = taken(turns.motion, slice(i * turns.poses, (i + 1) * turns.poses))
-        out[i] = _number(where, tried(where, lambda motion=motion: function(motion)))
+        out[i] = _number(where, run_user_code(where, lambda motion=motion: function(motion)))
     return out
 
 

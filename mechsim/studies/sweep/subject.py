@@ -12,9 +12,9 @@ from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.subjects.families import family, in_text, toml_path
-from mechsim.subjects.python_object import parameters_of, python_maker
-from mechsim.subjects.toml_reader import toml_subject
+from mechsim.subjects.parametric_models import as_text, parametric_model, toml_path
+from mechsim.subjects.python_object import parameters_of, python_factory
+from mechsim.subjects.toml_reader import toml_model
 from mechsim.subjects.toml_source import TomlSource, read_source
 
 Make = Callable[[Mapping[str, float]], Form]
@@ -61,8 +61,8 @@ class OfToml:
 
     def __call__(self, values: Mapping[str, float]) -> Form:
         """Return a design."""
-        changed = {name: in_text(value, self.units.get(name, "1")) for name, value in values.items()}
-        form = toml_subject(self.source, {**self.given, **changed}).form
+        changed = {name: as_text(value, self.units.get(name, "1")) for name, value in values.items()}
+        form = toml_model(self.source, {**self.given, **changed}).form
         mechanism = form.mechanism
         if len(mechanism.guess) == len(mechanism.links):
             return form
@@ -90,7 +90,7 @@ class OfPython:
 @lru_cache(maxsize=8)
 def _maker(model: str, changed: int) -> Callable[[Mapping[str, str | float]], Form]:
     """Return what makes designs by a Python file that was last changed then; the file is run once."""
-    return python_maker(model)
+    return python_factory(model)
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def swept(
     Raises:
         InputError: as `load`.
     """
-    found = family(model, set, **asked)
+    found = parametric_model(model, set, **asked)
     form = found.make({})
     name = model if isinstance(model, str) else form.name
     given = dict(set or {})

@@ -10,7 +10,7 @@ from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import FIXED, KINDS
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.subjects.toml_source import nearest
+from mechsim.subjects.toml_source import suggestion
 
 AXES = "xyz"
 RATES = {"": "position", "v": "velocity", "a": "acceleration"}
@@ -120,7 +120,7 @@ def quantity(name: str, mechanism: Mechanism) -> TurnQuantity:
         found = TurnQuantity(name, "transmission", "", "", "rad")
     if found is None:
         known = _known(mechanism)
-        raise InputError(f"{mechanism.name} has no quantity {name!r}{nearest(name, known)}")
+        raise InputError(f"{mechanism.name} has no quantity {name!r}{suggestion(name, known)}")
     return found
 
 

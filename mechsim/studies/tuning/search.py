@@ -301,7 +301,9 @@ def _stands(search: _SettingSearch, trial: SceneTrial) -> bool:
     scene, model = search.scene, trial.settings.applied(search.scene.model)
     programs = [*scene.drive.values(), *scene.ctrl.values()]
     longer = (
-        LONGER if search.by == "closure" and not any(getattr(one, "lasts", 0.0) for one in programs) else 1.0
+        LONGER
+        if search.by == "closure" and not any(getattr(one, "end_time", 0.0) for one in programs)
+        else 1.0
     )
     run = stepped(scene, model, records=None, duration=longer * scene.duration)
     limit = None if search.by == "closure" or search.limit.broken else search.limit

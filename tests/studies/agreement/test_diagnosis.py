@@ -12,7 +12,7 @@ from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.claim import Claim
 from mechsim.studies.agreement.comparand import comparand_of
 from mechsim.studies.agreement.named_quantities import names_of
-from mechsim.subjects.families import family
+from mechsim.subjects.parametric_models import parametric_model
 
 SPEED = 20 * np.pi
 
@@ -183,7 +183,7 @@ def test_gravity_and_masses_are_named_by_a_torque(factor, kind):
         other = machine.with_forces(Forces(gravity=(0.0, -9.81 * factor, 0.0)))
     named = names_of(form.mechanism).read("torque:crank", None, "the test")
     claim = Claim(named, replace(comparand, machine=other).exact(named))
-    found = agreement(comparand, [claim], "the test", None, family(form))
+    found = agreement(comparand, [claim], "the test", None, parametric_model(form))
     assert found.findings[0].kind == kind, found.why
     assert found.findings[0].sure
 

@@ -7,13 +7,13 @@ from mechsim.analytic import catalog
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
 from mechsim.studies.sensitivity import MovedFamily, derivative_table, instants_of
-from mechsim.subjects.families import family
+from mechsim.subjects.parametric_models import parametric_model
 
 ANGLES = np.array([0.3, 1.7, 4.1])
 
 
 def moved(model, speed=3.0, angles=ANGLES, **asked):
-    return MovedFamily(family(model, **asked), angles, speed)
+    return MovedFamily(parametric_model(model, **asked), angles, speed)
 
 
 def test_a_table_names_each_quantity_by_each_dimension():
@@ -44,7 +44,7 @@ def test_a_place_stands_for_its_parts_and_all_for_every_dimension():
 
 
 def test_of_a_mechanism_without_parameters_what_tears_loops_is_left_out_of_all_and_refused_by_name():
-    of = MovedFamily(family(LoopForm(catalog.make("four_bar").mechanism)), ANGLES, 1.0)
+    of = MovedFamily(parametric_model(LoopForm(catalog.make("four_bar").mechanism)), ANGLES, 1.0)
     table = derivative_table(of, ["rocker"])
     assert {"A.at.x", "B.at.y"} <= set(table.by)
     torn = [name for name in table.left_out if name.endswith(".z")]
@@ -54,7 +54,9 @@ def test_of_a_mechanism_without_parameters_what_tears_loops_is_left_out_of_all_a
 
 
 def test_programs_are_tabled_over_time():
-    of = family("five_bar", drive={"left": "120deg+20deg*sin(2*pi*t)", "right": "60deg+20deg*sin(4*pi*t)"})
+    of = parametric_model(
+        "five_bar", drive={"left": "120deg+20deg*sin(2*pi*t)", "right": "60deg+20deg*sin(4*pi*t)"}
+    )
     form = of.make({})
     table = derivative_table(MovedFamily(of, instants_of(form)[::24], 1.0), ["left"], ["arm"])
     assert next(table.columns())[0] == "t"
@@ -85,7 +87,7 @@ def test_a_swinging_crank_is_looked_at_between_its_dead_centres():
 
 
 def test_a_motion_is_looked_at_aside_of_where_assemblies_meet():
-    of = family("elliptic_trammel")
+    of = parametric_model("elliptic_trammel")
     at = instants_of(of.make({}))
     assert len(at) == 71
     assert np.abs(np.cos(at)).min() > 1e-3

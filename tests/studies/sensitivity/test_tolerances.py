@@ -17,14 +17,14 @@ from mechsim.studies.sensitivity import (
 )
 from mechsim.studies.sensitivity.expansion import Solved
 from mechsim.studies.sensitivity.formula_samples import formula_samples
-from mechsim.subjects.families import family
+from mechsim.subjects.parametric_models import parametric_model
 
 ANGLES = np.array([0.3, 1.7, 2.9, 4.1])
 
 
 @cache
 def table(model="four_bar", of=("C.x", "C.y", "C.z", "rocker")):
-    return derivative_table(MovedFamily(family(model), ANGLES, 1.0), of)
+    return derivative_table(MovedFamily(parametric_model(model), ANGLES, 1.0), of)
 
 
 def test_the_worst_case_is_where_all_conspire_and_the_root_of_squares_lies_below():
@@ -87,7 +87,7 @@ def test_where_no_expansion_holds_each_is_solved_and_what_cannot_be_put_together
 
     monkeypatch.setattr(monte_carlo, "EACH", 60)
     monkeypatch.setattr(monte_carlo, "CHECKED", 20)
-    found = derivative_table(MovedFamily(family("hoeken"), np.array([1.0]), 1.0), ["rocker"])
+    found = derivative_table(MovedFamily(parametric_model("hoeken"), np.array([1.0]), 1.0), ["rocker"])
     study = tolerance_study(found, {"crank": 0.06, "ground": 0.06, "arm": 0.06}, samples=500)
     assert (study.sampled.order, study.sampled.samples) == (0, 60)
 
@@ -112,7 +112,7 @@ def test_where_one_formula_takes_them_all_every_random_mechanism_is_solved():
 
 
 def test_a_dimension_and_what_it_is_reckoned_from_cannot_both_be_off():
-    found = derivative_table(MovedFamily(family("klann"), ANGLES, 1.0), ["G.x"])
+    found = derivative_table(MovedFamily(parametric_model("klann"), ANGLES, 1.0), ["G.x"])
     assert not {"hx", "fy"} & set(found.by)
     with pytest.raises(InputError, match="hx is reckoned from CF, so that they cannot both vary"):
         tolerance_study(found, {"hx": 1e-5, "CF": 1e-5})
@@ -128,7 +128,7 @@ def test_a_pin_loose_in_its_hole_moves_a_point_by_its_radius():
 
 
 def test_the_band_of_a_path_lies_across_it():
-    of = MovedFamily(family("four_bar"), np.linspace(0.0, 2.0 * np.pi, 73), 1.0)
+    of = MovedFamily(parametric_model("four_bar"), np.linspace(0.0, 2.0 * np.pi, 73), 1.0)
     found = derivative_table(of, ["A"])
     study = tolerance_study(found, {"crank": 1e-5}, samples=0)
     (band,) = path_bands(found, study)

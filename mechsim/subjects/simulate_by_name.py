@@ -7,25 +7,25 @@ from typing import Any, ParamSpec
 
 from mechsim.simulation import Run
 from mechsim.simulation import simulate as simulated
-from mechsim.subjects.subject import MODELS, load
+from mechsim.subjects.subject import MJCF_EXTENSIONS, load
 
 P = ParamSpec("P")
 
 
-def _loading(run: Callable[P, Run]) -> Callable[P, Run]:
+def _accepting_names(run: Callable[P, Run]) -> Callable[P, Run]:
     """Return what runs a model, and what `load` takes as well: a name, FILE.toml or FILE.py:OBJECT."""
 
     @wraps(run)
-    def loaded(*given: P.args, **options: P.kwargs) -> Run:
-        if given and isinstance(given[0], str | PathLike):
-            text = str(given[0])
+    def load_and_run(*args: P.args, **options: P.kwargs) -> Run:
+        if args and isinstance(args[0], str | PathLike):
+            text = str(args[0])
             # MJCF is MuJoCo's own: its text or file is run as it is
-            if "<" not in text and not text.lower().endswith(MODELS):
-                rest: Any = (load(text), *given[1:])
+            if "<" not in text and not text.lower().endswith(MJCF_EXTENSIONS):
+                rest: Any = (load(text), *args[1:])
                 return run(*rest, **options)
-        return run(*given, **options)
+        return run(*args, **options)
 
-    return loaded
+    return load_and_run
 
 
-simulate = _loading(simulated)
+simulate = _accepting_names(simulated)

@@ -15,7 +15,7 @@ from mechsim.model.motion import Motion
 from mechsim.model.programs import Programs, State
 
 # endings of the columns that a pose has: places of points and coordinates of joints
-_PLACES = (".x", ".y", ".z")
+_COORDINATE_SUFFIXES = (".x", ".y", ".z")
 
 
 @dataclass(frozen=True)
@@ -38,47 +38,47 @@ class Poses:
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield the drivers, P.x ... of points and J.q of joints, in SI."""
         for name, column in self.motion.columns():
-            if name in self.motion.drivers or name.endswith(_PLACES) or ".q" in name:
+            if name in self.motion.drivers or name.endswith(_COORDINATE_SUFFIXES) or ".q" in name:
                 yield name, column
 
 
 @dataclass(frozen=True)
-class DriverRows:
+class DriverPath:
     """Programs that go straight from row to row of driver coordinates.
 
     Attributes:
-        programs: of the drivers; they stand still at each row.
+        motion_laws: of the drivers; they stand still at each row.
         times: of the rows, in [s], (n,); of rows that are alike the same.
     """
 
-    programs: Programs
+    motion_laws: Programs
     times: Array
 
 
-def poses_at(form: Form, table: Mapping[str, Array], source: str) -> Poses:
+def poses_of_table(form: Form, table: Mapping[str, Array], source: str) -> Poses:
     """Return the poses at rows of driver coordinates, in the assembly followed from the guess through them.
 
     Raises:
         InputError: as `rows_of`.
         AssemblyError: where the loops cannot close, or a joint would leave its range; names the rows.
     """
-    rows = rows_of(form, table, source)
-    still = np.zeros_like(rows.times)
+    path = driver_path(form, table, source)
+    zero = np.zeros_like(path.times)
     ranges = form.ranges if isinstance(form, LoopForm) else {}
-    loops = LoopForm(form.mechanism, programs=rows.programs, ranges=ranges)
-    motion = loops.within_ranges(loops.solve_along(rows.times, still, still))
-    return Poses(replace(motion, time=rows.times))
+    loops = LoopForm(form.mechanism, programs=path.motion_laws, ranges=ranges)
+    motion = loops.within_ranges(loops.solve_along(path.times, zero, zero))
+    return Poses(replace(motion, time=path.times))
 
 
-def rows_of(form: Form, table: Mapping[str, Array], source: str, *, even: bool = False) -> DriverRows:
+def driver_path(form: Form, table: Mapping[str, Array], source: str, *, uniform: bool = False) -> DriverPath:
     """Return the programs that lead through rows of driver coordinates.
 
     Args:
         form: what moves.
         table: driver -> values, (n,) in [m] or [rad].
         source: where the rows come from, for messages.
-        even: whether each row follows a second after the one before; else their time is the way in [rad] or
-            parts of the size.
+        uniform: whether rows are one second apart; otherwise their time is the distance in [rad] or in
+            mechanism sizes.
 
     Raises:
         InputError: for a driver without its column, or numbers that are not finite.
@@ -93,37 +93,46 @@ def rows_of(form: Form, table: Mapping[str, Array], source: str, *, even: bool =
     values = np.array([table[name] for name in mechanism.drivers])
     if not np.isfinite(values).all():
         raise InputError(f"{source} holds numbers that are not finite; mend the table")
-    units = [mechanism.size if mechanism.unit(name) == "m" else 1.0 for name in mechanism.drivers]
-    lengths = np.abs(np.diff(values) / np.array(units)[:, None]).max(0, initial=0.0)
-    along = np.concatenate([[0.0], np.cumsum(lengths > 0.0 if even else lengths, dtype=np.float64)])
-    new = np.concatenate([[True], lengths > 0.0])
-    return DriverRows(_way(mechanism, along[new], values[:, new], np.flatnonzero(new), source), along)
+    scales = [mechanism.size if mechanism.unit(name) == "m" else 1.0 for name in mechanism.drivers]
+    lengths = np.abs(np.diff(values) / np.array(scales)[:, None]).max(0, initial=0.0)
+    times = np.concatenate([[0.0], np.cumsum(lengths > 0.0 if uniform else lengths, dtype=np.float64)])
+    distinct = np.concatenate([[True], lengths > 0.0])
+    return DriverPath(
+        _piecewise_laws(mechanism, times[distinct], values[:, distinct], np.flatnonzero(distinct), source),
+        times,
+    )
 
 
-def _way(mechanism: Mechanism, knots: Array, values: Array, rows: NDArray[np.intp], source: str) -> Programs:
+def _piecewise_laws(
+    mechanism: Mechanism, knots: Array, values: Array, rows: NDArray[np.intp], source: str
+) -> Programs:
     """Return programs that go straight from row to row, and stand still at each: smooth for that."""
 
-    def split(time: Array) -> tuple[NDArray[np.intp], Array, Array, Array]:
+    def locate(time: Array) -> tuple[NDArray[np.intp], Array, Array, Array]:
         """Return on which stretch times lie, how far of it is gone, and the first two derivatives of that."""
-        of = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, max(len(knots) - 2, 0))
-        length = knots[of + 1] - knots[of] if len(knots) > 1 else np.ones_like(time)
-        u = np.clip((time - knots[of]) / length, 0.0, 1.0)
+        segment = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, max(len(knots) - 2, 0))
+        length = knots[segment + 1] - knots[segment] if len(knots) > 1 else np.ones_like(time)
+        u = np.clip((time - knots[segment]) / length, 0.0, 1.0)
         v = u * (1.0 - u)
-        gone = u**4 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
-        return of, gone, 140.0 * v**3 / length, 420.0 * v**2 * (1.0 - 2.0 * u) / length**2
+        fraction = u**4 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
+        return segment, fraction, 140.0 * v**3 / length, 420.0 * v**2 * (1.0 - 2.0 * u) / length**2
 
     def state_of(column: Array) -> State:
         change = np.diff(column) if len(column) > 1 else np.zeros(1)
 
         def state(time: Array) -> tuple[Array, Array, Array]:
-            of, gone, rate, second = split(time)
-            return column[of] + change[of] * gone, change[of] * rate, change[of] * second
+            segment, fraction, rate, second = locate(time)
+            return (
+                column[segment] + change[segment] * fraction,
+                change[segment] * rate,
+                change[segment] * second,
+            )
 
         return state
 
-    def moment(time: float) -> str:
-        of = int(np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 1))
-        return f"the stretch after row {rows[of] + 1} of {source}"
+    def description(time: float) -> str:
+        segment = int(np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 1))
+        return f"the stretch after row {rows[segment] + 1} of {source}"
 
     states = tuple(state_of(column) for column in values)
-    return Programs(float(knots[-1]) or 1.0, mechanism.drivers, states, 1.0, moment)
+    return Programs(float(knots[-1]) or 1.0, mechanism.drivers, states, 1.0, description)

@@ -7,11 +7,11 @@ import numpy as np
 from mechsim import files, units
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
-from mechsim.subjects.program_text import Program, program
-from mechsim.subjects.time_expressions import over_time
+from mechsim.subjects.motion_law_text import MotionLaw, parse_motion_law
+from mechsim.subjects.time_expressions import time_function
 
 
-def actuator_program(text: str, name: str) -> Program:
+def control_law(text: str, name: str) -> MotionLaw:
     """Return the program of an actuator's control.
 
     Args:
@@ -24,24 +24,22 @@ def actuator_program(text: str, name: str) -> Program:
         InputError: names the actuator, the text and the remedy.
     """
     if text.strip().lower().endswith(files.EXTENSIONS):
-        return program(text, name, "rad", lambda: 0.0)
+        return parse_motion_law(text, name, "rad", lambda: 0.0)
     constant = _constant(text)
     if constant is not None:
-        return Program(text, _kept(constant))
-    refused = ""
+        return MotionLaw(text, _constant_law(constant))
+    reason = ""
     for unit in ("rad", "m"):
         try:
-            return Program(*over_time(text, unit))
+            return MotionLaw(*time_function(text, unit))
         except InputError as error:
-            refused = str(error)
-    raise InputError(
-        f"what feeds actuator {name}, {text!r}, {refused}, as in --ctrl '{name}=0.3*sin(2*pi*t)'"
-    )
+            reason = str(error)
+    raise InputError(f"what feeds actuator {name}, {text!r}, {reason}, as in --ctrl '{name}=0.3*sin(2*pi*t)'")
 
 
-def actuator_programs(given: Mapping[str, str]) -> dict[str, Program]:
+def control_laws(texts: Mapping[str, str]) -> dict[str, MotionLaw]:
     """Return the programs of several actuators: actuator -> its program."""
-    return {name: actuator_program(text, name) for name, text in given.items()}
+    return {name: control_law(text, name) for name, text in texts.items()}
 
 
 def _constant(text: str) -> float | None:
@@ -56,7 +54,7 @@ def _constant(text: str) -> float | None:
         return None
 
 
-def _kept(value: float):
+def _constant_law(value: float):
     def state(time: Array) -> tuple[Array, Array, Array]:
         still = np.zeros_like(time)
         return value + still, still, still

@@ -19,9 +19,9 @@ def power(base: Values, exponent: Values) -> Values:
     if not isinstance(base, Jet):
         return math.pow(float(base), n)  # pyright: ignore[reportReturnType]
     x = base.value
-    slope = n * x ** (n - 1.0) if n else np.zeros_like(x)
-    bend = n * (n - 1.0) * x ** (n - 2.0) if n * (n - 1.0) else np.zeros_like(x)
-    return composed(base, x**n, slope, bend)
+    first = n * x ** (n - 1.0) if n else np.zeros_like(x)
+    second = n * (n - 1.0) * x ** (n - 2.0) if n * (n - 1.0) else np.zeros_like(x)
+    return composed(base, x**n, first, second)
 
 
 def log(x: Values) -> Values:
@@ -36,16 +36,16 @@ def tan(x: Values) -> Values:
     if not isinstance(x, Jet):
         return np.tan(x)
     value = np.tan(x.value)
-    slope = 1.0 + value**2
-    return composed(x, value, slope, 2.0 * value * slope)
+    derivative = 1.0 + value**2
+    return composed(x, value, derivative, 2.0 * value * derivative)
 
 
 def asin(x: Values) -> Values:
     """Return the angle of a sine in [rad]."""
     if not isinstance(x, Jet):
         return np.arcsin(x)
-    slope = 1.0 / np.sqrt(1.0 - x.value**2)
-    return composed(x, np.arcsin(x.value), slope, x.value * slope**3)
+    derivative = 1.0 / np.sqrt(1.0 - x.value**2)
+    return composed(x, np.arcsin(x.value), derivative, x.value * derivative**3)
 
 
 def acos(x: Values) -> Values:
@@ -57,8 +57,8 @@ def atan(x: Values) -> Values:
     """Return the angle of a tangent in [rad]."""
     if not isinstance(x, Jet):
         return np.arctan(x)
-    slope = 1.0 / (1.0 + x.value**2)
-    return composed(x, np.arctan(x.value), slope, -2.0 * x.value * slope**2)
+    derivative = 1.0 / (1.0 + x.value**2)
+    return composed(x, np.arctan(x.value), derivative, -2.0 * x.value * derivative**2)
 
 
 def atan2(y: Values, x: Values) -> Values:
@@ -73,18 +73,20 @@ def absolute(x: Values) -> Values:
     return x * np.sign(x.value) if isinstance(x, Jet) else np.abs(x)
 
 
-def least(values: list[Values], sense: float = 1.0) -> Values:
+def minimum(values: list[Values], sign: float = 1.0) -> Values:
     """Return the least of some values at each instant; with sense -1 the largest."""
-    found = values[0]
+    result = values[0]
     for other in values[1:]:
-        if not isinstance(found, Jet) and not isinstance(other, Jet):
-            found = np.minimum(found, other) if sense > 0.0 else np.maximum(found, other)
+        if not isinstance(result, Jet) and not isinstance(other, Jet):
+            result = np.minimum(result, other) if sign > 0.0 else np.maximum(result, other)
             continue
-        one, two = _jet(found, other), _jet(other, found)
-        first = sense * (one.value - two.value) <= 0.0
-        parts = [np.where(first, getattr(one, part), getattr(two, part)) for part in Jet.__slots__]
-        found = Jet(**dict(zip(Jet.__slots__, parts, strict=True)))
-    return found
+        current, candidate = _jet(result, other), _jet(other, result)
+        first = sign * (current.value - candidate.value) <= 0.0
+        fields = [
+            np.where(first, getattr(current, field), getattr(candidate, field)) for field in Jet.__slots__
+        ]
+        result = Jet(**dict(zip(Jet.__slots__, fields, strict=True)))
+    return result
 
 
 def _jet(x: Values, like: Values) -> Jet:

@@ -15,7 +15,7 @@ class Number:
 
 
 @dataclass(frozen=True, slots=True)
-class Word:
+class Text:
     """Text; one of some words where they are listed."""
 
     about: str
@@ -23,14 +23,14 @@ class Word:
 
 
 @dataclass(frozen=True, slots=True)
-class Amount:
+class JointNumber:
     """A number as `Number`, of a unit that only a joint tells."""
 
     about: str
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class Profile:
     """A number as `Number`, or text that says how it goes over t or the crank's angle, or FILE.csv."""
 
     unit: Unit
@@ -38,54 +38,57 @@ class Course:
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
+class Boolean:
     """true or false."""
 
     about: str
 
 
 @dataclass(frozen=True, slots=True)
-class Several:
+class ListOf:
     """A list; of so many where that is known."""
 
-    of: "Key"
+    item: "KeyType"
     about: str
     count: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Named:
+class TableOf:
     """A table of things under names of the user's own."""
 
-    of: "Key"
+    value_type: "KeyType"
     about: str
 
 
 @dataclass(frozen=True, slots=True)
-class Keys:
+class Table:
     """A table with keys of its own."""
 
-    keys: Mapping[str, "Key"]
+    keys: Mapping[str, "KeyType"]
     about: str
     required: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class AnyOf:
     """Whichever fits by its form: text, a number, a list or a table."""
 
-    of: tuple["Key", ...]
+    alternatives: tuple["KeyType", ...]
     about: str
 
 
-Key = Number | Amount | Course | Word | Truth | Several | Named | Keys | Choice
+KeyType = Number | JointNumber | Profile | Text | Boolean | ListOf | TableOf | Table | AnyOf
 
 
-def vector(unit: Unit, about: str) -> Several:
+def vector(unit: Unit, about: str) -> ListOf:
     """Return the key of three numbers."""
-    return Several(Number(unit, "a component"), about, 3)
+    return ListOf(Number(unit, "a component"), about, 3)
 
 
-def by_coordinate(of: Key, about: str) -> Named:
+def by_coordinate(value_type: KeyType, about: str) -> TableOf:
     """Return the key of a table by coordinates: `joint`, or `joint.way` and `joint.turn`."""
-    return Named(Choice((of, Named(of, "of a joint with several coordinates")), of.about), about)
+    return TableOf(
+        AnyOf((value_type, TableOf(value_type, "of a joint with several coordinates")), value_type.about),
+        about,
+    )

@@ -8,7 +8,7 @@ from mechsim import files, units
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.programs import State, steady, tabled
-from mechsim.subjects.time_expressions import over_time
+from mechsim.subjects.time_expressions import time_function
 from mechsim.units import Unit
 
 # gives where a driver starts, in SI
@@ -24,34 +24,34 @@ _EXAMPLES = {
 
 
 @dataclass(frozen=True)
-class Program:
+class MotionLaw:
     """How a driver goes over time.
 
     Attributes:
         text: by which a command line or a file in SI says the same.
         state: times (n,) in [s] -> value, rate, acceleration.
-        lasts: where its table ends, in [s]; None where it goes on for ever.
+        end_time: where its table ends, in [s]; None where it goes on for ever.
     """
 
     text: str
     state: State
-    lasts: float | None = None
+    end_time: float | None = None
 
     def __call__(self, time: Array) -> tuple[Array, Array, Array]:
         """Return value, rate and acceleration at times (n,) in [s]."""
         return self.state(time)
 
 
-def program(
+def parse_motion_law(
     text: str,
     name: str,
     unit: str,
     start: Start,
     *,
-    bare: float = 1.0,
-    names: Mapping[str, float] | None = None,
+    default_unit: float = 1.0,
+    parameters: Mapping[str, float] | None = None,
     declared: str = "",
-) -> Program:
+) -> MotionLaw:
     """Return the program of a driver.
 
     Args:
@@ -60,71 +60,80 @@ def program(
         name: of the driven coordinate.
         unit: of it, "m" or "rad".
         start: gives where it starts, in SI.
-        bare: what numbers without a unit are counted in, in SI.
-        names: parameter -> its number in those units.
+        default_unit: what numbers without a unit are counted in, in SI.
+        parameters: parameter -> its number in those units.
         declared: unit that the mechanism's file declares for the coordinate, where the text is from
             elsewhere; text without a unit is then rejected.
 
     Raises:
         InputError: names the driver, the text and the remedy.
     """
-    said = f"the program of {name}, {text!r},"
+    subject = f"the program of {name}, {text!r},"
     try:
         if text.strip().lower().endswith(files.EXTENSIONS):
-            return _from_table(text.strip(), name)
+            return _tabulated_law(text.strip(), name)
         quantity = _QUANTITY.fullmatch(text)
         if quantity is None or quantity[1] == "t":
-            return Program(*over_time(text, unit, bare=bare, names=names, declared=declared))
+            return MotionLaw(
+                *time_function(
+                    text, unit, default_unit=default_unit, parameters=parameters, declared=declared
+                )
+            )
     except InputError as error:
         if text.strip().lower().endswith(files.EXTENSIONS):
             raise
-        raise InputError(f"{said} {error}, as in {_EXAMPLES[unit]}") from None
+        raise InputError(f"{subject} {error}, as in {_EXAMPLES[unit]}") from None
     if quantity[1] is None:
         if declared:
-            rated: Unit = _RATES[unit]
-            units.require_written(text, rated, f"{declared}/s", f"the program of {name}")
-        rate = bare * float(text)
-        return Program(f"{rate:.17g}", steady(start(), rate))
+            rate_unit: Unit = _RATES[unit]
+            units.require_written(text, rate_unit, f"{declared}/s", f"the program of {name}")
+        rate = default_unit * float(text)
+        return MotionLaw(f"{rate:.17g}", steady(start(), rate))
     try:
-        return Program(text, steady(start(), units.parse(text, _RATES[unit])))
+        return MotionLaw(text, steady(start(), units.parse(text, _RATES[unit])))
     except InputError:
         pass
     try:
-        place = units.parse(text, "m" if unit == "m" else "rad")
+        position = units.parse(text, "m" if unit == "m" else "rad")
     except InputError:
         kind = "a speed or a length" if unit == "m" else "a speed of rotation or an angle"
-        raise InputError(f"{said} measures something else; give {kind}, as in {_EXAMPLES[unit]}") from None
-    return Program(text, steady(place, 0.0))
+        raise InputError(f"{subject} measures something else; give {kind}, as in {_EXAMPLES[unit]}") from None
+    return MotionLaw(text, steady(position, 0.0))
 
 
-def _from_table(path: str, name: str) -> Program:
+def _tabulated_law(path: str, name: str) -> MotionLaw:
     """Return the program that two columns of a file say; of more the one of the driver's name."""
-    _, at, value = column(path, name, ("t", "time"), f"the program of {name} give two, t in s")
-    state = tabled(name, at, value)
-    if not at[0] <= 0.0 < at[-1]:
+    _, time, value = read_column(path, name, ("t", "time"), f"the program of {name} give two, t in s")
+    state = tabled(name, time, value)
+    if not time[0] <= 0.0 < time[-1]:
         raise InputError(
-            f"{path} goes from {at[0]:g} to {at[-1]:g} s; give the program of {name} from 0 s, and beyond it"
+            f"{path} goes from {time[0]:g} to {time[-1]:g} s; "
+            f"give the program of {name} from 0 s, and beyond it"
         )
-    return Program(path, state, float(at[-1]))
+    return MotionLaw(path, state, float(time[-1]))
 
 
-def column(path: str, name: str, axes: Sequence[str], wanted: str) -> tuple[str, Array, Array]:
+def read_column(path: str, name: str, axes: Sequence[str], expected: str) -> tuple[str, Array, Array]:
     """Return the axis of a table in a file, its places and the values there, (n,) each.
 
     Args:
         path: of the file.
         name: of the column of values where there are several.
         axes: names of which one is the axis.
-        wanted: what the file is to be, for messages, up to its axis.
+        expected: what the file is to be, for messages, up to its axis.
 
     Raises:
         InputError: for a file that is no table, has no axis or two, or no such column.
     """
     table = files.read(path)
-    over = [one for one in axes if one in table]
-    others = [one for one in table if one not in axes]
-    if len(over) != 1 or not others or (len(others) > 1 and name not in others):
+    axis_columns = [name_ for name_ in axes if name_ in table]
+    value_columns = [name_ for name_ in table if name_ not in axes]
+    if len(axis_columns) != 1 or not value_columns or (len(value_columns) > 1 and name not in value_columns):
         raise InputError(
-            f"{path} has columns {', '.join(table)}; as {wanted} and its value in SI, or one called {name}"
+            f"{path} has columns {', '.join(table)}; as {expected} and its value in SI, or one called {name}"
         )
-    return over[0], table[over[0]], table[others[0] if len(others) == 1 else name]
+    return (
+        axis_columns[0],
+        table[axis_columns[0]],
+        table[value_columns[0] if len(value_columns) == 1 else name],
+    )

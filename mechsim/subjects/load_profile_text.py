@@ -12,15 +12,15 @@ from mechsim.errors import InputError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.load_profile import WRITTEN, LoadProfile, Over, constant, function, table
-from mechsim.subjects.program_text import column
-from mechsim.subjects.time_expressions import VARIABLES, over_time
+from mechsim.subjects.motion_law_text import read_column
+from mechsim.subjects.time_expressions import VARIABLES, time_function
 
-_OVER: dict[str, Over] = {"t": "time", "time": "time", "angle": "angle"}
+_AXES: dict[str, Over] = {"t": "time", "time": "time", "angle": "angle"}
 _VARIABLE = re.compile(rf"(?<![\w.])({'|'.join(VARIABLES)})(?!\w)")
 
 
 @dataclass(frozen=True)
-class Component:
+class LoadComponent:
     """A load along one axis.
 
     Attributes:
@@ -33,18 +33,18 @@ class Component:
 
 
 @dataclass(frozen=True)
-class LoadText:
+class WrittenLoad:
     """The value of a load over time or angle, known by its text.
 
     Attributes:
-        parts: of one axis or of three.
+        components: of one axis or of three.
     """
 
-    parts: tuple[Component, ...]
+    components: tuple[LoadComponent, ...]
 
-    def __call__(self, at: Array) -> Array:
+    def __call__(self, position: Array) -> Array:
         """Return the values at places (n,), (n,) or (n, 3)."""
-        columns = [part.profile.at(at, at) for part in self.parts]
+        columns = [component.profile.at(position, position) for component in self.components]
         return columns[0] if len(columns) == 1 else np.stack(columns, 1)
 
 
@@ -53,7 +53,7 @@ def variables(text: str) -> list[str]:
     return sorted(set(_VARIABLE.findall(text)))
 
 
-def varies(value: object) -> TypeGuard[str]:
+def is_profile(value: object) -> TypeGuard[str]:
     """Whether a value is text that says how a load goes over time or the crank's angle."""
     return isinstance(value, str) and (is_table(value) or bool(variables(value)))
 
@@ -63,7 +63,7 @@ def is_table(text: str) -> bool:
     return text.strip().lower().endswith(files.EXTENSIONS)
 
 
-def component(text: str, name: str, unit: str, names: Mapping[str, float]) -> Component:
+def parse_component(text: str, name: str, unit: str, parameters: Mapping[str, float]) -> LoadComponent:
     """Return what text that `varies` says of a load along one axis.
 
     Args:
@@ -71,35 +71,39 @@ def component(text: str, name: str, unit: str, names: Mapping[str, float]) -> Co
             and value in SI; straight lines join its rows, and one turn of angles repeats.
         name: of the column in a file that has several.
         unit: "N" or "N m"; numbers without a unit are in it.
-        names: parameter -> its number.
+        parameters: parameter -> its number.
 
     Raises:
         InputError: for what is none of these; of an expression its sentence has no subject.
     """
     if is_table(text):
-        over, at, value = column(text, name, list(_OVER), "a load give two, t in s or angle in rad")
-        turn = over == "angle" and abs(np.ptp(at) - TURN) < WRITTEN
-        return Component(text, table(at, value, over=_OVER[over], periodic=bool(turn)))
-    found = variables(text)
-    if len(found) > 1:
-        raise InputError(f"names both {' and '.join(found)}; a load goes over one of them")
-    (variable,) = found
-    if variable in names:
+        axis, position, value = read_column(
+            text, name, list(_AXES), "a load give two, t in s or angle in rad"
+        )
+        full_turn = axis == "angle" and abs(np.ptp(position) - TURN) < WRITTEN
+        return LoadComponent(text, table(position, value, over=_AXES[axis], periodic=bool(full_turn)))
+    names = variables(text)
+    if len(names) > 1:
+        raise InputError(f"names both {' and '.join(names)}; a load goes over one of them")
+    (variable,) = names
+    if variable in parameters:
         raise InputError(f"names {variable!r}, here a parameter, too; give the parameter another name")
-    whole, state = over_time(text, unit, names=names, variable=variable)
-    return Component(whole, function(lambda at: state(at)[0], over=_OVER[variable]))
+    si_text, state = time_function(text, unit, parameters=parameters, variable=variable)
+    return LoadComponent(si_text, function(lambda position: state(position)[0], over=_AXES[variable]))
 
 
-def load_of(parts: Sequence[Component]) -> LoadProfile:
+def combine_components(components: Sequence[LoadComponent]) -> LoadProfile:
     """Return a load of one component or three.
 
     Raises:
         InputError: where some go over time and others over the angle; its sentence has no subject.
     """
-    over: set[Over] = {part.profile.over for part in parts if part.profile.over is not None}
-    if len(over) > 1:
+    axes: set[Over] = {
+        component.profile.over for component in components if component.profile.over is not None
+    }
+    if len(axes) > 1:
         raise InputError("goes over t in one component and over angle in another; give one for all")
-    if not over:
-        numbers = [part.text for part in parts]
+    if not axes:
+        numbers = [component.text for component in components]
         return constant(numbers[0] if len(numbers) == 1 else numbers)
-    return LoadProfile(over.pop(), LoadText(tuple(parts)), len(parts))
+    return LoadProfile(axes.pop(), WrittenLoad(tuple(components)), len(components))

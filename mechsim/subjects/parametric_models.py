@@ -14,15 +14,15 @@ from mechsim.analytic.forms import Form
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects import gallery
-from mechsim.subjects.parameter_units import parameter_units, reckoned_from
+from mechsim.subjects.parameter_units import parameter_dependencies, parameter_units
 from mechsim.subjects.python_object import parameters_of
-from mechsim.subjects.subject import described, is_file, load
+from mechsim.subjects.subject import is_file, load, load_unassembled
 from mechsim.subjects.toml_reader import values_of
 from mechsim.subjects.toml_source import read_source
 
 
-def family(
-    model: str | Form | Mechanism, set: Mapping[str, str | float] | None = None, **asked: Any
+def parametric_model(
+    model: str | Form | Mechanism, set: Mapping[str, str | float] | None = None, **options: Any
 ) -> DesignFamily:
     """Return the family of a subject: its dimensions as they stand, in SI, and what makes others.
 
@@ -41,36 +41,48 @@ def family(
     if not isinstance(model, str):
         form = LoopForm(model) if isinstance(model, Mechanism) else model
         return catalog_family(form) if isinstance(form, ClosedForm) else placed_family(form)
-    given = dict(set or {})
-    form, path = load(model, given, **asked), toml_path(model)
-    found = _arguments(model, given)
-    if isinstance(form, ClosedForm) and not found:
+    changes = dict(set or {})
+    form, path = load(model, changes, **options), toml_path(model)
+    dimensions = _python_parameters(model, changes)
+    if isinstance(form, ClosedForm) and not dimensions:
         return catalog_family(form)
-    found = found if path is None else {one.name: one for one in _parameters(path, given)}
-    if not found:
+    dimensions = (
+        dimensions
+        if path is None
+        else {dimension.name: dimension for dimension in _toml_parameters(path, changes)}
+    )
+    if not dimensions:
         return placed_family(form)
 
-    def changed(values: Mapping[str, float]) -> dict[str, str | float]:
-        return given | {name: in_text(value, found[name].unit) for name, value in values.items()}
+    def changed_values(values: Mapping[str, float]) -> dict[str, str | float]:
+        return changes | {name: as_text(value, dimensions[name].unit) for name, value in values.items()}
 
     def make(values: Mapping[str, float]) -> Form:
-        return load(model, changed(values), **asked) if values else form
+        return load(model, changed_values(values), **options) if values else form
 
-    def told(values: Mapping[str, float]) -> Form:
-        return described(model, changed(values), **asked) if values else form
+    def describe(values: Mapping[str, float]) -> Form:
+        return load_unassembled(model, changed_values(values), **options) if values else form
 
     def forces(values: Mapping[str, float]) -> Forces | None:
-        made = told(values)
-        return made.forces
+        form_ = describe(values)
+        return form_.forces
 
-    acted = forces if getattr(form, "forces", None) is not None else None
-    read = {} if path is None else reckoned_from(read_source(path).document)
-    reckoned = {name: of for name, of in read.items() if of and name not in given}
-    free = tuple(name for name in found if name not in reckoned)
-    return DesignFamily(form.name, found, lambda values: told(values).mechanism, make, acted, free, reckoned)
+    forces_of = forces if getattr(form, "forces", None) is not None else None
+    dependencies = {} if path is None else parameter_dependencies(read_source(path).document)
+    derived = {name: sources for name, sources in dependencies.items() if sources and name not in changes}
+    independent = tuple(name for name in dimensions if name not in derived)
+    return DesignFamily(
+        form.name,
+        dimensions,
+        lambda values: describe(values).mechanism,
+        make,
+        forces_of,
+        independent,
+        derived,
+    )
 
 
-def in_text(value: float, unit: str) -> str:
+def as_text(value: float, unit: str) -> str:
     """Return the value of a dimension in SI as text that a file of any units reads to the last bit."""
     return f"{float(value)!r} {unit}" if unit in ("m", "rad") else repr(float(value))
 
@@ -79,29 +91,32 @@ def toml_path(model: str) -> str | None:
     """Return the TOML file that a model is read from; None where it is none."""
     if is_file(model):
         return model if model.lower().endswith(".toml") else None
-    place = gallery.files().get(model)
-    return None if place is None or model in catalog.DRIVES else str(place)
+    path = gallery.files().get(model)
+    return None if path is None or model in catalog.DRIVES else str(path)
 
 
-def _arguments(model: str, given: Mapping[str, str | float]) -> dict[str, Dimension]:
+def _python_parameters(model: str, changes: Mapping[str, str | float]) -> dict[str, Dimension]:
     """Return the parameters of a function in a Python file, as they are given."""
     if ".py:" not in model:
         return {}
-    known = parameters_of(model)
-    values = known | {
-        name: units.of_any_kind(one, name)[0] if isinstance(one, str) else one for name, one in given.items()
+    defaults = parameters_of(model)
+    values = defaults | {
+        name: units.of_any_kind(value_, name)[0] if isinstance(value_, str) else value_
+        for name, value_ in changes.items()
     }
     return {name: Dimension(name, float(value), "1") for name, value in values.items()}
 
 
-def _parameters(path: str, changed: Mapping[str, str | float]) -> Iterator[Dimension]:
+def _toml_parameters(path: str, changed: Mapping[str, str | float]) -> Iterator[Dimension]:
     """Yield the parameters of a file; one whose use does not tell what it measures as the file has it."""
     source = read_source(path)
-    given, told = source.document.get("parameters", {}), parameter_units(source.document)
-    values = values_of(source).with_parameters(given, changed, told)
+    parameters, units_of = source.document.get("parameters", {}), parameter_units(source.document)
+    values = values_of(source).with_parameters(parameters, changed, units_of)
     for name, value in values.parameters.items():
-        unit = values.unit_of(name, given[name], told)
+        unit = values.unit_of(name, parameters[name], units_of)
         if unit is None:
             yield Dimension(name, value, "1")
         else:
-            yield Dimension(name, values.in_si(value, unit), unit, values.declared(given[name], unit))
+            yield Dimension(
+                name, values.in_si(value, unit), unit, values.declared_unit(parameters[name], unit)
+            )
