@@ -12,7 +12,7 @@ from mechsim.cli.options import File, Json, LockOptions, writable
 from mechsim.cli.output import Tick, print_json, print_table, progress
 from mechsim.cli.scene_options import SceneOptions, user_scene
 from mechsim.errors import InputError
-from mechsim.studies.reduction import By, LeanErrors, LeftOut, Reduction, reduced, with_comment
+from mechsim.studies.reduction import By, LeftOut, ReducedErrors, Reduction, reduced, with_comment
 from mechsim.studies.scenes import spec_of
 
 UNITS: dict[By, units.Unit] = {"trajectory": "m", "torque": "N m"}
@@ -46,7 +46,7 @@ def reduce(
     scene = user_scene(model, asked, held)
     keep = {part for text in asked.track for part in text.partition("@")[0].split(",")} | set(scene.places)
     with progress("reduce", 100) as tick:
-        found = reduced(scene, spec_of(scene), bound, keep=keep, by=by, tell=_Told(tick))
+        found = reduced(scene, spec_of(scene), bound, keep=keep, by=by, progress=_Told(tick))
     with files.written_beside(place) as path:
         path.write_text(with_comment(found, Path(model).name, bound, unit))
     if as_json:
@@ -89,16 +89,16 @@ def _as_dict(found: Reduction) -> dict[str, Any]:
 def _row(one: LeftOut, by: By) -> dict[str, Any]:
     return {
         "what": one.candidate.what,
-        "family": one.candidate.family,
-        "error": one.alone.by(by),
+        "family": one.candidate.category,
+        "error": one.alone_errors.by(by),
         "time_ratio": one.time_ratio,
         "together": one.error,
-        "torque": one.alone.torque,
-        "energy": one.alone.energy,
+        "torque": one.alone_errors.torque,
+        "energy": one.alone_errors.energy,
     }
 
 
-def _errors(one: LeanErrors) -> dict[str, float]:
+def _errors(one: ReducedErrors) -> dict[str, float]:
     return {"trajectory": one.trajectory, "torque": one.torque, "energy": one.energy}
 
 
@@ -106,11 +106,11 @@ def _print(found: Reduction, model: str, bound: float, unit: str) -> None:
     rows = [
         (
             one.candidate.what,
-            f"{one.alone.by(found.by):.1e}",
+            f"{one.alone_errors.by(found.by):.1e}",
             f"{one.time_ratio:.3g}",
             f"{one.error:.1e}",
-            f"{one.alone.torque:.1e}",
-            f"{one.alone.energy:.1e}",
+            f"{one.alone_errors.torque:.1e}",
+            f"{one.alone_errors.energy:.1e}",
         )
         for one in found.left_out
     ]

@@ -5,24 +5,24 @@ from scene_texts import FINGER
 
 from mechsim.errors import InputError
 from mechsim.studies.reduction import (
-    apart,
     contacts,
+    disconnected_bodies,
     limits,
-    ornaments,
+    locked_joints,
     reduced,
     springs,
     stepping,
-    still_joints,
+    visual_only,
     with_comment,
 )
 from mechsim.studies.reduction import refit as refitting
-from mechsim.studies.reduction.bench import Bench
-from mechsim.studies.reduction.candidate import Candidate, NotThere, changed
-from mechsim.studies.reduction.evidence import evidence
-from mechsim.studies.reduction.knobs import Knob, turned_in
-from mechsim.studies.reduction.other_motions import REACH, motion_to_fit, second_motion
+from mechsim.studies.reduction.candidate import Candidate, NotApplicable, changed
+from mechsim.studies.reduction.evaluator import Evaluator
+from mechsim.studies.reduction.evidence import observe
+from mechsim.studies.reduction.model_parameters import Parameter, set_in_spec
+from mechsim.studies.reduction.normalised import normalised
+from mechsim.studies.reduction.other_motions import RANGE_RATIO, motion_to_fit, second_motion
 from mechsim.studies.reduction.refit import refit
-from mechsim.studies.reduction.spelled_out import spelled_out
 from mechsim.studies.scenes import scene_of, step_time
 from mechsim.subjects.control_law_text import control_laws
 from mechsim.subjects.subject import load
@@ -62,19 +62,21 @@ def scene(folder, text, *, ctrl=FED, drive=None, duration=0.5, track=("tip,pad@0
 
 def few_trials(patch):
     """Let a search try few steps and time them roughly."""
-    patch.setattr(stepping, "LONGER", (1, 2, 4))
+    patch.setattr(stepping, "STEP_RATIOS", (1, 2, 4))
     patch.setattr(step_time, "LEAST", 1e-4)
     patch.setattr(refitting, "SECONDS", 0.0)
 
 
-def bench(user, spec):
-    full = spelled_out(spec)
+def evaluator_of(user, spec):
+    full = normalised(spec)
     named = full.copy().compile()
-    return Bench(user, full, {name: (named.body(b).name, at) for name, (b, at) in user.places.items()})
+    return Evaluator(user, full, {name: (named.body(b).name, at) for name, (b, at) in user.places.items()})
 
 
-def seen(one):
-    return evidence(one.spec, one.full, frozenset(body for body, _ in one.tracked.values()), BOUND)
+def observed(evaluator):
+    return observe(
+        evaluator.spec, evaluator.full, frozenset(body for body, _ in evaluator.tracked.values()), BOUND
+    )
 
 
 def path_of(text, body, program, duration):
@@ -94,7 +96,7 @@ def path_of(text, body, program, duration):
 @pytest.fixture(scope="module")
 def cluttered(tmp_path_factory):
     user, spec = scene(tmp_path_factory.mktemp("cluttered"), CLUTTER)
-    return user, spec, bench(user, spec)
+    return user, spec, evaluator_of(user, spec)
 
 
 @pytest.fixture(scope="module")
@@ -110,16 +112,18 @@ def test_a_reduced_scene_keeps_the_tolerance_in_plain_mujoco_over_motions_not_us
     assert found.kept(BOUND)
     assert found.left_out
     for program in (lambda t: 0.5 * np.sin(2 * np.pi * t), lambda t: 0.4 * np.sin(9 * t) ** 2):
-        full, lean = (path_of(one, "pad", program, 0.5) for one in (CLUTTER, text))
-        there = [np.interp(lean[:, 0], full[:, 0], full[:, i]) for i in (1, 2, 3)]
+        full, reduced_model = (path_of(scene_text, "pad", program, 0.5) for scene_text in (CLUTTER, text))
+        there = [np.interp(reduced_model[:, 0], full[:, 0], full[:, i]) for i in (1, 2, 3)]
         between = np.abs(np.diff(full[:, 1:], 2, axis=0)).max() / 8.0  # what linear interpolation leaves
-        assert np.linalg.norm(lean[:, 1:] - np.transpose(there), axis=1).max() <= BOUND + 2.0 * between
+        assert (
+            np.linalg.norm(reduced_model[:, 1:] - np.transpose(there), axis=1).max() <= BOUND + 2.0 * between
+        )
 
 
 def test_what_was_left_out_is_told_in_the_file_and_what_is_needed_is_still_there(found):
     text = with_comment(found, "scene.xml", BOUND, "m")
     model = mujoco.MjModel.from_xml_string(text)
-    assert [one.candidate.what in text for one in found.left_out] == [True] * len(found.left_out)
+    assert [item.candidate.what in text for item in found.left_out] == [True] * len(found.left_out)
     joints = {model.joint(j).name for j in range(model.njnt)}
     assert "fan" not in joints
     assert {"knuckle", "pivot", "elbow", "swing"} <= joints
@@ -128,40 +132,40 @@ def test_what_was_left_out_is_told_in_the_file_and_what_is_needed_is_still_there
 
 
 def test_geoms_that_touch_stay_and_others_go_with_their_mass_kept(cluttered):
-    _, _, one = cluttered
-    found = seen(one)
+    _, _, evaluator = cluttered
+    found = observed(evaluator)
     assert found.touched == {"table", "ball"}
     (away,) = contacts.propose(found)
-    spec = changed(one.spec, away)
+    spec = changed(evaluator.spec, away)
     assert (spec.geom("blade").contype, spec.geom("ball").contype) == (0, 1)
-    geoms = next(c for c in ornaments.propose(found) if "geoms" in c.what)
-    lean = changed(one.spec, geoms).compile()
-    assert {lean.geom(g).name for g in range(lean.ngeom)} == {"table", "ball"}
-    whole = one.spec.copy().compile()
-    assert np.allclose(lean.body_mass, whole.body_mass, rtol=1e-15)
+    geoms = next(c for c in visual_only.propose(found) if "geoms" in c.what)
+    reduced_model = changed(evaluator.spec, geoms).compile()
+    assert {reduced_model.geom(g).name for g in range(reduced_model.ngeom)} == {"table", "ball"}
+    whole = evaluator.spec.copy().compile()
+    assert np.allclose(reduced_model.body_mass, whole.body_mass, rtol=1e-15)
 
 
 def test_only_what_nothing_joins_is_apart(cluttered):
-    _, _, one = cluttered
-    (away,) = apart.propose(seen(one))
-    lean = changed(one.spec, away).compile()
-    left = {lean.body(b).name for b in range(lean.nbody)}
+    _, _, evaluator = cluttered
+    (away,) = disconnected_bodies.propose(observed(evaluator))
+    reduced_model = changed(evaluator.spec, away).compile()
+    left = {reduced_model.body(b).name for b in range(reduced_model.nbody)}
     assert left == {"world", "crank", "rod", "lever", "pad", "shelf"}
 
 
 def test_a_limit_that_is_reached_stays(tmp_path):
     text = CLUTTER.replace('name="knuckle"', 'name="knuckle" range="-15 15" limited="true"')
-    one = bench(*scene(tmp_path, text))
-    away, reached = limits.propose(seen(one))
+    evaluator = evaluator_of(*scene(tmp_path, text))
+    away, reached = limits.propose(observed(evaluator))
     assert "knuckle" in reached.what
-    lean = changed(one.spec, away).compile()
-    assert lean.jnt_limited[lean.joint("knuckle").id]
-    assert not lean.jnt_limited[lean.joint("elbow").id]
+    reduced_model = changed(evaluator.spec, away).compile()
+    assert reduced_model.jnt_limited[reduced_model.joint("knuckle").id]
+    assert not reduced_model.jnt_limited[reduced_model.joint("elbow").id]
 
 
 def test_a_spelled_out_scene_is_the_same_scene(cluttered):
-    _, spec, one = cluttered
-    plain, named = spec.copy().compile(), one.spec.copy().compile()
+    _, spec, evaluator = cluttered
+    plain, named = spec.copy().compile(), evaluator.spec.copy().compile()
     states = []
     for model in (plain, named):
         data = mujoco.MjData(model)
@@ -172,38 +176,38 @@ def test_a_spelled_out_scene_is_the_same_scene(cluttered):
 
 
 def test_the_bench_condemns_a_scene_that_lacks_what_it_needs(cluttered):
-    _, _, one = cluttered
-    assert one.errors(one.lean(one.spec)).trajectory == 0.0
-    spring = next(c for c in springs.propose(seen(one)) if c.what == "spring of swing")
-    assert one.errors(one.lean(changed(one.spec, spring))).trajectory > BOUND
+    _, _, evaluator = cluttered
+    assert evaluator.errors(evaluator.scene(evaluator.spec)).trajectory == 0.0
+    spring = next(c for c in springs.propose(observed(evaluator)) if c.what == "spring of swing")
+    assert evaluator.errors(evaluator.scene(changed(evaluator.spec, spring))).trajectory > BOUND
     heavy = Candidate("wrong", "a mass", lambda spec: setattr(spec.body("lever"), "mass", 0.3))
-    wrong = one.errors(one.lean(changed(one.spec, heavy)))
+    wrong = evaluator.errors(evaluator.scene(changed(evaluator.spec, heavy)))
     assert wrong.trajectory > BOUND
     assert wrong.torque > 1e-3
     assert wrong.energy > 1e-5
 
 
 def test_what_the_motion_needs_cannot_be_left_out(cluttered):
-    _, _, one = cluttered
-    spec = one.spec.copy()
+    _, _, evaluator = cluttered
+    spec = evaluator.spec.copy()
     spec.delete(spec.actuator("servo"))
-    with pytest.raises(ValueError, match="servo is fed"):
-        one.lean(spec)
-    with pytest.raises(NotThere, match="servo acts on joint knuckle"):
-        still_joints.fuse(one.spec.copy(), "knuckle", 0.0)
+    with pytest.raises(ValueError, match="servo has a motion law"):
+        evaluator.scene(spec)
+    with pytest.raises(NotApplicable, match="servo acts on joint knuckle"):
+        locked_joints.fuse(evaluator.spec.copy(), "knuckle", 0.0)
 
 
 def test_a_fused_joint_leaves_its_body_where_it_stood(tmp_path):
-    spec = spelled_out(scene(tmp_path, FINGER)[1])
+    spec = normalised(scene(tmp_path, FINGER)[1])
     model = spec.compile()
     data = mujoco.MjData(model)
     data.joint("swing").qpos[0] = 0.3
     mujoco.mj_kinematics(model, data)
     pad = data.body("pad").xpos.copy(), data.body("pad").xquat.copy()
-    still_joints.fuse(spec, "swing", 0.3)
-    lean = spec.compile()
-    data = mujoco.MjData(lean)
-    mujoco.mj_kinematics(lean, data)
+    locked_joints.fuse(spec, "swing", 0.3)
+    reduced_model = spec.compile()
+    data = mujoco.MjData(reduced_model)
+    mujoco.mj_kinematics(reduced_model, data)
     assert np.allclose(data.body("pad").xpos, pad[0], atol=1e-15)
     assert np.allclose(data.body("pad").xquat, pad[1], atol=1e-15)
 
@@ -211,15 +215,15 @@ def test_a_fused_joint_leaves_its_body_where_it_stood(tmp_path):
 def test_a_second_motion_starts_as_the_first_and_its_rates_are_its_own(tmp_path):
     user, _ = scene(tmp_path, FINGER, ctrl="", drive={"knuckle": "0.4*sin(7*t)+0.3*t"})
     other = second_motion(user)
-    one, two = (of.drive["knuckle"] for of in (user, other))
+    first, two = (of.drive["knuckle"] for of in (user, other))
     time, h = np.linspace(0.01, 0.49, 40), 1e-6
     value, rate, acceleration = two(time)
-    assert two(np.zeros(1))[0] == one(np.zeros(1))[0]
-    assert two(np.zeros(1))[1] == pytest.approx(REACH * one(np.zeros(1))[1])
+    assert two(np.zeros(1))[0] == first(np.zeros(1))[0]
+    assert two(np.zeros(1))[1] == pytest.approx(RANGE_RATIO * first(np.zeros(1))[1])
     assert np.allclose((two(time + h)[0] - two(time - h)[0]) / (2 * h), rate, atol=1e-8)
     assert np.allclose((two(time + h)[1] - two(time - h)[1]) / (2 * h), acceleration, atol=1e-7)
-    assert np.abs(value - one(time)[0]).max() > 0.05
-    assert np.allclose(other.start[1], REACH * user.start[1])
+    assert np.abs(value - first(time)[0]).max() > 0.05
+    assert np.allclose(other.start[1], RANGE_RATIO * user.start[1])
 
 
 @pytest.mark.parametrize("times", [2, 4, 8])
@@ -229,7 +233,7 @@ def test_a_loop_gives_as_much_under_a_load_whatever_the_step(times):
     <equality><connect name="c" body1="a" anchor="0 0 0" solref="0.001 1"/></equality></mujoco>"""
     sags = []
     for wanted in (1, times):
-        spec = spelled_out(mujoco.MjSpec.from_string(text))
+        spec = normalised(mujoco.MjSpec.from_string(text))
         if wanted > 1:
             stepping.keep_stiffness(spec, 0.0005, 0.0005 * wanted)
             spec.option.timestep = 0.0005 * wanted
@@ -248,12 +252,12 @@ SERVO = """<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody><body na
 
 @pytest.mark.parametrize("integrator", [stepping.EULER, stepping.IMPLICITFAST])
 def test_an_armature_makes_good_what_a_longer_step_does_to_a_damper(tmp_path, integrator):
-    one = bench(*scene(tmp_path, SERVO, track=("P,arm@0.1,0,0",)))
+    evaluator = evaluator_of(*scene(tmp_path, SERVO, track=("P,arm@0.1,0,0",)))
     worst = {}
     for made_good in (True, False):
-        spec = one.spec.copy()
+        spec = evaluator.spec.copy()
         stepping.set_stepping(spec, 4, int(integrator), made_good)
-        worst[made_good] = one.errors(one.lean(spec)).trajectory
+        worst[made_good] = evaluator.errors(evaluator.scene(spec)).trajectory
     assert worst[True] < 0.1 * worst[False]
 
 
@@ -276,13 +280,15 @@ JUMPY = """<mujoco><option timestep="0.002"/><worldbody><body name="arm">
 @pytest.mark.slow
 def test_longer_steps_fitted_to_two_motions_hold_over_a_third_where_others_do_not(tmp_path):
     user, spec = scene(tmp_path, JUMPY, ctrl="0.05*sin(2*pi*t)", duration=0.2)
-    one, to_fit, held_back = (bench(of, spec) for of in (user, motion_to_fit(user), second_motion(user)))
-    found = refit((one, to_fit), seen(one), 2, {})
-    plain = one.spec.copy()
+    evaluator, to_fit, held_back = (
+        evaluator_of(of, spec) for of in (user, motion_to_fit(user), second_motion(user))
+    )
+    found = refit((evaluator, to_fit), observed(evaluator), 2, {})
+    plain = evaluator.spec.copy()
     stepping.stepped_so(plain, 2, int(stepping.EULER))
-    fitted = changed(one.spec, found.candidate)
+    fitted = changed(evaluator.spec, found.candidate)
     errors = {
-        kind: held_back.errors(held_back.lean(of)).trajectory
+        kind: held_back.errors(held_back.scene(of)).trajectory
         for kind, of in (("fitted", fitted), ("plain", plain))
     }
     assert found.error < refitting.GOAL * BOUND
@@ -296,9 +302,9 @@ def test_longer_steps_fitted_to_two_motions_hold_over_a_third_where_others_do_no
 
 def test_numbers_fitted_to_a_part_that_is_not_there_do_not_apply():
     spec = mujoco.MjSpec.from_string(FINGER)
-    knob = Knob("equality", ("elbow_of_knuckle",), (("eq_solref", 0),))
-    fitted = Candidate("stepping", "fitted", lambda spec: turned_in(spec, [knob], np.ones(1)))
-    with pytest.raises(NotThere, match="elbow_of_knuckle"):
+    parameter = Parameter("equality", ("elbow_of_knuckle",), (("eq_solref", 0),))
+    fitted = Candidate("stepping", "fitted", lambda spec: set_in_spec(spec, [parameter], np.ones(1)))
+    with pytest.raises(NotApplicable, match="elbow_of_knuckle"):
         changed(spec, fitted)
 
 

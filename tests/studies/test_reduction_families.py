@@ -4,9 +4,15 @@ import mujoco
 import numpy as np
 import pytest
 from scene_texts import FINGER
-from studies.test_reduction import BOUND, bench, scene, seen
+from studies.test_reduction import BOUND, evaluator_of, observed, scene
 
-from mechsim.studies.reduction import joint_polynomials, merged, passive_chains, rod_lengths, twins
+from mechsim.studies.reduction import (
+    fused_bodies,
+    joint_polynomials,
+    mirrored_mechanisms,
+    passive_chains,
+    rod_lengths,
+)
 from mechsim.studies.reduction.candidate import changed
 from mechsim.studies.reduction.rods import add_weight, loose_chains
 
@@ -27,40 +33,40 @@ def hands(masses=(0.1, 0.1)):
 
 def test_a_twin_goes_and_what_stays_moves_as_before_unless_it_was_none(tmp_path):
     for masses, same in (((0.1, 0.1), True), ((0.1, 0.3), False)):
-        one = bench(*scene(tmp_path, hands(masses), track=("P,left@0.06,0,0",)))
-        (away,) = twins.propose(seen(one))
-        lean = one.lean(changed(one.spec, away))
-        assert [lean.model.joint(j).name for j in range(lean.model.njnt)] == ["left"]
-        assert (one.errors(lean).trajectory < 1e-12) is same
+        evaluator = evaluator_of(*scene(tmp_path, hands(masses), track=("P,left@0.06,0,0",)))
+        (away,) = mirrored_mechanisms.propose(observed(evaluator))
+        reduced_model = evaluator.scene(changed(evaluator.spec, away))
+        assert [reduced_model.model.joint(j).name for j in range(reduced_model.model.njnt)] == ["left"]
+        assert (evaluator.errors(reduced_model).trajectory < 1e-12) is same
 
 
 def test_a_rod_is_a_length_between_its_ends_and_weighs_as_much(tmp_path):
     smooth = FINGER.replace('name="elbow"', 'name="elbow" damping="0"')
-    one = bench(*scene(tmp_path, smooth, track=("P,lever@0,0.06,0",)))
-    found = seen(one)
+    evaluator = evaluator_of(*scene(tmp_path, smooth, track=("P,lever@0,0.06,0",)))
+    found = observed(evaluator)
     assert [(chain.joints, chain.closing) for chain in loose_chains(found)] == [(("elbow",), "closing")]
-    specs = [changed(one.spec, rod) for rod in rod_lengths.propose(found)]
-    whole, lean = one.spec.copy().compile(), specs[0].copy().compile()
-    assert lean.nv == whole.nv - 1
-    assert lean.body_mass.sum() == pytest.approx(whole.body_mass.sum(), rel=1e-14)
-    right = min(one.errors(one.lean(spec)).trajectory for spec in specs)
+    specs = [changed(evaluator.spec, rod) for rod in rod_lengths.propose(found)]
+    whole, reduced_model = evaluator.spec.copy().compile(), specs[0].copy().compile()
+    assert reduced_model.nv == whole.nv - 1
+    assert reduced_model.body_mass.sum() == pytest.approx(whole.body_mass.sum(), rel=1e-14)
+    right = min(evaluator.errors(evaluator.scene(spec)).trajectory for spec in specs)
     longer = specs[0].copy()
     data = longer.equality("closing").data
     data[0] += 1e-3
     longer.equality("closing").data = data
     assert right < 2e-4
-    assert one.errors(one.lean(longer)).trajectory > 5e-4
+    assert evaluator.errors(evaluator.scene(longer)).trajectory > 5e-4
 
 
 def test_a_leaf_of_which_nothing_is_tracked_is_fused_halfway(tmp_path):
-    one = bench(*scene(tmp_path, FINGER, track=("P,lever@0,0.06,0",)))
-    ways = {way.what: way for way in passive_chains.propose(seen(one))}
+    evaluator = evaluator_of(*scene(tmp_path, FINGER, track=("P,lever@0,0.06,0",)))
+    ways = {way.what: way for way in passive_chains.propose(observed(evaluator))}
     leaf = next(way for what, way in ways.items() if "pad" in what)
-    lean = one.lean(changed(one.spec, leaf))
-    assert "swing" not in [lean.model.joint(j).name for j in range(lean.model.njnt)]
-    assert one.errors(lean).trajectory < 10 * BOUND
+    reduced_model = evaluator.scene(changed(evaluator.spec, leaf))
+    assert "swing" not in [reduced_model.model.joint(j).name for j in range(reduced_model.model.njnt)]
+    assert evaluator.errors(reduced_model).trajectory < 10 * BOUND
     loop = next(way for what, way in ways.items() if "closing" in what)
-    assert one.errors(one.lean(changed(one.spec, loop))).trajectory > 1e-3
+    assert evaluator.errors(evaluator.scene(changed(evaluator.spec, loop))).trajectory > 1e-3
 
 
 def test_bodies_without_joints_are_merged_except_those_that_are_named(tmp_path):
@@ -68,15 +74,20 @@ def test_bodies_without_joints_are_merged_except_those_that_are_named(tmp_path):
         '<joint name="swing"/>',
         '<body name="nail"><inertial mass="1e-3" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/></body>',
     )
-    one = bench(*scene(tmp_path, text, track=("nail",)))
-    assert [len(merged.propose(seen(one)))] == [1]
-    lean = changed(one.spec, merged.propose(seen(one))[0]).compile()
-    assert one.errors(one.lean(changed(one.spec, merged.propose(seen(one))[0]))).trajectory < BOUND
-    assert lean.nbody < one.named.nbody
+    evaluator = evaluator_of(*scene(tmp_path, text, track=("nail",)))
+    assert [len(fused_bodies.propose(observed(evaluator)))] == [1]
+    reduced_model = changed(evaluator.spec, fused_bodies.propose(observed(evaluator))[0]).compile()
+    assert (
+        evaluator.errors(
+            evaluator.scene(changed(evaluator.spec, fused_bodies.propose(observed(evaluator))[0]))
+        ).trajectory
+        < BOUND
+    )
+    assert reduced_model.nbody < evaluator.named.nbody
 
 
 def test_a_weight_added_keeps_mass_centre_and_moments(tmp_path):
-    model = bench(*scene(tmp_path, FINGER)).named
+    model = evaluator_of(*scene(tmp_path, FINGER)).named
     body, turn = model.body("rod").id, np.empty(9)
     own = float(model.body_mass[body]), model.body_ipos[body].copy(), model.body_inertia[body].copy()
     at, mass = np.array([0.01, -0.02, 0.03]), 0.05
@@ -108,26 +119,26 @@ def test_a_loop_is_what_it_does_to_its_joints_and_what_goes_is_made_up_for_on_th
     hard = rigid.replace(
         'solref="0.005 1" solimp="0.95 0.99 0.001"', 'solref="0.004 1" solimp="0.9999 0.9999"'
     )
-    one = bench(*scene(tmp_path, hard, track=("P,lever@0,0.06,0",)))
-    needed, all_of_them = joint_polynomials.propose(seen(one))
-    lean = one.lean(changed(one.spec, all_of_them))
-    assert (lean.model.nv, lean.model.neq) == (3, 2)
-    assert one.errors(lean).trajectory < 2 * BOUND
-    spec = changed(one.spec, needed)
-    lean = one.lean(spec)
-    assert (lean.model.nv, lean.model.neq) == (2, 1)
-    assert one.errors(lean).trajectory < 1e-4
-    freedom = joint_polynomials.one_freedom(seen(one), "knuckle")
+    evaluator = evaluator_of(*scene(tmp_path, hard, track=("P,lever@0,0.06,0",)))
+    needed, all_of_them = joint_polynomials.propose(observed(evaluator))
+    reduced_model = evaluator.scene(changed(evaluator.spec, all_of_them))
+    assert (reduced_model.model.nv, reduced_model.model.neq) == (3, 2)
+    assert evaluator.errors(reduced_model).trajectory < 2 * BOUND
+    spec = changed(evaluator.spec, needed)
+    reduced_model = evaluator.scene(spec)
+    assert (reduced_model.model.nv, reduced_model.model.neq) == (2, 1)
+    assert evaluator.errors(reduced_model).trajectory < 1e-4
+    relations = joint_polynomials.joint_polynomials_of(observed(evaluator), "knuckle")
     felt = [
         np.mean(
             [
-                joint_polynomials.reflected(model, freedom, at)
-                for at in np.linspace(freedom.low, freedom.high, 41)
+                joint_polynomials.reflected(model, relations, at)
+                for at in np.linspace(relations.low, relations.high, 41)
             ],
             0,
         )
-        for model in (one.named, lean.model)
+        for model in (evaluator.named, reduced_model.model)
     ]
     # the rod that went is a tenth of the inertia
     assert felt[1] == pytest.approx(felt[0], rel=1e-6, abs=1e-9)
-    assert lean.model.dof_armature[0] > 1.05 * one.named.dof_armature[0]
+    assert reduced_model.model.dof_armature[0] > 1.05 * evaluator.named.dof_armature[0]

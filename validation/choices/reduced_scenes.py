@@ -27,9 +27,9 @@ from reduced_cases import Case, prepared
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf_reader.parsed_file import parsed
 from mechsim.studies.reduction import reduced
-from mechsim.studies.reduction.bench import Bench
+from mechsim.studies.reduction.evaluator import Evaluator
+from mechsim.studies.reduction.normalised import normalised
 from mechsim.studies.reduction.other_motions import other_motion
-from mechsim.studies.reduction.spelled_out import spelled_out
 from mechsim.studies.scenes import UserScene
 
 Array = NDArray[np.float64]
@@ -40,12 +40,14 @@ REACH, UNEVEN = 0.75, 0.2
 
 def outside(scene: UserScene, spec: mujoco.MjSpec, text: str) -> float:
     """Return how far a reduced scene is from the full one over a third motion, in [m]."""
-    moved, full = other_motion(scene, REACH, UNEVEN), spelled_out(spec)
+    moved, full = other_motion(scene, REACH, UNEVEN), normalised(spec)
     named = full.copy().compile()
     tracked = {name: (named.body(body).name, place) for name, (body, place) in scene.places.items()}
     if scene.drive:
-        bench = Bench(moved, full, tracked)
-        return bench.errors(bench.lean(mujoco.MjSpec.from_string(text)), all_of_them=False).trajectory
+        evaluator = Evaluator(moved, full, tracked)
+        return evaluator.errors(
+            evaluator.scene(mujoco.MjSpec.from_string(text)), all_of_them=False
+        ).trajectory
     lean = mujoco.MjModel.from_xml_string(text)
     stride = round(float(lean.opt.timestep / named.opt.timestep))
     far, near = (_looped(moved, model, tracked) for model in (named, lean))

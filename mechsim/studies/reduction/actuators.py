@@ -1,26 +1,30 @@
-"""Actuators at rest: none of the user's, and without force."""
+"""Actuators without a motion law and without force."""
 
 import mujoco
 
-from mechsim.studies.reduction.candidate import Candidate, counted, listed
+from mechsim.studies.reduction.candidate import Candidate, count_text, name_list
 from mechsim.studies.reduction.evidence import Evidence
 
-FAMILY = "actuators"
-# largest force of an actuator at rest, in [N m] or [N]
-REST = 1e-12
+CATEGORY = "actuators"
+# largest force of an idle actuator, in [N m] or [N]
+MAX_FORCE_AT_REST = 1e-12
 
 
-def propose(seen: Evidence) -> list[Candidate]:
-    """Propose to leave out the actuators that no program feeds and that did nothing."""
-    still = [name for name, most in seen.efforts.items() if most <= REST and name not in seen.scene.ctrl]
+def propose(observed: Evidence) -> list[Candidate]:
+    """Propose to remove the actuators that no motion law controls and that exerted no force."""
+    still = [
+        name
+        for name, most in observed.forces.items()
+        if most <= MAX_FORCE_AT_REST and name not in observed.scene.ctrl
+    ]
     if not still:
         return []
-    what = f"{counted(len(still), 'actuator')} at rest: {listed(still)}"
-    return [Candidate(FAMILY, what, lambda spec: without(spec, still))]
+    what = f"{count_text(len(still), 'actuator')} at rest: {name_list(still)}"
+    return [Candidate(CATEGORY, what, lambda spec: without(spec, still))]
 
 
 def without(spec: mujoco.MjSpec, names: list[str]) -> None:
-    """Leave out actuators."""
+    """Remove actuators."""
     for actuator in list(spec.actuators):
         if actuator.name in names:
             spec.delete(actuator)

@@ -1,4 +1,4 @@
-"""One thing that may be left out of a scene, as a change of its specification."""
+"""A candidate for removal: a change of a scene's specification."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,48 +10,48 @@ from mechsim.simulation.mjcf.compiling import plainly_compiled
 Edit = Callable[[mujoco.MjSpec], None]
 
 
-class NotThere(Exception):  # noqa: N818
-    """What was to be left out is no part of the scene any more, or something else needs it."""
+class NotApplicable(Exception):  # noqa: N818
+    """The element is no longer in the scene, or another element needs it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One thing that may be left out.
+    """A change of a scene's specification that may reduce it.
 
     Attributes:
-        family: to which it belongs.
-        what: is left out, in words.
+        category: of the element, as "contacts".
+        what: description of what is removed.
         edit: changes a specification in place; raises NotThere where it does not apply.
-        pays: whether it is left out only where that saves time, even if it costs no accuracy.
+        only_if_faster: whether it is applied only if it saves time, even if it costs no accuracy.
     """
 
-    family: str
+    category: str
     what: str
     edit: Edit
-    pays: bool = False
+    only_if_faster: bool = False
 
 
 def changed(spec: mujoco.MjSpec, candidate: Candidate) -> mujoco.MjSpec:
-    """Return a copy of a specification without a candidate.
+    """Return a copy of a specification with a candidate applied.
 
     Raises:
-        NotThere: where it does not apply, or MuJoCo refuses what is left.
+        NotApplicable: if it does not apply, or MuJoCo rejects the result.
     """
     copy = spec.copy()
     try:
         candidate.edit(copy)
         plainly_compiled(copy)
     except ValueError as error:
-        raise NotThere(f"{candidate.what}: {error}") from None
+        raise NotApplicable(f"{candidate.what}: {error}") from None
     return copy
 
 
-def counted(number: int, one: str, many: str | None = None) -> str:
-    """Return a number of things in words."""
-    return f"{number} {one if number == 1 else many or one + 's'}"
+def count_text(number: int, singular: str, plural: str | None = None) -> str:
+    """Return a count with its noun."""
+    return f"{number} {singular if number == 1 else plural or singular + 's'}"
 
 
-def listed(names: list[str], most: int = 4) -> str:
-    """Return names as a line holds them."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+def name_list(names: list[str], limit: int = 4) -> str:
+    """Return the first names, comma-separated, and how many more there are."""
+    more = f" and {len(names) - limit} more" if len(names) > limit else ""
+    return ", ".join(names[:limit]) + more

@@ -1,29 +1,29 @@
-"""Contacts that never come about."""
+"""Contacts that never occur."""
 
 import mujoco
 
-from mechsim.studies.reduction.candidate import Candidate, counted
+from mechsim.studies.reduction.candidate import Candidate, count_text
 from mechsim.studies.reduction.evidence import Evidence
 
 OFF = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-FAMILY = "contacts"
+CATEGORY = "contacts"
 
 
-def propose(seen: Evidence) -> list[Candidate]:
-    """Propose to look for no contacts where none came about, else for none of geoms that touched nothing."""
-    if seen.spec.option.disableflags & OFF:
+def propose(observed: Evidence) -> list[Candidate]:
+    """Propose to disable contacts if none occurred, otherwise those of geoms that touched nothing."""
+    if observed.spec.option.disableflags & OFF:
         return []
-    if not seen.touched:
-        return [Candidate(FAMILY, "looking for contacts: nothing touched", _none)]
+    if not observed.touched:
+        return [Candidate(CATEGORY, "looking for contacts: nothing touched", _none)]
     apart = [
         geom.name
-        for geom in seen.spec.geoms
-        if geom.name not in seen.touched and (geom.contype or geom.conaffinity)
+        for geom in observed.spec.geoms
+        if geom.name not in observed.touched and (geom.contype or geom.conaffinity)
     ]
     if not apart:
         return []
-    what = f"contacts of {counted(len(apart), 'geom')} that touched nothing"
-    return [Candidate(FAMILY, what, lambda spec: _without(spec, apart))]
+    what = f"contacts of {count_text(len(apart), 'geom')} that touched nothing"
+    return [Candidate(CATEGORY, what, lambda spec: _without(spec, apart))]
 
 
 def _none(spec: mujoco.MjSpec) -> None:

@@ -1,4 +1,4 @@
-"""What parts of a scene did over its motion: what touched, how far joints went, which rows held."""
+"""Observations of a scene over its motion: contacts, joint ranges, active limits, redundant equalities."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,11 +9,11 @@ import numpy as np
 from mechsim.maths.arrays import Array
 from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.silence import quiet
-from mechsim.studies.reduction.lean_scene import LeanScene
+from mechsim.studies.reduction.reduced_scene import ReducedScene
 from mechsim.studies.scenes.scene_run import stepped
 
-# instants looked at, evenly over the motion
-LOOKS = 600
+# number of instants observed, evenly over the motion
+SAMPLES = 600
 LIMIT_JOINT, LIMIT_TENDON, EQUALITY = (
     int(kind)
     for kind in (
@@ -22,37 +22,36 @@ LIMIT_JOINT, LIMIT_TENDON, EQUALITY = (
         mujoco.mjtConstraint.mjCNSTR_EQUALITY,
     )
 )
-# a singular value of the rows below this part of the largest is none
-RANK = 1e-6
+# relative singular value of the constraint Jacobian below which it counts as zero
+RANK_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What was seen of a scene over its motion.
+    """Observations of a scene over its motion.
 
     Attributes:
         spec: of the scene.
         scene: the scene, compiled.
         tracked: names of the bodies that carry tracked points.
-        bound: the tolerance in [m], or in [N m] or [N] where efforts count.
-        qpos: states looked at, (n, nq).
+        tolerance: in [m], or in [N m] or [N] if forces are the measure.
+        qpos: observed states, (n, nq).
         qvel: their rates, (n, nv).
         touched: geoms that touched another.
         limited: joints and tendons that were at a limit.
-        efforts: actuator -> its largest force.
-        redundant: equalities whose rows the others say already.
-        row: equality -> how many rows it has.
+        forces: actuator -> its largest force.
+        redundant: equalities that the others imply.
     """
 
     spec: mujoco.MjSpec
-    scene: LeanScene
+    scene: ReducedScene
     tracked: frozenset[str]
-    bound: float
+    tolerance: float
     qpos: Array
     qvel: Array
     touched: frozenset[str] = frozenset()
     limited: frozenset[str] = frozenset()
-    efforts: Mapping[str, float] = field(default_factory=dict[str, float])
+    forces: Mapping[str, float] = field(default_factory=dict[str, float])
     redundant: tuple[str, ...] = ()
 
     @property
@@ -61,8 +60,8 @@ class Evidence:
         return self.scene.model
 
     @property
-    def size(self) -> float:
-        """Yardstick of the full scene's lengths, in [m]."""
+    def length(self) -> float:
+        """Characteristic length of the full scene, in [m]."""
         return self.scene.size
 
     def values(self, joint: str) -> Array:
@@ -75,12 +74,12 @@ class Evidence:
 
 
 @quiet()
-def evidence(spec: mujoco.MjSpec, scene: LeanScene, tracked: frozenset[str], bound: float) -> Evidence:
-    """Run a scene over its motion and look at what its parts do."""
-    run = stepped(scene, records=LOOKS)
+def observe(spec: mujoco.MjSpec, scene: ReducedScene, tracked: frozenset[str], tolerance: float) -> Evidence:
+    """Run a scene over its motion and record what its elements do."""
+    run = stepped(scene, records=SAMPLES)
     model, data = scene.model, mujoco.MjData(scene.model)
     touched, limited = set[int](), set[str]()
-    efforts = np.zeros(model.nu)
+    forces = np.zeros(model.nu)
     needed: set[int] = set()
     steps = np.round(run.time / model.opt.timestep).astype(int)
     for i, (qpos, qvel, step) in enumerate(zip(run.qpos, run.qvel, steps, strict=True)):
@@ -90,57 +89,57 @@ def evidence(spec: mujoco.MjSpec, scene: LeanScene, tracked: frozenset[str], bou
         mujoco.mj_forward(model, data)
         touched |= set(data.contact.geom.ravel().tolist())
         limited |= _at_limits(model, data)
-        efforts = np.maximum(efforts, np.abs(data.actuator_force))
+        forces = np.maximum(forces, np.abs(data.actuator_force))
         if i % 20 == 0:
             needed |= _needed(model, data)
     return Evidence(
         spec,
         scene,
         tracked,
-        bound,
+        tolerance,
         run.qpos,
         run.qvel,
         frozenset(model.geom(g).name for g in touched if g >= 0),
         frozenset(limited),
-        {model.actuator(a).name: float(efforts[a]) for a in range(model.nu)},
+        {model.actuator(a).name: float(forces[a]) for a in range(model.nu)},
         tuple(model.equality(e).name for e in range(model.neq) if e not in needed),
     )
 
 
 def _at_limits(model: mujoco.MjModel, data: mujoco.MjData) -> set[str]:
-    """Return the joints and tendons that stand at a limit."""
-    found: set[str] = set()
-    for kind, of in zip(data.efc_type, data.efc_id, strict=True):
+    """Return the joints and tendons at a limit."""
+    names: set[str] = set()
+    for kind, index in zip(data.efc_type, data.efc_id, strict=True):
         if int(kind) == LIMIT_JOINT:
-            found.add(model.joint(int(of)).name)
+            names.add(model.joint(int(index)).name)
         elif int(kind) == LIMIT_TENDON:
-            found.add(model.tendon(int(of)).name)
-    return found
+            names.add(model.tendon(int(index)).name)
+    return names
 
 
 def _needed(model: mujoco.MjModel, data: mujoco.MjData) -> set[int]:
-    """Return the equalities some row of which no other equality says."""
-    of = np.asarray(data.efc_id)[np.asarray(data.efc_type) == EQUALITY]
-    rows = _rows(model, data)
-    rank, found = _rank(rows), set[int]()
-    for equality in set(of.tolist()):
-        if _rank(rows[of != equality]) < rank:
-            found.add(int(equality))
-    return found
+    """Return the equalities that the others do not imply."""
+    owner = np.asarray(data.efc_id)[np.asarray(data.efc_type) == EQUALITY]
+    jacobian = _equality_jacobian(model, data)
+    rank, needed = _rank(jacobian), set[int]()
+    for equality in set(owner.tolist()):
+        if _rank(jacobian[owner != equality]) < rank:
+            needed.add(int(equality))
+    return needed
 
 
-def _rows(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    """Return the rows of the equalities, (m, nv)."""
+def _equality_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """Return the constraint Jacobian of the equalities, (m, nv)."""
     chosen = np.flatnonzero(np.asarray(data.efc_type) == EQUALITY)
     if not mujoco.mj_isSparse(model):
         return dense_rows(data)[chosen].copy()
-    rows = np.zeros((len(chosen), model.nv))
-    for row, i in zip(rows, chosen, strict=True):
-        place, count = int(data.efc_J_rowadr[i]), int(data.efc_J_rownnz[i])
-        row[data.efc_J_colind[place : place + count]] = data.efc_J[place : place + count]
-    return rows
+    jacobian = np.zeros((len(chosen), model.nv))
+    for row, i in zip(jacobian, chosen, strict=True):
+        address, count = int(data.efc_J_rowadr[i]), int(data.efc_J_rownnz[i])
+        row[data.efc_J_colind[address : address + count]] = data.efc_J[address : address + count]
+    return jacobian
 
 
-def _rank(rows: Array) -> int:
-    values = np.linalg.svd(rows, compute_uv=False) if len(rows) else np.zeros(1)
-    return int((values > RANK * max(float(values[0]), 1e-300)).sum()) if len(rows) else 0
+def _rank(matrix: Array) -> int:
+    values = np.linalg.svd(matrix, compute_uv=False) if len(matrix) else np.zeros(1)
+    return int((values > RANK_TOLERANCE * max(float(values[0]), 1e-300)).sum()) if len(matrix) else 0

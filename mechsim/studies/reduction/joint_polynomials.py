@@ -1,7 +1,7 @@
-"""Loops replaced by what they do: each joint as a polynomial of one, fitted to the motion as Chebyshev would.
+"""Loops replaced by joint equalities: each joint as a minimax polynomial of one joint.
 
-What is left out of the tree is made up for on that one joint: its reflected inertia by armature, its weight
-and springs by the joint's own spring, its dampers by the joint's damping.
+Removed bodies are compensated at that joint: reflected inertia by armature, weight and springs by a joint
+spring, dampers by joint damping.
 """
 
 from dataclasses import dataclass
@@ -13,30 +13,30 @@ from numpy.polynomial import Chebyshev, Polynomial
 
 from mechsim.maths.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
-from mechsim.studies.reduction.apart import body_of
-from mechsim.studies.reduction.candidate import Candidate, NotThere, counted
+from mechsim.studies.reduction.candidate import Candidate, NotApplicable, count_text
+from mechsim.studies.reduction.disconnected_bodies import body_of
 from mechsim.studies.reduction.evidence import Evidence
+from mechsim.studies.reduction.locked_joints import joints_of
 from mechsim.studies.reduction.rods import kept_bodies
-from mechsim.studies.reduction.still_joints import joints_of
 
-FAMILY = "loops as polynomials"
+CATEGORY = "loops as polynomials"
 # highest degree that a joint equality of MJCF takes
 DEGREE = 4
 SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 # hardest impedance, and time constant in steps, of the equalities that replace loops
 HARDEST, CONSTANT = (0.9999, 0.9999, 0.001, 0.5, 2.0), 2.0
 # samples by which reflected inertia and springs are fitted
-SAMPLES = 41
+FIT_SAMPLES = 41
 
 
 @dataclass(frozen=True)
-class OneFreedom:
-    """A scene whose joints all go with one.
+class JointPolynomials:
+    """Polynomials of all joints of a scene in one leading joint.
 
     Attributes:
-        joint: with which the others go.
-        others: joint -> its polynomial of that one's coordinate, degree 0 to 4, both counted from `qpos0`.
-        low: least coordinate of the joint in the motion.
+        joint: the leading joint.
+        others: joint -> polynomial of the leading coordinate, degree 0 to 4, both relative to `qpos0`.
+        low: smallest coordinate of the leading joint in the motion.
         high: largest.
     """
 
@@ -46,61 +46,67 @@ class OneFreedom:
     high: float
 
 
-def propose(seen: Evidence) -> list[Candidate]:
-    """Propose to replace all loops by polynomials of one joint, with the bodies needed alone or with all."""
-    if not any(one.type != mujoco.mjtEq.mjEQ_JOINT for one in seen.spec.equalities):
+def propose(observed: Evidence) -> list[Candidate]:
+    """Propose to replace all loops by polynomials of one joint, with all bodies or only those needed."""
+    if not any(relations.type != mujoco.mjtEq.mjEQ_JOINT for relations in observed.spec.equalities):
         return []
-    found: list[Candidate] = []
-    for joint in _leaders(seen):
-        one = one_freedom(seen, joint)
-        if one is None:
+    candidates: list[Candidate] = []
+    for joint in _leaders(observed):
+        relations = joint_polynomials_of(observed, joint)
+        if relations is None:
             continue
-        needed = _needed(seen, one)
-        for kept in dict.fromkeys((needed, frozenset(one.others))):
-            degrees = sorted({polynomial.degree() for name, polynomial in one.others.items() if name in kept})
-            told = f"{counted(len(kept), 'joint')} by polynomials of {joint} of degrees {degrees}"
-            what = f"{counted(len(seen.spec.equalities), 'loop or tie', 'loops and ties')}: {told}"
-            found.append(Candidate(FAMILY, what, partial(_replaced, one=one, kept=kept)))
-    return found
+        needed = _needed(observed, relations)
+        for kept in dict.fromkeys((needed, frozenset(relations.others))):
+            degrees = sorted(
+                {polynomial.degree() for name, polynomial in relations.others.items() if name in kept}
+            )
+            text = f"{count_text(len(kept), 'joint')} by polynomials of {joint} of degrees {degrees}"
+            what = f"{count_text(len(observed.spec.equalities), 'loop or tie', 'loops and ties')}: {text}"
+            candidates.append(Candidate(CATEGORY, what, partial(_replaced, relations=relations, kept=kept)))
+    return candidates
 
 
-def _leaders(seen: Evidence) -> list[str]:
-    """Return the joints that may lead: the one prescribed, or those that one actuator acts on."""
-    spec, names = seen.spec, list(seen.scene.drive)
-    for name in seen.scene.ctrl:
+def _leaders(observed: Evidence) -> list[str]:
+    """Return the possible leading joints: the prescribed one, or those of the only actuator."""
+    spec, joints = observed.spec, list(observed.scene.drive)
+    for name in observed.scene.ctrl:
         actuator = spec.actuator(name)
         if actuator.trntype == mujoco.mjtTrn.mjTRN_TENDON:
-            names += joints_of(spec.tendon(actuator.target))
+            joints += joints_of(spec.tendon(actuator.target))
         elif actuator.trntype in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
-            names.append(actuator.target)
-    if len(seen.scene.drive) + len(seen.scene.ctrl) != 1:
+            joints.append(actuator.target)
+    if len(observed.scene.drive) + len(observed.scene.ctrl) != 1:
         return []
-    return names
+    return joints
 
 
-def one_freedom(seen: Evidence, joint: str) -> OneFreedom | None:
-    """Return how all joints go with one; None where one is no hinge or slide, or no polynomial is near it."""
-    spec, model = seen.spec, seen.model
-    if any(one.type not in SINGLE for one in spec.joints):
+def joint_polynomials_of(observed: Evidence, joint: str) -> JointPolynomials | None:
+    """Return all joints as polynomials of one; None if one is no hinge or slide, or no polynomial fits."""
+    spec, model = observed.spec, observed.model
+    if any(other.type not in SINGLE for other in spec.joints):
         return None
-    zero = {one.name: float(model.qpos0[model.joint(one.name).qposadr[0]]) for one in spec.joints}
-    values = seen.values(joint) - zero[joint]
+    zero = {other.name: float(model.qpos0[model.joint(other.name).qposadr[0]]) for other in spec.joints}
+    values = observed.values(joint) - zero[joint]
     low, high = float(values.min()), float(values.max())
     if not high - low > 0.0:
         return None
     others: dict[str, Polynomial] = {}
-    for one in spec.joints:
-        if one.name == joint:
+    for other in spec.joints:
+        if other.name == joint:
             continue
-        unit = seen.size if one.type == mujoco.mjtJoint.mjJNT_SLIDE else 1.0
-        fit = best_polynomial(values, seen.values(one.name) - zero[one.name], seen.bound / seen.size * unit)
+        unit = observed.length if other.type == mujoco.mjtJoint.mjJNT_SLIDE else 1.0
+        fit = best_polynomial(
+            values,
+            observed.values(other.name) - zero[other.name],
+            observed.tolerance / observed.length * unit,
+        )
         if fit is None:
             return None
-        others[one.name] = fit
-    return OneFreedom(joint, others, low + zero[joint], high + zero[joint])
+        others[other.name] = fit
+    return JointPolynomials(joint, others, low + zero[joint], high + zero[joint])
 
 
-def best_polynomial(x: Array, y: Array, bound: float) -> Polynomial | None:
+def best_polynomial(x: Array, y: Array, tolerance: float) -> Polynomial | None:
     """Return the polynomial of least degree, 0 to 4, whose worst error over samples is near the least.
 
     It is fitted in Chebyshev polynomials with weights that grow where the error is largest (Lawson), until
@@ -109,10 +115,10 @@ def best_polynomial(x: Array, y: Array, bound: float) -> Polynomial | None:
     Args:
         x: samples, (n,).
         y: values, (n,).
-        bound: error that is small enough; of no degree 4 and no such error the best is returned.
+        tolerance: the lowest degree with a tenth of this error is returned, otherwise the best.
 
     Returns:
-        None where the best errs by more than a hundred times the bound.
+        None if the best error exceeds a hundred tolerances.
     """
     domain = [float(x.min()), float(x.max())]
     best: tuple[float, Polynomial] | None = None
@@ -124,87 +130,93 @@ def best_polynomial(x: Array, y: Array, bound: float) -> Polynomial | None:
             worst = float(error.max())
             if best is None or worst < best[0]:
                 best = worst, fit.convert(kind=Polynomial)
-            if not worst > 0.1 * bound:
+            if not worst > 0.1 * tolerance:
                 break
             weights *= error + 1e-3 * worst
             weights /= weights.sum()
         assert best is not None
-        if best[0] <= 0.1 * bound:
+        if best[0] <= 0.1 * tolerance:
             break
     assert best is not None
-    return best[1] if best[0] <= 100.0 * bound else None
+    return best[1] if best[0] <= 100.0 * tolerance else None
 
 
-def _needed(seen: Evidence, one: OneFreedom) -> frozenset[str]:
-    """Return the joints above what is tracked or acted on."""
-    found: set[str] = set()
-    for name in kept_bodies(seen):
-        body = seen.spec.body(name)
+def _needed(observed: Evidence, relations: JointPolynomials) -> frozenset[str]:
+    """Return the joints between the world and the tracked or actuated bodies."""
+    above: set[str] = set()
+    for name in kept_bodies(observed):
+        body = observed.spec.body(name)
         while body is not None and body.name != "world":
-            found |= {joint.name for joint in body.joints}
+            above |= {joint.name for joint in body.joints}
             body = body.parent
-    return frozenset(found & set(one.others))
+    return frozenset(above & set(relations.others))
 
 
-def _replaced(spec: mujoco.MjSpec, one: OneFreedom, kept: frozenset[str]) -> None:
-    """Replace all loops by joint equalities; leave out the joints not kept with what hangs on them."""
-    if spec.joint(one.joint) is None or any(spec.joint(name) is None for name in one.others):
-        raise NotThere("a joint is left out already")
+def _replaced(spec: mujoco.MjSpec, relations: JointPolynomials, kept: frozenset[str]) -> None:
+    """Replace all loops by joint equalities; remove the other joints with their subtrees."""
+    if spec.joint(relations.joint) is None or any(spec.joint(name) is None for name in relations.others):
+        raise NotApplicable("a joint is removed already")
     whole = plainly_compiled(spec)
-    before = [reflected(whole, one, value) for value in np.linspace(one.low, one.high, SAMPLES)]
+    before = [
+        reflected(whole, relations, value)
+        for value in np.linspace(relations.low, relations.high, FIT_SAMPLES)
+    ]
     for equality in list(spec.equalities):
         spec.delete(equality)
-    gone = [name for name in one.others if name not in kept]
-    for name in gone:
+    removed = [name for name in relations.others if name not in kept]
+    for name in removed:
         joint = spec.joint(name)
         if joint is not None:
             if any(name in joints_of(tendon) for tendon in spec.tendons):
-                raise NotThere(f"a tendon runs over {name}")
+                raise NotApplicable(f"a tendon acts on {name}")
             spec.delete(spec.body(body_of(joint)))
     for name in sorted(kept):
-        made = spec.add_equality(
-            name=f"{name}_of_{one.joint}",
+        constraint = spec.add_equality(
+            name=f"{name}_of_{relations.joint}",
             type=mujoco.mjtEq.mjEQ_JOINT,
             name1=name,
-            name2=one.joint,
+            name2=relations.joint,
             active=True,
         )
-        data = np.zeros(len(made.data))
-        coefficients = one.others[name].coef
+        data = np.zeros(len(constraint.data))
+        coefficients = relations.others[name].coef
         data[: len(coefficients)] = coefficients
-        made.data = data
-        made.solref, made.solimp = np.array([CONSTANT * spec.option.timestep, 1.0]), np.array(HARDEST)
-    if gone:
-        _made_up(spec, one, before)
+        constraint.data = data
+        constraint.solref, constraint.solimp = (
+            np.array([CONSTANT * spec.option.timestep, 1.0]),
+            np.array(HARDEST),
+        )
+    if removed:
+        _compensate_losses(spec, relations, before)
 
 
-def _made_up(spec: mujoco.MjSpec, one: OneFreedom, before: list[Array]) -> None:
-    """Give the leading joint what the scene lost: inertia, damping, and a spring for weights and springs."""
-    lean = plainly_compiled(spec)
-    values = np.linspace(one.low, one.high, SAMPLES)
-    lost = np.array(before) - [reflected(lean, one, value) for value in values]
-    joint = spec.joint(one.joint)
+def _compensate_losses(spec: mujoco.MjSpec, relations: JointPolynomials, before: list[Array]) -> None:
+    """Add the removed inertia and damping to the leading joint, and a spring for weights and springs."""
+    reduced_model = plainly_compiled(spec)
+    values = np.linspace(relations.low, relations.high, FIT_SAMPLES)
+    lost = np.array(before) - [reflected(reduced_model, relations, value) for value in values]
+    joint = spec.joint(relations.joint)
     joint.armature = max(0.0, float(joint.armature) + float(lost[:, 0].mean()))
     damping = np.array(joint.damping, dtype=np.float64)
     damping[0] = max(0.0, damping[0] + float(lost[:, 1].mean()))
     joint.damping = damping
     if np.any(joint.stiffness):
-        raise NotThere(f"joint {one.joint} has a spring of its own")
+        raise NotApplicable(f"joint {relations.joint} has a spring of its own")
     # a spring's force is -k (q - springref)
-    slope, at_nought = np.polyfit(values, lost[:, 2], 1)
-    if abs(slope) > 1e-12 * max(1.0, abs(at_nought)):
+    rate, offset = np.polyfit(values, lost[:, 2], 1)
+    if abs(rate) > 1e-12 * max(1.0, abs(offset)):
         stiffness = np.array(joint.stiffness, dtype=np.float64)
-        stiffness[0] = -float(slope)
-        joint.stiffness, joint.springref = stiffness, float(-at_nought / slope)
+        stiffness[0] = -float(rate)
+        joint.stiffness, joint.springref = stiffness, float(-offset / rate)
 
 
-def reflected(model: mujoco.MjModel, one: OneFreedom, value: float) -> Array:
-    """Return inertia, damping and force (weights, springs) of a scene on its leading joint, (3,)."""
+def reflected(model: mujoco.MjModel, relations: JointPolynomials, value: float) -> Array:
+    """Return inertia, damping and force (weights, springs) reflected to the leading joint, (3,)."""
     data, rates = mujoco.MjData(model), np.zeros(model.nv)
-    lead = model.joint(one.joint)
+    lead = model.joint(relations.joint)
     x = value - float(model.qpos0[lead.qposadr[0]])
     data.qpos[lead.qposadr[0]], rates[lead.dofadr[0]] = value, 1.0
-    for name, polynomial in one.others.items():
+    for name, polynomial in relations.others.items():
         if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) < 0:
             continue
         joint = model.joint(name)

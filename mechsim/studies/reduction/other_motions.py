@@ -1,4 +1,4 @@
-"""Other motions of the same inputs, at other paces and less far: one that chooses nothing, one to fit to."""
+"""Other motions of the same inputs, at other speeds and over smaller ranges: to verify and to fit."""
 
 from dataclasses import replace
 
@@ -8,62 +8,67 @@ from mechsim.maths.arrays import Array
 from mechsim.model.programs import State
 from mechsim.studies.scenes import UserScene
 
-# how far a second motion goes, and by how much its speed differs within it
-REACH, UNEVEN = 0.9, 0.3
-# likewise of the motion that longer steps are fitted to beside the user's
-FITTED_REACH, FITTED_UNEVEN = 0.6, -0.3
+# range of the second motion relative to the user's, and the relative variation of its speed
+RANGE_RATIO, SPEED_VARIATION = 0.9, 0.3
+# the same for the second motion to which longer steps are fitted
+FITTED_RANGE_RATIO, FITTED_SPEED_VARIATION = 0.6, -0.3
 
 
 def second_motion(scene: UserScene) -> UserScene:
-    """Return a scene put through a second motion, from the same start; it judges and chooses nothing."""
-    return other_motion(scene, REACH, UNEVEN)
+    """Return a scene over a second motion from the same start; only the final check uses it."""
+    return other_motion(scene, RANGE_RATIO, SPEED_VARIATION)
 
 
 def motion_to_fit(scene: UserScene) -> UserScene:
-    """Return a scene put through another motion, from the same start, to fit to."""
-    return other_motion(scene, FITTED_REACH, FITTED_UNEVEN)
+    """Return a scene over another motion from the same start, for fitting."""
+    return other_motion(scene, FITTED_RANGE_RATIO, FITTED_SPEED_VARIATION)
 
 
-def other_motion(scene: UserScene, reach: float, uneven: float) -> UserScene:
-    """Return a scene put through its motion at another pace, from the same start.
+def other_motion(scene: UserScene, range_ratio: float, speed_variation: float) -> UserScene:
+    """Return a scene over its motion with another range and speed, from the same start.
 
     Args:
-        scene: and its motion.
-        reach: how far it goes, in parts of it.
-        uneven: by how much its pace differs within it, either way.
+        scene: with its motion.
+        range_ratio: range relative to that of the motion.
+        speed_variation: largest relative change of the speed.
     """
     count = len(scene.drive)
-    programs = [
+    motion_laws = [
         {
-            name: _program(state, scene.duration, number, reach, uneven)
+            name: _warped_law(state, scene.duration, number, range_ratio, speed_variation)
             for number, (name, state) in enumerate(states.items(), first)
         }
         for states, first in ((scene.drive, 0), (scene.ctrl, count))
     ]
     qpos, qvel = scene.start
-    # rates that keep loops closed go with those of the drivers
+    # rates that keep loops closed are proportional to the driver speeds
     return replace(
-        scene, drive=programs[0], ctrl=programs[1], start=(qpos, reach * qvel if scene.drive else qvel)
+        scene,
+        drive=motion_laws[0],
+        ctrl=motion_laws[1],
+        start=(qpos, range_ratio * qvel if scene.drive else qvel),
     )
 
 
-def _program(state: State, duration: float, number: int, reach: float, uneven: float) -> State:
-    """Return a program whose time runs by 1 - uneven sin(w t), so that it ends where it ended.
+def _warped_law(
+    state: State, duration: float, number: int, range_ratio: float, speed_variation: float
+) -> State:
+    """Return a motion law whose time runs at 1 - speed_variation sin(w t) and ends at the same value.
 
-    Each number has a pace w of its own.
+    The number selects the frequency w.
     """
     w = 2.0 * np.pi * (1 + number % 3) / duration
 
     def other(time: Array) -> tuple[Array, Array, Array]:
         time = np.asarray(time, dtype=np.float64)
-        at = time - uneven / w * (1.0 - np.cos(w * time))
-        pace, change = 1.0 - uneven * np.sin(w * time), -uneven * w * np.cos(w * time)
-        value, rate, acceleration = (np.broadcast_to(one, time.shape) for one in state(at))
+        warped = time - speed_variation / w * (1.0 - np.cos(w * time))
+        speed, speed_rate = 1.0 - speed_variation * np.sin(w * time), -speed_variation * w * np.cos(w * time)
+        value, rate, acceleration = (np.broadcast_to(values, time.shape) for values in state(warped))
         start = state(np.zeros(1))[0][0]
         return (
-            start + reach * (value - start),
-            reach * rate * pace,
-            reach * (acceleration * pace**2 + rate * change),
+            start + range_ratio * (value - start),
+            range_ratio * rate * speed,
+            range_ratio * (acceleration * speed**2 + rate * speed_rate),
         )
 
     return other

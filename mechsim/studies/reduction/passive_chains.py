@@ -1,40 +1,45 @@
-"""Chains that close a loop, or hang, and only weigh: fused where they stand, halfway through the motion."""
+"""Passive chains, which only add mass: fused in the pose halfway through the motion."""
 
 from functools import partial
 
 import mujoco
 
 from mechsim.maths.arrays import Array
-from mechsim.studies.reduction.candidate import Candidate, NotThere, counted, listed
+from mechsim.studies.reduction.candidate import Candidate, NotApplicable, count_text, name_list
 from mechsim.studies.reduction.evidence import Evidence
+from mechsim.studies.reduction.locked_joints import fuse_joint_at, require_unused
 from mechsim.studies.reduction.rods import LooseChain, kept_bodies, loose_chains
-from mechsim.studies.reduction.still_joints import fuse_at, require_unused
 
-FAMILY = "passive chains"
+CATEGORY = "passive chains"
 
 
-def propose(seen: Evidence) -> list[Candidate]:
-    """Propose to fuse each chain that nothing needs, and each leaf."""
-    found = [
+def propose(observed: Evidence) -> list[Candidate]:
+    """Propose to fuse each passive chain and each passive leaf body."""
+    candidates = [
         Candidate(
-            FAMILY,
-            f"loop {one.closing} with {counted(len(one.joints), 'joint')}, {listed(list(one.joints))}: fused",
-            partial(_fused, chain=one, places=_places(seen, one.joints)),
+            CATEGORY,
+            f"loop {chain.closing} with {count_text(len(chain.joints), 'joint')}, "
+            f"{name_list(list(chain.joints))}: fused",
+            partial(_fused, chain=chain, coordinates=_coordinates(observed, chain.joints)),
         )
-        for one in loose_chains(seen)
+        for chain in loose_chains(observed)
     ]
-    for name in _leaves(seen):
-        joints = tuple(joint.name for joint in seen.spec.body(name).joints)
-        what = f"{counted(len(joints), 'joint')} of {name}, of which nothing is tracked: fused"
+    for name in _leaves(observed):
+        joints = tuple(joint.name for joint in observed.spec.body(name).joints)
+        what = f"{count_text(len(joints), 'joint')} of {name}, of which nothing is tracked: fused"
         chain = LooseChain("", "", "", (name,), joints)
-        found.append(Candidate(FAMILY, what, partial(_fused, chain=chain, places=_places(seen, joints))))
-    return found
+        candidates.append(
+            Candidate(
+                CATEGORY, what, partial(_fused, chain=chain, coordinates=_coordinates(observed, joints))
+            )
+        )
+    return candidates
 
 
-def _leaves(seen: Evidence) -> list[str]:
-    """Return the bodies that nothing hangs on, closes a loop with, or needs."""
-    spec, kept = seen.spec, kept_bodies(seen)
-    ends = {name for one in spec.equalities for name in (one.name1, one.name2) if name}
+def _leaves(observed: Evidence) -> list[str]:
+    """Return the leaf bodies that close no loop and that nothing else needs."""
+    spec, kept = observed.spec, kept_bodies(observed)
+    ends = {name for equality in spec.equalities for name in (equality.name1, equality.name2) if name}
     closed = {site.parent.name for site in spec.sites if site.name in ends}
     return [
         body.name
@@ -46,26 +51,26 @@ def _leaves(seen: Evidence) -> list[str]:
     ]
 
 
-def _places(seen: Evidence, joints: tuple[str, ...]) -> dict[str, Array]:
+def _coordinates(observed: Evidence, joints: tuple[str, ...]) -> dict[str, Array]:
     """Return the coordinates of joints halfway through the motion."""
-    model, state = seen.model, seen.qpos[len(seen.qpos) // 2]
-    found: dict[str, Array] = {}
+    model, state = observed.model, observed.qpos[len(observed.qpos) // 2]
+    coordinates: dict[str, Array] = {}
     for name in joints:
-        place = int(model.joint(name).qposadr[0])
+        address = int(model.joint(name).qposadr[0])
         width = 4 if int(model.joint(name).type[0]) == int(mujoco.mjtJoint.mjJNT_BALL) else 1
-        found[name] = state[place : place + width].copy()
-    return found
+        coordinates[name] = state[address : address + width].copy()
+    return coordinates
 
 
-def _fused(spec: mujoco.MjSpec, chain: LooseChain, places: dict[str, Array]) -> None:
+def _fused(spec: mujoco.MjSpec, chain: LooseChain, coordinates: dict[str, Array]) -> None:
     equality = spec.equality(chain.closing) if chain.closing else None
     if chain.closing and equality is None:
-        raise NotThere(f"loop {chain.closing} is left out already")
+        raise NotApplicable(f"loop {chain.closing} is removed already")
     if any(spec.joint(name) is None for name in chain.joints):
-        raise NotThere(f"{listed(list(chain.joints))} are left out already")
+        raise NotApplicable(f"{name_list(list(chain.joints))} are removed already")
     if equality is not None:
         spec.delete(equality)
     for name in chain.joints:
         require_unused(spec, name)
-    for name, value in places.items():
-        fuse_at(spec, name, value)
+    for name, value in coordinates.items():
+        fuse_joint_at(spec, name, value)

@@ -1,8 +1,7 @@
-"""Longer steps that move as the scene's own: inertias, dampers, springs, rows and servos fitted anew.
+"""Longer time steps with refitted inertias, dampers, springs, constraints and servos.
 
-What a step does to a scene is as much its own as its parts: light parts jump, rows give, a servo's speed is
-felt late. With numbers fitted so that the motion at longer steps is that at the scene's own, most of it is
-made good. Fitted is over two motions; the one that judges is neither of them.
+A longer step changes the motion: light bodies jump, constraints yield, servos react late. Fitted parameters
+compensate for most of this. The fit uses two motions; a third one verifies it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,132 +14,150 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.simulation.mjcf.silence import quiet
-from mechsim.studies.reduction.bench import Bench
 from mechsim.studies.reduction.candidate import Candidate
+from mechsim.studies.reduction.evaluator import Evaluator
 from mechsim.studies.reduction.evidence import Evidence
-from mechsim.studies.reduction.knobs import Knob, knobs_of, turned, turned_in
-from mechsim.studies.reduction.lean_scene import LeanScene
-from mechsim.studies.reduction.stepping import CALLED, EULER, IMPLICITFAST, LONGER_STEPS, stepped_so
+from mechsim.studies.reduction.model_parameters import Parameter, parameters_of, set_in_spec, with_parameters
+from mechsim.studies.reduction.reduced_scene import ReducedScene
+from mechsim.studies.reduction.stepping import (
+    EULER,
+    IMPLICITFAST,
+    INTEGRATOR_NAMES,
+    LONGER_STEPS,
+    set_longer_steps,
+)
 from mechsim.studies.scenes.scene_run import stepped
 
 # processor time of one fit, in [s]
 SECONDS = 30.0
-# iterations before what was reached is looked at; part of the sum of squares by which these must lessen it
-TURNS, WORTHWHILE = 6, 0.1
-# what a knob is turned by to see what it does, and what counts where a run breaks, in tolerances
-NUDGE, FAR = 1e-6, 1e3
-# least effect of a knob turned by one that counts, in tolerances
-FELT = 0.05
-# part of the tolerance that is good enough
+# iterations between checks; relative reduction of the sum of squares that they must achieve
+MAX_ITERATIONS, MIN_COST_REDUCTION = 6, 0.1
+# difference step of a parameter for the Jacobian; residual of a run that diverged, in tolerances
+DIFFERENCE_STEP, DIVERGED_RESIDUAL = 1e-6, 1e3
+# smallest effect of a unit change of a parameter that counts, in tolerances
+MIN_EFFECT = 0.05
+# fraction of the tolerance at which the fit stops
 GOAL = 0.3
 INTEGRATORS = (int(EULER), int(IMPLICITFAST))
 
 
 @dataclass(frozen=True)
 class Refit:
-    """Longer steps and the numbers fitted to them.
+    """Longer steps and the parameters fitted to them.
 
     Attributes:
-        candidate: these.
-        error: worst over the motions fitted to, in [m].
-        stand: knob -> where it stands, in turns; where to begin with steps still longer.
+        candidate: the change of the scene.
+        error: largest over the fitted motions, in [m].
+        values: parameter -> fitted value; the start for still longer steps.
     """
 
     candidate: Candidate
     error: float
-    stand: dict[Knob, float]
+    values: dict[Parameter, float]
 
 
 @quiet()
-def refit(benches: Sequence[Bench], seen: Evidence, times: int, start: Mapping[Knob, float]) -> Refit | None:
-    """Return a scene's steps made longer, what acts in it fitted so that it moves as before.
+def refit(
+    evaluators: Sequence[Evaluator], observed: Evidence, times: int, start: Mapping[Parameter, float]
+) -> Refit | None:
+    """Return longer steps for a scene with parameters fitted so that the motion stays the same.
 
     Args:
-        benches: the full scene over the motions fitted to.
-        seen: of the scene with its own steps.
-        times: as long.
-        start: knob -> where it begins; those not named begin where they are.
+        evaluators: of the full scene over the fitted motions.
+        observed: of the scene with its own steps.
+        times: ratio of the new step to the scene's own.
+        start: parameter -> initial value; 0 for parameters not named.
 
     Returns:
-        None where it takes too long, or nothing has any effect.
+        None if the fit takes too long, or no parameter has an effect.
     """
     fits: list[_Fit] = []
     for kind in INTEGRATORS:
-        longer = seen.spec.copy()
-        stepped_so(longer, times, kind)
-        fits.append(_Fit(benches, longer, seen, start))
-    # the start of the motion is no measure: light parts jump there whatever the integrator
-    best = min(fits, key=lambda one: float(np.median(np.abs(one.residuals(one.start)))))
-    if best.seconds > SECONDS or not best.felt():
+        spec = observed.spec.copy()
+        set_longer_steps(spec, times, kind)
+        fits.append(_Fit(evaluators, spec, observed, start))
+    # the median, since light bodies jump at the start with any integrator
+    best = min(fits, key=lambda fit: float(np.median(np.abs(fit.residuals(fit.start)))))
+    if best.seconds > SECONDS or not best.drop_ineffective():
         return None
     values, worst = best.fitted()
-    step, own = float(seen.spec.option.timestep), CALLED[int(seen.spec.option.integrator)]
+    step, own = float(observed.spec.option.timestep), INTEGRATOR_NAMES[int(observed.spec.option.integrator)]
     kind = int(best.spec.option.integrator)
     what = (
-        f"steps of {step:g} s, {own}: {step * times:g} s, {CALLED[kind]}, and {len(best.knobs)} numbers "
-        "fitted to them, of inertia, dampers, springs, rows and servos"
+        f"steps of {step:g} s, {own}: {step * times:g} s, {INTEGRATOR_NAMES[kind]}, and "
+        f"{len(best.parameters)} fitted parameters of inertia, dampers, springs, constraints and servos"
     )
-    edit = partial(_refitted, times=times, integrator=kind, knobs=best.knobs, values=values)
-    stand = dict(zip(best.knobs, values.tolist(), strict=True))
-    return Refit(Candidate(LONGER_STEPS, what, edit), worst * seen.bound, stand)
+    edit = partial(_refitted, times=times, integrator=kind, parameters=best.parameters, values=values)
+    values_of = dict(zip(best.parameters, values.tolist(), strict=True))
+    return Refit(Candidate(LONGER_STEPS, what, edit), worst * observed.tolerance, values_of)
 
 
-def _refitted(spec: mujoco.MjSpec, times: int, integrator: int, knobs: Sequence[Knob], values: Array) -> None:
-    stepped_so(spec, times, integrator)
-    turned_in(spec, knobs, values)
+def _refitted(
+    spec: mujoco.MjSpec, times: int, integrator: int, parameters: Sequence[Parameter], values: Array
+) -> None:
+    set_longer_steps(spec, times, integrator)
+    set_in_spec(spec, parameters, values)
 
 
 class _Fit:
-    """Knobs of a scene turned until it moves as the full one."""
+    """Least-squares fit of a scene's parameters to the full scene's motion."""
 
     def __init__(
-        self, benches: Sequence[Bench], spec: mujoco.MjSpec, seen: Evidence, start: Mapping[Knob, float]
+        self,
+        evaluators: Sequence[Evaluator],
+        spec: mujoco.MjSpec,
+        observed: Evidence,
+        start: Mapping[Parameter, float],
     ):
-        self.spec, self.bound = spec, seen.bound
-        self.runs = [(bench, bench.lean(spec)) for bench in benches]
-        self.knobs = knobs_of(spec, self.runs[0][1], seen.limited)
-        self.start = np.array([start.get(knob, 0.0) for knob in self.knobs])
+        self.spec, self.tolerance = spec, observed.tolerance
+        self.runs = [(evaluator, evaluator.scene(spec)) for evaluator in evaluators]
+        self.parameters = parameters_of(spec, self.runs[0][1], observed.limited)
+        self.start = np.array([start.get(parameter, 0.0) for parameter in self.parameters])
         began = process_time()
         self.residuals(self.start)
         # of a round of iterations
-        self.seconds = TURNS * len(self.knobs) * (process_time() - began)
+        self.seconds = MAX_ITERATIONS * len(self.parameters) * (process_time() - began)
 
-    def felt(self) -> bool:
-        """Forget the knobs that do nothing where they begin; say whether any is left."""
-        if not self.knobs:
+    def drop_ineffective(self) -> bool:
+        """Drop parameters without effect at the start; return whether any remains."""
+        if not self.parameters:
             return False
-        felt = np.abs(self._slopes(self.start)).max(0) > FELT
-        self.knobs = tuple(knob for knob, one in zip(self.knobs, felt, strict=True) if one)
-        self.start = self.start[felt]
-        return bool(felt.any())
+        effects = np.abs(self._jacobian(self.start)).max(0) > MIN_EFFECT
+        self.parameters = tuple(
+            parameter for parameter, effective in zip(self.parameters, effects, strict=True) if effective
+        )
+        self.start = self.start[effects]
+        return bool(effects.any())
 
     def fitted(self) -> tuple[Array, float]:
-        """Return where the knobs stand best, and the worst error there in tolerances."""
+        """Return the best values, and the largest error with them in tolerances."""
         from scipy.optimize import least_squares
 
         ends, values, cost = process_time() + SECONDS, self.start, np.inf
         while True:
-            found = least_squares(self.residuals, values, jac=self._slopes, max_nfev=TURNS)  # pyright: ignore[reportArgumentType]
-            values, worst = found.x, self._worst(found.x)
-            if worst <= GOAL or process_time() > ends or found.cost > (1.0 - WORTHWHILE) * cost:
+            solution = least_squares(self.residuals, values, jac=self._jacobian, max_nfev=MAX_ITERATIONS)  # pyright: ignore[reportArgumentType]
+            values, worst = solution.x, self._worst(solution.x)
+            if worst <= GOAL or process_time() > ends or solution.cost > (1.0 - MIN_COST_REDUCTION) * cost:
                 return values, worst
-            cost = float(found.cost)
+            cost = float(solution.cost)
 
     def residuals(self, values: Array) -> Array:
-        """Return how far tracked points are from the full scene's, in tolerances, flat."""
-        return np.concatenate([self._away(bench, lean, values) for bench, lean in self.runs])
+        """Return deviations of tracked points from the full scene's, in tolerances, flat."""
+        return np.concatenate([self._deviation(evaluator, scene, values) for evaluator, scene in self.runs])
 
-    def _away(self, bench: Bench, lean: LeanScene, values: Array) -> Array:
-        run = stepped(replace(lean, model=turned(lean.model, self.knobs, values)), records=None)
+    def _deviation(self, evaluator: Evaluator, scene: ReducedScene, values: Array) -> Array:
+        run = stepped(
+            replace(scene, model=with_parameters(scene.model, self.parameters, values)), records=None
+        )
         if run.broken:
-            steps = int(np.ceil(lean.duration / float(lean.model.opt.timestep) - 1e-6))
-            return np.full(3 * len(lean.places) * (steps + 1), FAR)
-        return (bench.away(run) / self.bound).ravel()
+            steps = int(np.ceil(scene.duration / float(scene.model.opt.timestep) - 1e-6))
+            return np.full(3 * len(scene.places) * (steps + 1), DIVERGED_RESIDUAL)
+        return (evaluator.deviation(run) / self.tolerance).ravel()
 
     def _worst(self, values: Array) -> float:
         return float(np.linalg.norm(self.residuals(values).reshape(-1, 3), axis=1).max())
 
-    def _slopes(self, values: Array) -> Array:
-        here = self.residuals(values)
-        nudges = NUDGE * np.eye(len(values))
-        return np.stack([(self.residuals(values + nudge) - here) / NUDGE for nudge in nudges], 1)
+    def _jacobian(self, values: Array) -> Array:
+        current = self.residuals(values)
+        steps = DIFFERENCE_STEP * np.eye(len(values))
+        return np.stack([(self.residuals(values + step) - current) / DIFFERENCE_STEP for step in steps], 1)

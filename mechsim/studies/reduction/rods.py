@@ -1,4 +1,4 @@
-"""Rods: chains that join one point of a body to one of another, and carry nothing else."""
+"""Rods: passive chains that connect a point of one body to a point of another."""
 
 from dataclasses import dataclass
 
@@ -6,77 +6,81 @@ import mujoco
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.studies.reduction.apart import bodies_of, needed_bodies
+from mechsim.studies.reduction.disconnected_bodies import bodies_of, needed_bodies
 from mechsim.studies.reduction.evidence import Evidence
-from mechsim.studies.reduction.still_joints import joints_of
+from mechsim.studies.reduction.locked_joints import joints_of
 
 CONNECT, WELD = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD
 
 
 @dataclass(frozen=True, slots=True)
 class LooseChain:
-    """Bodies between a body that stays and an equality that closes a loop, of which nothing else is needed.
+    """Passive bodies between a body that remains and an equality that closes a loop.
 
     Attributes:
         closing: name of the equality.
-        near: site at which the chain is closed, on its last body.
-        far: site of the equality on what stays.
-        bodies: names, the first on what stays.
+        chain_site: site at which the chain is closed, on its last body.
+        other_site: site of the equality on the body that remains.
+        bodies: names, the first attached to a body that remains.
         joints: names, all of the bodies.
     """
 
     closing: str
-    near: str
-    far: str
+    chain_site: str
+    other_site: str
     bodies: tuple[str, ...]
     joints: tuple[str, ...]
 
 
-def loose_chains(seen: Evidence) -> list[LooseChain]:
-    """Return the chains of a scene that close loops and that nothing needs otherwise, the shortest first."""
-    spec, found = seen.spec, list[LooseChain]()
-    kept = kept_bodies(seen)
+def loose_chains(observed: Evidence) -> list[LooseChain]:
+    """Return the passive chains of a scene that close loops, the shortest first."""
+    spec, chains = observed.spec, list[LooseChain]()
+    kept = kept_bodies(observed)
     for equality in spec.equalities:
         if equality.type not in (CONNECT, WELD) or not equality.name2:
             continue
         ends = (equality.name1, equality.name2)
-        for near, far in (ends, ends[::-1]):
-            chain = _chain(spec, near, far, kept)
+        for chain_site, other_site in (ends, ends[::-1]):
+            chain = _chain(spec, chain_site, other_site, kept)
             if chain:
                 joints = tuple(joint.name for body in chain for joint in body.joints)
                 names = tuple(body.name for body in chain)
                 if not _used(spec, names, joints, equality.name):
-                    found.append(LooseChain(equality.name, near, far, names, joints))
-    return sorted(found, key=lambda one: len(one.joints))
+                    chains.append(LooseChain(equality.name, chain_site, other_site, names, joints))
+    return sorted(chains, key=lambda chain: len(chain.joints))
 
 
-def kept_bodies(seen: Evidence) -> set[str]:
-    """Return the bodies that carry what is tracked, driven, fed or touched."""
-    touching = {seen.spec.geom(name).parent.name for name in seen.touched if seen.spec.geom(name) is not None}
-    return set(seen.tracked) | needed_bodies(seen) | touching
+def kept_bodies(observed: Evidence) -> set[str]:
+    """Return the bodies that are tracked, driven, actuated or in contact."""
+    touching = {
+        observed.spec.geom(name).parent.name
+        for name in observed.touched
+        if observed.spec.geom(name) is not None
+    }
+    return set(observed.tracked) | needed_bodies(observed) | touching
 
 
-def _chain(spec: mujoco.MjSpec, near: str, far: str, kept: set[str]) -> list[mujoco.MjsBody]:
-    """Return the bodies from what stays to the one of a site; none where one is needed or branches."""
+def _chain(spec: mujoco.MjSpec, chain_site: str, other_site: str, kept: set[str]) -> list[mujoco.MjsBody]:
+    """Return the bodies from the one that remains to the site's; none if one is needed or branches."""
     above = set[str]()
-    body = spec.site(far).parent
+    body = spec.site(other_site).parent
     while body is not None and body.name != "world":
         above.add(body.name)
         body = body.parent
     chain: list[mujoco.MjsBody] = []
-    body = spec.site(near).parent
+    body = spec.site(chain_site).parent
     while body.name != "world" and body.name not in above:
-        below = {one.name for one in body.find_all("body")} - {one.name for one in chain}
+        below = {child.name for child in body.find_all("body")} - {child.name for child in chain}
         if body.name in kept or below:
-            # what hangs on it has to be there, and so it has
+            # its children remain, so it remains too
             break
         chain.insert(0, body)
         body = body.parent
-    return chain if any(one.joints for one in chain) else []
+    return chain if any(child.joints for child in chain) else []
 
 
 def _used(spec: mujoco.MjSpec, bodies: tuple[str, ...], joints: tuple[str, ...], closing: str) -> bool:
-    """Say whether anything but its closing acts on a chain."""
+    """Return whether anything but its closing equality acts on a chain."""
     sites = {site.name for site in spec.sites if site.parent.name in bodies}
     for equality in spec.equalities:
         names = {equality.name1, equality.name2}
@@ -84,35 +88,35 @@ def _used(spec: mujoco.MjSpec, bodies: tuple[str, ...], joints: tuple[str, ...],
             return True
     for tendon in spec.tendons:
         if set(joints_of(tendon)) & set(joints) or any(
-            getattr(part.target, "name", "") in sites for part in tendon.path
+            getattr(wrap.target, "name", "") in sites for wrap in tendon.path
         ):
             return True
     return any(bodies_of(spec, actuator) & set(bodies) for actuator in spec.actuators)
 
 
 def add_weight(model: mujoco.MjModel, body: int, mass: float, centre: Array, moments: Array) -> None:
-    """Add a weight to a body, in place.
+    """Add a mass to a body, in place.
 
     Args:
         model: changed.
-        body: to which it is added; the world needs none.
+        body: to which it is added; nothing is added to the world.
         mass: in [kg].
         centre: of it in the body's frame, (3,) in [m].
         moments: about its centre, in the body's frame, (3, 3) in [kg m2].
     """
     if body == 0 or not mass > 0.0:
         return
-    turn = np.empty(9)
-    mujoco.mju_quat2Mat(turn, model.body_iquat[body])
-    axes = turn.reshape(3, 3)
-    own, whole = float(model.body_mass[body]), float(model.body_mass[body]) + mass
-    middle = (own * model.body_ipos[body] + mass * centre) / whole
-    total = axes @ np.diag(model.body_inertia[body]) @ axes.T + moments
-    for part, at in ((own, model.body_ipos[body]), (mass, centre)):
-        arm = at - middle
-        total += part * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    values, vectors = np.linalg.eigh(total)
+    rotation = np.empty(9)
+    mujoco.mju_quat2Mat(rotation, model.body_iquat[body])
+    axes = rotation.reshape(3, 3)
+    own_mass, total_mass = float(model.body_mass[body]), float(model.body_mass[body]) + mass
+    total_centre = (own_mass * model.body_ipos[body] + mass * centre) / total_mass
+    inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T + moments
+    for component_mass, component_centre in ((own_mass, model.body_ipos[body]), (mass, centre)):
+        arm = component_centre - total_centre
+        inertia += component_mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    values, vectors = np.linalg.eigh(inertia)
     if np.linalg.det(vectors) < 0.0:
         vectors[:, 0] *= -1.0
-    model.body_mass[body], model.body_ipos[body], model.body_inertia[body] = whole, middle, values
+    model.body_mass[body], model.body_ipos[body], model.body_inertia[body] = total_mass, total_centre, values
     mujoco.mju_mat2Quat(model.body_iquat[body], vectors.ravel())

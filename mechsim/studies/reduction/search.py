@@ -1,4 +1,4 @@
-"""Candidates tried alone and together: what is left out, judged as a whole over two motions."""
+"""Search for a reduced scene: candidates are applied one by one; a second motion verifies the result."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
@@ -12,69 +12,69 @@ from mechsim.simulation.mjcf import to_xml
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.reduction import stepping, table
-from mechsim.studies.reduction.bench import BROKEN, Bench, LeanErrors, time_ratios
-from mechsim.studies.reduction.candidate import Candidate, NotThere, changed
-from mechsim.studies.reduction.evidence import Evidence, evidence
-from mechsim.studies.reduction.knobs import Knob
-from mechsim.studies.reduction.lean_scene import LeanScene
+from mechsim.studies.reduction.candidate import Candidate, NotApplicable, changed
+from mechsim.studies.reduction.evaluator import DIVERGED, Evaluator, ReducedErrors, time_ratios
+from mechsim.studies.reduction.evidence import Evidence, observe
+from mechsim.studies.reduction.model_parameters import Parameter
+from mechsim.studies.reduction.normalised import normalised
 from mechsim.studies.reduction.other_motions import motion_to_fit, second_motion
+from mechsim.studies.reduction.reduced_scene import ReducedScene
 from mechsim.studies.reduction.refit import refit
-from mechsim.studies.reduction.spelled_out import spelled_out
 from mechsim.studies.reduction.stepping import LONGER_STEPS
 from mechsim.studies.scenes import UserScene
 
 By = Literal["trajectory", "torque"]
-# part of the tolerance that what is left out may cost on the motion that chooses
-PART = 0.9
-# least part of it that longer steps are tried with where those before did not hold
-LEAST_PART = 0.2
-# part of it that numbers fitted to motions may cost on them: over others they cost up to half as much again
-FITTED_PART = 0.5
-# part of the tolerance that is no error
-NOTHING = 1e-3
-# part of the time that must be saved where leaving out costs accuracy
-WORTH = 0.97
-# longer steps that keep the tolerance and are timed, those that should be cheapest first
-ENOUGH = 5
+# fraction of the tolerance that the reduced scene may use on the user's motion
+SEARCH_FRACTION = 0.9
+# smallest fraction with which longer steps are searched again after a failed verification
+MIN_SEARCH_FRACTION = 0.2
+# fraction for fitted parameters on the fitted motions: on others the error is up to half as large again
+FITTED_FRACTION = 0.5
+# error relative to the tolerance below which a candidate costs no accuracy
+NEGLIGIBLE = 1e-3
+# largest ratio of times at which a candidate that costs accuracy is accepted
+MAX_TIME_RATIO = 0.97
+# number of longer steps within the tolerance that are timed, the cheapest by estimate first
+MAX_TIMED = 5
 
-Tell = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """One thing left out.
+    """An applied candidate.
 
     Attributes:
-        candidate: what it is.
-        alone: errors of the full scene without it alone.
-        time_ratio: time of the full scene without it alone, in parts of that with it.
-        error: of the scene without it and all before it, in the unit of the tolerance.
+        candidate: the change.
+        alone_errors: errors of the full scene with only this change.
+        time_ratio: time of the full scene with only this change, relative to the full scene's.
+        error: of the scene with this change and all before it, in the unit of the tolerance.
     """
 
     candidate: Candidate
-    alone: LeanErrors
+    alone_errors: ReducedErrors
     time_ratio: float
     error: float
 
 
 @dataclass(frozen=True)
 class Reduction:
-    """A scene that lacks what is not needed.
+    """A reduced scene.
 
     Attributes:
-        text: of what is left, as MJCF.
-        left_out: in order.
-        errors: of the whole over the user's motion, and over the second.
-        speedup: time of the full scene in parts of that of the whole.
+        text: of the reduced scene, as MJCF.
+        left_out: applied candidates, in order.
+        errors: over the user's motion, and over the second.
+        speedup: time of the full scene relative to that of the reduced scene.
         time: processor time of a simulated second of the full scene, in [s].
-        tried: how many candidates.
-        undone: things that were left out and came back, for the whole was beyond the tolerance.
-        by: what counted.
+        tried: number of candidates tried.
+        undone: candidates taken back because the result exceeded the tolerance.
+        by: the measure.
     """
 
     text: str
     left_out: Sequence[LeftOut]
-    errors: tuple[LeanErrors, LeanErrors]
+    errors: tuple[ReducedErrors, ReducedErrors]
     speedup: float
     time: float
     tried: int
@@ -82,7 +82,7 @@ class Reduction:
     by: By
 
     def kept(self, tolerance: float) -> bool:
-        """Say whether the whole keeps a tolerance over both motions."""
+        """Return whether the reduced scene satisfies a tolerance over both motions."""
         return all(errors.by(self.by) <= tolerance for errors in self.errors)
 
 
@@ -94,86 +94,87 @@ def reduced(
     *,
     keep: Collection[str] = (),
     by: By = "trajectory",
-    tell: Tell = lambda _, __: None,
+    progress: Progress = lambda _, __: None,
 ) -> Reduction:
-    """Return the smallest scene found that keeps a tolerance.
+    """Return the smallest scene found that satisfies a tolerance.
 
     Args:
-        scene: the full scene and the user's motion, by which is chosen.
+        scene: the full scene with the user's motion, on which candidates are selected.
         spec: of its file; not changed.
         tolerance: in [m], or in [N m] or [N] by torque.
-        keep: names of bodies that stay bodies.
-        by: what counts.
-        tell: told what is tried and what part is done.
+        keep: names of bodies that must remain.
+        by: the measure.
+        progress: called with what is tried and the finished fraction.
 
     Raises:
-        InputError: for a full scene that diverges or of which nothing is tracked.
+        InputError: if the full scene diverges or has no tracked point.
     """
-    full = spelled_out(spec)
+    full = normalised(spec)
     named = plainly_compiled(full.copy())
-    tracked = {name: (named.body(body).name, place) for name, (body, place) in scene.places.items()}
-    first, second = (Bench(one, full, tracked) for one in (scene, second_motion(scene)))
+    tracked = {name: (named.body(body).name, position) for name, (body, position) in scene.places.items()}
+    first, second = (Evaluator(motion, full, tracked) for motion in (scene, second_motion(scene)))
     if not tracked:
         raise InputError(f"nothing of {scene.path} is tracked; name a site or a body by --track")
-    for bench, which in ((first, "its motion"), (second, "a second motion")):
-        if bench.run.broken:
+    for evaluator, motion_name in ((first, "its motion"), (second, "a second motion")):
+        if evaluator.run.broken:
             raise InputError(
-                f"{scene.path} diverges over {which}: {bench.run.broken}; mend the scene, or ask for less"
+                f"{scene.path} diverges over {motion_name}: {evaluator.run.broken}; repair the scene, or "
+                f"shorten the motion"
             )
-    if by == "trajectory" and first.moved <= tolerance:
+    if by == "trajectory" and first.displacement_range <= tolerance:
         raise InputError(
-            f"what is tracked of {scene.path} moves by {first.moved:.2g} m and the tolerance is "
+            f"what is tracked of {scene.path} moves by {first.displacement_range:.2g} m and the tolerance is "
             f"{tolerance:.2g} m: nothing at all would keep it; track a point that moves, as "
             "--track P,BODY@x,y,z does"
         )
-    search = _Search(first, tolerance, by, tell)
+    search = _Search(first, tolerance, by, progress)
     search.bodies |= {name for name in keep if full.body(name) is not None}
-    search.go()
-    return search.judged(second)
+    search.run()
+    return search.verified(second)
 
 
 _Steps = tuple[float, Candidate, float]
-_Kept = tuple[Candidate, LeanScene, float]
+_Kept = tuple[Candidate, ReducedScene, float]
 _State = tuple[mujoco.MjSpec, float, tuple[LeftOut, ...], tuple[_Steps, ...]]
 
 
 class _Search:
     """The state of a search."""
 
-    def __init__(self, bench: Bench, tolerance: float, by: By, tell: Tell):
-        self.bench, self.tolerance, self.tell = bench, tolerance, tell
+    def __init__(self, evaluator: Evaluator, tolerance: float, by: By, progress: Progress):
+        self.evaluator, self.tolerance, self.progress = evaluator, tolerance, progress
         self.by: By = by
-        self.spec, self.error, self.tried = bench.spec, 0.0, 0
+        self.spec, self.error, self.tried = evaluator.spec, 0.0, 0
         self.left_out: list[LeftOut] = []
-        # ratio of time, steps, error: of steps that keep the tolerance too
+        # time ratio, candidate and error of other steps within the tolerance
         self.steps: list[_Steps] = []
-        self.costly, self.part = False, PART
-        self.bodies = frozenset(body for body, _ in bench.tracked.values())
+        self.costly, self.fraction = False, SEARCH_FRACTION
+        self.bodies = frozenset(body for body, _ in evaluator.tracked.values())
 
-    def seen(self, spec: mujoco.MjSpec) -> Evidence:
-        return evidence(spec, self.bench.lean(spec), self.bodies, self.tolerance)
+    def observe(self, spec: mujoco.MjSpec) -> Evidence:
+        return observe(spec, self.evaluator.scene(spec), self.bodies, self.tolerance)
 
-    def go(self) -> None:
-        """Try what costs nothing, then what costs accuracy and longer steps, in the better order."""
-        self.families(0.0, costly=False)
+    def run(self) -> None:
+        """Try what costs no accuracy, then what does and longer steps, in the better order."""
+        self.categories(0.0, costly=False)
         before = self.state
-        found: list[_State] = []
+        states: list[_State] = []
         for number, steps_first in enumerate((False, True)):
             self.state = before
             if steps_first:
                 self.coarser(0.6)
-            self.families(0.2 + 0.4 * number, costly=True)
+            self.categories(0.2 + 0.4 * number, costly=True)
             if not steps_first:
                 self.coarser(0.4)
-            found.append(self.state)
-        ratios = time_ratios(self.bench.full, [self.bench.lean(one[0]) for one in found])
-        self.state = found[int(np.argmin(ratios))]
+            states.append(self.state)
+        ratios = time_ratios(self.evaluator.full, [self.evaluator.scene(state[0]) for state in states])
+        self.state = states[int(np.argmin(ratios))]
         if self.by == "trajectory":
             self.refitted(0.9)
 
     @property
     def state(self) -> "_State":
-        """What is left, its error, what is left out, and steps that keep the tolerance too."""
+        """Specification, error, applied candidates, and other steps within the tolerance."""
         return self.spec, self.error, tuple(self.left_out), tuple(self.steps)
 
     @state.setter
@@ -181,173 +182,182 @@ class _Search:
         self.spec, self.error, left_out, steps = value
         self.left_out, self.steps = list(left_out), list(steps)
 
-    def families(self, begun: float, *, costly: bool) -> None:
-        """Try all families, those that cost nothing alone or all."""
+    def categories(self, start: float, *, costly: bool) -> None:
+        """Try all categories; with `costly` also candidates that cost accuracy."""
         self.costly = costly
-        for number, propose in enumerate(table.FAMILIES):
-            self.tell(
+        for number, propose in enumerate(table.CATEGORIES):
+            self.progress(
                 propose.__module__.rpartition(".")[2].replace("_", " "),
-                begun + 0.2 * number / len(table.FAMILIES),
+                start + 0.2 * number / len(table.CATEGORIES),
             )
-            for candidate in propose(self.seen(self.spec)):
+            for candidate in propose(self.observe(self.spec)):
                 self.together(candidate)
 
     def together(self, candidate: Candidate) -> None:
-        """Leave a candidate out beside all that is, if that keeps the tolerance and saves time."""
+        """Apply a candidate in addition to the others if the tolerance holds and it saves time."""
         tried = self.trial(candidate)
         if tried is None:
             return
         spec, scene, error = tried
-        costs = error - self.error > NOTHING * self.tolerance
+        costs = error - self.error > NEGLIGIBLE * self.tolerance
         if costs and not self.costly:
             return
-        if candidate.pays or costs:
-            ratio = float(time_ratios(self.bench.lean(self.spec), [scene])[0])
-            if ratio > WORTH:
+        if candidate.only_if_faster or costs:
+            ratio = float(time_ratios(self.evaluator.scene(self.spec), [scene])[0])
+            if ratio > MAX_TIME_RATIO:
                 return
         self.take(candidate, spec, error)
 
-    def trial(self, candidate: Candidate) -> tuple[mujoco.MjSpec, LeanScene, float] | None:
-        """Return what is left without a candidate too, and its error; None where that is too large."""
+    def trial(self, candidate: Candidate) -> tuple[mujoco.MjSpec, ReducedScene, float] | None:
+        """Return the scene with a candidate applied, and its error; None if that is too large."""
         self.tried += 1
         try:
             spec = changed(self.spec, candidate)
-            scene = self.bench.lean(spec)
-        except (NotThere, ValueError):
+            scene = self.evaluator.scene(spec)
+        except (NotApplicable, ValueError):
             return None
         error = self.error_of(scene)
-        return (spec, scene, error) if error <= self.part * self.tolerance else None
+        return (spec, scene, error) if error <= self.fraction * self.tolerance else None
 
     def take(self, candidate: Candidate, spec: mujoco.MjSpec, error: float) -> None:
-        self.left_out.append(LeftOut(candidate, BROKEN, np.nan, error))
+        self.left_out.append(LeftOut(candidate, DIVERGED, np.nan, error))
         self.spec, self.error = spec, error
 
-    def coarser(self, begun: float) -> None:
-        """Take the longest steps that keep the tolerance; know the next ones, should these not hold."""
+    def coarser(self, start: float) -> None:
+        """Take the cheapest steps within the tolerance; keep the next ones in case verification fails."""
         kept: list[_Kept] = []
-        options = table.LAST(self.seen(self.spec))
+        options = table.STEPPING(self.observe(self.spec))
         for number, candidate in enumerate(options):
-            self.tell(candidate.what, begun + 0.2 * number / len(options))
+            self.progress(candidate.what, start + 0.2 * number / len(options))
             if (tried := self.trial(candidate)) is not None:
                 kept.append((candidate, *tried[1:]))
-            if len(kept) == ENOUGH:
+            if len(kept) == MAX_TIMED:
                 break
         self.steps = self.timed(kept)
         self.next_steps()
 
     def timed(self, kept: "Sequence[_Kept]") -> "list[_Steps]":
-        """Return steps that keep the tolerance and save time, the cheapest first."""
-        ratios = time_ratios(self.bench.lean(self.spec), [scene for _, scene, _ in kept]) if kept else []
+        """Return steps that save time, the cheapest first."""
+        ratios = time_ratios(self.evaluator.scene(self.spec), [scene for _, scene, _ in kept]) if kept else []
         pairs = zip(ratios, kept, strict=True)
-        found = [(float(ratio), candidate, error) for ratio, (candidate, _, error) in pairs if ratio < WORTH]
-        return sorted(found, key=lambda one: one[0])
+        options = [
+            (float(ratio), candidate, error)
+            for ratio, (candidate, _, error) in pairs
+            if ratio < MAX_TIME_RATIO
+        ]
+        return sorted(options, key=lambda option: option[0])
 
-    def refitted(self, begun: float) -> None:
-        """Fit what acts to steps longer than those taken, longer and longer while the tolerance is kept."""
-        before, taken = self.state, [one for one in self.left_out if one.candidate.family == LONGER_STEPS]
-        self.left_out = [one for one in self.left_out if one not in taken]
+    def refitted(self, start: float) -> None:
+        """Fit parameters to longer and longer steps while the tolerance holds."""
+        before, steps = (
+            self.state,
+            [item for item in self.left_out if item.candidate.category == LONGER_STEPS],
+        )
+        self.left_out = [item for item in self.left_out if item not in steps]
         longest = float(self.spec.option.timestep)
         self.rebuilt()
-        kept = self.fitted_steps(longest, begun)
+        kept = self.fitted_steps(longest, start)
         if not kept:
             self.state = before
             return
-        for one in taken:
-            if (tried := self.trial(one.candidate)) is not None:
-                kept.append((one.candidate, *tried[1:]))
+        for item in steps:
+            if (tried := self.trial(item.candidate)) is not None:
+                kept.append((item.candidate, *tried[1:]))
         self.steps = self.timed(kept)
         self.next_steps()
 
-    def fitted_steps(self, longest: float, begun: float) -> "list[_Kept]":
-        """Return steps as long as some or longer that keep the tolerance with what acts fitted to them.
+    def fitted_steps(self, longest: float, start: float) -> "list[_Kept]":
+        """Return steps of at least a length that satisfy the tolerance with fitted parameters.
 
-        Each begins where the last ended: from nothing few long ones are found.
+        Each fit starts from the previous values; without them fits of long steps rarely converge.
         """
-        bench, kept = self.bench, list[_Kept]()
-        to_fit = Bench(motion_to_fit(bench.motion), bench.spec, bench.tracked)
-        seen, stand = self.seen(self.spec), dict[Knob, float]()
+        evaluator, kept = self.evaluator, list[_Kept]()
+        to_fit = Evaluator(motion_to_fit(evaluator.motion), evaluator.spec, evaluator.tracked)
+        observed, values = self.observe(self.spec), dict[Parameter, float]()
         step = float(self.spec.option.timestep)
-        for times in (times for times in stepping.LONGER if times > 1 and times * step >= longest):
-            self.tell(f"{step * times:g} s, what acts fitted", begun)
-            found = None if to_fit.run.broken else refit((bench, to_fit), seen, times, stand)
-            tried = None if found is None else self.trial(found.candidate)
-            held = found is not None and found.error <= FITTED_PART * self.tolerance
-            if found is None or not (held or times * step <= longest):
+        for times in (times for times in stepping.STEP_RATIOS if times > 1 and times * step >= longest):
+            self.progress(f"{step * times:g} s, parameters fitted", start)
+            fit = None if to_fit.run.broken else refit((evaluator, to_fit), observed, times, values)
+            tried = None if fit is None else self.trial(fit.candidate)
+            satisfied = fit is not None and fit.error <= FITTED_FRACTION * self.tolerance
+            if fit is None or not (satisfied or times * step <= longest):
                 break
-            if held and tried is not None:
-                kept.append((found.candidate, *tried[1:]))
-            stand = found.stand
+            if satisfied and tried is not None:
+                kept.append((fit.candidate, *tried[1:]))
+            values = fit.values
         return kept
 
     def rebuilt(self) -> None:
-        """Leave out again all that is left out, and see what it costs."""
-        self.spec = mujoco.MjSpec.from_string(self.again())
-        self.error = self.error_of(self.bench.lean(self.spec))
+        """Apply all candidates again and measure the error."""
+        self.spec = mujoco.MjSpec.from_string(self.rebuilt_text())
+        self.error = self.error_of(self.evaluator.scene(self.spec))
 
     def next_steps(self) -> None:
-        """Take the best steps not taken yet, if there are any."""
+        """Take the best remaining steps, if there are any."""
         if self.steps:
             _, candidate, error = self.steps.pop(0)
             self.take(candidate, changed(self.spec, candidate), error)
 
-    def judged(self, second: Bench) -> Reduction:
-        """Return the whole, things undone until it keeps the tolerance over both motions."""
+    def verified(self, second: Evaluator) -> Reduction:
+        """Return the reduced scene; take candidates back until both motions satisfy the tolerance."""
         undone: list[str] = []
         while True:
-            text = self.again()
+            text = self.rebuilt_text()
             spec = mujoco.MjSpec.from_string(text)
-            errors = [self.errors(bench, spec) for bench in (self.bench, second)]
-            if all(one.by(self.by) <= self.tolerance for one in errors) or not self.left_out:
+            errors = [self.errors(evaluator, spec) for evaluator in (self.evaluator, second)]
+            if all(removed.by(self.by) <= self.tolerance for removed in errors) or not self.left_out:
                 break
-            gone = int(np.argmax(np.diff([0.0, *(one.error for one in self.left_out)])))
-            one = self.left_out.pop(gone)
-            if one.candidate.family == LONGER_STEPS and self.steps:
+            worst = int(np.argmax(np.diff([0.0, *(removed.error for removed in self.left_out)])))
+            removed = self.left_out.pop(worst)
+            if removed.candidate.category == LONGER_STEPS and self.steps:
                 _, candidate, error = self.steps.pop(0)
-                self.left_out.insert(gone, LeftOut(candidate, BROKEN, np.nan, error))
-            elif one.candidate.family == LONGER_STEPS and self.part > LEAST_PART:
-                # what just held over one motion did not over the other: more room, and shorter steps
-                self.part *= 0.5
+                self.left_out.insert(worst, LeftOut(candidate, DIVERGED, np.nan, error))
+            elif removed.candidate.category == LONGER_STEPS and self.fraction > MIN_SEARCH_FRACTION:
+                # the second motion failed: search shorter steps with a larger reserve
+                self.fraction *= 0.5
                 self.rebuilt()
                 self.coarser(0.8)
             else:
-                undone.append(one.candidate.what)
-        ratio = float(time_ratios(self.bench.full, [self.bench.lean(spec)], rounds=7)[0])
-        taken = self.bench.run.seconds_per_second
-        told = self.alone()
-        return Reduction(text, told, (errors[0], errors[1]), 1.0 / ratio, taken, self.tried, undone, self.by)
+                undone.append(removed.candidate.what)
+        ratio = float(time_ratios(self.evaluator.full, [self.evaluator.scene(spec)], rounds=7)[0])
+        full_time = self.evaluator.run.seconds_per_second
+        left_out = self.with_single_errors()
+        return Reduction(
+            text, left_out, (errors[0], errors[1]), 1.0 / ratio, full_time, self.tried, undone, self.by
+        )
 
-    def alone(self) -> list[LeftOut]:
-        """Return what is left out, each thing judged and timed alone where it applies alone."""
-        scenes: dict[int, LeanScene] = {}
-        for number, one in enumerate(self.left_out):
+    def with_single_errors(self) -> list[LeftOut]:
+        """Return the applied candidates with error and time of each alone, where it applies alone."""
+        scenes: dict[int, ReducedScene] = {}
+        for number, item in enumerate(self.left_out):
             try:
-                scenes[number] = self.bench.lean(changed(self.bench.spec, one.candidate))
-            except (NotThere, ValueError):
+                scenes[number] = self.evaluator.scene(changed(self.evaluator.spec, item.candidate))
+            except (NotApplicable, ValueError):
                 continue
-        ratios = time_ratios(self.bench.full, [*scenes.values()]) if scenes else []
-        found = list(self.left_out)
+        ratios = time_ratios(self.evaluator.full, [*scenes.values()]) if scenes else []
+        items = list(self.left_out)
         for (number, scene), ratio in zip(scenes.items(), ratios, strict=True):
-            errors = self.bench.errors(scene)
-            found[number] = replace(found[number], alone=errors, time_ratio=float(ratio))
-        return found
+            errors = self.evaluator.errors(scene)
+            items[number] = replace(items[number], alone_errors=errors, time_ratio=float(ratio))
+        return items
 
-    def again(self) -> str:
-        """Return the text of the scene without all that is left out; what does not apply comes back."""
-        spec, kept = self.bench.spec, list[LeftOut]()
-        for one in self.left_out:
+    def rebuilt_text(self) -> str:
+        """Return the MJCF of the scene with all candidates applied; drop those that do not apply."""
+        spec, kept = self.evaluator.spec, list[LeftOut]()
+        for item in self.left_out:
             try:
-                spec = changed(spec, one.candidate)
-            except NotThere:
+                spec = changed(spec, item.candidate)
+            except NotApplicable:
                 continue
-            kept.append(one)
+            kept.append(item)
         self.left_out = kept
         return to_xml(spec.copy())
 
-    def error_of(self, scene: LeanScene) -> float:
-        return self.bench.errors(scene, all_of_them=self.by == "torque").by(self.by)
+    def error_of(self, scene: ReducedScene) -> float:
+        return self.evaluator.errors(scene, compare_forces=self.by == "torque").by(self.by)
 
-    def errors(self, bench: Bench, spec: mujoco.MjSpec) -> LeanErrors:
+    def errors(self, evaluator: Evaluator, spec: mujoco.MjSpec) -> ReducedErrors:
         try:
-            return bench.errors(bench.lean(spec))
+            return evaluator.errors(evaluator.scene(spec))
         except ValueError:
-            return BROKEN
+            return DIVERGED

@@ -1,4 +1,4 @@
-"""Springs, dampers and dry friction that hardly act."""
+"""Springs, dampers and Coulomb friction with little effect."""
 
 from typing import Any
 
@@ -8,8 +8,8 @@ import numpy as np
 from mechsim.studies.reduction.candidate import Candidate
 from mechsim.studies.reduction.evidence import Evidence
 
-FAMILY = "springs"
-# what a joint may have that acts with rows or by itself
+CATEGORY = "springs"
+# field of a joint or tendon -> its name in messages
 KINDS = {
     "frictionloss": "dry friction",
     "stiffness": "spring",
@@ -17,31 +17,37 @@ KINDS = {
 }
 
 
-def propose(seen: Evidence) -> list[Candidate]:
-    """Propose to take each kind away from all joints and tendons that have it, and each by itself."""
-    found: list[Candidate] = []
+def propose(observed: Evidence) -> list[Candidate]:
+    """Propose to remove each kind from all joints and tendons that have it, and from each one."""
+    candidates: list[Candidate] = []
     for field, what in KINDS.items():
-        parts = (*seen.spec.joints, *seen.spec.tendons)
-        # where a joint is prescribed these are of the drive's effort alone
-        names = [part.name for part in parts if _has(part, field) and part.name not in seen.scene.drive]
+        elements = (*observed.spec.joints, *observed.spec.tendons)
+        # in a prescribed joint these only change the drive force
+        names = [
+            element.name
+            for element in elements
+            if _has(element, field) and element.name not in observed.scene.drive
+        ]
         if not names:
             continue
         if len(names) > 1:
             edit = lambda spec, names=tuple(names), field=field: _without(spec, names, field)  # noqa: E731
-            found.append(
-                Candidate(FAMILY, f"{what} of all {len(names)} joints that have one", edit, pays=True)
+            candidates.append(
+                Candidate(
+                    CATEGORY, f"{what} of all {len(names)} joints that have one", edit, only_if_faster=True
+                )
             )
         for name in names:
             edit = lambda spec, names=(name,), field=field: _without(spec, names, field)  # noqa: E731
-            found.append(Candidate(FAMILY, f"{what} of {name}", edit, pays=True))
-    return found
+            candidates.append(Candidate(CATEGORY, f"{what} of {name}", edit, only_if_faster=True))
+    return candidates
 
 
-def _has(part: Any, field: str) -> bool:
-    return bool(np.any(np.asarray(getattr(part, field)) != 0.0))
+def _has(element: Any, field: str) -> bool:
+    return bool(np.any(np.asarray(getattr(element, field)) != 0.0))
 
 
 def _without(spec: mujoco.MjSpec, names: tuple[str, ...], field: str) -> None:
-    for part in (*spec.joints, *spec.tendons):
-        if part.name in names:
-            setattr(part, field, 0.0 if field == "frictionloss" else np.zeros(3))
+    for element in (*spec.joints, *spec.tendons):
+        if element.name in names:
+            setattr(element, field, 0.0 if field == "frictionloss" else np.zeros(3))

@@ -1,43 +1,43 @@
-"""The table of what may be left out of a scene, cheapest to leave out first."""
+"""The categories of candidates in the order in which they are tried."""
 
 from collections.abc import Callable
 
 from mechsim.studies.reduction import (
     actuators,
-    apart,
     contacts,
+    disconnected_bodies,
+    fused_bodies,
     joint_polynomials,
     limits,
-    loop_rows,
-    merged,
-    ornaments,
+    locked_joints,
+    mirrored_mechanisms,
     passive_chains,
+    redundant_equalities,
     rod_lengths,
     springs,
     stepping,
-    still_joints,
-    twins,
+    visual_only,
 )
 from mechsim.studies.reduction.candidate import Candidate
 from mechsim.studies.reduction.evidence import Evidence
 
-FAMILIES: tuple[Callable[[Evidence], list[Candidate]], ...] = (
+CATEGORIES: tuple[Callable[[Evidence], list[Candidate]], ...] = (
     contacts.propose,
-    ornaments.propose,
+    visual_only.propose,
     limits.propose,
     actuators.propose,
-    apart.propose,
-    twins.propose,
-    loop_rows.propose,
-    still_joints.propose,
+    disconnected_bodies.propose,
+    mirrored_mechanisms.propose,
+    redundant_equalities.propose,
+    locked_joints.propose,
     passive_chains.propose,
     joint_polynomials.propose,
     rod_lengths.propose,
-    merged.propose,
+    fused_bodies.propose,
     springs.propose,
     stepping.cheaper,
 )
-# of what costs time and acts on nothing
-ORNAMENTS = (ornaments.propose, limits.propose, loop_rows.propose, merged.propose)
-# of these the cheapest that holds is taken, last of all
-LAST = stepping.coarser
+# elements that cost time and act on nothing
+VISUAL_ONLY = (visual_only.propose, limits.propose, redundant_equalities.propose, fused_bodies.propose)
+# tried last; the cheapest within the tolerance is taken
+STEPPING = stepping.coarser

@@ -10,11 +10,11 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
-from mechsim.studies.reduction.bench import Bench
-from mechsim.studies.reduction.candidate import Candidate, NotThere, changed, counted
-from mechsim.studies.reduction.evidence import Evidence, evidence
-from mechsim.studies.reduction.spelled_out import spelled_out
-from mechsim.studies.reduction.table import ORNAMENTS
+from mechsim.studies.reduction.candidate import Candidate, NotApplicable, changed, count_text
+from mechsim.studies.reduction.evaluator import Evaluator
+from mechsim.studies.reduction.evidence import Evidence, observe
+from mechsim.studies.reduction.normalised import normalised
+from mechsim.studies.reduction.table import VISUAL_ONLY
 from mechsim.studies.scenes import UserScene, step_times
 
 OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit
@@ -49,7 +49,7 @@ def scene_costs(
     scene: UserScene,
     spec: mujoco.MjSpec,
     rounds: int = ROUNDS,
-    tell: Callable[[float], None] = lambda _: None,
+    progress: Callable[[float], None] = lambda _: None,
 ) -> list[SceneCost]:
     """Return what each thing in a scene costs over its motion, the scene as it is first.
 
@@ -57,53 +57,57 @@ def scene_costs(
         scene: and its motion.
         spec: of its file; not changed.
         rounds: of timing; each runs everything once.
-        tell: told what part of the timing is done.
+        progress: told what part of the timing is done.
 
     Raises:
         InputError: for a scene that diverges.
     """
-    full = spelled_out(spec)
+    full = normalised(spec)
     named = plainly_compiled(full.copy())
     tracked = {name: (named.body(body).name, place) for name, (body, place) in scene.places.items()}
-    bench = Bench(scene, full, tracked)
-    if bench.run.broken:
-        raise InputError(f"{scene.path} diverges: {bench.run.broken}; mend the scene, or ask for less")
-    seen = evidence(full, bench.full, frozenset(body for body, _ in tracked.values()), 0.0)
-    tried = {"as it is": bench.full}
-    for one in _things(seen):
+    evaluator = Evaluator(scene, full, tracked)
+    if evaluator.run.broken:
+        raise InputError(f"{scene.path} diverges: {evaluator.run.broken}; mend the scene, or ask for less")
+    observed = observe(full, evaluator.full, frozenset(body for body, _ in tracked.values()), 0.0)
+    tried = {"as it is": evaluator.full}
+    for candidate in _candidates(observed):
         try:
-            tried[one.what] = bench.lean(changed(full, one))
-        except (NotThere, ValueError):
+            tried[candidate.what] = evaluator.scene(changed(full, candidate))
+        except (NotApplicable, ValueError):
             continue
-    times = step_times([(one, one.model) for one in tried.values()], rounds, tell)
+    times = step_times([(candidate, candidate.model) for candidate in tried.values()], rounds, progress)
     return [
         SceneCost(
             what,
-            int(one.model.nv),
-            _rows(one.model, one.start[0]),
-            1e6 * float(seconds * one.model.opt.timestep),
+            int(candidate.model.nv),
+            _rows(candidate.model, candidate.start[0]),
+            1e6 * float(seconds * candidate.model.opt.timestep),
             float(seconds / times[0]),
-            bench.errors(one, all_of_them=False).trajectory,
+            evaluator.errors(candidate, compare_forces=False).trajectory,
         )
-        for (what, one), seconds in zip(tried.items(), times, strict=True)
+        for (what, candidate), seconds in zip(tried.items(), times, strict=True)
     ]
 
 
-def _things(seen: Evidence) -> list[Candidate]:
+def _candidates(observed: Evidence) -> list[Candidate]:
     """Return all that can be turned on or off, or left out, in a scene."""
-    option = seen.spec.option
-    found = [
+    option = observed.spec.option
+    candidates = [
         _flag("contacts", "disableflags", int(OFF.mjDSBL_CONTACT), option.disableflags, off=True),
         _flag("islands", "disableflags", int(OFF.mjDSBL_ISLAND), option.disableflags, off=True),
         _flag("energy", "enableflags", int(ON.mjENBL_ENERGY), option.enableflags, off=False),
     ]
-    if seen.spec.sensors:
-        found.append(_flag("sensors", "disableflags", int(OFF.mjDSBL_SENSOR), option.disableflags, off=True))
-    for propose in ORNAMENTS:
-        found += [replace(one, what=f"without {one.what}") for one in propose(seen)]
-    sparse = mujoco.mj_isSparse(seen.model)
+    if observed.spec.sensors:
+        candidates.append(
+            _flag("sensors", "disableflags", int(OFF.mjDSBL_SENSOR), option.disableflags, off=True)
+        )
+    for propose in VISUAL_ONLY:
+        candidates += [
+            replace(candidate, what=f"without {candidate.what}") for candidate in propose(observed)
+        ]
+    sparse = mujoco.mj_isSparse(observed.model)
     kind = mujoco.mjtJacobian.mjJAC_DENSE if sparse else mujoco.mjtJacobian.mjJAC_SPARSE
-    found.append(_set(f"{'dense' if sparse else 'sparse'} matrices", "jacobian", kind))
+    candidates.append(_set(f"{'dense' if sparse else 'sparse'} matrices", "jacobian", kind))
     for field, names, kinds, prefix in (
         ("integrator", INTEGRATORS, mujoco.mjtIntegrator, "mjINT_"),
         ("solver", SOLVERS, mujoco.mjtSolver, "mjSOL_"),
@@ -111,22 +115,22 @@ def _things(seen: Evidence) -> list[Candidate]:
         for name in names:
             value = getattr(kinds, prefix + name)
             if int(getattr(option, field)) != int(value):
-                found.append(_set(f"{field} {name}", field, value))
-    loops = [one.name for one in seen.spec.equalities if one.active]
+                candidates.append(_set(f"{field} {name}", field, value))
+    loops = [candidate.name for candidate in observed.spec.equalities if candidate.active]
     if loops:
-        what = f"without {counted(len(loops), 'loop')}: none of their rows"
-        found.append(Candidate("rows", what, _no_loops))
-    return found
+        what = f"without {count_text(len(loops), 'loop')}: none of their rows"
+        candidates.append(Candidate("rows", what, _no_loops))
+    return candidates
 
 
 def _flag(what: str, field: str, bit: int, flags: int, *, off: bool) -> Candidate:
     """Return the turning of a flag; `off` where it is one that disables."""
-    there = bool(flags & bit) != off
+    enabled = bool(flags & bit) != off
 
-    def turned(spec: mujoco.MjSpec) -> None:
+    def with_parameters(spec: mujoco.MjSpec) -> None:
         setattr(spec.option, field, getattr(spec.option, field) ^ bit)
 
-    return Candidate("flags", f"{what} {'off' if there else 'on'}", turned)
+    return Candidate("flags", f"{what} {'off' if enabled else 'on'}", with_parameters)
 
 
 def _set(what: str, field: str, value: object) -> Candidate:

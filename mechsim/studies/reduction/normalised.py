@@ -1,4 +1,4 @@
-"""A scene spelled out, so that parts of it can be left out: all named, loops closed between sites."""
+"""A normalised scene from which elements can be removed: all named, loops closed between sites."""
 
 from collections.abc import Sequence
 from itertools import count
@@ -15,36 +15,36 @@ CONNECT, WELD = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD
 BODY, SITE = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
 
 
-def spelled_out(spec: mujoco.MjSpec) -> mujoco.MjSpec:
-    """Return a copy in which every part has a name and connects and welds join sites.
+def normalised(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    """Return a copy in which every element has a name and connects and welds join sites.
 
-    Joined bodies would be told anew where they meet by the compiler, from where they stand in a scene that
-    lacks parts. What MuJoCo computes of the copy is the same.
+    Between bodies the compiler would compute the anchors anew from the pose of the reduced scene. The
+    simulation of the copy is the same.
     """
     copy = spec.copy()
-    for key in list(copy.keys):  # they fit no scene that lacks a joint
+    for key in list(copy.keys):  # they do not fit a scene without all joints
         copy.delete(key)
     name_parts(copy)
-    for parts, what in (
+    for elements, what in (
         (copy.geoms, "geom"),
         (copy.sites, "site"),
         (copy.actuators, "actuator"),
         (copy.tendons, "tendon"),
         (copy.sensors, "sensor"),
     ):
-        _name(parts, what)
+        _name_elements(elements, what)
     _close_between_sites(copy)
     return copy
 
 
-def _name(parts: Sequence[Any], what: str) -> None:
-    """Name what has none by its number, as MuJoCo's own programs call it."""
-    taken = {part.name for part in parts}
-    for number, part in enumerate(parts, 1):
-        if not part.name:
+def _name_elements(elements: Sequence[Any], what: str) -> None:
+    """Name unnamed elements by their numbers, as MuJoCo's own programs do."""
+    used = {element.name for element in elements}
+    for number, element in enumerate(elements, 1):
+        if not element.name:
             names = (f"{what}{number}" if i == 1 else f"{what}{number}_{i}" for i in count(1))
-            part.name = next(name for name in names if name not in taken)
-            taken.add(part.name)
+            element.name = next(name for name in names if name not in used)
+            used.add(element.name)
 
 
 def _close_between_sites(spec: mujoco.MjSpec) -> None:
@@ -55,21 +55,21 @@ def _close_between_sites(spec: mujoco.MjSpec) -> None:
             continue
         data, weld = model.eq_data[number], equality.type == WELD
         # of a weld the anchor comes first, in body 2; then where body 2 is in body 1
-        places = (data[3:6], data[0:3]) if weld else (data[0:3], data[3:6])
-        turns = (data[6:10] if weld else _straight(), _straight())
+        positions = (data[3:6], data[0:3]) if weld else (data[0:3], data[3:6])
+        rotations = (data[6:10] if weld else _identity(), _identity())
         ends = (model.eq_obj1id[number], max(int(model.eq_obj2id[number]), 0))
         names: list[str] = []
-        for end, place, turn in zip(ends, places, turns, strict=True):
+        for end, position, rotation in zip(ends, positions, rotations, strict=True):
             body = bodies[model.body(int(end)).name]
             name = f"{equality.name}@{body.name}"
             while spec.site(name) is not None:
                 name += "'"
-            body.add_site(name=name, pos=place, quat=turn, group=5)
+            body.add_site(name=name, pos=position, quat=rotation, group=5)
             names.append(name)
         equality.name1, equality.name2 = names
         equality.objtype = SITE
         equality.data = np.concatenate([np.zeros(10), data[10:]]) if weld else np.zeros(len(data))
 
 
-def _straight() -> Array:
+def _identity() -> Array:
     return np.array([1.0, 0.0, 0.0, 0.0])
