@@ -7,11 +7,11 @@ LOOPS = "simulation/model_loops.py"
 CUTS = "simulation/mjcf/loop_cuts.py"
 POSED = "simulation/posed_bodies.py"
 MOTION = "analytic/closure/motion.py"
-PATH = "analytic/closure/followed_path.py"
+PATH = "analytic/closure/continuation_path.py"
 SOLVER = "analytic/closure/loop_solver.py"
 TREE = "analytic/closure/tree_motion.py"
 MANY = "analytic/closure/many_paths.py"
-WHOLE = "analytic/closure/whole_motion.py"
+WHOLE = "analytic/closure/crank_motion.py"
 RATES = "analytic/closure/tree_rates.py"
 LAYOUT = "analytic/closure/tree_layout.py"
 CHECKS = "verdict/checks.py"
@@ -91,7 +91,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         ): NEAR_ONE
         for file, told, floor in (
             ("simulation/telling.py", "RANK_TOLERANCE", "FLOOR"),
-            ("analytic/closure/telling.py", "told", "floor"),
+            ("analytic/closure/numerical_rank.py", "told", "floor"),
         )
     },
     **{

@@ -7,8 +7,8 @@ import numpy as np
 
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.closure.determinacy import driver_determinacy
 from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.settled import settled
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
 from mechsim.analytic.forms import Form
 from mechsim.errors import MechsimError
@@ -100,24 +100,26 @@ def _described(drive: Form) -> dict[str, Any]:
 def _mobility(drive: LoopForm) -> dict[str, Any]:
     """Return what the drivers of a mechanism settle, and how they go; in words too."""
     mechanism = drive.mechanism
-    found = settled(mechanism)
+    found = driver_determinacy(mechanism)
     lines = [
-        f"{_several(found.freedoms, 'freedom')} by the rank of the loop Jacobian, "
-        f"{_several(found.redundant, 'redundant constraint')}",
+        f"{_several(found.dofs, 'freedom')} by the rank of the loop Jacobian, "
+        f"{_several(found.redundant_equations, 'redundant constraint')}",
         f"driven: {', '.join(found.drivers) or 'nothing'}",
     ]
     if mechanism.locked:
         lines.append(f"held: {', '.join(mechanism.locked)}")
-    if found.open:
-        lines.append(f"undetermined: {', '.join(found.open)} can still move; drive, hold or couple them")
-    if found.superfluous:
-        lines.append(f"overdriven: {', '.join(found.superfluous)} asked for beside what others settle")
+    if found.undetermined:
+        lines.append(
+            f"undetermined: {', '.join(found.undetermined)} can still move; drive, hold or couple them"
+        )
+    if found.redundant_drivers:
+        lines.append(f"overdriven: {', '.join(found.redundant_drivers)} asked for beside what others settle")
     counts = {
-        "freedoms": found.freedoms,
+        "freedoms": found.dofs,
         "drivers": list(found.drivers),
-        "open": list(found.open),
-        "superfluous": list(found.superfluous),
-        "redundant": found.redundant,
+        "open": list(found.undetermined),
+        "superfluous": list(found.redundant_drivers),
+        "redundant": found.redundant_equations,
     }
     programs = drive.programs
     told = {} if programs is None else {name: _text(one) for name, one in programs.by_name.items()}

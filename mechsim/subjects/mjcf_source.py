@@ -101,7 +101,7 @@ def read_mjcf(
         source=model,
         ranges=model.limits,
         facts=(*model.remarks, *_correction_remarks(model, exact)),
-        corrected=(exact.moved, exact.turned),
+        corrected=(exact.moved, exact.rotated),
     )
 
 
@@ -117,9 +117,9 @@ def _correction_remarks(model: "MjcfModel", exact: Corrected) -> list[str]:
             f"the loops stand open by {model.gap:.2g} m where the file starts; "
             "what is solved closes them exactly"
         )
-    if exact.moved or exact.turned:
+    if exact.moved or exact.rotated:
         remarks.append(
-            f"joints were moved by up to {exact.moved:.2g} m and turned by up to {exact.turned:.2g} rad: "
+            f"joints were moved by up to {exact.moved:.2g} m and turned by up to {exact.rotated:.2g} rad: "
             "to the digits of the file its loops would close in no pose"
         )
     return remarks

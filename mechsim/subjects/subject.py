@@ -7,8 +7,8 @@ from typing import Any
 
 from mechsim import units
 from mechsim.analytic import catalog
+from mechsim.analytic.closure.determinacy import undetermined_joints
 from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.settled import undetermined_joints
 from mechsim.analytic.closure.start_values import with_closed_guess
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError

@@ -8,7 +8,7 @@ import pytest
 
 import mechsim as ms
 from mechsim import closure, simulate
-from mechsim.analytic.closure import drawn_poses
+from mechsim.analytic.closure import completed_guess
 from mechsim.analytic.closure.start_values import start_poses
 from mechsim.analytic.closure.tree_assembly import assembled
 from mechsim.errors import AssemblyError
@@ -136,13 +136,13 @@ def test_links_without_a_guess_are_drawn_no_longer_than_something_is_gained(monk
     name, pose = list(mechanism.guess.items())[-1]
     told = replace(mechanism, guess={name: pose})
     steps = []
-    looked = drawn_poses.equations
-    monkeypatch.setattr(drawn_poses, "equations", lambda *given: steps.append(given) or looked(*given))
-    drawn = drawn_poses.drawn_towards_guess(told, rough_poses(told))
+    looked = completed_guess.equations
+    monkeypatch.setattr(completed_guess, "equations", lambda *given: steps.append(given) or looked(*given))
+    drawn = completed_guess.completed_poses(told, rough_poses(told))
     # measured 7, the last of which finds nothing left
     assert len(steps) <= 9
-    monkeypatch.setattr(drawn_poses, "SHORT", 0.0)
-    longer = drawn_poses.drawn_towards_guess(told, rough_poses(told))
+    monkeypatch.setattr(completed_guess, "LAST_STEP", 0.0)
+    longer = completed_guess.completed_poses(told, rough_poses(told))
     assert len(steps) > 30
     for link in drawn:
         np.testing.assert_allclose(drawn[link].position, longer[link].position, rtol=0, atol=1e-15)

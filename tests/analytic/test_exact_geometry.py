@@ -7,7 +7,7 @@ import pytest
 
 from mechsim import catalog
 from mechsim.analytic import closure
-from mechsim.analytic.closure.exact_geometry import DIGITS, corrected
+from mechsim.analytic.closure.exact_geometry import DIMENSION_TOLERANCE, corrected
 from mechsim.errors import MechsimError
 from mechsim.model.mechanism import Mechanism
 
@@ -39,7 +39,7 @@ def test_a_rounded_linkage_locks_and_turns_again_when_corrected(name):
         closure.solve(off, angles)
     found = corrected(off)
     assert 0.0 < found.moved < 1e-5 * whole.size
-    assert 0.0 < found.turned < 1e-5
+    assert 0.0 < found.rotated < 1e-5
     exact, motion = closure.solve(whole, angles), closure.solve(found.mechanism, angles)
     for link in exact.links:
         np.testing.assert_allclose(
@@ -49,7 +49,7 @@ def test_a_rounded_linkage_locks_and_turns_again_when_corrected(name):
 
 @pytest.mark.parametrize("name", OVERCONSTRAINED)
 def test_what_is_off_by_more_than_digits_is_left_as_it_is(name):
-    off = rounded(catalog.make(name).mechanism, 1000.0 * DIGITS)
+    off = rounded(catalog.make(name).mechanism, 1000.0 * DIMENSION_TOLERANCE)
     assert corrected(off).mechanism is off
 
 
@@ -65,4 +65,4 @@ def test_the_least_change_is_no_larger_than_the_error():
     tilted = replace(joints[-1].b, axis=(3e-6, 0.0, 1.0), mark=None)
     joints[-1] = replace(joints[-1], b=tilted)
     found = corrected(replace(whole, joints=tuple(joints)))
-    assert 0.3e-6 < found.turned < 3e-6
+    assert 0.3e-6 < found.rotated < 3e-6

@@ -23,28 +23,28 @@ WEIGHTS, STEP = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0, 1e-3
 def rssr():
     """The loops of a spatial four-bar, whose coupler may spin, and where they are closed."""
     first = checked_start(catalog.make("rssr").mechanism)
-    return first.loops, first.pinned
+    return first.loops, first.reference
 
 
 def six_bar():
     first = checked_start(load("watt_six_bar").mechanism)
-    return first.loops, first.pinned
+    return first.loops, first.reference
 
 
 def off(loops, at, far):
     """Coordinates moved at random, each by about as much."""
     step = far * np.random.default_rng(7).uniform(0.5, 1.0, (loops.tree.count, 1))
     step[list(loops.driven)] = 0.0
-    return loops.moved(at, step), step
+    return loops.displaced(at, step), step
 
 
 def test_the_gauge_measures_how_far_the_open_freedom_has_gone():
     loops, start = rssr()
     solver = loop_solver(loops, start)
-    assert solver.open == 1
+    assert solver.nullity == 1
     away, step = off(loops, start, 1e-4)
-    gap = solver.linearise(away).right[0, len(solver.rows) :]
-    assert gap == pytest.approx(solver.gauge @ step[loops.unknown, 0], rel=1e-3)
+    gap = solver.linearise(away).rhs[0, len(solver.rows) :]
+    assert gap == pytest.approx(solver.null_space @ step[loops.unknown, 0], rel=1e-3)
     assert abs(gap[0]) > 1e-6
 
 
@@ -59,7 +59,7 @@ def test_the_matrix_is_the_derivative_of_what_stands_open_rows_and_gauge(far):
         for weight, times in zip(WEIGHTS, (-2, -1, 0, 1, 2), strict=True):
             step = np.zeros((loops.tree.count, 1))
             step[place] = times * STEP
-            total = total + weight * solver.linearise(loops.moved(here, step)).right[0]
+            total = total + weight * solver.linearise(loops.displaced(here, step)).rhs[0]
         assert total / STEP == pytest.approx(found[:, column], abs=1e-10)
 
 
@@ -77,15 +77,15 @@ def test_what_no_loop_holds_is_kept_where_it_is_in_units_of_the_size():
     loops, at = tree_loops(mechanism, {name: Pose(np.zeros(3), np.eye(3)) for name in ("arm", "block")}, {})
     solver = loop_solver(loops, at)
     assert len(solver.rows) == 0
-    assert solver.open == 1
+    assert solver.nullity == 1
     step = np.zeros((loops.tree.count, 1))
     step[loops.unknown] = 0.25
-    moved = loops.moved(at, step)
+    moved = loops.displaced(at, step)
     assert moved.values[loops.unknown, 0] - at.values[loops.unknown, 0] == pytest.approx(
         0.25 * mechanism.size
     )
     found = solver.linearise(moved)
-    assert found.right[0] == pytest.approx([0.25])
+    assert found.rhs[0] == pytest.approx([0.25])
     assert solver.share(found).tolist() == [1.0]
 
 
@@ -95,8 +95,8 @@ def test_an_open_freedom_is_kept_where_it_stood_when_the_solver_was_made():
     here, _ = off(loops, at, 0.2)
     assert np.abs(here.values).max() > 0.1
     solver = loop_solver(loops, here)
-    assert solver.open == 2
-    assert np.abs(solver.linearise(here).right[0, len(solver.rows) :]).max() < 1e-15
+    assert solver.nullity == 2
+    assert np.abs(solver.linearise(here).rhs[0, len(solver.rows) :]).max() < 1e-15
 
 
 @pytest.mark.parametrize("part", [0.0, 0.19, 0.39, 0.41, 0.49, 0.51, 1.0])
@@ -108,7 +108,7 @@ def test_rows_serve_that_tell_two_fifths_of_the_best_and_are_kept_that_tell_half
     matrix = nothing[:3].transpose(2, 0, 1)
     found = Linearised(slope, nothing, None, matrix, slope, np.arange(3), np.array([3]))
     solver = LoopSolver(SimpleNamespace(rows=4), np.arange(3), np.zeros((0, 3)), None)
-    told = [bool(one[0]) for one in solver.telling(found)]
+    told = [bool(one[0]) for one in solver.adequate(found)]
     assert told == [part > 0.4, part > 0.5]
     # where no row tells anything none tells less than it should
     assert solver.share(found) == pytest.approx([part, 1.0], abs=1e-15)
@@ -117,11 +117,11 @@ def test_rows_serve_that_tell_two_fifths_of_the_best_and_are_kept_that_tell_half
 def test_rows_that_repeat_each_other_do_not_serve_and_those_chosen_do():
     loops, start = six_bar()
     solver = loop_solver(loops, start)
-    assert all(solver.telling(solver.linearise(start)))
+    assert all(solver.adequate(solver.linearise(start)))
     idle = next(row for row in range(loops.rows) if row not in solver.rows)
     rows = np.sort([*solver.rows[1:], idle])
-    other = LoopSolver(loops, rows, solver.gauge, start)
-    assert not any(other.telling(other.linearise(start)))
+    other = LoopSolver(loops, rows, solver.null_space, start)
+    assert not any(other.adequate(other.linearise(start)))
 
 
 def test_loops_are_closed_to_rounding_from_a_guess_beside_them_and_say_how_far_they_went():
@@ -140,7 +140,7 @@ def test_poses_whose_last_step_is_not_looked_at_are_closed_all_the_same_and_by_f
     solver, enough = loop_solver(loops, start), 1e-12
     guess, _ = off(loops, start, 5e-5)
     at, found, _ = solver.close(guess, enough)
-    assert not np.array_equal(found.here.rotation, solver.linearise(at).here.rotation)
+    assert not np.array_equal(found.poses.rotation, solver.linearise(at).poses.rotation)
     assert np.abs(loops.linearise(at)[0]).max() < enough
     assert np.abs(found.residual).max() < enough
 
@@ -165,36 +165,38 @@ def test_what_all_rows_tell_is_what_the_solved_ones_do_only_where_the_others_tel
     loops, start = six_bar()
     solver = loop_solver(loops, start)
     found = solver.linearise(start)
-    slope = found.slope[:, loops.unknown].transpose(2, 0, 1)
+    slope = found.jacobian[:, loops.unknown].transpose(2, 0, 1)
     wanted = np.linalg.svd(slope, compute_uv=False)
-    assert found.every == pytest.approx(wanted, abs=1e-14)
-    assert found.every is found.values
+    assert found.all_singular_values == pytest.approx(wanted, abs=1e-14)
+    assert found.all_singular_values is found.singular_values
     tilted = slope.transpose(1, 2, 0).copy()
     tilted[found.others[0]] = 0.5
-    told = replace(found, slope=np.insert(tilted, loops.driven, 0.0, axis=1))
-    assert told.every == pytest.approx(np.linalg.svd(tilted.transpose(2, 0, 1), compute_uv=False), abs=1e-14)
-    assert told.every[0, -1] > 1.01 * wanted[0, -1]
+    told = replace(found, jacobian=np.insert(tilted, loops.driven, 0.0, axis=1))
+    assert told.all_singular_values == pytest.approx(
+        np.linalg.svd(tilted.transpose(2, 0, 1), compute_uv=False), abs=1e-14
+    )
+    assert told.all_singular_values[0, -1] > 1.01 * wanted[0, -1]
 
 
 def test_a_gauge_along_what_the_rows_hold_does_not_serve_though_all_rows_are_solved():
     loops, start = rssr()
     solver = loop_solver(loops, start)
-    assert solver.open == 1
+    assert solver.nullity == 1
     assert len(solver.others) == 0
-    held = solver.there.slope[0, loops.unknown, 0]
-    other = replace(solver, gauge=held[None] / np.linalg.norm(held))
-    assert all(solver.telling(solver.there))
-    assert not any(other.telling(other.there))
-    assert other.share(other.there) < 1e-12
+    held = solver.at_reference.jacobian[0, loops.unknown, 0]
+    other = replace(solver, null_space=held[None] / np.linalg.norm(held))
+    assert all(solver.adequate(solver.at_reference))
+    assert not any(other.adequate(other.at_reference))
+    assert other.share(other.at_reference) < 1e-12
 
 
 def test_a_new_gauge_follows_the_one_before_if_as_much_is_open():
     loops, at = rssr()
     loops = replace(loops, driven=())
-    gauge = loop_solver(loops, at).gauge
+    gauge = loop_solver(loops, at).null_space
     before = np.array([[0.6, -0.8], [0.8, 0.6]]) @ gauge
-    assert loop_solver(loops, at, before).gauge == pytest.approx(before, abs=1e-13)
-    assert loop_solver(loops, at, before[:1]).gauge == pytest.approx(gauge, abs=1e-13)
+    assert loop_solver(loops, at, before).null_space == pytest.approx(before, abs=1e-13)
+    assert loop_solver(loops, at, before[:1]).null_space == pytest.approx(gauge, abs=1e-13)
 
 
 def test_a_step_whose_bend_would_leave_more_open_than_is_enough_is_looked_at():
@@ -202,19 +204,19 @@ def test_a_step_whose_bend_would_leave_more_open_than_is_enough_is_looked_at():
     solver = loop_solver(loops, start)
     guess, _ = off(loops, start, 5e-5)
     found = solver.linearise(guess)
-    step = np.abs(solver.step(found.matrix, found.right))
+    step = np.abs(solver.step(found.matrix, found.rhs))
     # turns add up along a chain: the bend goes with the square of their sum, not of the largest
     enough = (0.5 * (step.max() + step.sum())) ** 2
     at, found, _ = solver.close(guess, enough)
-    assert np.array_equal(found.here.rotation, solver.linearise(at).here.rotation)
+    assert np.array_equal(found.poses.rotation, solver.linearise(at).poses.rotation)
     at, found, _ = solver.close(guess, 1.1 * step.sum() ** 2)
-    assert not np.array_equal(found.here.rotation, solver.linearise(at).here.rotation)
+    assert not np.array_equal(found.poses.rotation, solver.linearise(at).poses.rotation)
 
 
 def test_the_side_is_the_least_singular_value_with_the_determinant_s_sign():
     right, left = (np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0] for seed in (3, 4))
     matrix = np.stack([right @ np.diag([0.9, 0.5, 0.2]) @ left, right @ np.diag([0.9, -0.5, 0.1]) @ left])
     nothing = np.zeros((3, 0))
-    side = Linearised(nothing, nothing, None, matrix, nothing, np.arange(3), np.arange(0)).side
+    side = Linearised(nothing, nothing, None, matrix, nothing, np.arange(3), np.arange(0)).signed_distance
     turned = np.sign(np.linalg.det(right @ left))
     np.testing.assert_allclose(side, turned * np.array([0.2, -0.1]), rtol=1e-12)

@@ -7,7 +7,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.analytic.closure import many_paths
-from mechsim.analytic.closure.many_motion import can_be_followed_together, many_motion
+from mechsim.analytic.closure.many_motion import many_motion, shared_loops
 from mechsim.model.design_arrays import those_alike
 
 ANGLES = 2.0 * np.pi * np.arange(24) / 24
@@ -32,7 +32,7 @@ def moved(name, parameter, values, joints):
 
 def together(mechanism, mechanisms, joints=(), *, angles=ANGLES, speed=1.0, rates=False):
     """Return the motion of those that are like one, and of which of all it is told."""
-    like = can_be_followed_together(mechanism, joints)
+    like = shared_loops(mechanism, joints)
     started, which = those_alike(mechanism, mechanisms)
     motion, good = many_motion(like, started, angles, speed, joints, rates=rates)
     return motion, np.isin(np.arange(len(mechanisms)), which[good])
@@ -77,7 +77,7 @@ def test_designs_with_a_rod_that_spins_are_followed_either_way_to_angles_in_any_
 
 
 def test_designs_whose_rows_never_tell_enough_are_left_to_themselves(monkeypatch):
-    monkeypatch.setattr(many_paths, "HALF", 2.0)
+    monkeypatch.setattr(many_paths, "MIN_VALUE_RATIO", 2.0)
     both = [ms.catalog.make("four_bar", branch=branch).mechanism for branch in (1, -1)]
     assert not together(both[0], both)[1].any()
 
@@ -129,4 +129,4 @@ def test_a_side_that_is_not_watched_is_found_out_by_that(monkeypatch):
 
 
 def test_what_has_no_lone_crank_needs_programs():
-    assert can_be_followed_together(ms.load("five_bar").mechanism, ()) is None
+    assert shared_loops(ms.load("five_bar").mechanism, ()) is None

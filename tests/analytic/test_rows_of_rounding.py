@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.closure.settled import settled
+from mechsim.analytic.closure.determinacy import driver_determinacy
 from mechsim.analytic.closure.tree_assembly import assembled
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import MobilityError
@@ -95,8 +95,8 @@ def truth(values):
 @pytest.mark.parametrize("method", ["closed", "pose", "step"])
 def test_a_ball_where_all_axes_meet_takes_no_freedom_on_any_road(method, tmp_path):
     linkage = spherical(tmp_path, AXES)
-    found = settled(linkage.mechanism)
-    assert (found.freedoms, found.outcome, found.redundant) == (3, "determined", 3)
+    found = driver_determinacy(linkage.mechanism)
+    assert (found.dofs, found.outcome, found.redundant_equations) == (3, "determined", 3)
     if method == "closed":
         moves = linkage.programs
         motion = linkage.solve(t=np.linspace(0.0, moves.duration, 9))
@@ -171,7 +171,7 @@ def test_a_spherical_linkage_of_six_digits_moves_as_it_means_to(tmp_path):
     path = written(spherical(tmp_path, AXES), tmp_path, exactly=False)
     moves = {"crank": "1.1rad/s", "A": "0.4rad + 0.7rad*sin(t)", "B": "-0.3rad - 0.9rad*t"}
     model = ms.load(path, drive=moves)
-    assert settled(model.mechanism).freedoms == 3
+    assert driver_determinacy(model.mechanism).dofs == 3
     motion = model.solve(t=np.linspace(0.0, 1.0, 7))
     values = np.stack([motion.joints[name].value for name in AXES], 1)
     for at, place in zip(values, motion.points["P"].position, strict=True):

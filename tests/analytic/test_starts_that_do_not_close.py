@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.closure.settled import settled
+from mechsim.analytic.closure.determinacy import driver_determinacy
 from mechsim.analytic.closure.tree_assembly import assembled
 from mechsim.errors import AssemblyError, MobilityError
 from mechsim.subjects.mjcf_source import read_mjcf
@@ -42,12 +42,12 @@ def test_a_start_from_which_no_step_closes_the_loops_is_told_where_they_close(tm
     assert np.abs(loops.linearise(at)[0]).max() < 1e-12
     # the triangle that is left where the crank stands on the line, by the law of cosines
     angle = np.arccos((0.04**2 + 0.07**2 - 0.08**2) / (2 * 0.04 * 0.07))
-    assert abs(at.values[loops.tree.places["rod"], 0]) == pytest.approx(angle, abs=1e-12)
+    assert abs(at.values[loops.tree.index_of["rod"], 0]) == pytest.approx(angle, abs=1e-12)
 
 
 def test_show_tells_the_same(tmp_path):
     with pytest.raises(AssemblyError, match="do not close from where the other joints start"):
-        settled(read_mjcf(str(_line(tmp_path, 0.07))).mechanism)
+        driver_determinacy(read_mjcf(str(_line(tmp_path, 0.07))).mechanism)
 
 
 def test_loops_that_close_nowhere_are_still_told_to_change_dimensions(tmp_path):

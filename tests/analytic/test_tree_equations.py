@@ -8,10 +8,10 @@ from mechanisms import at
 
 from mechsim.analytic.closure.cut_rows import cuts_of
 from mechsim.analytic.closure.spanning_tree import spanning_tree
-from mechsim.analytic.closure.tree_joints import Fixed
-from mechsim.analytic.closure.tree_layout import MOST, in_a_row
+from mechsim.analytic.closure.tree_joints import JointSides
+from mechsim.analytic.closure.tree_layout import MAX_VECTORS, as_slice
 from mechsim.analytic.closure.tree_loops import TreeLoops
-from mechsim.analytic.closure.tree_motion import Coordinates, drifts, placed, twists
+from mechsim.analytic.closure.tree_motion import Coordinates, link_poses, twists, velocity_products
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism
@@ -72,11 +72,11 @@ class Moving:
         start = Coordinates(np.repeat(start.values[:, :1], 9, 1), start.turns)
         rates = random.uniform(-1.0, 1.0, tree.count)
         self.rates = np.repeat((rates * self.loops.units)[:, None], 9, 1)
-        self.at = self.loops.moved(start, np.outer(rates, STEP * (np.arange(9) - MIDDLE)))
-        self.here = placed(self.tree, self.at)
+        self.at = self.loops.displaced(start, np.outer(rates, STEP * (np.arange(9) - MIDDLE)))
+        self.here = link_poses(self.tree, self.at)
         self.twist = twists(self.tree, self.here, self.rates)
-        self.drift = drifts(self.tree, self.here, self.twist, self.rates)
-        self.bias = self.loops.bias(self.at, self.here, self.rates, self.twist, self.drift)
+        self.drift = velocity_products(self.tree, self.here, self.twist, self.rates)
+        self.bias = self.loops.velocity_products(self.at, self.here, self.rates, self.twist, self.drift)
 
 
 def near(found, expected, tolerance=1e-9):
@@ -108,16 +108,16 @@ def test_twists_and_drifts_are_the_rates_of_places_and_of_twists(swap):
 def test_links_are_where_they_are_in_whatever_order_they_are_listed(swap):
     names = ("h", "c", "k", "shaft", "i", "a", "l", "f", "b", "e", "j", "d", "g", "m")
     one, other = Moving(swap, None), spanning_tree(branched(swap, names))
-    there = placed(other, one.at)
+    there = link_poses(other, one.at)
     for i, name in enumerate(names):
         k = one.tree.links[name]
         near(there.position[i], one.here.position[k], 1e-15)
         near(there.rotation[i], one.here.rotation[k], 1e-15)
-    near(there.screws, one.here.screws, 1e-15)
+    near(there.unit_twists, one.here.unit_twists, 1e-15)
 
 
 def test_a_link_on_which_many_hang_puts_each_where_a_chain_of_its_own_would():
-    random, count = np.random.default_rng(4), 2 * MOST
+    random, count = np.random.default_rng(4), 2 * MAX_VECTORS
     names = [f"l{i}" for i in range(count)]
     ends = [
         (at("hub", (0.1 * i, 0.2, -0.3 * i)), at(name, (0.4, 0.0, 0.1 * i))) for i, name in enumerate(names)
@@ -130,7 +130,7 @@ def test_a_link_on_which_many_hang_puts_each_where_a_chain_of_its_own_would():
         links = tuple(Link(name) for name in ("hub", *(names[i] for i in some)))
         star = Mechanism("star", links, (shaft, *(joints[i] for i in some)), "shaft", {})
         rows = values[[0, *(i + 1 for i in some)]]
-        return placed(spanning_tree(star), Coordinates(rows, np.empty((0, 3, 3, 4)))).position[1:]
+        return link_poses(spanning_tree(star), Coordinates(rows, np.empty((0, 3, 3, 4)))).position[1:]
 
     alone = np.concatenate([places([i]) for i in range(count)])
     near(places(range(count)), alone, 1e-15)
@@ -176,9 +176,9 @@ def test_slopes_and_biases_of_a_closing_joint_are_derivatives_of_its_residual(ki
 
 def test_indices_in_a_row_are_taken_as_a_slice_and_others_as_they_are():
     for row, wanted in (([7], slice(7, 8)), ([3, 4, 5], slice(3, 6))):
-        assert in_a_row(np.array(row)) == wanted
+        assert as_slice(np.array(row)) == wanted
     for others in ([], [0, 2, 4], [2, 1], [0, 1, 3]):
-        assert in_a_row(np.array(others, dtype=np.intp)).tolist() == others
+        assert as_slice(np.array(others, dtype=np.intp)).tolist() == others
 
 
 def test_a_tree_without_angles_is_placed_as_its_joints_say():
@@ -193,7 +193,7 @@ def test_a_tree_without_angles_is_placed_as_its_joints_say():
     )
     whole = Mechanism("hung", (Link("block"), Link("bob")), joints, "slide", {})
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    here = placed(spanning_tree(whole), Coordinates(np.full((4, 1), 0.6), turn[None, ..., None]))
+    here = link_poses(spanning_tree(whole), Coordinates(np.full((4, 1), 0.6), turn[None, ..., None]))
     axis = np.array([1.0, 2.0, 2.0]) / 3.0
     near(here.position[0, :, 0], np.array([0.1, 0.0, 0.0]) + 0.6 * axis, 1e-15)
     near(here.position[1, :, 0], here.position[0, :, 0] + np.array([0.0, 0.3, -0.2]), 1e-15)
@@ -205,14 +205,14 @@ def test_designs_side_by_side_are_placed_as_each_by_itself(swap):
     moving, trees = Moving(swap, None), [spanning_tree(branched(swap, seed=seed)) for seed in (3, 4)]
     tree = replace(trees[0])
     constants = {
-        i: Fixed(*(np.stack(pair, -1) for pair in zip(*map(astuple, pairs), strict=True)))
+        i: JointSides(*(np.stack(pair, -1) for pair in zip(*map(astuple, pairs), strict=True)))
         for i in trees[0].constants
         for pairs in [[one.constants[i] for one in trees]]
     }
     vars(tree)["constants"] = constants
     two = Coordinates(moving.at.values[:, :2], moving.at.turns[..., :2])
-    together = placed(tree, two)
+    together = link_poses(tree, two)
     for i, own in enumerate(trees):
-        alone = placed(own, Coordinates(two.values[:, [i]], two.turns[..., [i]]))
-        for part in ("position", "rotation", "screws"):
+        alone = link_poses(own, Coordinates(two.values[:, [i]], two.turns[..., [i]]))
+        for part in ("position", "rotation", "unit_twists"):
             near(getattr(together, part)[..., i], getattr(alone, part)[..., 0], 1e-14)

@@ -9,9 +9,9 @@ from mechanisms import at
 
 from mechsim import catalog
 from mechsim.analytic import closure
+from mechsim.analytic.closure.crank_motion import crank_path, motion_along
 from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.tree_rates import CHUNK, polynomial_rates, regular
-from mechsim.analytic.closure.whole_motion import followed, moved_along
+from mechsim.analytic.closure.tree_rates import CHUNK, rates_of_polynomial, regularised
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import Joint
 from mechsim.model.links import EX, GROUND, Link
@@ -100,11 +100,13 @@ def twice(mechanism):
 
 
 def test_rates_read_off_a_paths_polynomials_are_those_of_its_loops_turns_of_balls_too():
-    path = followed(twice(catalog.make("rssr").mechanism))
-    angle = path.begin + np.linspace(0.1, 2.0, 7)
-    _, motion = moved_along(path, angle, np.ones(7), np.zeros(7))
+    path = crank_path(twice(catalog.make("rssr").mechanism))
+    angle = path.initial + np.linspace(0.1, 2.0, 7)
+    _, motion = motion_along(path, angle, np.ones(7), np.zeros(7))
     assert len(path.loops.tree.balls) == 2
-    first, second = (rates.T * path.loops.units for rates in polynomial_rates(path, path.loops.tree, angle))
+    first, second = (
+        rates.T * path.loops.units for rates in rates_of_polynomial(path, path.loops.tree, angle)
+    )
     # measured 3.5e-9 and 2.8e-7
     np.testing.assert_allclose(first, motion.rates, rtol=0, atol=4e-8)
     np.testing.assert_allclose(second, motion.second, rtol=0, atol=3e-6)
@@ -112,8 +114,8 @@ def test_rates_read_off_a_paths_polynomials_are_those_of_its_loops_turns_of_ball
 
 def test_where_the_loops_tell_nothing_their_matrix_is_one_that_can_be_solved():
     whole, blind = np.arange(8.0).reshape(2, 2, 2), np.array([False, True])
-    assert np.array_equal(regular(whole, blind), [whole[0], np.eye(2)])
-    assert regular(whole, ~blind & blind) is whole
+    assert np.array_equal(regularised(whole, blind), [whole[0], np.eye(2)])
+    assert regularised(whole, ~blind & blind) is whole
 
 
 def test_more_instants_than_are_solved_in_one_go_come_in_the_order_in_which_they_were_asked_for():

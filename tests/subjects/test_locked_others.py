@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mechsim import simulate
-from mechsim.analytic.closure.settled import settled
+from mechsim.analytic.closure.determinacy import driver_determinacy
 from mechsim.errors import MobilityError
 from mechsim.subjects.subject import load
 
@@ -41,7 +41,7 @@ def test_the_arm_the_head_and_the_base_are_locked_and_the_loop_moves(robot):
         load(robot, drive=drive).solve(t=np.linspace(0.0, 1.0, 3))
     form = load(robot, drive=drive, lock_others=True)
     assert set(form.mechanism.locked) == {"shoulder", "elbow"}
-    assert settled(form.mechanism).outcome == "determined"
+    assert driver_determinacy(form.mechanism).outcome == "determined"
     by_hand = load(robot, drive=drive, lock=("float", "shoulder", "elbow", "neck"))
     times = np.linspace(0.0, 1.0, 3)
     one, other = form.solve(t=times), by_hand.solve(t=times)

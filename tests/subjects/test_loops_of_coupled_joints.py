@@ -42,7 +42,7 @@ def bound(tmp_path: Path) -> str:
 def test_a_loop_of_driven_and_coupled_joints_alone_moves_alike_on_both_roads(bound: str) -> None:
     form = ms.load(bound)
     tree = spanning_tree(form.mechanism)
-    assert not {"A", "B", "C", "arm", "crank"} - tree.places.keys()
+    assert not {"A", "B", "C", "arm", "crank"} - tree.index_of.keys()
     assert [*tree.links] == [link.name for link in form.mechanism.links]
 
     swung = ms.load(bound, drive={"crank": "0.4*sin(3*t)"}, duration=1.0)

@@ -90,7 +90,7 @@ def judged(path, options):
     loops, at = assembled(form.mechanism)
     slope = loops.linearise(at)[1][..., 0]
     rank = int(np.linalg.matrix_rank(slope, tol=1e-9)) if slope.size else 0
-    start = {name: float(at.values[loops.tree.places[name], 0]) for name in form.mechanism.drivers}
+    start = {name: float(at.values[loops.tree.index_of[name], 0]) for name in form.mechanism.drivers}
     far = reaches(form, options.get("reach", {}))
     bound = programs(form.mechanism, {name: swing(start[name], far[name]) for name in start}, 1.0)
     moved = MjcfForm(form.mechanism, programs=bound, source=form.source)

@@ -1,7 +1,7 @@
 """How many cells the loop equations need along a path; ends with 1 where a count is above its bound.
 
 A cell is a stretch of a path that one polynomial describes. Counts do not depend on the machine. Those of
-paths that bend sharply are tests (`tests/analytic/test_followed_path.py`), because they kill mutants.
+paths that bend sharply are tests (`tests/analytic/test_continuation_path.py`), because they kill mutants.
 
 Run: python validation/speed/cell_counts.py
 """
@@ -12,8 +12,8 @@ import numpy as np
 
 from mechsim import catalog
 from mechsim.analytic.closure import many_paths
-from mechsim.analytic.closure.many_motion import can_be_followed_together, many_motion
-from mechsim.analytic.closure.whole_motion import followed
+from mechsim.analytic.closure.crank_motion import crank_path
+from mechsim.analytic.closure.many_motion import many_motion, shared_loops
 from mechsim.model.design_arrays import those_alike
 
 TURN = 2.0 * np.pi
@@ -23,7 +23,7 @@ TOGETHER = {"rssr": (0.06, 36), "four_bar": (0.02, 23)}
 
 def cells_tried(mechanism, stops) -> int:
     """Return how many cells are tried to follow a mechanism to one parameter after the other."""
-    path, tried = followed(mechanism), []
+    path, tried = crank_path(mechanism), []
     close = path.closed
     path.closed = lambda *given: tried.append(given) or close(*given)
     for stop in stops:
@@ -43,7 +43,7 @@ def cells_together(name: str, spread: float) -> int:
 
     many_paths.nodes_between = counted
     try:
-        alike = can_be_followed_together(mechanisms[1], ())
+        alike = shared_loops(mechanisms[1], ())
         started, _ = those_alike(mechanisms[1], mechanisms)
         many_motion(alike, started, np.array([-7.0, 0.0, 7.0]), 1.0, (), rates=False)
     finally:

@@ -6,10 +6,12 @@ is solved in the coordinates of a spanning tree (`follow`, `solve`), all poses t
 """
 
 from mechsim.analytic.closure.assembly import assemble
+from mechsim.analytic.closure.crank_motion import follow, solve
 from mechsim.analytic.closure.joint_motion import point_on
 from mechsim.analytic.closure.joint_rows import Rows
 from mechsim.analytic.closure.loop_equations import Poses, equations, residual_norms
 from mechsim.analytic.closure.motion import rates
+from mechsim.analytic.closure.numerical_rank import RANK_TOLERANCE
 from mechsim.analytic.closure.rank import (
     Freedom,
     conditioning,
@@ -17,8 +19,6 @@ from mechsim.analytic.closure.rank import (
     least_norm,
     singular_values,
 )
-from mechsim.analytic.closure.telling import RANK_TOLERANCE
-from mechsim.analytic.closure.whole_motion import follow, solve
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.links import Pose
 from mechsim.model.rough_poses import rough_poses

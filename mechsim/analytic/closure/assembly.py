@@ -19,10 +19,10 @@ FLOOR = 4.0 * np.finfo(np.float64).eps
 
 
 # the most by which a link turns in one step, in [rad]: the linear model is not true farther
-LONGEST_TURN = 0.5
+MAX_ROTATION = 0.5
 
 # how far a pose between two crank angles may stand open: near enough for the next step, which begins from it
-ROUGH = 1e-6
+POLISH_BELOW = 1e-6
 
 
 def assemble(
@@ -54,25 +54,25 @@ def assemble(
     """
     mechanism = described(mechanism)
     angles = crank_angles(mechanism, angles)
-    start = rough_poses(mechanism) if guess is None else guess
+    guess_poses = rough_poses(mechanism) if guess is None else guess
     poses = {
         link.name: Pose(
-            np.broadcast_to(start[link.name].position, (len(angles), 3)),
-            np.broadcast_to(start[link.name].rotation, (len(angles), 3, 3)),
+            np.broadcast_to(guess_poses[link.name].position, (len(angles), 3)),
+            np.broadcast_to(guess_poses[link.name].rotation, (len(angles), 3, 3)),
         )
         for link in mechanism.links
     }
-    gap, before = np.full(len(angles), np.inf), np.inf
+    gap, previous = np.full(len(angles), np.inf), np.inf
     for _ in range(most_steps):
         rows = equations(mechanism, poses, angles)
         gap = _gap(mechanism, rows.residual)
         worst = gap.max()
-        if worst <= FLOOR or (worst <= tolerance and (tolerance >= ROUGH or worst >= 0.25 * before)):
+        if worst <= FLOOR or (worst <= tolerance and (tolerance >= POLISH_BELOW or worst >= 0.25 * previous)):
             break
-        before = worst
+        previous = worst
         step = -least_norm(mechanism, rows.jacobian, rows.residual)
-        turns = step.reshape(len(angles), -1, 6)[..., 3:]
-        step *= LONGEST_TURN / np.maximum(LONGEST_TURN, np.sqrt((turns**2).sum(-1)).max(-1))[:, None]
+        rotations = step.reshape(len(angles), -1, 6)[..., 3:]
+        step *= MAX_ROTATION / np.maximum(MAX_ROTATION, np.sqrt((rotations**2).sum(-1)).max(-1))[:, None]
         poses = moved_poses(mechanism, poses, step)
     if not gap.max() <= tolerance:
         worst = int(np.argmax(gap))
@@ -81,19 +81,19 @@ def assemble(
             f"{gap[worst]:.3g} of the longest link is left after {most_steps} Newton steps; "
             "change the dimensions, the crank angle or the guess"
         )
-    _require_axes_alike(mechanism, poses, angles)
+    _require_axes_aligned(mechanism, poses, angles)
     return poses
 
 
-def _require_axes_alike(mechanism: Mechanism, poses: Poses, angles: Array) -> None:
+def _require_axes_aligned(mechanism: Mechanism, poses: Poses, angles: Array) -> None:
     """Refuse joints put together with axes or marks opposed: the rows say parallel, not in which sense."""
-    placed = {GROUND: IDENTITY, **poses}
+    poses_of = {GROUND: IDENTITY, **poses}
     for joint in mechanism.joints:
         for i in KINDS[joint.kind].alike:
-            sides = [placed[end.link].rotation @ end.frame[:, i] for end in (joint.a, joint.b)]
-            against = np.broadcast_to(dot(*sides) < 0.0, angles.shape)
-            if against.any():
-                where = f"crank angle {angles[np.argmax(against)]:.6g} rad"
+            sides = [poses_of[end.link].rotation @ end.frame[:, i] for end in (joint.a, joint.b)]
+            antiparallel = np.broadcast_to(dot(*sides) < 0.0, angles.shape)
+            if antiparallel.any():
+                where = f"crank angle {angles[np.argmax(antiparallel)]:.6g} rad"
                 raise AssemblyError(f"{mechanism.name}: at {where} {opposed(joint.name, i)}")
 
 

@@ -1,10 +1,10 @@
 """Where a motion begins: put together, and with as many drivers as it has freedoms that count."""
 
 from mechsim.analytic.closure.loop_solver import LoopSolver, loop_solver
-from mechsim.analytic.closure.open_joints import require_determined
-from mechsim.analytic.closure.superfluous_drivers import require_drivable
+from mechsim.analytic.closure.redundant_drivers import require_no_redundant_drivers
 from mechsim.analytic.closure.tree_assembly import assembled
 from mechsim.analytic.closure.tree_loops import tree_loops
+from mechsim.analytic.closure.undetermined_joints import require_determined
 from mechsim.errors import AssemblyError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses, starts
@@ -21,9 +21,11 @@ def checked_start(mechanism: Mechanism) -> LoopSolver:
         loops, start = assembled(mechanism)
     except AssemblyError:
         # drivers that are too many seldom agree to the last digit
-        require_drivable(loop_solver(*tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))))
+        require_no_redundant_drivers(
+            loop_solver(*tree_loops(mechanism, rough_poses(mechanism), starts(mechanism)))
+        )
         raise
     solver = loop_solver(loops, start)
-    require_drivable(solver)
+    require_no_redundant_drivers(solver)
     require_determined(solver)
     return solver

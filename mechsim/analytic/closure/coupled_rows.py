@@ -30,16 +30,16 @@ class CoupledRow:
         """Whether whole turns between its sides do not count."""
         return self.coupling.turns
 
-    def look(self, values: Array) -> tuple[Array, Array, Array]:
+    def evaluate(self, values: Array) -> tuple[Array, Array, Array]:
         """Return residuals (n,), slopes by the coordinates (count, n) and p'' (n,), residuals in its unit."""
         value, first, second = self.coupling.polynomial(self.right @ values)
-        opened = (self.left @ values - self.coupling.zeros[0] - value) / self.unit
-        slope = (self.left[:, None] - self.right[:, None] * first) / self.unit
-        return opened, slope, second
+        residual = (self.left @ values - self.coupling.zeros[0] - value) / self.unit
+        jacobian = (self.left[:, None] - self.right[:, None] * first) / self.unit
+        return residual, jacobian, second
 
-    def bias(self, values: Array, rates: Array) -> Array:
+    def velocity_products(self, values: Array, rates: Array) -> Array:
         """Return the residuals' second rate at rates (count, n) that do not change, (n,)."""
-        return -self.look(values)[2] * (self.right @ rates) ** 2 / self.unit
+        return -self.evaluate(values)[2] * (self.right @ rates) ** 2 / self.unit
 
 
 def coupled_rows(tree: SpanningTree) -> tuple[CoupledRow, ...]:
@@ -47,6 +47,6 @@ def coupled_rows(tree: SpanningTree) -> tuple[CoupledRow, ...]:
     rows: list[CoupledRow] = []
     for law in tree.mechanism.laws:
         left, right = (tree.coupled(terms) for terms in (law.left_terms, law.right_terms))
-        slides = bool(np.any(tree.slides & (left != 0.0)))
-        rows.append(CoupledRow(law, left, right, tree.size if slides else 1.0))
+        has_length = bool(np.any(tree.slides & (left != 0.0)))
+        rows.append(CoupledRow(law, left, right, tree.size if has_length else 1.0))
     return tuple(rows)

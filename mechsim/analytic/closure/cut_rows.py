@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.closure.spanning_tree import SpanningTree
-from mechsim.analytic.closure.tree_layout import Some, in_a_row
-from mechsim.analytic.closure.tree_motion import Placed, carried_frame, carried_point, cross, on_ground
+from mechsim.analytic.closure.tree_layout import Index, as_slice
+from mechsim.analytic.closure.tree_motion import LinkPoses, carried_frame, carried_point, cross, on_ground
 from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
@@ -27,20 +27,20 @@ class Cut:
         joint: of the mechanism.
         sides: index of the links of its sides a and b; -1 is the ground.
         columns: coordinates of which only one side feels each.
-        felt: by how much side b feels one unit of each, in [m] or [rad]; negative where side a does.
+        gains: by how much side b feels one unit of each, in [m] or [rad]; negative where side a does.
         size: of the mechanism, in [m].
     """
 
     joint: Joint
     sides: tuple[int, int]
     columns: NDArray[np.intp]
-    felt: Array
+    gains: Array
     size: float
 
     @cached_property
-    def span(self) -> Some:
+    def span(self) -> Index:
         """The columns, as a slice where they lie in a row."""
-        return in_a_row(self.columns)
+        return as_slice(self.columns)
 
     @cached_property
     def lengths(self) -> list[int]:
@@ -67,8 +67,8 @@ class Cut:
         i, j = (np.array([pair[k] for pair in self.directions], dtype=np.intp) for k in (0, 1))
         lengths = len(self.lengths)
         units = np.repeat([1.0 / self.size, 1.0], [lengths, len(i)])[:, None]
-        wanted = np.array([0.0] * lengths + [pair[2] for pair in self.directions])[:, None]
-        return np.array([*self.lengths, *i], dtype=np.intp), j, units, wanted
+        targets = np.array([0.0] * lengths + [pair[2] for pair in self.directions])[:, None]
+        return np.array([*self.lengths, *i], dtype=np.intp), j, units, targets
 
     @cached_property
     def rows(self) -> int:
@@ -81,40 +81,45 @@ class Cut:
         ends = zip(self.sides, (self.joint.a, self.joint.b), strict=True)
         return [(link, np.array(end.point), end.frame) for link, end in ends]
 
-    def frames(self, here: Placed) -> tuple[Array, Array, Array, Array]:
+    def frames(self, poses: LinkPoses) -> tuple[Array, Array, Array, Array]:
         """Return points (3, n) and joint frames (3, 3, n) of sides a and b."""
-        found: list[Array] = []
+        sides: list[Array] = []
         for link, point, frame in self.ends:
             if link < 0:
-                found += on_ground(frame, point)[::-1]
+                sides += on_ground(frame, point)[::-1]
             else:
-                turn = here.rotation[link]
-                found += [here.position[link] + carried_point(point, turn), carried_frame(frame, turn)]
-        return found[0], found[1], found[2], found[3]
+                rotation = poses.rotation[link]
+                sides += [
+                    poses.position[link] + carried_point(point, rotation),
+                    carried_frame(frame, rotation),
+                ]
+        return sides[0], sides[1], sides[2], sides[3]
 
-    def residual_and_slope(self, here: Placed) -> tuple[Array, Array]:
+    def residual_and_jacobian(self, poses: LinkPoses) -> tuple[Array, Array]:
         """Return residuals (m, n), lengths in units of the size, and slopes by units (m, columns, n)."""
-        point_a, frame_a, point_b, frame_b = self.frames(here)
-        columns_a, columns_b, units, wanted = self.products
-        screws, k = here.screws[self.span], len(self.lengths)
-        seen = frame_a.take(columns_a, 1) * units
-        held = np.empty((3, self.rows, screws.shape[2]), screws.dtype)
-        held[:, :k] = point_b[:, None]
-        held[:, k:] = frame_b.take(columns_b, 1)
+        point_a, frame_a, point_b, frame_b = self.frames(poses)
+        columns_a, columns_b, units, targets = self.products
+        unit_twists, k = poses.unit_twists[self.span], len(self.lengths)
+        directions_a = frame_a.take(columns_a, 1) * units
+        measured = np.empty((3, self.rows, unit_twists.shape[2]), unit_twists.dtype)
+        measured[:, :k] = point_b[:, None]
+        measured[:, k:] = frame_b.take(columns_b, 1)
         # forces along what is measured: their power is its rate
-        wrench = np.zeros((6, *held.shape[1:]), screws.dtype)
-        wrench[:3, :k] = seen[:, :k]
-        wrench[3:] = cross(held, seen)
-        slope = np.einsum("irn,cin->rcn", wrench, screws)
-        slope *= self.felt[:, None]
-        held[:, :k] -= point_a[:, None]
-        return np.einsum("irn,irn->rn", seen, held) - wanted, slope
+        wrench = np.zeros((6, *measured.shape[1:]), unit_twists.dtype)
+        wrench[:3, :k] = directions_a[:, :k]
+        wrench[3:] = cross(measured, directions_a)
+        jacobian = np.einsum("irn,cin->rcn", wrench, unit_twists)
+        jacobian *= self.gains[:, None]
+        measured[:, :k] -= point_a[:, None]
+        return np.einsum("irn,irn->rn", directions_a, measured) - targets, jacobian
 
-    def bias(self, here: Placed, twist: Array, drift: Array) -> Array:
+    def velocity_products(self, poses: LinkPoses, twist: Array, velocity_product: Array) -> Array:
         """Return the second rate of the residuals, (m, n), at the links' twists and drifts (links, 6, n)."""
-        _, frame_a, point_b, frame_b = self.frames(here)
-        still = np.zeros(twist.shape[1:])
-        (ta, tb), (da, db) = ([still if i < 0 else of[i] for i in self.sides] for of in (twist, drift))
+        _, frame_a, point_b, frame_b = self.frames(poses)
+        zero = np.zeros(twist.shape[1:])
+        (ta, tb), (da, db) = (
+            [zero if i < 0 else values[i] for i in self.sides] for values in (twist, velocity_product)
+        )
         wa, wb = ta[3:], tb[3:]
         velocity = [t[:3] + cross(t[3:], point_b) for t in (ta, tb)]
         acceleration = [
@@ -122,11 +127,11 @@ class Cut:
             for d, w, v in zip((da, db), (wa, wb), velocity, strict=True)
         ]
         # as seen from side a
-        seen = acceleration[1] - acceleration[0] - 2.0 * cross(wa, velocity[1] - velocity[0])
+        relative = acceleration[1] - acceleration[0] - 2.0 * cross(wa, velocity[1] - velocity[0])
         out = np.empty((self.rows, twist.shape[2]), twist.dtype)
         k = 0
         for i in self.lengths:
-            out[k] = (frame_a[:, i] * seen).sum(0) / self.size
+            out[k] = (frame_a[:, i] * relative).sum(0) / self.size
             k += 1
         for i, j, _ in self.directions:
             u, v = frame_a[:, i], frame_b[:, j]
@@ -138,13 +143,13 @@ class Cut:
 
 def cuts_of(tree: SpanningTree) -> tuple[Cut, ...]:
     """Return the joints that close the loops of a tree."""
-    found: list[Cut] = []
-    nothing = np.zeros(tree.count)
+    cuts: list[Cut] = []
+    zero = np.zeros(tree.count)
     for joint in tree.cuts:
         sides = tuple(-1 if end.link == GROUND else tree.index[end.link] for end in (joint.a, joint.b))
-        feels = [nothing if i < 0 else tree.carried[i] for i in sides]
-        sense = feels[1] - feels[0]
-        columns = np.flatnonzero(sense)
-        felt = (sense * tree.units)[columns]
-        found.append(Cut(joint, (sides[0], sides[1]), columns, felt, tree.size))
-    return tuple(found)
+        moved = [zero if i < 0 else tree.moved_by[i] for i in sides]
+        direction = moved[1] - moved[0]
+        columns = np.flatnonzero(direction)
+        gains = (direction * tree.units)[columns]
+        cuts.append(Cut(joint, (sides[0], sides[1]), columns, gains, tree.size))
+    return tuple(cuts)

@@ -2,19 +2,19 @@
 
 import numpy as np
 
-from mechsim.analytic.closure.telling import FLOOR, least_part, telling
+from mechsim.analytic.closure.numerical_rank import FLOOR, relative_cutoff, significant
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.maths.arrays import Array
 
 # displacement from one pose to the next, in radians or parts of the size
-APART = 0.15
+SPACING = 0.15
 # Newton steps to a pose, the longest turn of one in [rad], and one so short that rounding is left
-MOST_STEPS, LONGEST, SHORT = 40, 0.3, 1e-9
+MOST_STEPS, MAX_STEP, LAST_STEP = 40, 0.3, 1e-9
 
 
 def generic_poses(
-    loops: TreeLoops, start: Coordinates, count: int, told: float, floor: float = FLOOR
+    loops: TreeLoops, start: Coordinates, count: int, tolerance: float, floor: float = FLOOR
 ) -> list[Coordinates]:
     """Return poses near a start, one after the other, drivers and holds as free as the rest.
 
@@ -22,54 +22,60 @@ def generic_poses(
         loops: of the mechanism.
         start: one set of coordinates, closed or nearly so.
         count: of poses.
-        told: singular values below this part of the largest are nought.
+        tolerance: singular values below this part of the largest are nought.
         floor: so are those below it.
     """
-    random, at = np.random.default_rng(7), settled(loops, start, told, floor)
-    found: list[Coordinates] = []
+    random, q = np.random.default_rng(7), nearest_consistent(loops, start, tolerance, floor)
+    poses: list[Coordinates] = []
     for _ in range(count):
-        free = idle_and_free(loops, at, told, floor)[1]
-        step = free.T @ random.standard_normal(len(free))
+        freedoms = null_spaces(loops, q, tolerance, floor)[1]
+        step = freedoms.T @ random.standard_normal(len(freedoms))
         longest = float(np.abs(step).max(initial=0.0))
         if longest > 0.0:
-            at = settled(loops, loops.moved(at, (step * APART / longest)[:, None]), told, floor)
-        found.append(at)
-    return found
+            q = nearest_consistent(
+                loops, loops.displaced(q, (step * SPACING / longest)[:, None]), tolerance, floor
+            )
+        poses.append(q)
+    return poses
 
 
-def settled(loops: TreeLoops, at: Coordinates, told: float, floor: float = FLOOR) -> Coordinates:
+def nearest_consistent(
+    loops: TreeLoops, q: Coordinates, tolerance: float, floor: float = FLOOR
+) -> Coordinates:
     """Return where no step in what the rows tell makes the loops stand less open."""
-    before = np.inf
+    previous = np.inf
     for _ in range(MOST_STEPS):
-        residual, slope, _ = loops.linearise(at)
-        matrix = slope[..., 0]
-        least = np.linalg.lstsq(matrix, residual[:, 0], rcond=float(least_part(matrix, told, floor)))[0]
-        step = np.asarray(-least, dtype=np.float64)
+        residual, jacobian, _ = loops.linearise(q)
+        matrix = jacobian[..., 0]
+        correction = np.linalg.lstsq(
+            matrix, residual[:, 0], rcond=float(relative_cutoff(matrix, tolerance, floor))
+        )[0]
+        step = np.asarray(-correction, dtype=np.float64)
         longest = float(np.abs(step).max(initial=0.0))
-        if longest == 0.0 or (longest < SHORT and longest > 0.25 * before):
+        if longest == 0.0 or (longest < LAST_STEP and longest > 0.25 * previous):
             break
-        before = longest
-        at = loops.moved(at, (step * min(1.0, LONGEST / longest))[:, None])
-    return at
+        previous = longest
+        q = loops.displaced(q, (step * min(1.0, MAX_STEP / longest))[:, None])
+    return q
 
 
-def idle_and_free(
-    loops: TreeLoops, at: Coordinates, told: float, floor: float = FLOOR
+def null_spaces(
+    loops: TreeLoops, q: Coordinates, tolerance: float, floor: float = FLOOR
 ) -> tuple[Array, Array]:
     """Return sums of rows that tell nothing, (rows, m), and the freedoms of all coordinates, (f, count)."""
-    left, values, right = np.linalg.svd(loops.linearise(at)[1][..., 0])
-    rank = int(telling(values, told, floor).sum())
+    left, values, right = np.linalg.svd(loops.linearise(q)[1][..., 0])
+    rank = int(significant(values, tolerance, floor).sum())
     return left[:, rank:], right[rank:]
 
 
-def held(freedoms: Array, coordinate: int) -> Array:
+def with_coordinate_locked(freedoms: Array, coordinate: int) -> Array:
     """Return the freedoms in which a coordinate that has part in them does not move, one fewer."""
-    part = freedoms[:, coordinate]
-    rows = np.flatnonzero(part)
+    component = freedoms[:, coordinate]
+    rows = np.flatnonzero(component)
     # a reflection puts all of the coordinate's part into the first of them
-    mirror = part[rows]
+    mirror = component[rows]
     mirror[0] += np.copysign(np.linalg.norm(mirror), mirror[0])
-    turned = np.outer(2.0 / (mirror @ mirror) * mirror[1:], mirror @ freedoms[rows])
-    found = np.delete(freedoms, rows[0], 0)
-    found[rows[1:] - 1] -= turned
-    return found
+    reflected = np.outer(2.0 / (mirror @ mirror) * mirror[1:], mirror @ freedoms[rows])
+    remaining = np.delete(freedoms, rows[0], 0)
+    remaining[rows[1:] - 1] -= reflected
+    return remaining

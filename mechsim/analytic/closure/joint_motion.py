@@ -28,21 +28,25 @@ def with_all_joints(mechanism: Mechanism, motion: Motion) -> Motion:
     """
     known, joints = {GROUND, *motion.links}, dict[str, JointMotion]()
     for joint in mechanism.joints:
-        told = {name: motion.joints[name] for name in joint.coordinates if name in motion.joints}
-        if len(told) < len(joint.coordinates) and {joint.a.link, joint.b.link} <= known:
-            for name, one in joint_motions(joint, motion.links).items():
-                value = _counted(one.value, one.rate, motion.time) if one.unit == "rad" else one.value
-                joints[name] = replace(one, value=value)
-        joints |= told
+        reported = {name: motion.joints[name] for name in joint.coordinates if name in motion.joints}
+        if len(reported) < len(joint.coordinates) and {joint.a.link, joint.b.link} <= known:
+            for name, coordinate in joint_motions(joint, motion.links).items():
+                value = (
+                    _counted(coordinate.value, coordinate.rate, motion.time)
+                    if coordinate.unit == "rad"
+                    else coordinate.value
+                )
+                joints[name] = replace(coordinate, value=value)
+        joints |= reported
     return replace(motion, joints=joints | {k: v for k, v in motion.joints.items() if k not in joints})
 
 
 def point_on(link: LinkMotion, local: ArrayLike) -> PointMotion:
     """Return the motion of a point fixed in a moving link."""
     arm = link.rotation @ np.asarray(local)
-    swing = cross(link.angular_velocity, arm)
-    bend = cross(link.angular_acceleration, arm) + cross(link.angular_velocity, swing)
-    return PointMotion(link.position + arm, link.velocity + swing, link.acceleration + bend)
+    tangential = cross(link.angular_velocity, arm)
+    acceleration = cross(link.angular_acceleration, arm) + cross(link.angular_velocity, tangential)
+    return PointMotion(link.position + arm, link.velocity + tangential, link.acceleration + acceleration)
 
 
 def joint_motions(joint: Joint, links: Mapping[str, LinkMotion]) -> dict[str, JointMotion]:
@@ -50,14 +54,14 @@ def joint_motions(joint: Joint, links: Mapping[str, LinkMotion]) -> dict[str, Jo
     kind = KINDS[joint.kind]
     a, b = (_link_motion(end.link, links) for end in (joint.a, joint.b))
     values = joint_coordinate(joint, *(Pose(link.position, link.rotation) for link in (a, b)))
-    slid, turned = _slides(joint, a, b), _turns(joint, a, b)
+    translations, angles = _slides(joint, a, b), _turns(joint, a, b)
     motions: dict[str, JointMotion] = {}
     for i, (name, unit) in enumerate(zip(joint.coordinates, kind.units, strict=True)):
-        part = None if kind.single else i
+        index = None if kind.single else i
         if unit == "m":
-            motions[name] = JointMotion(values[..., i], *next(slid), "m", part)
+            motions[name] = JointMotion(values[..., i], *next(translations), "m", index)
         else:
-            motions[name] = JointMotion(unwrapped(values[..., i]), *next(turned), "rad", part)
+            motions[name] = JointMotion(unwrapped(values[..., i]), *next(angles), "rad", index)
     return motions
 
 
@@ -65,13 +69,13 @@ def _slides(joint: Joint, a: LinkMotion, b: LinkMotion) -> Iterator[tuple[Array,
     """Yield first and second rate of each displacement, seen from link a, whose axes count it."""
     ends = point_on(a, joint.a.point), point_on(b, joint.b.point)
     gap = ends[1].position - ends[0].position
-    seen = ends[1].velocity - ends[0].velocity - cross(a.angular_velocity, gap)
+    relative = ends[1].velocity - ends[0].velocity - cross(a.angular_velocity, gap)
     second = ends[1].acceleration - ends[0].acceleration - cross(a.angular_acceleration, gap)
-    second -= cross(a.angular_velocity, 2.0 * seen + cross(a.angular_velocity, gap))
+    second -= cross(a.angular_velocity, 2.0 * relative + cross(a.angular_velocity, gap))
     frame = a.rotation @ joint.a.frame
     for axis in KINDS[joint.kind].slides:
         along = frame[..., COLUMN[axis]]
-        yield dot(along, seen), dot(along, second)
+        yield dot(along, relative), dot(along, second)
 
 
 def _turns(joint: Joint, a: LinkMotion, b: LinkMotion) -> Iterator[tuple[Array, Array]]:
@@ -79,38 +83,40 @@ def _turns(joint: Joint, a: LinkMotion, b: LinkMotion) -> Iterator[tuple[Array, 
     kind = KINDS[joint.kind]
     if kind.ball or not kind.turns:
         return
-    spin = b.angular_velocity - a.angular_velocity
-    turning = b.angular_acceleration - a.angular_acceleration
+    angular_velocity = b.angular_velocity - a.angular_velocity
+    angular_acceleration = b.angular_acceleration - a.angular_acceleration
     axis = a.rotation @ np.asarray(joint.a.axis)
     if not kind.crossed:
         # a rate of the axis is square to it
-        yield dot(axis, spin), dot(axis, turning)
+        yield dot(axis, angular_velocity), dot(axis, angular_acceleration)
         return
     other = b.rotation @ np.asarray(joint.b.axis)
-    first = _along(axis, other, spin)
-    swung = first[0][..., None] * cross(a.angular_velocity, axis)
-    swung = swung + first[1][..., None] * cross(b.angular_velocity, other)
-    yield from zip(first, _along(axis, other, turning - swung), strict=True)
+    first = _along(axis, other, angular_velocity)
+    transport = first[0][..., None] * cross(a.angular_velocity, axis)
+    transport = transport + first[1][..., None] * cross(b.angular_velocity, other)
+    yield from zip(first, _along(axis, other, angular_acceleration - transport), strict=True)
 
 
 def _along(axis: Array, other: Array, vector: Array) -> tuple[Array, Array]:
     """Return the parts of vectors, (..., 3), along two unit vectors that cross."""
-    near, shares = dot(axis, other), (dot(axis, vector), dot(other, vector))
-    across = 1.0 - near**2
-    return (shares[0] - near * shares[1]) / across, (shares[1] - near * shares[0]) / across
+    cosine, components = dot(axis, other), (dot(axis, vector), dot(other, vector))
+    sine_squared = 1.0 - cosine**2
+    return (components[0] - cosine * components[1]) / sine_squared, (
+        components[1] - cosine * components[0]
+    ) / sine_squared
 
 
 def _link_motion(name: str, links: Mapping[str, LinkMotion]) -> LinkMotion:
     if name != GROUND:
         return links[name]
-    still = np.zeros_like(next(iter(links.values())).position)
-    frames = np.broadcast_to(np.eye(3), (*still.shape, 3))
-    return LinkMotion(still, frames, still, still, still, still)
+    zero = np.zeros_like(next(iter(links.values())).position)
+    frames = np.broadcast_to(np.eye(3), (*zero.shape, 3))
+    return LinkMotion(zero, frames, zero, zero, zero, zero)
 
 
 def _counted(angle: Array, rate: Array, time: Array | None) -> Array:
     """Return angles with their turns: each lies nearest to where the one before led at its speed."""
-    ahead = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time) if time is not None else np.zeros(len(angle) - 1)
+    predicted = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time) if time is not None else np.zeros(len(angle) - 1)
     step = np.diff(angle)
-    step = step + TURN * np.round((ahead - step) / TURN)
+    step = step + TURN * np.round((predicted - step) / TURN)
     return angle[:1].repeat(len(angle)) + np.concatenate([[0.0], np.cumsum(step)])

@@ -63,10 +63,10 @@ class Stack:
         self.jacobian: list[Array] = []
         self.bias: list[Array] = []
 
-    def _add(self, residual: Array, bias: Array, parts: list[tuple[int | None, Array, Array]]) -> None:
-        number = np.result_type(*(one for _, *both in parts for one in both))
-        row = np.zeros((self.n, 6 * self.links), number)
-        for slot, linear, angular in parts:
+    def _add(self, residual: Array, bias: Array, terms: list[tuple[int | None, Array, Array]]) -> None:
+        dtype = np.result_type(*(block for _, *both in terms for block in both))
+        row = np.zeros((self.n, 6 * self.links), dtype)
+        for slot, linear, angular in terms:
             if slot is not None:
                 row[:, 6 * slot : 6 * slot + 3] += linear
                 row[:, 6 * slot + 3 : 6 * slot + 6] += angular
@@ -80,8 +80,8 @@ class Stack:
         turn_a, turn_b = skew(a.arm), -skew(b.arm)
         for i in range(3):
             unit = np.eye(3)[i]
-            parts = [(a.slot, -unit, turn_a[:, i]), (b.slot, unit, turn_b[:, i])]
-            self._add(gap[:, i], bias[:, i], parts)
+            terms = [(a.slot, -unit, turn_a[:, i]), (b.slot, unit, turn_b[:, i])]
+            self._add(gap[:, i], bias[:, i], terms)
 
     def angle_between(self, a: Side, i: int, b: Side, j: int, cosine: float) -> None:
         """U.V = cosine, with U column i of a's frame and V column j of b's."""
@@ -98,17 +98,17 @@ class Stack:
         gap, gap_rate = b.point - a.point, b.point_velocity - a.point_velocity
         bias = 2.0 * dot(u_rate, gap_rate) + dot(u_bias, gap)
         bias = bias + dot(u, b.point_bias - a.point_bias)
-        parts = [(a.slot, -u, cross(u, gap) - cross(a.arm, u)), (b.slot, u, cross(b.arm, u))]
-        self._add(dot(u, gap), bias, parts)
+        terms = [(a.slot, -u, cross(u, gap) - cross(a.arm, u)), (b.slot, u, cross(b.arm, u))]
+        self._add(dot(u, gap), bias, terms)
 
-    def weighted(self, residual: Array, bias: Array, parts: list[tuple[Array, "Moved"]]) -> None:
+    def weighted(self, residual: Array, bias: Array, terms: list[tuple[Array, "CoordinateMotion"]]) -> None:
         """A weighted sum of joint coordinates is given, weights (n,) or scalar; residual in [rad] or [m]."""
         scaled = [
             (slot, weight[..., None] * linear, weight[..., None] * angular)
-            for weight, moved in parts
-            for slot, linear, angular in moved.parts
+            for weight, moved in terms
+            for slot, linear, angular in moved.terms
         ]
-        total = bias + sum(weight * moved.bias for weight, moved in parts)
+        total = bias + sum(weight * moved.bias for weight, moved in terms)
         self._add(residual, total, scaled)
 
     def rows(self) -> Rows:
@@ -117,21 +117,21 @@ class Stack:
 
 
 @dataclass(frozen=True, slots=True)
-class Moved:
+class CoordinateMotion:
     """How a coordinate of a joint moves with the links.
 
     Attributes:
         rate: at the links' twists, (n,) per second.
         bias: its second rate at zero acceleration of the links, (n,).
-        parts: link's slot, and the coordinate's derivative by its velocity and angular velocity, (n, 3) each.
+        terms: link's slot, and the coordinate's derivative by its velocity and angular velocity, (n, 3) each.
     """
 
     rate: Array
     bias: Array
-    parts: list[tuple[int | None, Array, Array]]
+    terms: list[tuple[int | None, Array, Array]]
 
 
-def moved(joint: Joint, index: int, a: Side, b: Side) -> Moved:
+def coordinate_motion(joint: Joint, index: int, a: Side, b: Side) -> CoordinateMotion:
     """Return how one coordinate of a joint, in the order of `Joint.coordinates`, moves with its links.
 
     Raises:
@@ -143,18 +143,18 @@ def moved(joint: Joint, index: int, a: Side, b: Side) -> Moved:
         u, u_rate, u_bias = a.direction(column)
         gap, gap_rate = b.point - a.point, b.point_velocity - a.point_velocity
         bias = 2.0 * dot(u_rate, gap_rate) + dot(u_bias, gap) + dot(u, b.point_bias - a.point_bias)
-        parts = [(a.slot, -u, cross(u, gap) - cross(a.arm, u)), (b.slot, u, cross(b.arm, u))]
-        return Moved(dot(u, gap_rate) + dot(u_rate, gap), bias, parts)
+        terms = [(a.slot, -u, cross(u, gap) - cross(a.arm, u)), (b.slot, u, cross(b.arm, u))]
+        return CoordinateMotion(dot(u, gap_rate) + dot(u_rate, gap), bias, terms)
     if kind.crossed:
         raise InputError(
             f"coordinate {joint.coordinates[index]!r} of a {joint.kind} joint is coupled or driven, which is "
             "not known here; have two joints of one axis each in its place"
         )
     axis = a.frame[..., 2]
-    still = np.zeros_like(axis)
+    zero = np.zeros_like(axis)
     # the sides turn against each other about the axis, which a rate of the axis is square to: no bias
-    return Moved(
-        dot(axis, b.spin - a.spin), np.zeros(len(axis)), [(a.slot, still, -axis), (b.slot, still, axis)]
+    return CoordinateMotion(
+        dot(axis, b.spin - a.spin), np.zeros(len(axis)), [(a.slot, zero, -axis), (b.slot, zero, axis)]
     )
 
 

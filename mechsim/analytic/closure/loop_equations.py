@@ -5,7 +5,15 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.closure.joint_rows import Moved, Rows, Side, Stack, add_joint, is_length, moved
+from mechsim.analytic.closure.joint_rows import (
+    CoordinateMotion,
+    Rows,
+    Side,
+    Stack,
+    add_joint,
+    coordinate_motion,
+    is_length,
+)
 from mechsim.analytic.vector_method.rotations import wrap
 from mechsim.maths.arrays import Array
 from mechsim.model.couplings import Coupling
@@ -56,28 +64,28 @@ def equations(
     stack = Stack(len(names), n)
     for joint in mechanism.joints:
         add_joint(stack, joint, side(joint, "a"), side(joint, "b"))
-    of = {name: (joint, i) for joint in mechanism.joints for i, name in enumerate(joint.coordinates)}
+    joint_of = {name: (joint, i) for joint in mechanism.joints for i, name in enumerate(joint.coordinates)}
 
     def value(name: str) -> Array:
-        joint, i = of[name]
+        joint, i = joint_of[name]
         return joint_coordinate(joint, pose(joint.a.link), pose(joint.b.link))[..., i]
 
-    def motion(name: str) -> Moved:
-        joint, i = of[name]
-        return moved(joint, i, side(joint, "a"), side(joint, "b"))
+    def motion(name: str) -> CoordinateMotion:
+        joint, i = joint_of[name]
+        return coordinate_motion(joint, i, side(joint, "a"), side(joint, "b"))
 
-    asked = _asked(mechanism, angle)
+    prescribed = _prescribed(mechanism, angle)
     for law in mechanism.laws:
-        _add_law(stack, mechanism, law, value, motion, asked)
-    for name, wanted in (*mechanism.locked.items(), *asked.items()):
-        gap = np.zeros(n) if wanted is None else value(name) - np.asarray(wanted)
+        _add_law(stack, mechanism, law, value, motion, prescribed)
+    for name, target in (*mechanism.locked.items(), *prescribed.items()):
+        gap = np.zeros(n) if target is None else value(name) - np.asarray(target)
         stack.weighted(
             gap if mechanism.unit(name) == "m" else wrap(gap), np.zeros(n), [(np.ones(n), motion(name))]
         )
     return stack.rows()
 
 
-def _asked(mechanism: Mechanism, angle: Angles) -> dict[str, ArrayLike | None]:
+def _prescribed(mechanism: Mechanism, angle: Angles) -> dict[str, ArrayLike | None]:
     """Return what is asked of each driver; None for one that is taken as it stands."""
     if angle is None:
         return {}
@@ -91,38 +99,40 @@ def _add_law(
     mechanism: Mechanism,
     law: Coupling,
     value: Callable[[str], Array],
-    motion: Callable[[str], Moved],
-    asked: Mapping[str, ArrayLike | None],
+    motion: Callable[[str], CoordinateMotion],
+    prescribed: Mapping[str, ArrayLike | None],
 ) -> None:
     """Add the row of a coupling."""
 
     def counted(name: str) -> Array:
         """A driver's own value counts its turns, and that of a start, so that any ratio works."""
-        found, wanted = value(name), asked.get(name)
-        if wanted is None and name not in mechanism.drivers:
-            wanted = mechanism.counted.get(name)
-        if wanted is None or mechanism.unit(name) == "m":
-            return found
-        return np.asarray(wanted) + wrap(found - np.asarray(wanted))
+        current, target = value(name), prescribed.get(name)
+        if target is None and name not in mechanism.drivers:
+            target = mechanism.counted.get(name)
+        if target is None or mechanism.unit(name) == "m":
+            return current
+        return np.asarray(target) + wrap(current - np.asarray(target))
 
     def total(terms: Mapping[str, float]) -> Array:
         return sum((weight * counted(name) for name, weight in terms.items()), np.zeros(stack.n))
 
-    found, slope, bend = law.polynomial(total(law.right_terms))
-    gap = total(law.left_terms) - law.zeros[0] - found
+    current, derivative, second_derivative = law.polynomial(total(law.right_terms))
+    residual = total(law.left_terms) - law.zeros[0] - current
     angular = all(mechanism.unit(name) == "rad" for name in law.left_terms)
     left = [(np.full(stack.n, weight), motion(name)) for name, weight in law.left_terms.items()]
-    right = [(-weight * slope, motion(name)) for name, weight in law.right_terms.items()]
+    right = [(-weight * derivative, motion(name)) for name, weight in law.right_terms.items()]
     rate = sum((weight * motion(name).rate for name, weight in law.right_terms.items()), np.zeros(stack.n))
-    stack.weighted(wrap(gap) if angular else gap, -bend * rate**2, [*left, *right])
+    stack.weighted(wrap(residual) if angular else residual, -second_derivative * rate**2, [*left, *right])
 
 
 def lengths(mechanism: Mechanism, count: int) -> NDArray[np.bool_]:
     """Say of each of the first `count` rows of a mechanism whether its residual is a length, (count,)."""
-    found = [length for joint in mechanism.joints for length in is_length(joint)]
+    is_length_row = [length for joint in mechanism.joints for length in is_length(joint)]
     firsts = [next(iter(law.left_terms)) for law in mechanism.laws]
     named = (*firsts, *mechanism.locked, *mechanism.drivers)
-    return np.array([*found, *(mechanism.unit(name) == "m" for name in named)][:count], dtype=np.bool_)
+    return np.array(
+        [*is_length_row, *(mechanism.unit(name) == "m" for name in named)][:count], dtype=np.bool_
+    )
 
 
 def row_units(mechanism: Mechanism, count: int) -> Array:

@@ -9,11 +9,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.closure.followed_path import FollowedPath
-from mechsim.analytic.closure.programmed_motion import followed_under, solve_prescribed, solve_programmed
+from mechsim.analytic.closure.continuation_path import ContinuationPath
+from mechsim.analytic.closure.crank_motion import crank_path, solve_along
+from mechsim.analytic.closure.prescribed_motion import path_under_laws, solve_prescribed, solve_under_laws
 from mechsim.analytic.closure.rank import conditioning
 from mechsim.analytic.closure.tree_rates import Instants
-from mechsim.analytic.closure.whole_motion import followed, solve_along
 from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method.trig_arcs import Arcs
 from mechsim.errors import AssemblyError
@@ -34,7 +34,7 @@ from mechsim.model.written_units import WrittenUnits
 SAME = 1e-9
 # how far links may be from where they were a turn before, in sizes and parts of their axes; another assembly
 # is farther
-BACK = 1e-6
+SAME_POSE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class LoopForm:
         """
         if self.programs is not None:
             return self.programs.pace * self.programs.duration
-        if self.change_point != "smooth" or not self._range.full or not self._path.meetings:
+        if self.change_point != "smooth" or not self._range.full or not self._path.change_points:
             return TURN
         return TURN if self._back_after_a_turn() else 2.0 * TURN
 
@@ -83,16 +83,16 @@ class LoopForm:
         if self.mechanism.laws:
             return len(self.change_points()) % 2 == 0
         start = self.mechanism.start
-        turn = self.solve([start, start + TURN])
-        links = [link for name, link in turn.links.items() if name not in turn.spinning]
-        gone = [np.ptp(link.position, axis=0).max() / self.mechanism.size for link in links]
-        return max(*gone, *(np.ptp(link.rotation, axis=0).max() for link in links)) < BACK
+        revolution = self.solve([start, start + TURN])
+        links = [link for name, link in revolution.links.items() if name not in revolution.spinning]
+        displacements = [np.ptp(link.position, axis=0).max() / self.mechanism.size for link in links]
+        return max(*displacements, *(np.ptp(link.rotation, axis=0).max() for link in links)) < SAME_POSE
 
     def with_change_point(self, policy: ChangePointPolicy) -> "LoopForm":
         """Return the mechanism that goes on so where assemblies meet."""
         return self if policy == self.change_point else replace(self, change_point=policy)
 
-    def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> Self:
+    def starting_at(self, _: ArrayLike, direction: float = 1.0) -> Self:
         """Return itself: the guess selects the assembly, whatever crank angles come first."""
         return self
 
@@ -117,9 +117,9 @@ class LoopForm:
             AssemblyError: where the loops do not close.
             InputError: for crank angles where motion laws drive.
         """
-        at = path_instants(self.mechanism, self.programs, angles, speed, acceleration, t)
-        motion = self.solve_along(at.parameter, at.rate, at.second)
-        return motion if at.time is None else replace(motion, time=at.time)
+        instants = path_instants(self.mechanism, self.programs, angles, speed, acceleration, t)
+        motion = self.solve_along(instants.parameter, instants.rate, instants.second)
+        return motion if instants.time is None else replace(motion, time=instants.time)
 
     def solve_along(self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0) -> Motion:
         """Return the motion at values of the path parameter, (n,), and its rates.
@@ -132,23 +132,23 @@ class LoopForm:
         """
         if self.programs is None:
             return replace(solve_along(self._path, parameter, rate, second), origin=self)
-        clock = np.atleast_1d(numbers(parameter))
-        rates = [np.broadcast_to(numbers(one), clock.shape) for one in (rate, second)]
-        return replace(solve_programmed(self._path, self.programs, clock, *rates), origin=self)
+        time_angle = np.atleast_1d(numbers(parameter))
+        rates = [np.broadcast_to(numbers(values), time_angle.shape) for values in (rate, second)]
+        return replace(solve_under_laws(self._path, self.programs, time_angle, *rates), origin=self)
 
-    def solve_as(self, found: Motion) -> Motion:
+    def solve_as(self, driven: Motion) -> Motion:
         """Return the motion where the drivers of another motion under the same programs really were.
 
         Raises:
             AssemblyError: where the loops do not close.
         """
         if self.programs is None:
-            return self.solve_along(found.angle, found.speed, found.acceleration)
-        drivers = [found.joints[name] for name in self.programs.drivers]
+            return self.solve_along(driven.angle, driven.speed, driven.acceleration)
+        drivers = [driven.joints[name] for name in self.programs.drivers]
         instants = Instants(
-            found.angle,
-            found.speed,
-            found.acceleration,
+            driven.angle,
+            driven.speed,
+            driven.acceleration,
             np.array([driver.value for driver in drivers]),
             np.array([driver.rate for driver in drivers]),
             np.array([driver.acceleration for driver in drivers]),
@@ -195,10 +195,10 @@ class LoopForm:
             self.ranges,
             values,
             {name: self.mechanism.unit(name) for name in self.ranges},
-            lambda at: (
-                f"crank angle {parameter[at]:.6g} rad"
+            lambda index: (
+                f"crank angle {parameter[index]:.6g} rad"
                 if programs is None
-                else programs.called(float(parameter[at]))
+                else programs.called(float(parameter[index]))
             ),
             "turn the crank less" if programs is None else "move the drivers less",
         )
@@ -232,9 +232,9 @@ class LoopForm:
         closing, reachable = self._closing_range, self._range
         if closing.full:
             return ()
-        near = [end for arc in reachable.arcs for end in arc]
+        reachable_ends = [end for arc in reachable.arcs for end in arc]
         ends = [end for arc in closing.arcs for end in arc]
-        return tuple(end for end in ends if any(abs(end - other) < SAME for other in near))
+        return tuple(end for end in ends if any(abs(end - other) < SAME for other in reachable_ends))
 
     def change_points(self) -> tuple[float, ...]:
         """Return the crank angles at which assemblies meet though the crank turns on, in [-pi, pi) rad.
@@ -242,13 +242,13 @@ class LoopForm:
         The motion passes them as `through` says.
         """
         if self.programs is not None:
-            return tuple(sorted(at for at in self._path.meetings if 0.0 <= at <= self.period))
+            return tuple(sorted(point for point in self._path.change_points if 0.0 <= point <= self.period))
         start, full = self.mechanism.start, self._range.full
-        once = [at for at in self._path.meetings if start <= at < start + TURN or not full]
+        within = [point for point in self._path.change_points if start <= point < start + TURN or not full]
         around = None if full else arc_around(self._range, start)
         if around is not None:
-            once = [at for at in once if around[0] <= at <= around[1]]
-        return tuple(sorted({float((at + np.pi) % TURN - np.pi) for at in once}))
+            within = [point for point in within if around[0] <= point <= around[1]]
+        return tuple(sorted({float((point + np.pi) % TURN - np.pi) for point in within}))
 
     def conditioning(self, motion: Motion) -> Array:
         """Return how far each pose of a motion is from a singular one, (n,), by the loop equations."""
@@ -273,10 +273,10 @@ class LoopForm:
         return {}
 
     @cached_property
-    def _path(self) -> FollowedPath:
+    def _path(self) -> ContinuationPath:
         if self.programs is not None:
-            return followed_under(self.mechanism, self.programs, self.change_point)
-        return followed(self.mechanism, self.change_point)
+            return path_under_laws(self.mechanism, self.programs, self.change_point)
+        return crank_path(self.mechanism, self.change_point)
 
     @cached_property
     def _range(self) -> Arcs:
@@ -293,38 +293,38 @@ class LoopForm:
         low, high = (float(end) for end in ends if end is not None)
         if closing.full and high - low >= TURN:
             return closing
-        lap = TURN * np.floor((low + np.pi) / TURN)
-        return Arcs(False, ((low - lap, high - lap),))
+        revolution = TURN * np.floor((low + np.pi) / TURN)
+        return Arcs(False, ((low - revolution, high - revolution),))
 
     def _range_end(self, start: float, end: float) -> float | None:
         """Return how far the crank can go from its start towards an angle, in [rad]; None if not at all."""
 
         def excess(values: Mapping[str, Array]) -> Array:
-            beyond = [np.maximum(low - values[name], values[name] - high) for name, (low, high) in known]
+            beyond = [np.maximum(low - values[name], values[name] - high) for name, (low, high) in ranged]
             return np.max(beyond, axis=0)
 
         inner = start + (end - start) * (1.0 - SAME)
         if abs(inner - start) < SAME:
             return end
-        at, values = self._ranged(np.linspace(min(start, inner), max(start, inner), INSTANTS + 1))
-        known = [(name, ends) for name, ends in self.ranges.items() if name in values]
-        if not known:
+        parameters, values = self._ranged(np.linspace(min(start, inner), max(start, inner), INSTANTS + 1))
+        ranged = [(name, ends) for name, ends in self.ranges.items() if name in values]
+        if not ranged:
             return end
         if end < start:
-            at, values = at[::-1], {name: one[::-1] for name, one in values.items()}
+            parameters, values = parameters[::-1], {name: value[::-1] for name, value in values.items()}
         over = excess(values)
-        slack = ROUNDED * max(1.0, *(high - low for _, (low, high) in known))
+        slack = ROUNDED * max(1.0, *(high - low for _, (low, high) in ranged))
         first = int(np.argmax(over > slack)) if (over > slack).any() else None
         if first is None:
             return end
         if first == 0:
             return None
 
-        def miss(angle: float) -> float:
+        def excess_at(angle: float) -> float:
             return float(excess(self._joint_values(np.array([angle])))[0])
 
-        inside, outside = float(at[first - 1]), float(at[first])
-        return root(miss, *sorted((inside, outside))) if over[first - 1] < 0.0 else inside
+        inside, outside = float(parameters[first - 1]), float(parameters[first])
+        return root(excess_at, *sorted((inside, outside))) if over[first - 1] < 0.0 else inside
 
     @cached_property
     def _closing_range(self) -> Arcs:
@@ -334,11 +334,11 @@ class LoopForm:
             path.extend(self.period)
             return Arcs(False, ((0.0, self.period),))
         ends: list[float] = []
-        for sense in (1, -1):
+        for direction in (1, -1):
             with suppress(AssemblyError):
-                path.extend(start + sense * TURN)
+                path.extend(start + direction * TURN)
                 return Arcs(True, ((-np.pi, np.pi),))
-            ends.append(float(path.cells[sense][-1].nodes[-1]) if path.cells[sense] else start)
+            ends.append(float(path.segments[direction][-1].nodes[-1]) if path.segments[direction] else start)
         high, low = ends
-        lap = TURN * np.floor((low + np.pi) / TURN)
-        return Arcs(False, ((low - lap, high - lap),) if high - low > SAME else ())
+        revolution = TURN * np.floor((low + np.pi) / TURN)
+        return Arcs(False, ((low - revolution, high - revolution),) if high - low > SAME else ())

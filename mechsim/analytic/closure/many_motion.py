@@ -7,11 +7,11 @@ import numpy as np
 
 from mechsim.analytic.closure.checked_start import checked_start
 from mechsim.analytic.closure.loop_solver import LoopSolver
-from mechsim.analytic.closure.many_loops import Bools, ManyLoops, Rows, put_together, rough_coordinates
+from mechsim.analytic.closure.many_loops import Bools, ManyLoops, Rows, assemble_designs, initial_coordinates
 from mechsim.analytic.closure.many_paths import Law, ManyPaths
-from mechsim.analytic.closure.tree_assembly import held_values, with_holds
+from mechsim.analytic.closure.tree_assembly import locked_values, with_locked
 from mechsim.analytic.closure.tree_motion import Coordinates, cross
-from mechsim.analytic.closure.tree_rates import ClosedPart, rated
+from mechsim.analytic.closure.tree_rates import ClosedChunk, with_rates
 from mechsim.maths.arrays import Array
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.joint_kinds import KINDS
@@ -44,23 +44,23 @@ class LinkRows:
 
 
 @dataclass(frozen=True)
-class LikeLoops:
+class SharedLoops:
     """What designs that can be followed together have in common.
 
     Attributes:
         solver: of one of them, about where that one begins.
         law: parameters of the path -> what is prescribed, and its first two derivatives.
-        begin: parameter at which the motion begins.
+        initial: parameter at which the motion begins.
     """
 
     solver: LoopSolver
     law: Law
-    begin: float
+    initial: float
 
 
-def can_be_followed_together(
+def shared_loops(
     mechanism: Mechanism, joints: Sequence[str], programs: Programs | None = None
-) -> LikeLoops | None:
+) -> SharedLoops | None:
     """Return what designs of a mechanism have in common; None where they cannot be followed together.
 
     For that a crank turns or programs move the drivers, there are loops, no joint of which is split, and of
@@ -77,26 +77,30 @@ def can_be_followed_together(
     if not len(loops.unknown) or loops.tree.mechanism is not mechanism:
         return None
     for name in joints:
-        if loops.tree.places.get(name) is None and not KINDS[mechanism.joint(name).kind].hinge:
+        if loops.tree.index_of.get(name) is None and not KINDS[mechanism.joint(name).kind].hinge:
             return None
-    held = held_values(mechanism)
+    locked = locked_values(mechanism)
 
-    def turned(angle: Array) -> tuple[Array, Array, Array]:
-        one, none = np.ones((1, len(angle))), np.zeros((1, len(angle)))
-        return with_holds(angle[None], held), with_holds(one, 0.0 * held), with_holds(none, 0.0 * held)
+    def crank_law(angle: Array) -> tuple[Array, Array, Array]:
+        ones, zeros = np.ones((1, len(angle))), np.zeros((1, len(angle)))
+        return (
+            with_locked(angle[None], locked),
+            with_locked(ones, 0.0 * locked),
+            with_locked(zeros, 0.0 * locked),
+        )
 
     if programs is None:
-        return LikeLoops(solver, turned, float(solver.pinned.values[loops.driven[0], 0]))
+        return SharedLoops(solver, crank_law, float(solver.reference.values[loops.driven[0], 0]))
 
-    def moved(clock: Array) -> tuple[Array, Array, Array]:
+    def motion_law(clock: Array) -> tuple[Array, Array, Array]:
         value, first, second = programs.by_clock(clock)
-        return with_holds(value, held), with_holds(first, 0.0 * held), with_holds(second, 0.0 * held)
+        return with_locked(value, locked), with_locked(first, 0.0 * locked), with_locked(second, 0.0 * locked)
 
-    return LikeLoops(solver, moved, 0.0)
+    return SharedLoops(solver, motion_law, 0.0)
 
 
 def many_motion(
-    like: LikeLoops,
+    like: SharedLoops,
     started: StartedDesigns,
     angles: Array,
     speed: float,
@@ -120,73 +124,77 @@ def many_motion(
 
     Accuracy: as `closure.solve`, of which the assembly too is kept: each step is certified for each design.
     """
-    loops, one = like.solver.loops, like.solver.pinned
+    loops, reference = like.solver.loops, like.solver.reference
     d, p, tree = started.arrays.count, len(angles), loops.tree
     many = ManyLoops(loops, started.arrays)
-    rough, winds = rough_coordinates(many, started)
-    at, closed = put_together(many, rough, len(like.solver.rows))
+    guess, same_revolutions = initial_coordinates(many, started)
+    q, closed = assemble_designs(many, guess, len(like.solver.rows))
     driven = list(loops.driven)
-    good = winds & closed & (at.values[driven] == one.values[driven]).all(0)
+    converged = same_revolutions & closed & (q.values[driven] == reference.values[driven]).all(0)
     links = len(tree.branches)
     shapes = [(tree.count,)] * 3 + [(links, 3), (links, 3, 3), (links, 6), (links, 6)]
-    found = LinkRows(*(np.zeros((*shape, d, p)) for shape in shapes))
+    links_motion = LinkRows(*(np.zeros((*shape, d, p)) for shape in shapes))
 
-    def kept(rows: Rows, places: Rows, part: ClosedPart) -> None:
-        keep_part(found, rows, places, part, rates=rates)
+    def store(rows: Rows, columns: Rows, chunk: ClosedChunk) -> None:
+        store_chunk(links_motion, rows, columns, chunk, rates=rates)
 
-    rows = np.flatnonzero(good)
-    rows, begun = _begun(like, many, rows, Coordinates(at.values[:, rows], at.turns[..., rows]))
-    good = np.isin(np.arange(d), rows)
+    rows = np.flatnonzero(converged)
+    rows, initial = _moved_to_start(like, many, rows, Coordinates(q.values[:, rows], q.turns[..., rows]))
+    converged = np.isin(np.arange(d), rows)
     if len(rows):
-        good[ManyPaths(many, like.law, like.begin).follow(rows, begun, angles, kept)] = False
-    motion = record_of_rows(many, found, *_steady(np.tile(angles, (d, 1)), speed), joints)
-    return motion, good
+        converged[ManyPaths(many, like.law, like.initial).follow(rows, initial, angles, store)] = False
+    motion = record_of_rows(many, links_motion, *_steady(np.tile(angles, (d, 1)), speed), joints)
+    return motion, converged
 
 
-def _begun(like: LikeLoops, many: ManyLoops, rows: Rows, at: Coordinates) -> tuple[Rows, Coordinates]:
+def _moved_to_start(
+    like: SharedLoops, many: ManyLoops, rows: Rows, q: Coordinates
+) -> tuple[Rows, Coordinates]:
     """Return the designs whose drivers can go straight to where the path begins, and where they are then."""
     loops = like.solver.loops
     driven = list(loops.driven)
-    here, there = like.solver.pinned.values[driven], like.law(np.array([like.begin]))[0]
-    far = float(np.abs((there - here) / loops.units[driven, None]).max())
-    if far == 0.0 or not len(rows):
-        return rows, at
+    start, target = like.solver.reference.values[driven], like.law(np.array([like.initial]))[0]
+    distance = float(np.abs((target - start) / loops.units[driven, None]).max())
+    if distance == 0.0 or not len(rows):
+        return rows, q
 
-    def straight(s: Array) -> tuple[Array, Array, Array]:
-        slope = np.repeat((there - here) / far, len(s), 1)
-        return here + slope * s, slope, 0.0 * slope
+    def law(s: Array) -> tuple[Array, Array, Array]:
+        direction = np.repeat((target - start) / distance, len(s), 1)
+        return start + direction * s, direction, 0.0 * direction
 
-    values, turns = (
-        np.zeros((len(at.values), many.arrays.count)),
-        np.zeros((*at.turns.shape[:3], many.arrays.count)),
+    values, rotations = (
+        np.zeros((len(q.values), many.arrays.count)),
+        np.zeros((*q.turns.shape[:3], many.arrays.count)),
     )
 
-    def kept(some: Rows, _: Rows, part: ClosedPart) -> None:
-        values[:, some], turns[..., some] = part.at.values, part.at.turns
+    def store(indices: Rows, _: Rows, chunk: ClosedChunk) -> None:
+        values[:, indices], rotations[..., indices] = chunk.q.values, chunk.q.turns
 
-    lost = ManyPaths(many, straight, 0.0).follow(rows, at, np.array([far]), kept)
-    rows = np.setdiff1d(rows, lost)
-    values[driven] = there
-    return rows, Coordinates(values[:, rows], turns[..., rows])
+    failed = ManyPaths(many, law, 0.0).follow(rows, q, np.array([distance]), store)
+    rows = np.setdiff1d(rows, failed)
+    values[driven] = target
+    return rows, Coordinates(values[:, rows], rotations[..., rows])
 
 
-def keep_part(found: LinkRows, rows: Rows, places: Rows, part: ClosedPart, *, rates: bool) -> None:
+def store_chunk(
+    links_motion: LinkRows, rows: Rows, columns: Rows, chunk: ClosedChunk, *, rates: bool
+) -> None:
     """Keep the closed instants of some designs at some angles."""
-    where = np.ix_(rows, places)
-    shape = (len(rows), len(places))
-    at = (slice(None), *where)
-    found.values[at] = part.at.values.reshape(-1, *shape)
-    here = part.loops.here
-    found.position[:, :, where[0], where[1]] = here.position.reshape(-1, 3, *shape)
-    found.rotation[:, :, :, where[0], where[1]] = here.rotation.reshape(-1, 3, 3, *shape)
+    grid = np.ix_(rows, columns)
+    shape = (len(rows), len(columns))
+    index = (slice(None), *grid)
+    links_motion.values[index] = chunk.q.values.reshape(-1, *shape)
+    poses = chunk.linearised.poses
+    links_motion.position[:, :, grid[0], grid[1]] = poses.position.reshape(-1, 3, *shape)
+    links_motion.rotation[:, :, :, grid[0], grid[1]] = poses.rotation.reshape(-1, 3, 3, *shape)
     if not rates:
         return
-    moved = rated(None, part, conditioned=False)
+    chunk_rates = with_rates(None, chunk, conditioned=False)
     for name in ("rates", "second"):
-        getattr(found, name)[at] = getattr(moved, name).T.reshape(-1, *shape)
+        getattr(links_motion, name)[index] = getattr(chunk_rates, name).T.reshape(-1, *shape)
     for name in ("velocity", "acceleration"):
-        turned = getattr(moved, name).transpose(1, 2, 0).reshape(-1, 6, *shape)
-        getattr(found, name)[:, :, where[0], where[1]] = turned
+        component = getattr(chunk_rates, name).transpose(1, 2, 0).reshape(-1, 6, *shape)
+        getattr(links_motion, name)[:, :, grid[0], grid[1]] = component
 
 
 def _steady(angles: Array, speed: float) -> tuple[Array, Array, Array]:
@@ -194,7 +202,12 @@ def _steady(angles: Array, speed: float) -> tuple[Array, Array, Array]:
 
 
 def record_of_rows(
-    many: ManyLoops, found: LinkRows, angle: Array, speed: Array, acceleration: Array, joints: Sequence[str]
+    many: ManyLoops,
+    links_motion: LinkRows,
+    angle: Array,
+    speed: Array,
+    acceleration: Array,
+    joints: Sequence[str],
 ) -> Motion:
     """Return what was found as a record; rates by the crank angle become those in time.
 
@@ -203,59 +216,59 @@ def record_of_rows(
     mechanism, tree = many.loops.tree.mechanism, many.loops.tree
     # rates are by the crank angle so far
     for first, second in (("rates", "second"), ("velocity", "acceleration")):
-        by_angle = getattr(found, first)
-        setattr(found, second, getattr(found, second) * speed**2 + by_angle * acceleration)
-        setattr(found, first, by_angle * speed)
+        by_angle = getattr(links_motion, first)
+        setattr(links_motion, second, getattr(links_motion, second) * speed**2 + by_angle * acceleration)
+        setattr(links_motion, first, by_angle * speed)
     points = {
-        name: _point(many, found, link, many.arrays.points[name])
+        name: _point(many, links_motion, link, many.arrays.points[name])
         for name, (link, _) in mechanism.points.items()
         if link != GROUND
     }
-    told: dict[str, JointMotion] = {}
+    coordinates: dict[str, JointMotion] = {}
     for name in joints:
-        place = tree.places.get(name)
-        if place is None:
-            told[name] = _hinge(many, found, mechanism.joint(name))
+        index = tree.index_of.get(name)
+        if index is None:
+            coordinates[name] = _hinge(many, links_motion, mechanism.joint(name))
         else:
-            parts = (found.values[place], found.rates[place], found.second[place])
-            value, rate, second = (one.ravel() for one in parts)
-            told[name] = JointMotion(value, rate, second, "m" if tree.slides[place] else "rad")
-    crank, pace, gain = angle.ravel(), speed.ravel(), acceleration.ravel()
-    return Motion("loop equations", crank, pace, gain, points, joints=told)
+            histories = (links_motion.values[index], links_motion.rates[index], links_motion.second[index])
+            value, rate, second = (history.ravel() for history in histories)
+            coordinates[name] = JointMotion(value, rate, second, "m" if tree.slides[index] else "rad")
+    crank, crank_speed, second_rate = angle.ravel(), speed.ravel(), acceleration.ravel()
+    return Motion("loop equations", crank, crank_speed, second_rate, points, joints=coordinates)
 
 
-def _point(many: ManyLoops, found: LinkRows, link: str, local: Array) -> PointMotion:
+def _point(many: ManyLoops, links_motion: LinkRows, link: str, local: Array) -> PointMotion:
     """Return the motion of a point (3, d) of a link, fields (d p, 3)."""
     i = many.loops.tree.links[link]
-    arm = np.einsum("kd,ikdp->idp", local, found.rotation[i])
-    spin, turning = found.velocity[i, 3:], found.acceleration[i, 3:]
-    swing = cross(spin, arm)
-    bend = cross(turning, arm) + cross(spin, swing)
+    arm = np.einsum("kd,ikdp->idp", local, links_motion.rotation[i])
+    angular_velocity, angular_acceleration = links_motion.velocity[i, 3:], links_motion.acceleration[i, 3:]
+    tangential = cross(angular_velocity, arm)
+    normal = cross(angular_acceleration, arm) + cross(angular_velocity, tangential)
     return PointMotion(
-        (found.position[i] + arm).reshape(3, -1).T,
-        (found.velocity[i, :3] + swing).reshape(3, -1).T,
-        (found.acceleration[i, :3] + bend).reshape(3, -1).T,
+        (links_motion.position[i] + arm).reshape(3, -1).T,
+        (links_motion.velocity[i, :3] + tangential).reshape(3, -1).T,
+        (links_motion.acceleration[i, :3] + normal).reshape(3, -1).T,
     )
 
 
-def _hinge(many: ManyLoops, found: LinkRows, joint: Joint) -> JointMotion:
+def _hinge(many: ManyLoops, links_motion: LinkRows, joint: Joint) -> JointMotion:
     """Return the motion of a hinge that closes a loop, fields (d p,)."""
     _, frame_a, _, frame_b = many.arrays.ends[joint.name]
-    (turn_a, spin_a, more_a), (turn_b, spin_b, more_b) = (
-        _side(many, found, end.link, frame) for end, frame in ((joint.a, frame_a), (joint.b, frame_b))
+    (rotation_a, spin_a, alpha_a), (rotation_b, spin_b, alpha_b) = (
+        _side(many, links_motion, end.link, frame) for end, frame in ((joint.a, frame_a), (joint.b, frame_b))
     )
-    seen, axis = turn_b[:, 0], turn_a[:, 2]
-    value = np.arctan2((turn_a[:, 1] * seen).sum(0), (turn_a[:, 0] * seen).sum(0))
-    rate, second = ((axis * one).sum(0) for one in (spin_b - spin_a, more_b - more_a))
+    axis_b, axis = rotation_b[:, 0], rotation_a[:, 2]
+    value = np.arctan2((rotation_a[:, 1] * axis_b).sum(0), (rotation_a[:, 0] * axis_b).sum(0))
+    rate, second = ((axis * vector).sum(0) for vector in (spin_b - spin_a, alpha_b - alpha_a))
     return JointMotion(value.ravel(), rate.ravel(), second.ravel())
 
 
-def _side(many: ManyLoops, found: LinkRows, link: str, frame: Array) -> tuple[Array, Array, Array]:
+def _side(many: ManyLoops, links_motion: LinkRows, link: str, frame: Array) -> tuple[Array, Array, Array]:
     """Return a joint's frame on one side (3, 3, d, p), and how that link turns, (3, d, p) each."""
     if link == GROUND:
-        p = found.values.shape[2]
-        nothing = np.zeros((3, frame.shape[2], p))
-        return np.repeat(frame[..., None], p, -1), nothing, nothing
+        p = links_motion.values.shape[2]
+        zero = np.zeros((3, frame.shape[2], p))
+        return np.repeat(frame[..., None], p, -1), zero, zero
     i = many.loops.tree.links[link]
-    turn = np.einsum("ijdp,jkd->ikdp", found.rotation[i], frame)
-    return turn, found.velocity[i, 3:], found.acceleration[i, 3:]
+    rotation = np.einsum("ijdp,jkd->ikdp", links_motion.rotation[i], frame)
+    return rotation, links_motion.velocity[i, 3:], links_motion.acceleration[i, 3:]

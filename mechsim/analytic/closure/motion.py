@@ -38,14 +38,14 @@ def rates(
     acceleration = crank_rate(mechanism, "acceleration", acceleration, n)
 
     rows = equations(mechanism, poses, angle)
-    asked = np.zeros_like(rows.residual)
-    asked[:, -1] = speed
-    twist = least_norm(mechanism, rows.jacobian, asked).reshape(n, -1, 6)
+    rhs = np.zeros_like(rows.residual)
+    rhs[:, -1] = speed
+    twist = least_norm(mechanism, rows.jacobian, rhs).reshape(n, -1, 6)
     twists = {name: twist[:, i] for i, name in enumerate(names)}
 
     rows = equations(mechanism, poses, angle, twists)
-    asked[:, -1] = acceleration
-    accelerations = least_norm(mechanism, rows.jacobian, asked - rows.bias).reshape(n, -1, 6)
+    rhs[:, -1] = acceleration
+    accelerations = least_norm(mechanism, rows.jacobian, rhs - rows.bias).reshape(n, -1, 6)
 
     links = {
         name: LinkMotion(

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.analytic.closure.loop_equations import Poses, equations, scaled
-from mechsim.analytic.closure.telling import RANK_TOLERANCE
+from mechsim.analytic.closure.numerical_rank import RANK_TOLERANCE
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 
 # poses at which ranks are looked at: so many are not all special ones
-SEEN = 5
+SAMPLED_POSES = 5
 # condition of the normal equations below which two refinements leave rounding
-WELL = 1e10
+MAX_CONDITION = 1e10
 # what is smaller than this part of the largest is nought
-TRACE = 1e-40
+NEGLIGIBLE = 1e-40
 
 
 def singular_values(mechanism: Mechanism, poses: Poses, *, crank_free: bool = False) -> Array:
@@ -65,17 +65,19 @@ def freedom(mechanism: Mechanism, poses: Poses) -> Freedom:
     Source: rank of the Jacobian of the loop equations; papers.md sections 1-3 for what is expected.
     """
     count = len(next(iter(poses.values())).position)
-    seen = {name: pose.at(slice(None, None, max(1, count // SEEN))) for name, pose in poses.items()}
+    sample = {
+        name: pose.at(slice(None, None, max(1, count // SAMPLED_POSES))) for name, pose in poses.items()
+    }
     unknowns = 6 * len(mechanism.links)
 
     def rank(crank_free: bool) -> tuple[int, int]:
-        values = singular_values(mechanism, seen, crank_free=crank_free)
-        rows = equations(mechanism, seen, None if crank_free else 0.0).residual.shape[1]
+        values = singular_values(mechanism, sample, crank_free=crank_free)
+        rows = equations(mechanism, sample, None if crank_free else 0.0).residual.shape[1]
         return int((values > RANK_TOLERANCE * values[:, :1]).sum(1).max()), rows
 
-    free, rows = rank(True)
-    held, _ = rank(False)
-    return Freedom(unknowns - free, unknowns - held, rows - free, free)
+    free_rank, rows = rank(True)
+    crank_locked_rank, _ = rank(False)
+    return Freedom(unknowns - free_rank, unknowns - crank_locked_rank, rows - free_rank, free_rank)
 
 
 def least_norm(mechanism: Mechanism, jacobian: Array, right: Array) -> Array:
@@ -94,18 +96,18 @@ def least_norm(mechanism: Mechanism, jacobian: Array, right: Array) -> Array:
 
 def _by_normal_equations(matrix: Array, right: Array) -> Array | None:
     """Return the least-squares solution, (n, k, 1); None where columns are dependent or nearly so."""
-    turned = np.swapaxes(matrix, 1, 2)
-    gram = turned @ matrix
+    transposed = np.swapaxes(matrix, 1, 2)
+    gram = transposed @ matrix
     try:
         inverse = np.linalg.inv(gram)
     except np.linalg.LinAlgError:
         return None
     with np.errstate(all="ignore"):
         condition = np.abs(gram).sum(1).max(1) * np.abs(inverse).sum(1).max(1)
-    if not (condition < WELL).all():
+    if not (condition < MAX_CONDITION).all():
         return None
-    solution = inverse @ (turned @ right)
+    solution = inverse @ (transposed @ right)
     for _ in range(2):
-        solution = solution + inverse @ (turned @ (right - matrix @ solution))
+        solution = solution + inverse @ (transposed @ (right - matrix @ solution))
     # products of rounding, which underflow when squared
-    return np.where(np.abs(solution) < TRACE * np.abs(solution).max(1, keepdims=True), 0.0, solution)
+    return np.where(np.abs(solution) < NEGLIGIBLE * np.abs(solution).max(1, keepdims=True), 0.0, solution)

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.closure.tree_joints import Fixed, TreeJoint
+from mechsim.analytic.closure.tree_joints import JointSides, TreeJoint
 from mechsim.analytic.closure.tree_layout import Layout, layout
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
@@ -26,20 +26,20 @@ class SpanningTree:
 
     Attributes:
         mechanism: the mechanism; joints that must be branches though they close loops are split in it.
-        given: the mechanism as it was before.
+        original: the mechanism as it was before.
         branches: by which joint each link is placed, nearest the frame first.
         cuts: the joints that close the loops.
     """
 
     mechanism: Mechanism
-    given: Mechanism
+    original: Mechanism
     branches: tuple[TreeJoint, ...]
     cuts: tuple[Joint, ...]
 
     @cached_property
     def links(self) -> dict[str, int]:
         """Moving link of the mechanism as it was given -> index."""
-        return {link.name: self.index[link.name] for link in self.given.links}
+        return {link.name: self.index[link.name] for link in self.original.links}
 
     @cached_property
     def index(self) -> dict[str, int]:
@@ -47,14 +47,16 @@ class SpanningTree:
         return {link.name: i for i, link in enumerate(self.mechanism.links)}
 
     @cached_property
-    def constants(self) -> dict[int, Fixed]:
+    def constants(self) -> dict[int, JointSides]:
         """Index of a link -> the sides of the branch that places it."""
-        found: dict[int, Fixed] = {}
+        sides: dict[int, JointSides] = {}
         for branch in self.branches:
             a, b = branch.joint.a, branch.joint.b
-            near, far = (a, b) if branch.forward else (b, a)
-            found[branch.far] = Fixed(near.frame, np.array(near.point), far.frame, np.array(far.point))
-        return found
+            parent_end, child_end = (a, b) if branch.forward else (b, a)
+            sides[branch.child] = JointSides(
+                parent_end.frame, np.array(parent_end.point), child_end.frame, np.array(child_end.point)
+            )
+        return sides
 
     @cached_property
     def layout(self) -> Layout:
@@ -77,18 +79,18 @@ class SpanningTree:
         return tuple(branch for branch in self.branches if branch.kind.ball)
 
     @cached_property
-    def ball_places(self) -> list[int]:
+    def ball_indices(self) -> list[int]:
         """Indices of the turns of balls, which are no angles."""
-        return [ball.turning + i for ball in self.balls for i in range(3)]
+        return [ball.first_angle + i for ball in self.balls for i in range(3)]
 
     @cached_property
-    def carried(self) -> Array:
+    def moved_by(self) -> Array:
         """Which coordinates move which link, (links, count), 1 or 0."""
         moved = np.zeros((len(self.mechanism.links), self.count))
         for branch in self.branches:
-            if branch.near >= 0:
-                moved[branch.far] = moved[branch.near]
-            moved[branch.far, branch.first : branch.first + branch.kind.freedoms] = 1.0
+            if branch.parent >= 0:
+                moved[branch.child] = moved[branch.parent]
+            moved[branch.child, branch.first : branch.first + branch.kind.freedoms] = 1.0
         return moved
 
     @cached_property
@@ -104,12 +106,12 @@ class SpanningTree:
         """What one unit of each coordinate is in the equations: the size for displacements, else 1 rad."""
         return np.where(self.slides, self.size, 1.0)
 
-    def place(self, joint: str) -> int | None:
+    def first_index(self, joint: str) -> int | None:
         """Return the index of the first coordinate of a joint; None where it closes a loop."""
         return next((branch.first for branch in self.branches if branch.joint.name == joint), None)
 
     @cached_property
-    def places(self) -> dict[str, int]:
+    def index_of(self) -> dict[str, int]:
         """Coordinate of a branch -> its index."""
         return {
             name: branch.first + i
@@ -121,7 +123,7 @@ class SpanningTree:
         """Return the weights of all coordinates in one side of a coupling, (count,)."""
         weights = np.zeros(self.count, np.result_type(float, *terms.values()))
         for name, weight in terms.items():
-            weights[self.places[name]] += weight
+            weights[self.index_of[name]] += weight
         return weights
 
 
@@ -142,18 +144,18 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
     counted = {*mechanism.counted}
 
     def cost(joint: Joint) -> tuple[bool, bool, int]:
-        own = {*joint.coordinates}
-        return not first & own, not counted & own, KINDS[joint.kind].freedoms
+        names = {*joint.coordinates}
+        return not first & names, not counted & names, KINDS[joint.kind].freedoms
 
-    wanted = sorted(mechanism.joints, key=cost)
-    chosen = _forest(wanted)
+    ordered = sorted(mechanism.joints, key=cost)
+    chosen = _forest(ordered)
     closing = {
         joint.name
         for joint in mechanism.joints
         if joint.name not in chosen and not first.isdisjoint(joint.coordinates)
     }
     if closing:
-        return replace(spanning_tree(split(mechanism, closing)), given=mechanism)
+        return replace(spanning_tree(split(mechanism, closing)), original=mechanism)
     index = {link.name: i for i, link in enumerate(mechanism.links)} | {GROUND: -1}
     cuts = tuple(joint for joint in mechanism.joints if joint.name not in chosen)
     branches: list[TreeJoint] = []
@@ -161,16 +163,17 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
     while waiting:
         joint = next((j for j in waiting if (j.a.link in placed) != (j.b.link in placed)), None)
         if joint is None:
-            lost = sorted({end.link for j in waiting for end in (j.a, j.b)} - placed)
+            unreached = sorted({end.link for j in waiting for end in (j.a, j.b)} - placed)
             raise AssemblyError(
-                f"{mechanism.name}: no chain of joints leads from the frame to {', '.join(lost)}; add one"
+                f"{mechanism.name}: no chain of joints leads from the frame to "
+                f"{', '.join(unreached)}; add one"
             )
         waiting.remove(joint)
         forward = joint.a.link in placed
-        near, far = (joint.a, joint.b) if forward else (joint.b, joint.a)
-        branches.append(TreeJoint(joint, forward, index[near.link], index[far.link], count))
+        parent_end, child_end = (joint.a, joint.b) if forward else (joint.b, joint.a)
+        branches.append(TreeJoint(joint, forward, index[parent_end.link], index[child_end.link], count))
         count += KINDS[joint.kind].freedoms
-        placed.add(far.link)
+        placed.add(child_end.link)
     return SpanningTree(mechanism, mechanism, tuple(branches), cuts)
 
 

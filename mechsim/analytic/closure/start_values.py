@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.analytic.closure.tree_assembly import assembled
-from mechsim.analytic.closure.tree_motion import placed
+from mechsim.analytic.closure.tree_motion import link_poses
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import joint_coordinate
 from mechsim.model.links import GROUND, IDENTITY, Pose
@@ -42,13 +42,13 @@ def with_closed_guess(mechanism: Mechanism) -> Mechanism:
 
 def _counted(mechanism: Mechanism, values: Mapping[str, float]) -> dict[str, float]:
     """Return what a mechanism counts, and coupled angles beyond half a turn where whole turns matter."""
-    found = dict(mechanism.counted)
+    counted = dict(mechanism.counted)
     for law in mechanism.laws:
         for name in law.coordinates if not law.turns else ():
-            given = name in found or name in mechanism.drivers or name in mechanism.locked
-            if not given and mechanism.unit(name) == "rad" and abs(values[name]) > np.pi:
-                found[name] = values[name]
-    return found
+            already_counted = name in counted or name in mechanism.drivers or name in mechanism.locked
+            if not already_counted and mechanism.unit(name) == "rad" and abs(values[name]) > np.pi:
+                counted[name] = values[name]
+    return counted
 
 
 def start_poses(mechanism: Mechanism) -> tuple[dict[str, Pose], dict[str, float]]:
@@ -60,11 +60,11 @@ def start_poses(mechanism: Mechanism) -> tuple[dict[str, Pose], dict[str, float]
     Raises:
         AssemblyError: where the loops do not close.
     """
-    loops, at = assembled(mechanism)
+    loops, q = assembled(mechanism)
     tree = loops.tree
-    here = placed(tree, at)
+    tree_poses = link_poses(tree, q)
     poses = {
-        name: Pose(here.position[i, :, 0].copy(), here.rotation[i, :, :, 0].copy())
+        name: Pose(tree_poses.position[i, :, 0].copy(), tree_poses.rotation[i, :, :, 0].copy())
         for name, i in tree.links.items()
     }
     everywhere = {GROUND: IDENTITY, **poses}
@@ -72,6 +72,6 @@ def start_poses(mechanism: Mechanism) -> tuple[dict[str, Pose], dict[str, float]
     for joint in mechanism.joints:
         read = np.atleast_1d(joint_coordinate(joint, everywhere[joint.a.link], everywhere[joint.b.link]))
         for name, value in zip(joint.coordinates, read.tolist(), strict=False):
-            place = tree.places.get(name)
-            values[name] = value if place is None else float(at.values[place, 0])
+            index = tree.index_of.get(name)
+            values[name] = value if index is None else float(q.values[index, 0])
     return poses, values

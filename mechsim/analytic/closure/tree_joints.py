@@ -26,15 +26,15 @@ class TreeJoint:
     Attributes:
         joint: of the mechanism.
         forward: whether its side a is on the link nearer the frame.
-        near: index of that link; -1 is the ground.
-        far: index of the link that hangs on it.
+        parent: index of that link; -1 is the ground.
+        child: index of the link that hangs on it.
         first: index of its first coordinate.
     """
 
     joint: Joint
     forward: bool
-    near: int
-    far: int
+    parent: int
+    child: int
     first: int
 
     @cached_property
@@ -43,12 +43,12 @@ class TreeJoint:
         return KINDS[self.joint.kind]
 
     @cached_property
-    def turning(self) -> int:
+    def first_angle(self) -> int:
         """Index of its first turn: displacements come first."""
         return self.first + len(self.kind.slides)
 
     @cached_property
-    def sense(self) -> float:
+    def direction(self) -> float:
         """+1 where the far link moves as its coordinates count, else -1."""
         return 1.0 if self.forward else -1.0
 
@@ -56,33 +56,35 @@ class TreeJoint:
     def angles(self) -> list[int]:
         """Indices of its angles, from the near link to the far one; a ball has none."""
         count = 0 if self.kind.ball else len(self.kind.turns)
-        return list(range(self.turning, self.turning + count))[:: 1 if self.forward else -1]
+        return list(range(self.first_angle, self.first_angle + count))[:: 1 if self.forward else -1]
 
 
 @dataclass(frozen=True, slots=True)
-class Fixed:
+class JointSides:
     """The two sides of a branch, each in its own link's frame: joint frame (3, 3) and point (3,) in [m]."""
 
-    near_frame: Array
-    near_point: Array
-    far_frame: Array
-    far_point: Array
+    parent_frame: Array
+    parent_point: Array
+    child_frame: Array
+    child_point: Array
 
     def axis(self, branch: TreeJoint, axis: Axis) -> tuple[int, Array]:
         """Return which link an axis of the branch's joint is fixed on, and the axis in its frame."""
         on_far = (axis == "b") == branch.forward
-        frame, link = (self.far_frame, branch.far) if on_far else (self.near_frame, branch.near)
+        frame, link = (self.child_frame, branch.child) if on_far else (self.parent_frame, branch.parent)
         return link, frame[:, COLUMN[axis]]
 
-    def turning(self, branch: TreeJoint) -> list[Array]:
+    def rotations(self, branch: TreeJoint) -> list[Array]:
         """Return what a branch's angles turn the far link's axes by, in the near link's, one after the other.
 
         Each as what 1, the cosine and the sine of the angle are multiplied by, (3, 3, 3).
         """
-        ends = [self.near_frame, self.far_frame.swapaxes(0, 1)]
+        ends = [self.parent_frame, self.child_frame.swapaxes(0, 1)]
         if branch.kind.crossed:
             middle = crossed_at_zero(branch.joint.cross_angle)
             ends[1:1] = [middle if branch.forward else middle.T, np.eye(3)]
-        about = ABOUT_Z * np.array([1.0, 1.0, branch.sense])[:, None, None]
+        rotation_terms = ABOUT_Z * np.array([1.0, 1.0, branch.direction])[:, None, None]
         pairs = zip(ends[::2], ends[1::2], strict=True)
-        return [np.einsum("ij...,pjk,kl...->ilp...", one, about, other) for one, other in pairs]
+        return [
+            np.einsum("ij...,pjk,kl...->ilp...", first, rotation_terms, second) for first, second in pairs
+        ]

@@ -7,14 +7,14 @@ from itertools import count
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.closure.tree_joints import Fixed, TreeJoint
+from mechsim.analytic.closure.tree_joints import JointSides, TreeJoint
 from mechsim.maths.arrays import Array
 
 Indices = NDArray[np.intp]
 # indices, as a slice where they lie in a row
-Some = slice | Indices
+Index = slice | Indices
 # vectors in a row at the most: what holds more takes several
-MOST = 8
+MAX_VECTORS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,16 +23,17 @@ class Layout:
 
     Attributes:
         angles: indices of the angles among the coordinates.
-        turning: how each turns a link, in terms of 1, its cosine and its sine, (angles, 9, 3), or
+        rotations: how each turns a link, in terms of 1, its cosine and its sine, (angles, 9, 3), or
             (angles, 9, 3, n) of many designs.
-        once: links that one angle turns in that on which they hang, and which of the angles.
-        twice: likewise of two, the first nearer the frame.
+        single: links that one angle turns in that on which they hang, and which of the angles.
+        double: likewise of two, the first nearer the frame.
         stiff: branches without angles, each with the index of its ball, if any.
         tiers: links that hang on moving ones and those on which they do, nearest the frame first.
         vectors: what is fixed on links, in their frames, padded with noughts, (rows, m, 3), or
             (rows, m, 3, n). A row for each link and the ground, its branch's point first; then others.
         holders: the links of the rows.
-        near: for each link its branch's point on that on which it hangs; places are counted through all rows.
+        parent_points: for each link, the index of its branch's point on its parent; indices count
+            through all rows.
         axes: places of the axes of all coordinates, as the farther link moves along or about them.
         centres: of a point on each of these axes.
         centred: the links on which these are fixed.
@@ -40,15 +41,15 @@ class Layout:
         slid: links that these move in those on which they hang.
     """
 
-    angles: Some
-    turning: Array
-    once: tuple[Some, Some]
-    twice: tuple[Indices, Indices, Indices]
+    angles: Index
+    rotations: Array
+    single: tuple[Index, Index]
+    double: tuple[Indices, Indices, Indices]
     stiff: tuple[tuple[TreeJoint, int | None], ...]
-    tiers: tuple[tuple[Some, Some], ...]
+    tiers: tuple[tuple[Index, Index], ...]
     vectors: Array
-    holders: Some
-    near: Indices
+    holders: Index
+    parent_points: Indices
     axes: Indices
     centres: Indices
     centred: Indices
@@ -56,14 +57,14 @@ class Layout:
     slid: Indices
 
 
-def layout(branches: Sequence[TreeJoint], constants: Mapping[int, Fixed]) -> Layout:
+def layout(branches: Sequence[TreeJoint], constants: Mapping[int, JointSides]) -> Layout:
     """Return the layout of a tree, its branches nearest the frame first.
 
     Args:
         branches: by which joint each link is placed.
         constants: index of a link -> the sides of the branch that places it.
     """
-    slides = [(k, branch.far) for branch in branches for k in range(branch.first, branch.turning)]
+    slides = [(k, branch.child) for branch in branches for k in range(branch.first, branch.first_angle)]
     sliding, slid = np.array(slides, dtype=np.intp).reshape(-1, 2).T
     return Layout(
         *_angles(branches, constants),
@@ -74,68 +75,70 @@ def layout(branches: Sequence[TreeJoint], constants: Mapping[int, Fixed]) -> Lay
     )
 
 
-def in_a_row(indices: Indices) -> Some:
+def as_slice(indices: Indices) -> Index:
     """Return indices as a slice where each is one more than that before: no copy is then made."""
-    places = indices.tolist()
-    row = len(places) > 0 and places == [*range(places[0], places[0] + len(places))]
-    return slice(places[0], places[-1] + 1) if row else indices
+    values = indices.tolist()
+    consecutive = len(values) > 0 and values == [*range(values[0], values[0] + len(values))]
+    return slice(values[0], values[-1] + 1) if consecutive else indices
 
 
-def block(rows: Indices, columns: Indices) -> tuple[Some, ...]:
+def block(rows: Indices, columns: Indices) -> tuple[Index, ...]:
     """Return what picks rows and columns of a matrix: slices where both lie in a row."""
-    found = in_a_row(rows), in_a_row(columns)
-    return found if all(isinstance(one, slice) for one in found) else np.ix_(rows, columns)
+    selectors = as_slice(rows), as_slice(columns)
+    return selectors if all(isinstance(selector, slice) for selector in selectors) else np.ix_(rows, columns)
 
 
 def _angles(
-    branches: Sequence[TreeJoint], constants: Mapping[int, Fixed]
+    branches: Sequence[TreeJoint], constants: Mapping[int, JointSides]
 ) -> tuple[
-    Some,
+    Index,
     Array,
-    tuple[Some, Some],
+    tuple[Index, Index],
     tuple[Indices, Indices, Indices],
     tuple[tuple[TreeJoint, int | None], ...],
 ]:
     """Return the first five of a layout."""
-    by_link = sorted(branches, key=lambda branch: branch.far)
+    by_link = sorted(branches, key=lambda branch: branch.child)
     angles = [angle for branch in by_link for angle in branch.angles]
-    parts = [part for branch in by_link if branch.angles for part in constants[branch.far].turning(branch)]
-    turning = np.array(parts)
+    terms = [
+        term for branch in by_link if branch.angles for term in constants[branch.child].rotations(branch)
+    ]
+    rotations = np.array(terms)
     first = np.cumsum([0, *(len(branch.angles) for branch in by_link)])
-    once, twice = (
+    single, double = (
         np.array([i for i, branch in enumerate(by_link) if len(branch.angles) == k], dtype=np.intp)
         for k in (1, 2)
     )
     balls = count()
-    stiff = ((one, next(balls) if one.kind.ball else None) for one in branches if not one.angles)
+    stiff = ((joint, next(balls) if joint.kind.ball else None) for joint in branches if not joint.angles)
     return (
-        in_a_row(np.array(angles, dtype=np.intp)),
-        turning.reshape(len(parts), 9, 3, *turning.shape[4:]),
-        (in_a_row(once), in_a_row(first[once])),
-        (twice, first[twice], first[twice] + 1),
+        as_slice(np.array(angles, dtype=np.intp)),
+        rotations.reshape(len(terms), 9, 3, *rotations.shape[4:]),
+        (as_slice(single), as_slice(first[single])),
+        (double, first[double], first[double] + 1),
         tuple(stiff),
     )
 
 
-def _tiers(branches: Sequence[TreeJoint]) -> tuple[tuple[Some, Some], ...]:
-    depth, near = np.zeros((2, len(branches) + 1), dtype=np.intp)
+def _tiers(branches: Sequence[TreeJoint]) -> tuple[tuple[Index, Index], ...]:
+    depth, parent = np.zeros((2, len(branches) + 1), dtype=np.intp)
     for branch in branches:
-        depth[branch.far], near[branch.far] = depth[branch.near] + 1, branch.near
+        depth[branch.child], parent[branch.child] = depth[branch.parent] + 1, branch.parent
     tiers = (np.flatnonzero(depth == k) for k in range(2, int(depth.max()) + 1))
-    return tuple((in_a_row(far), in_a_row(near[far])) for far in tiers)
+    return tuple((as_slice(child), as_slice(parent[child])) for child in tiers)
 
 
 def _vectors(
-    branches: Sequence[TreeJoint], constants: Mapping[int, Fixed]
-) -> tuple[Array, Some, Indices, Indices, Indices, Indices]:
+    branches: Sequence[TreeJoint], constants: Mapping[int, JointSides]
+) -> tuple[Array, Index, Indices, Indices, Indices, Indices]:
     """Return what is fixed on the links, and where of it points, axes and centres are."""
-    rows = [[constants[i].far_point] for i in range(len(branches))]
+    rows = [[constants[i].child_point] for i in range(len(branches))]
     rows.append([np.zeros_like(rows[0][0]) if rows else np.zeros(3)])
     holders = [*range(len(rows))]
     last = [*holders]
 
-    def added(link: int, vector: Array) -> tuple[int, int]:
-        if len(rows[last[link]]) == MOST:
+    def position_of(link: int, vector: Array) -> tuple[int, int]:
+        if len(rows[last[link]]) == MAX_VECTORS:
             last[link] = len(rows)
             rows.append([])
             holders.append(link % (len(branches) + 1))
@@ -143,20 +146,21 @@ def _vectors(
         row.append(vector)
         return last[link], len(row) - 1
 
-    near = [(0, 0)] * len(branches)
+    parent_points = [(0, 0)] * len(branches)
     axes, centres, centred = list[tuple[int, int]](), list[tuple[int, int]](), list[int]()
     for branch in branches:
-        i, fixed, kind = branch.far, constants[branch.far], branch.kind
-        near[i] = added(branch.near, fixed.near_point)
+        i, fixed, kind = branch.child, constants[branch.child], branch.kind
+        parent_points[i] = position_of(branch.parent, fixed.parent_point)
         for axis in (*kind.slides, *kind.turns):
-            link, along = fixed.axis(branch, axis)
-            axes.append(added(link, branch.sense * along))
+            link, direction = fixed.axis(branch, axis)
+            axes.append(position_of(link, branch.direction * direction))
             # axes pass through side b's point
-            centres.append((i, 0) if branch.forward else near[i])
-            centred.append(i if branch.forward else branch.near)
-    longest, nothing = max(map(len, rows)), rows[len(branches)][0]
-    vectors = np.array([row + [nothing] * (longest - len(row)) for row in rows])
+            centres.append((i, 0) if branch.forward else parent_points[i])
+            centred.append(i if branch.forward else branch.parent)
+    longest, zero = max(map(len, rows)), rows[len(branches)][0]
+    vectors = np.array([row + [zero] * (longest - len(row)) for row in rows])
     first, second, third = (
-        np.array(pairs, dtype=np.intp).reshape(-1, 2) @ [longest, 1] for pairs in (near, axes, centres)
+        np.array(pairs, dtype=np.intp).reshape(-1, 2) @ [longest, 1]
+        for pairs in (parent_points, axes, centres)
     )
-    return vectors, in_a_row(np.array(holders)), first, second, third, np.array(centred, dtype=np.intp)
+    return vectors, as_slice(np.array(holders)), first, second, third, np.array(centred, dtype=np.intp)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mechsim.analytic.closure.coupled_rows import CoupledRow, coupled_rows
 from mechsim.analytic.closure.cut_rows import Cut, cuts_of
 from mechsim.analytic.closure.spanning_tree import SpanningTree, spanning_tree
-from mechsim.analytic.closure.tree_motion import Coordinates, Placed, cross, placed, product
+from mechsim.analytic.closure.tree_motion import Coordinates, LinkPoses, cross, link_poses, product
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import coordinates
@@ -30,13 +30,13 @@ class TreeLoops:
     Attributes:
         tree: the tree.
         cuts: the joints that close its loops.
-        winds: of each coupling, the whole turns between its sides as put together, in [rad].
+        turn_offsets: of each coupling, the whole turns between its sides as put together, in [rad].
         driven: indices of the coordinates that are prescribed.
     """
 
     tree: SpanningTree
     cuts: tuple[Cut, ...]
-    winds: tuple[float, ...]
+    turn_offsets: tuple[float, ...]
     driven: tuple[int, ...]
 
     @cached_property
@@ -57,67 +57,71 @@ class TreeLoops:
     @cached_property
     def rows(self) -> int:
         """How many equations there are."""
-        return sum(cut.rows for cut in self.cuts) + len(self.winds)
+        return sum(cut.rows for cut in self.cuts) + len(self.turn_offsets)
 
-    def linearise(self, at: Coordinates) -> tuple[Array, Array, Placed]:
+    def linearise(self, q: Coordinates) -> tuple[Array, Array, LinkPoses]:
         """Return residuals (rows, n), slopes by coordinates in units (rows, count, n), and the links."""
-        here = placed(self.tree, at)
-        n = len(at)
-        number = at.values.dtype
-        residual = np.empty((self.rows, n), number)
-        slope = np.zeros((self.rows, self.tree.count, n), number)
+        poses = link_poses(self.tree, q)
+        n = len(q)
+        dtype = q.values.dtype
+        residual = np.empty((self.rows, n), dtype)
+        jacobian = np.zeros((self.rows, self.tree.count, n), dtype)
         k = 0
         for cut in self.cuts:
-            part = slice(k, k + cut.rows)
-            residual[part], slope[part, cut.span] = cut.residual_and_slope(here)
+            block = slice(k, k + cut.rows)
+            residual[block], jacobian[block, cut.span] = cut.residual_and_jacobian(poses)
             k += cut.rows
-        for coupling, wind in zip(self.couplings, self.winds, strict=True):
-            opened, by_value, _ = coupling.look(at.values)
-            slope[k] = by_value * self.units[:, None]
-            residual[k] = opened - wind / coupling.unit
+        for coupling, offset in zip(self.couplings, self.turn_offsets, strict=True):
+            violation, derivative, _ = coupling.evaluate(q.values)
+            jacobian[k] = derivative * self.units[:, None]
+            residual[k] = violation - offset / coupling.unit
             k += 1
-        return residual, slope, here
+        return residual, jacobian, poses
 
-    def bias(self, at: Coordinates, here: Placed, rates: Array, twist: Array, drift: Array) -> Array:
+    def velocity_products(
+        self, q: Coordinates, poses: LinkPoses, rates: Array, twist: Array, velocity_product: Array
+    ) -> Array:
         """Return the residuals' second rate at coordinate rates (count, n) that do not change, (rows, n)."""
-        parts = [cut.bias(here, twist, drift) for cut in self.cuts]
-        bent = [coupling.bias(at.values, rates)[None] for coupling in self.couplings]
-        return np.concatenate([np.empty((0, len(at))), *parts, *bent])
+        blocks = [cut.velocity_products(poses, twist, velocity_product) for cut in self.cuts]
+        coupled = [coupling.velocity_products(q.values, rates)[None] for coupling in self.couplings]
+        return np.concatenate([np.empty((0, len(q))), *blocks, *coupled])
 
-    def moved(self, at: Coordinates, step: Array) -> Coordinates:
+    def displaced(self, q: Coordinates, step: Array) -> Coordinates:
         """Return coordinates moved by a step (count, n) in their units."""
-        values, turns = at.values + step * self.units[:, None], at.turns
-        if len(turns):
-            values[self.tree.ball_places] = 0.0
-            turns = np.stack(
+        values, rotations = q.values + step * self.units[:, None], q.turns
+        if len(rotations):
+            values[self.tree.ball_indices] = 0.0
+            rotations = np.stack(
                 [
-                    _turned(turn, step[ball.turning : ball.turning + 3])
-                    for turn, ball in zip(turns, self.tree.balls, strict=True)
+                    _turned(rotation, step[ball.first_angle : ball.first_angle + 3])
+                    for rotation, ball in zip(rotations, self.tree.balls, strict=True)
                 ]
             )
-        return Coordinates(values, turns)
+        return Coordinates(values, rotations)
 
     def read(self, poses: Mapping[str, Pose], angles: Mapping[str, float]) -> Coordinates:
         """Return the coordinates of one pose of every moving link; given angles as they are counted."""
         everywhere = {GROUND: IDENTITY, **with_stand_ins(self.tree.mechanism, poses)}
-        values, turns = np.zeros((self.tree.count, 1)), np.empty((len(self.tree.balls), 3, 3, 1))
+        values, rotations = np.zeros((self.tree.count, 1)), np.empty((len(self.tree.balls), 3, 3, 1))
         ball = 0
         for branch in self.tree.branches:
             joint = branch.joint
             a, b = ((everywhere[end.link], end) for end in (joint.a, joint.b))
-            (place_a, turn_a), (place_b, turn_b) = (
+            (point_a, rotation_a), (point_b, rotation_b) = (
                 (_first(pose.point(end.point), 1), _first(pose.rotation, 2) @ end.frame)
                 for pose, end in (a, b)
             )
             if branch.kind.ball:
-                turns[ball, ..., 0] = turn_a.T @ turn_b
+                rotations[ball, ..., 0] = rotation_a.T @ rotation_b
                 ball += 1
-            found = coordinates(branch.kind, place_b - place_a, turn_a, turn_b, joint.cross_angle)
-            values[branch.first : branch.first + len(found), 0] = found
+            joint_values = coordinates(
+                branch.kind, point_b - point_a, rotation_a, rotation_b, joint.cross_angle
+            )
+            values[branch.first : branch.first + len(joint_values), 0] = joint_values
             for i, name in enumerate(joint.coordinates):
                 if name in angles:
                     values[branch.first + i, 0] = angles[name]
-        return Coordinates(values, turns)
+        return Coordinates(values, rotations)
 
 
 def tree_loops(
@@ -133,38 +137,40 @@ def tree_loops(
     """
     tree = spanning_tree(mechanism)
     prescribed = {*mechanism.drivers, *mechanism.locked}
-    driven = tuple(tree.places[name] for name in (*mechanism.drivers, *mechanism.locked))
+    driven = tuple(tree.index_of[name] for name in (*mechanism.drivers, *mechanism.locked))
     loops = TreeLoops(tree, cuts_of(tree), (), driven)
-    at = loops.read(poses, {})
+    q = loops.read(poses, {})
     for name, value in counted.items():
-        place = tree.places.get(name)
-        if place is None:
+        index = tree.index_of.get(name)
+        if index is None:
             continue
-        lap = 0.0 if tree.slides[place] else TURN * float(np.round((value - at.values[place, 0]) / TURN))
-        at.values[place, 0] = value if name in prescribed else at.values[place, 0] + lap
-    winds = [
-        TURN * float(np.round(row.look(at.values)[0][0] * row.unit / TURN)) if row.turns else 0.0
+        revolutions = (
+            0.0 if tree.slides[index] else TURN * float(np.round((value - q.values[index, 0]) / TURN))
+        )
+        q.values[index, 0] = value if name in prescribed else q.values[index, 0] + revolutions
+    turn_offsets = [
+        TURN * float(np.round(row.evaluate(q.values)[0][0] * row.unit / TURN)) if row.turns else 0.0
         for row in loops.couplings
     ]
-    return replace(loops, winds=tuple(winds)), at
+    return replace(loops, turn_offsets=tuple(turn_offsets)), q
 
 
 def _first(value: Array, axes: int) -> Array:
     return value[0] if value.ndim > axes else value
 
 
-def _turned(turn: Array, vector: Array) -> Array:
+def _turned(rotation: Array, vector: Array) -> Array:
     """Return exp(vector) @ turn, (3, 3, n), made orthogonal again to rounding."""
     angle = np.sqrt((vector**2).sum(0))
     small = angle < 1e-8
     safe = np.where(small, 1.0, angle)
     a = np.where(small, 1.0, np.sin(safe) / safe)
     b = np.where(small, 0.5, 2.0 * (np.sin(0.5 * safe) / safe) ** 2)
-    once = cross(vector[:, None], turn)
-    moved = turn + a * once + b * cross(vector[:, None], once)
-    return orthogonal(moved)
+    first_order = cross(vector[:, None], rotation)
+    rotated = rotation + a * first_order + b * cross(vector[:, None], first_order)
+    return orthogonal(rotated)
 
 
-def orthogonal(turn: Array) -> Array:
+def orthogonal(rotation: Array) -> Array:
     """Return nearly orthogonal matrices (3, 3, n) a Newton step nearer to the nearest rotations."""
-    return 1.5 * turn - 0.5 * product(turn, product(turn.transpose(1, 0, 2), turn))
+    return 1.5 * rotation - 0.5 * product(rotation, product(rotation.transpose(1, 0, 2), rotation))

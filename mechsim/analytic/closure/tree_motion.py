@@ -33,49 +33,53 @@ class Coordinates:
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class LinkPoses:
     """The links of a tree at n instants.
 
     Attributes:
         position: of each link's origin, (links, 3, n) in [m].
         rotation: (links, 3, 3, n).
-        screws: what a unit rate of each coordinate is: velocity at the ground's origin and angular
+        unit_twists: what a unit rate of each coordinate is: velocity at the ground's origin and angular
             velocity, (count, 6, n).
     """
 
     position: Array
     rotation: Array
-    screws: Array
+    unit_twists: Array
 
 
-def placed(tree: SpanningTree, at: Coordinates) -> Placed:
+def link_poses(tree: SpanningTree, q: Coordinates) -> LinkPoses:
     """Return where coordinates put the links."""
-    laid, n, kind = tree.layout, len(at), at.values.dtype
+    layout, n, dtype = tree.layout, len(q), q.values.dtype
     # the ground comes last, where the index -1 finds it
-    rotation = np.empty((len(tree.branches) + 1, 3, 3, n), kind)
-    _turn(tree, at, rotation)
+    rotation = np.empty((len(tree.branches) + 1, 3, 3, n), dtype)
+    _turn(tree, q, rotation)
     rotation[-1] = EYE
-    for far, near in laid.tiers:
-        rotation[far] = np.einsum("lijn,ljkn->likn", rotation[near], rotation[far])
-    carried = _carried(laid.vectors, rotation[laid.holders])
+    for child, parent in layout.tiers:
+        rotation[child] = np.einsum("lijn,ljkn->likn", rotation[parent], rotation[child])
+    carried = _carried(layout.vectors, rotation[layout.holders])
     fixed = carried.reshape(3, carried.shape[1] * carried.shape[2], n)
-    axes = spins = fixed.take(laid.axes, 1)
-    position = np.zeros((3, len(rotation), n), kind)
-    np.subtract(fixed.take(laid.near, 1), carried[:, : len(tree.branches), 0], out=position[:, :-1])
-    if len(laid.slides):
-        along = axes[:, laid.slides]
-        for link, way in zip(laid.slid, (along * at.values[laid.slides]).swapaxes(0, 1), strict=True):
-            position[:, link] += way
+    axes = spins = fixed.take(layout.axes, 1)
+    position = np.zeros((3, len(rotation), n), dtype)
+    np.subtract(
+        fixed.take(layout.parent_points, 1), carried[:, : len(tree.branches), 0], out=position[:, :-1]
+    )
+    if len(layout.slides):
+        along = axes[:, layout.slides]
+        for link, displacement in zip(
+            layout.slid, (along * q.values[layout.slides]).swapaxes(0, 1), strict=True
+        ):
+            position[:, link] += displacement
         spins = axes.copy()
-        spins[:, laid.slides] = 0.0
-    for far, near in laid.tiers:
-        position[:, far] += position[:, near]
-    screws = np.empty((tree.count, 6, n), kind).transpose(1, 0, 2)
-    screws[3:] = spins
-    screws[:3] = cross(position.take(laid.centred, 1) + fixed.take(laid.centres, 1), spins)
-    if len(laid.slides):
-        screws[:3, laid.slides] = axes[:, laid.slides]
-    return Placed(position[:, :-1].transpose(1, 0, 2), rotation[:-1], screws.transpose(1, 0, 2))
+        spins[:, layout.slides] = 0.0
+    for child, parent in layout.tiers:
+        position[:, child] += position[:, parent]
+    unit_twists = np.empty((tree.count, 6, n), dtype).transpose(1, 0, 2)
+    unit_twists[3:] = spins
+    unit_twists[:3] = cross(position.take(layout.centred, 1) + fixed.take(layout.centres, 1), spins)
+    if len(layout.slides):
+        unit_twists[:3, layout.slides] = axes[:, layout.slides]
+    return LinkPoses(position[:, :-1].transpose(1, 0, 2), rotation[:-1], unit_twists.transpose(1, 0, 2))
 
 
 def _carried(vectors: Array, rotation: Array) -> Array:
@@ -85,28 +89,32 @@ def _carried(vectors: Array, rotation: Array) -> Array:
     return np.einsum("lmkn,likn->ilmn", vectors, rotation)
 
 
-def _turn(tree: SpanningTree, at: Coordinates, out: Array) -> None:
+def _turn(tree: SpanningTree, q: Coordinates, out: Array) -> None:
     """Fill in how each link is turned in that on which it hangs, (links + 1, 3, 3, n)."""
-    laid = tree.layout
-    angle = at.values[laid.angles]
-    terms = np.empty((len(angle), 3, len(at)), angle.dtype)
+    layout = tree.layout
+    angle = q.values[layout.angles]
+    terms = np.empty((len(angle), 3, len(q)), angle.dtype)
     terms[:, 0] = 1.0
     np.cos(angle, out=terms[:, 1])
     np.sin(angle, out=terms[:, 2])
-    every = (
-        laid.turning @ terms if laid.turning.ndim == 3 else np.einsum("haen,hen->han", laid.turning, terms)
-    ).reshape(len(angle), 3, 3, len(at))
-    out[laid.once[0]] = every[laid.once[1]]
-    link, first, second = laid.twice
+    rotations = (
+        layout.rotations @ terms
+        if layout.rotations.ndim == 3
+        else np.einsum("haen,hen->han", layout.rotations, terms)
+    ).reshape(len(angle), 3, 3, len(q))
+    out[layout.single[0]] = rotations[layout.single[1]]
+    link, first, second = layout.double
     if len(link):
-        out[link] = np.einsum("lijn,ljkn->likn", every[first], every[second])
-    for branch, ball in laid.stiff:
-        fixed = tree.constants[branch.far]
-        frame, back = (_wide(one) for one in (fixed.near_frame, fixed.far_frame.swapaxes(0, 1)))
+        out[link] = np.einsum("lijn,ljkn->likn", rotations[first], rotations[second])
+    for branch, ball in layout.stiff:
+        fixed = tree.constants[branch.child]
+        frame, child_frame = (
+            _wide(matrix) for matrix in (fixed.parent_frame, fixed.child_frame.swapaxes(0, 1))
+        )
         if ball is not None:
-            turn = at.turns[ball]
-            frame = product(frame, turn if branch.forward else turn.swapaxes(0, 1))
-        out[branch.far] = product(frame, back)
+            rotation = q.turns[ball]
+            frame = product(frame, rotation if branch.forward else rotation.swapaxes(0, 1))
+        out[branch.child] = product(frame, child_frame)
 
 
 def _wide(matrix: Array) -> Array:
@@ -119,65 +127,67 @@ def on_ground(frame: Array, point: Array) -> tuple[Array, Array]:
     return (frame[..., None], point[:, None]) if frame.ndim == 2 else (frame, point)
 
 
-def carried_frame(frame: Array, turn: Array) -> Array:
+def carried_frame(frame: Array, rotation: Array) -> Array:
     """Return a frame (3, 3) of a link, or (3, 3, n) of many designs, where the link is turned, (3, 3, n)."""
-    return frame.T @ turn if frame.ndim == 2 else product(turn, frame)
+    return frame.T @ rotation if frame.ndim == 2 else product(rotation, frame)
 
 
-def carried_point(point: Array, turn: Array) -> Array:
+def carried_point(point: Array, rotation: Array) -> Array:
     """Return a point (3,) of a link, or (3, n) of many designs, where the link is turned, (3, n)."""
-    return point @ turn if point.ndim == 1 else np.einsum("kn,ikn->in", point, turn)
+    return point @ rotation if point.ndim == 1 else np.einsum("kn,ikn->in", point, rotation)
 
 
-def twists(tree: SpanningTree, here: Placed, rates: Array) -> Array:
+def twists(tree: SpanningTree, poses: LinkPoses, rates: Array) -> Array:
     """Return each link's motion at coordinate rates (count, n): (links, 6, n), at the ground's origin."""
-    return _summed(tree, here.screws * rates[:, None])
+    return _summed(tree, poses.unit_twists * rates[:, None])
 
 
-def drifts(tree: SpanningTree, here: Placed, twist: Array, rates: Array) -> Array:
+def velocity_products(tree: SpanningTree, poses: LinkPoses, twist: Array, rates: Array) -> Array:
     """Return the links' accelerations at coordinate rates that do not change, (links, 6, n), as `twists`."""
-    change = np.empty_like(here.screws)
-    still = np.zeros(twist.shape[1:])
+    derivative = np.empty_like(poses.unit_twists)
+    zero = np.zeros(twist.shape[1:])
     for branch in tree.branches:
-        near, far = still if branch.near < 0 else twist[branch.near], twist[branch.far]
-        a, b = (near, far) if branch.forward else (far, near)
+        parent, child = zero if branch.parent < 0 else twist[branch.parent], twist[branch.child]
+        a, b = (parent, child) if branch.forward else (child, parent)
         kind, k = branch.kind, branch.first
         for axis in (*kind.slides, *kind.turns):
             # fixed in a: slides, the axes of a ball, the first of two that cross; else in b
-            in_a = k < branch.turning or kind.ball or (kind.crossed and axis == "a")
-            w, s = a if in_a else b, here.screws[k]
-            change[k, 3:] = cross(w[3:], s[3:])
-            if k >= branch.turning and kind.slides and kind.ball:
+            in_a = k < branch.first_angle or kind.ball or (kind.crossed and axis == "a")
+            w, s = a if in_a else b, poses.unit_twists[k]
+            derivative[k, 3:] = cross(w[3:], s[3:])
+            if k >= branch.first_angle and kind.slides and kind.ball:
                 # the axis passes through b's point, but is carried along by a
-                centre = _centre(tree, branch, here)
-                change[k, :3] = cross(b[:3] + cross(b[3:], centre), s[3:]) + cross(centre, change[k, 3:])
+                centre = _centre(tree, branch, poses)
+                derivative[k, :3] = cross(b[:3] + cross(b[3:], centre), s[3:]) + cross(
+                    centre, derivative[k, 3:]
+                )
             else:
-                change[k, :3] = cross(w[3:], s[:3]) + cross(w[:3], s[3:])
+                derivative[k, :3] = cross(w[3:], s[:3]) + cross(w[:3], s[3:])
             k += 1
-    change *= rates[:, None]
-    return _summed(tree, change)
+    derivative *= rates[:, None]
+    return _summed(tree, derivative)
 
 
-def _centre(tree: SpanningTree, branch: TreeJoint, here: Placed) -> Array:
+def _centre(tree: SpanningTree, branch: TreeJoint, poses: LinkPoses) -> Array:
     """Return where side b's point of a branch is, (3, n) or (3, 1)."""
-    fixed = tree.constants[branch.far]
-    link, point = (branch.far, fixed.far_point) if branch.forward else (branch.near, fixed.near_point)
+    fixed = tree.constants[branch.child]
+    link, point = (branch.child, fixed.child_point) if branch.forward else (branch.parent, fixed.parent_point)
     if link < 0:
         return point[:, None] if point.ndim == 1 else point
-    return here.position[link] + carried_point(point, here.rotation[link])
+    return poses.position[link] + carried_point(point, poses.rotation[link])
 
 
-def _summed(tree: SpanningTree, of: Array) -> Array:
+def _summed(tree: SpanningTree, terms: Array) -> Array:
     """Return for each link the sum over the coordinates that move it, (links, 6, n)."""
-    total = np.empty((len(tree.branches), *of.shape[1:]), of.dtype)
+    total = np.empty((len(tree.branches), *terms.shape[1:]), terms.dtype)
     for branch in tree.branches:
         if not branch.kind.freedoms:
-            total[branch.far] = 0.0 if branch.near < 0 else total[branch.near]
+            total[branch.child] = 0.0 if branch.parent < 0 else total[branch.parent]
             continue
-        own = of[branch.first]
+        value = terms[branch.first]
         for k in range(branch.first + 1, branch.first + branch.kind.freedoms):
-            own = own + of[k]
-        total[branch.far] = own if branch.near < 0 else total[branch.near] + own
+            value = value + terms[k]
+        total[branch.child] = value if branch.parent < 0 else total[branch.parent] + value
     return total
 
 
@@ -188,6 +198,6 @@ def product(a: Array, b: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Return vector products, (3, n) or with more axes between."""
-    found = a.take(NEXT, 0) * b.take(BEFORE, 0)
-    found -= a.take(BEFORE, 0) * b.take(NEXT, 0)
-    return found
+    result = a.take(NEXT, 0) * b.take(BEFORE, 0)
+    result -= a.take(BEFORE, 0) * b.take(NEXT, 0)
+    return result

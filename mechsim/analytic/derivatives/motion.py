@@ -8,22 +8,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.closure.assembly import crank_angles
+from mechsim.analytic.closure.continuation_path import ContinuationPath
+from mechsim.analytic.closure.crank_motion import crank_instants, crank_path, motion_along, motion_record
 from mechsim.analytic.closure.cut_rows import cuts_of
-from mechsim.analytic.closure.followed_path import FollowedPath
 from mechsim.analytic.closure.motion import crank_rate
-from mechsim.analytic.closure.programmed_motion import clock_instants, followed_under, held_too
+from mechsim.analytic.closure.prescribed_motion import instants_of_laws, path_under_laws, with_locked_values
 from mechsim.analytic.closure.spanning_tree import SpanningTree
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.analytic.closure.tree_rates import (
-    ClosedPart,
+    ClosedChunk,
     Instants,
     LoopMotion,
-    closed_parts,
-    in_order,
-    rated,
+    closed_chunks,
+    merged,
+    with_rates,
 )
-from mechsim.analytic.closure.whole_motion import crank_instants, followed, moved_along, recorded
 from mechsim.analytic.derivatives.numbers import GivenMechanism, numbers_of, with_numbers
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError, InputError
@@ -66,14 +66,14 @@ class Followed:
 
     form: Form
     mechanism: Mechanism
-    path: FollowedPath
+    path: ContinuationPath
     instants: Instants
-    parts: Sequence[ClosedPart]
+    parts: Sequence[ClosedChunk]
     given: GivenMechanism | None = None
 
     def motion(self) -> Motion:
         """Return the motion itself."""
-        found = in_order([(part.index, rated(self.path, part)) for part in self.parts])
+        found = merged([(part.index, with_rates(self.path, part)) for part in self.parts])
         return record_of(self.path, found, self.instants, self.given, self.form)
 
     def changed(self, name: str, slope: Array | None) -> tuple[Mechanism, Motion]:
@@ -98,7 +98,7 @@ class Followed:
         found = [
             (part.index, _changed(self.path, part, mechanism, name, given, ahead)) for part in self.parts
         ]
-        return mechanism, record_of(self.path, in_order(found), self.instants, mechanism, self.form)
+        return mechanism, record_of(self.path, merged(found), self.instants, mechanism, self.form)
 
 
 def motion_derivatives(
@@ -160,8 +160,8 @@ def followed_motion(
         for what, value in (("speed", speed), ("acceleration", acceleration))
     ]
     path, instants = followed_form(form, angle, *rates)
-    parts = list(closed_parts(path, instants))
-    blind = path.blind(angle)
+    parts = list(closed_chunks(path, instants))
+    blind = path.near_change_point(angle)
     if blind.any():
         where = path.words.instant(float(angle[np.argmax(blind)]))
         raise AssemblyError(
@@ -173,19 +173,24 @@ def followed_motion(
 
 def followed_form(
     form: Form, angle: Array, speed: Array, acceleration: Array
-) -> tuple[FollowedPath, Instants]:
+) -> tuple[ContinuationPath, Instants]:
     """Return the path of what moves, and instants along it."""
     programs = form.programs
     through: ChangePointPolicy = getattr(form, "change_point", "smooth")
     if programs is not None:
-        path = followed_under(form.mechanism, programs, through)
-        return path, held_too(path, clock_instants(programs, angle, speed, acceleration))
-    path, _ = moved_along(followed(form.mechanism, through), angle, speed, acceleration)
+        path = path_under_laws(form.mechanism, programs, through)
+        return path, with_locked_values(path, instants_of_laws(programs, angle, speed, acceleration))
+    path, _ = motion_along(crank_path(form.mechanism, through), angle, speed, acceleration)
     return path, crank_instants(path, angle, speed, acceleration)
 
 
 def _changed(
-    path: FollowedPath, part: ClosedPart, mechanism: GivenMechanism, name: str, given: float, ahead: float
+    path: ContinuationPath,
+    part: ClosedChunk,
+    mechanism: GivenMechanism,
+    name: str,
+    given: float,
+    ahead: float,
 ) -> LoopMotion:
     """Return the motion of some instants with complex numbers, their imaginary parts at most as given.
 
@@ -193,13 +198,13 @@ def _changed(
     """
     loops = with_mechanism(part.solver.loops, mechanism)
     solver = replace(part.solver, loops=loops)
-    at = Coordinates(part.at.values.astype(complex), part.at.turns.astype(complex))
+    at = Coordinates(part.q.values.astype(complex), part.q.turns.astype(complex))
     for held, value in mechanism.locked.items():
-        at.values[loops.tree.places[held]] += 1j * np.imag(value)
+        at.values[loops.tree.index_of[held]] += 1j * np.imag(value)
     for driver in mechanism.drivers:
-        at.values[loops.tree.places[driver]] += 1j * STEP * ahead
+        at.values[loops.tree.index_of[driver]] += 1j * STEP * ahead
     before = solver.linearise(at)
-    at = loops.moved(at, solver.step(before.matrix, before.right))
+    at = loops.displaced(at, solver.step(before.matrix, before.rhs))
     found = solver.linearise(at)
     torn = np.abs(found.residual.imag).max(initial=0.0)
     opened = np.abs(before.residual.imag).max(initial=0.0)
@@ -208,13 +213,13 @@ def _changed(
             f"{mechanism.name}: changed alone, {name} leaves the loops open, for joints repeat what "
             "others hold (as out of the plane of a flat linkage); change what goes with it, too"
         )
-    return rated(path, replace(part, solver=solver, at=at, loops=found))
+    return with_rates(path, replace(part, solver=solver, q=at, linearised=found))
 
 
 def with_mechanism(loops: TreeLoops, mechanism: GivenMechanism) -> TreeLoops:
     """Return the same loops of a mechanism with other numbers."""
     old = loops.tree
-    parted = {joint.name for joint in old.given.joints if joint not in old.mechanism.joints}
+    parted = {joint.name for joint in old.original.joints if joint not in old.mechanism.joints}
     own = split(mechanism, parted) if parted else mechanism
     branches = tuple(replace(branch, joint=own.joint(branch.joint.name)) for branch in old.branches)
     tree = SpanningTree(own, mechanism, branches, tuple(own.joint(cut.name) for cut in old.cuts))
@@ -222,17 +227,21 @@ def with_mechanism(loops: TreeLoops, mechanism: GivenMechanism) -> TreeLoops:
 
 
 def record_of(
-    path: FollowedPath, moved: LoopMotion, instants: Instants, mechanism: GivenMechanism | None, form: Form
+    path: ContinuationPath,
+    moved: LoopMotion,
+    instants: Instants,
+    mechanism: GivenMechanism | None,
+    form: Form,
 ) -> Motion:
     """Return a motion as a record; of a mechanism with other numbers, whose conditioning is not told."""
-    of = path.loops.tree.given if mechanism is None else mechanism
-    found = recorded(path, moved, instants.at, instants.speed, instants.acceleration, of)
+    of = path.loops.tree.original if mechanism is None else mechanism
+    found = motion_record(path, moved, instants.parameter, instants.speed, instants.acceleration, of)
     if mechanism is not None:
         found = replace(found, conditioning=None)
     programs = form.programs
     if programs is None:
         return found
-    return replace(found, time=instants.at / programs.pace, drivers=programs.drivers)
+    return replace(found, time=instants.parameter / programs.pace, drivers=programs.drivers)
 
 
 def derivative_of(motion: Motion) -> Motion:

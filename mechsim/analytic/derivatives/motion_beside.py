@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.closure.followed_path import FollowedPath
-from mechsim.analytic.closure.tree_rates import ClosedPart, Instants
+from mechsim.analytic.closure.continuation_path import ContinuationPath
+from mechsim.analytic.closure.tree_rates import ClosedChunk, Instants
 from mechsim.analytic.derivatives.motion import Followed, followed_motion, with_mechanism
 from mechsim.analytic.derivatives.numbers import GivenMechanism, numbers_of, with_numbers
 from mechsim.analytic.forms import Form
@@ -31,9 +31,9 @@ class MotionBeside:
     """
 
     form: Form
-    path: FollowedPath
+    path: ContinuationPath
     instants: Instants
-    parts: tuple[ClosedPart, ...]
+    parts: tuple[ClosedChunk, ...]
     reach: float = np.inf
 
     def of(self, mechanism: Mechanism, ahead: float = 0.0) -> Motion:
@@ -54,32 +54,32 @@ class MotionBeside:
         parts = [self._closed(part, given, ahead) for part in self.parts]
         return Followed(self.form, mechanism, self.path, self.instants, parts, given)
 
-    def _closed(self, part: ClosedPart, mechanism: GivenMechanism, ahead: float) -> ClosedPart:
+    def _closed(self, part: ClosedChunk, mechanism: GivenMechanism, ahead: float) -> ClosedChunk:
         loops = with_mechanism(part.solver.loops, mechanism)
         solver = replace(part.solver, loops=loops)
-        side, at = np.sign(part.loops.side), replace(part.at, values=part.at.values.copy())
+        side, at = np.sign(part.linearised.signed_distance), replace(part.q, values=part.q.values.copy())
         for held, value in mechanism.locked.items():
-            at.values[loops.tree.places[held]] = value
+            at.values[loops.tree.index_of[held]] = value
         for driver in mechanism.drivers:
-            at.values[loops.tree.places[driver]] += ahead
+            at.values[loops.tree.index_of[driver]] += ahead
         found, gone = solver.linearise(at), 0.0
         for _ in range(STEPS):
-            step = solver.step(found.matrix, found.right)
+            step = solver.step(found.matrix, found.rhs)
             longest = float(np.abs(step).max(initial=0.0))
             gone += longest
             if not (longest < LONGEST and gone < self.reach):
                 break
-            at = loops.moved(at, step)
+            at = loops.displaced(at, step)
             found = solver.linearise(at)
             if longest < SHORT:
                 break
         gap = float(np.abs(found.residual).max(initial=0.0))
-        if not gap <= CLOSED or (np.sign(found.side) != side).any():
+        if not gap <= CLOSED or (np.sign(found.signed_distance) != side).any():
             raise AssemblyError(
                 f"{mechanism.name}: with these dimensions the loops do not close in this assembly at all of "
                 "its instants; change them by less"
             )
-        return replace(part, solver=solver, at=at, loops=found)
+        return replace(part, solver=solver, q=at, linearised=found)
 
 
 def motion_beside(

@@ -8,9 +8,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.closure.followed_path import FollowedPath
+from mechsim.analytic.closure.continuation_path import ContinuationPath
 from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.programmed_motion import followed_under, solve_programmed
+from mechsim.analytic.closure.prescribed_motion import path_under_laws, solve_under_laws
 from mechsim.errors import AssemblyError, MechsimError
 from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND
@@ -176,7 +176,7 @@ def _row(
     clock = nodes - values[moved]
     try:
         bound = programs(mechanism, states, 1.0)
-        path = followed_under(mechanism, bound)
+        path = path_under_laws(mechanism, bound)
     except AssemblyError:
         return np.zeros(len(nodes), dtype=np.bool_), None
     clock = clock * bound.pace
@@ -185,15 +185,15 @@ def _row(
     if not stand.any():
         return stand, None
     at = clock[stand]
-    return stand, solve_programmed(path, bound, at, np.full_like(at, bound.pace), np.zeros_like(at))
+    return stand, solve_under_laws(path, bound, at, np.full_like(at, bound.pace), np.zeros_like(at))
 
 
-def _reached(path: FollowedPath, sense: int, end: float) -> float:
+def _reached(path: ContinuationPath, sense: int, end: float) -> float:
     """Return how far a path can be followed towards an end, in the angle of its clock."""
     with suppress(AssemblyError):
         path.extend(end)
         return end
-    cells = path.cells[sense]
+    cells = path.segments[sense]
     return float(cells[-1].nodes[-1]) if cells else 0.0
 
 

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.closure.cut_rows import cuts_of
-from mechsim.analytic.closure.settled import settled
+from mechsim.analytic.closure.determinacy import driver_determinacy
+from mechsim.analytic.closure.numerical_rank import relative_cutoff
 from mechsim.analytic.closure.spanning_tree import SpanningTree
-from mechsim.analytic.closure.telling import least_part
 from mechsim.analytic.closure.tree_joints import TreeJoint
 from mechsim.analytic.closure.tree_loops import TreeLoops
-from mechsim.analytic.closure.tree_motion import Coordinates, placed
+from mechsim.analytic.closure.tree_motion import Coordinates, link_poses
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS
@@ -110,14 +110,14 @@ class ExactClosure:
             matrix = np.where(going[:, None, None], matrix, 0.0)
             right = np.where(going, residual, 0.0).T[..., None]
             step = np.zeros((loops.tree.count, len(at)))
-            step[loops.unknown] = -(np.linalg.pinv(matrix, rcond=least_part(matrix)) @ right)[..., 0].T
+            step[loops.unknown] = -(np.linalg.pinv(matrix, rcond=relative_cutoff(matrix)) @ right)[..., 0].T
             step *= LONGEST / np.maximum(LONGEST, np.abs(step).max(0))
-            at = loops.moved(at, step)
+            at = loops.displaced(at, step)
         return at, np.abs(loops.linearise(at)[0]).max(0, initial=0.0)
 
     def points(self, at: Coordinates) -> Array:
         """Return where coordinates put the mechanism's points, (n, k, 3) in [m]."""
-        tree, here = self.loops.tree, placed(self.loops.tree, at)
+        tree, here = self.loops.tree, link_poses(self.loops.tree, at)
         found: list[Array] = []
         for link, local in self.mechanism.points.values():
             if link == GROUND:
@@ -151,7 +151,7 @@ class ExactClosure:
             AssemblyError: where the loops do not close on the way.
         """
         at = self.coordinates(qpos[None])
-        places = [self.loops.tree.places[name] for name in there]
+        places = [self.loops.tree.index_of[name] for name in there]
         here, wanted = at.values[places, 0], np.array([*there.values()])
         far = np.abs((wanted - here) / self.loops.units[places]).max(initial=0.0)
         count = max(1, int(np.ceil(far / STRIDE)))
@@ -182,9 +182,9 @@ class ExactClosure:
         _, slope, _ = loops.linearise(at)
         rate = np.zeros(tree.count)
         for name, speed in speeds.items():
-            rate[tree.places[name]] = speed / loops.units[tree.places[name]]
+            rate[tree.index_of[name]] = speed / loops.units[tree.index_of[name]]
         matrix = slope[:, loops.unknown, 0]
-        rate[loops.unknown] = -np.linalg.pinv(matrix, rcond=least_part(matrix)) @ (slope[..., 0] @ rate)
+        rate[loops.unknown] = -np.linalg.pinv(matrix, rcond=relative_cutoff(matrix)) @ (slope[..., 0] @ rate)
         rate, out, ball = rate * loops.units, np.zeros(nv), 0
         for branch, dof in zip(tree.branches, dofs, strict=True):
             count = branch.kind.freedoms
@@ -192,7 +192,9 @@ class ExactClosure:
             if branch.kind.ball:
                 # of a ball MuJoCo counts the turning in the body's own frame
                 turned = branch.joint.b.frame @ at.turns[ball][..., 0].T
-                out[dof + count - 3 : dof + count] = turned @ rate[branch.turning : branch.turning + 3]
+                out[dof + count - 3 : dof + count] = (
+                    turned @ rate[branch.first_angle : branch.first_angle + 3]
+                )
                 ball += 1
         return out
 
@@ -210,12 +212,12 @@ def exact_closure(
         points: to track, in place of the mechanism's.
     """
     try:
-        superfluous = settled(mechanism).superfluous
+        superfluous = driver_determinacy(mechanism).redundant_drivers
     except AssemblyError:
         superfluous = ()
     names = [name for name in (*mechanism.drivers, *mechanism.locked) if name not in superfluous]
     tree = _tree(replace(mechanism, points=dict(points)), model.njnt)
-    driven = tuple(tree.places[name] for name in names)
+    driven = tuple(tree.index_of[name] for name in names)
     loops = TreeLoops(tree, cuts_of(tree), (0.0,) * len(mechanism.laws), driven)
     return ExactClosure(loops, tuple(int(place) for place in model.jnt_qposadr))
 

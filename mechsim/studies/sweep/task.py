@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.closure.many_motion import LikeLoops, can_be_followed_together
+from mechsim.analytic.closure.many_motion import SharedLoops, shared_loops
 from mechsim.errors import InputError, MechsimError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
@@ -153,14 +153,14 @@ class SweepTask:
         return CrankRows(angle, np.full_like(angle, self.pace), np.zeros_like(angle))
 
     @cached_property
-    def together(self) -> LikeLoops | None:
+    def together(self) -> SharedLoops | None:
         """What designs followed together have in common; None where each must be by itself."""
         form = self.subject.form
         alone = self.loaded or self.wants("transmission") or any(one.kind in ALONE for one in self.measures)
         if alone or getattr(form, "change_point", "smooth") != "smooth":
             return None
         with suppress(MechsimError):
-            return can_be_followed_together(form.mechanism, self.joints, form.programs)
+            return shared_loops(form.mechanism, self.joints, form.programs)
         return None
 
     @cached_property

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.closure.tree_motion import Placed
+from mechsim.analytic.closure.tree_motion import LinkPoses
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import numbers
@@ -93,7 +93,7 @@ class AssemblyCurve:
     @property
     def mechanism(self) -> Mechanism:
         """What moves."""
-        return self.loops.loops.tree.given
+        return self.loops.loops.tree.original
 
     @property
     def length(self) -> float:
@@ -168,7 +168,7 @@ class AssemblyCurve:
         back = np.argsort(np.concatenate(order))
         joints = np.concatenate([part[0] for part in parts])[back] + self._laps
         position, rotation = (np.concatenate([part[k] for part in parts], -1)[..., back] for k in (1, 2))
-        return self._record(asked, joints, posed(tree, Placed(position, rotation, np.empty(0))))
+        return self._record(asked, joints, posed(tree, LinkPoses(position, rotation, np.empty(0))))
 
     def samples(self, count: int) -> CurvePoses:
         """Return the poses at so many arcs, evenly spaced from the start round to the start."""
@@ -199,5 +199,5 @@ class AssemblyCurve:
         coupled = {name for law in self.mechanism.laws for name in law.coordinates}
         for i, column in enumerate(columns):
             if column.coordinate in coupled:
-                laps[i] = TURN * np.round((first[tree.places[column.coordinate]] - begin[i]) / TURN)
+                laps[i] = TURN * np.round((first[tree.index_of[column.coordinate]] - begin[i]) / TURN)
         return laps * self.joints.angular

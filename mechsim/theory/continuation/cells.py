@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from mechsim.analytic.closure.loop_solver import LoopSolver
-from mechsim.analytic.closure.tree_motion import Coordinates, placed
+from mechsim.analytic.closure.tree_motion import Coordinates, link_poses
 from mechsim.errors import AssemblyError
 from mechsim.maths import polynomials
 from mechsim.maths.arrays import Array
@@ -178,11 +178,11 @@ def _next(
     low = done[-1].high if done else 0.0
     places = 0.5 * length * (1.0 - np.cos(np.pi * np.arange(NODES) / (NODES - 1)))
     straight = np.zeros((loops.loops.tree.count, NODES))
-    straight[loops.loops.unknown] = np.outer(solver.gauge[0], places)
+    straight[loops.loops.unknown] = np.outer(solver.null_space[0], places)
     guesses = [loops.unflat(done[-1].foretold(loops, low + places))] if done else []
     if length < SHORT or not done:
         # about a sharp bend rounding tells more of the direction than of what is foretold
-        guesses.append(loops.loops.moved(_repeated(start), straight))
+        guesses.append(loops.loops.displaced(_repeated(start), straight))
     cell = found = None
     for guess in guesses:
         found = loops.close(solver, guess)
@@ -219,7 +219,7 @@ def _cell(
     high, nothing = float(nodes[-1]), np.empty(0)
     largest = max(largest, float(found.least.max()))
     cell = Stretch(low, high, nodes, found.at, nothing, nothing, found.along[-1], solver, largest)
-    foretold = loops.marks.at(placed(loops.loops.tree, guess))
+    foretold = loops.marks.at(link_poses(loops.loops.tree, guess))
     if not np.abs(foretold - found.marks).max() < ASTRAY * (high - low):
         return None
     fits = {"rows": cell.fitted(loops.flat(found.at)), "marks": cell.fitted(found.marks)}
@@ -278,7 +278,7 @@ def _counted_alike(loops: FreeLoops, cell: Stretch, arc: float, begin: Coordinat
 def _crank(loops: FreeLoops) -> Array:
     tree = loops.loops.tree
     along = np.zeros(tree.count)
-    along[tree.places[tree.mechanism.drivers[0]]] = 1.0
+    along[tree.index_of[tree.mechanism.drivers[0]]] = 1.0
     return along[loops.loops.unknown]
 
 
@@ -291,5 +291,5 @@ def _stuck(loops: FreeLoops, at: Coordinates) -> str:
     driver = tree.mechanism.drivers[0]
     return (
         f"{tree.mechanism.name}: the curve of assemblies has no smooth way on at {driver} = "
-        f"{at.values[tree.places[driver], 0]:.7g}; change the dimensions a little"
+        f"{at.values[tree.index_of[driver], 0]:.7g}; change the dimensions a little"
     )

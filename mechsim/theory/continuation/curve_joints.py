@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from mechsim.analytic.closure.spanning_tree import SpanningTree
-from mechsim.analytic.closure.tree_motion import Placed, placed
+from mechsim.analytic.closure.tree_motion import LinkPoses, link_poses
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.maths.polynomials import derivative
@@ -50,12 +50,12 @@ def joint_columns(mechanism: Mechanism) -> tuple[JointColumn, ...]:
     return tuple(found)
 
 
-def read_joints(tree: SpanningTree, here: Placed) -> Array:
+def read_joints(tree: SpanningTree, here: LinkPoses) -> Array:
     """Return the coordinates of all joints at n poses, (n, columns) in SI; angles in (-pi, pi]."""
     n = here.position.shape[2]
     everywhere = {GROUND: Pose(np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3)))} | posed(tree, here)
     found: list[Array] = []
-    for joint in tree.given.joints:
+    for joint in tree.original.joints:
         kind = KINDS[joint.kind]
         if kind.units:
             a, b = everywhere[joint.a.link], everywhere[joint.b.link]
@@ -65,7 +65,7 @@ def read_joints(tree: SpanningTree, here: Placed) -> Array:
     return np.concatenate(found, 1)
 
 
-def posed(tree: SpanningTree, here: Placed) -> dict[str, Pose]:
+def posed(tree: SpanningTree, here: LinkPoses) -> dict[str, Pose]:
     """Return the poses of the moving links: name -> n poses."""
     return {
         name: Pose(here.position[i].T, here.rotation[i].transpose(2, 0, 1)) for name, i in tree.index.items()
@@ -87,7 +87,7 @@ class CurveJoints:
     @cached_property
     def columns(self) -> tuple[JointColumn, ...]:
         """What they are."""
-        return joint_columns(self.tree.given)
+        return joint_columns(self.tree.original)
 
     @cached_property
     def angular(self) -> Array:
@@ -101,7 +101,7 @@ class CurveJoints:
         last: Array | None = None
         angles = self.angular > 0.0
         for cell in self.walked.cells:
-            values = read_joints(self.tree, placed(self.tree, cell.closed))
+            values = read_joints(self.tree, link_poses(self.tree, cell.closed))
             values[:, angles] = np.unwrap(values[:, angles], axis=0)
             if last is not None:
                 values += self.angular * TURN * np.round((last - values[0]) / TURN)

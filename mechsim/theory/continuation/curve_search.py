@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.closure.random_starts import poses_beside, taken
-from mechsim.analytic.closure.telling import telling
+from mechsim.analytic.closure.numerical_rank import significant
+from mechsim.analytic.closure.random_starts import poses_around_branch_point, select
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import AssemblyError, MobilityError
 from mechsim.maths.arrays import Array
@@ -48,8 +48,8 @@ class CurveSearch:
         _, slope, here = self.loops.loops.linearise(poses)
         by_unknowns = slope[:, self.loops.loops.unknown].transpose(2, 0, 1)
         values = np.linalg.svd(by_unknowns, compute_uv=False)
-        rank = telling(values, NOUGHT).sum(1)
-        self.at += [taken(poses, np.array([i])) for i in range(len(poses))]
+        rank = significant(values, NOUGHT).sum(1)
+        self.at += [select(poses, np.array([i])) for i in range(len(poses))]
         self.marks = np.concatenate([self.marks, self.loops.marks.at(here)])
         self.least = np.concatenate([self.least, self.loops.least(slope)])
         self.freedoms = np.concatenate([self.freedoms, 1 + self.loops.rank - rank])
@@ -76,7 +76,7 @@ class CurveSearch:
         for arc in curve.meetings:
             cell = curve.walked.cells[curve.walked.place(arc)]
             there = self.loops.unflat(cell.at(cell.rows, np.array([arc])))
-            self.take(poses_beside(self.loops.loops, there), counted=False)
+            self.take(poses_around_branch_point(self.loops.loops, there), counted=False)
 
     def walk_all(self) -> None:
         """Walk curves until every pose that can move lies on one."""

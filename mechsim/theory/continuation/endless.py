@@ -31,7 +31,7 @@ def require_return(loops: TreeLoops, begin: Coordinates, at: Coordinates) -> Non
     far = int(np.argmax(gone / most)) if len(gone) else 0
     if not len(gone) or gone[far] < most[far]:
         return
-    name = next(one for one, place in tree.places.items() if place == far)
+    name = next(one for one, place in tree.index_of.items() if place == far)
     way = (
         f"has gone {MOST_SIZES:,} times the mechanism's size of {tree.size:.4g} m"
         if tree.slides[far]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from mechsim.analytic.closure.joint_motion import point_on
-from mechsim.analytic.closure.tree_motion import placed
+from mechsim.analytic.closure.tree_motion import link_poses
 from mechsim.maths.arrays import Array
 from mechsim.maths.polynomials import derivative
 from mechsim.model.links import GROUND, Pose
@@ -56,7 +56,7 @@ def _rates(curve: AssemblyCurve, arc: Array, order: int) -> Array:
     of = np.array([walked.place(at) for at in arc.tolist()])
     found = np.empty((len(arc), len(tree.branches), 12))
     for i in np.unique(of).tolist():
-        cell, here = walked.cells[i], placed(tree, walked.cells[i].closed)
+        cell, here = walked.cells[i], link_poses(tree, walked.cells[i].closed)
         links, n = here.position.shape[0], here.position.shape[2]
         both = np.concatenate([here.position, here.rotation.reshape(links, 9, n)], 1)
         fit = derivative(cell.fitted(both.reshape(-1, n).T), order)

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.closure.loop_solver import LoopSolver
-from mechsim.analytic.closure.telling import telling
+from mechsim.analytic.closure.numerical_rank import significant
 from mechsim.analytic.closure.tree_loops import TreeLoops, orthogonal
-from mechsim.analytic.closure.tree_motion import Coordinates, Placed
+from mechsim.analytic.closure.tree_motion import Coordinates, LinkPoses
 from mechsim.maths.arrays import Array
 from mechsim.theory.continuation.marks import Marks, marks_of, of_all, split
 
@@ -95,9 +95,9 @@ class FreeLoops:
     def close(self, solver: LoopSolver, guess: Coordinates) -> Closed | None:
         """Return coordinates closed from a guess across the curve; None where Newton's method fails."""
         at, found = guess, solver.linearise(guess)
-        length, before = found.right[:, self.rank].copy(), np.inf
+        length, before = found.rhs[:, self.rank].copy(), np.inf
         for _ in range(MOST_STEPS):
-            right = found.right.copy()
+            right = found.rhs.copy()
             right[:, self.rank] -= length
             worst = float(np.abs(right).max())
             if worst <= 1e-15 or (worst < 1e-13 and worst > 0.1 * before):
@@ -109,7 +109,7 @@ class FreeLoops:
                 return None
             if not np.abs(step).max() < FAR:
                 return None
-            at = self.loops.moved(at, step)
+            at = self.loops.displaced(at, step)
             found = solver.linearise(at)
         if not np.abs(found.residual).max(initial=0.0) < CLOSED:
             return None
@@ -120,10 +120,10 @@ class FreeLoops:
             along = np.linalg.solve(found.matrix, right)[..., 0].astype(np.float64, copy=False)
         except np.linalg.LinAlgError:
             return None
-        rates = self.marks.rates(found.here, of_all(self.loops, along))
-        least = self.least(found.slope)
+        rates = self.marks.rates(found.poses, of_all(self.loops, along))
+        least = self.least(found.jacobian)
         side = np.linalg.slogdet(found.matrix)[0]
-        return Closed(at, self.marks.at(found.here), rates, along, length, least, side)
+        return Closed(at, self.marks.at(found.poses), rates, along, length, least, side)
 
     def least(self, slope: Array) -> Array:
         """Return the singular value of slopes (rows, count, n) that vanishes where assemblies meet, (n,)."""
@@ -133,17 +133,17 @@ class FreeLoops:
         values = np.linalg.svd(by_unknowns, compute_uv=False)[:, self.rank - 1]
         return values.astype(np.float64, copy=False)
 
-    def polished(self, solver: LoopSolver, rows: Array, blind: NDArray[np.bool_]) -> Placed:
+    def polished(self, solver: LoopSolver, rows: Array, blind: NDArray[np.bool_]) -> LinkPoses:
         """Return poses closed to rounding from rows that nearly are; blind ones stay as they are."""
         at = self.unflat(rows)
         found = solver.linearise(at)
         for _ in range(2):
-            right = np.where(blind[:, None], 0.0, found.right)
+            right = np.where(blind[:, None], 0.0, found.rhs)
             right[:, self.rank :] = 0.0
             matrix = np.where(blind[:, None, None], np.eye(found.matrix.shape[1]), found.matrix)
-            at = self.loops.moved(at, solver.step(matrix, right))
+            at = self.loops.displaced(at, solver.step(matrix, right))
             found = solver.linearise(at)
-        return found.here
+        return found.poses
 
     def meeting(self, rows: Callable[[Array], Array], low: float, high: float) -> tuple[float, float, float]:
         """Return where between two arcs assemblies are nearest to meeting.
@@ -178,7 +178,7 @@ def free_loops(loops: TreeLoops, at: Coordinates) -> FreeLoops:
     """
     _, slope, here = loops.linearise(at)
     _, values, right = np.linalg.svd(slope[:, loops.unknown, 0])
-    rank = int(telling(values).sum())
+    rank = int(significant(values).sum())
     _, idle = split(loops, here, right[rank:])
     return FreeLoops(
         loops, at.values[[*loops.driven], 0], rank, marks_of(loops.tree, here, of_all(loops, idle))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.closure.spanning_tree import SpanningTree
 from mechsim.analytic.closure.tree_loops import TreeLoops
-from mechsim.analytic.closure.tree_motion import Placed, cross, twists
+from mechsim.analytic.closure.tree_motion import LinkPoses, cross, twists
 from mechsim.errors import MobilityError
 from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND
@@ -37,13 +37,13 @@ class Marks:
     places: NDArray[np.bool_]
     weights: Array
 
-    def at(self, here: Placed) -> Array:
+    def at(self, here: LinkPoses) -> Array:
         """Return the marks of n poses, (n, 3 k)."""
         turned = np.einsum("kijn,jk->ikn", here.rotation[self.links], self.local)
         where = turned + np.where(self.places[:, None], here.position[self.links].transpose(1, 0, 2), 0.0)
         return (where * self.weights[:, None]).reshape(-1, where.shape[2]).T
 
-    def rates(self, here: Placed, rates: Array) -> Array:
+    def rates(self, here: LinkPoses, rates: Array) -> Array:
         """Return the rates of the marks, (n, 3 k), at coordinate rates (count, n) in SI."""
         moved = twists(self.tree, here, rates)[self.links].transpose(1, 0, 2)
         turned = np.einsum("kijn,jk->ikn", here.rotation[self.links], self.local)
@@ -52,7 +52,7 @@ class Marks:
         return (found * self.weights[:, None]).reshape(-1, found.shape[2]).T
 
 
-def marks_of(tree: SpanningTree, here: Placed, idle: Array) -> Marks:
+def marks_of(tree: SpanningTree, here: LinkPoses, idle: Array) -> Marks:
     """Return the marks of a mechanism whose idle freedoms at one pose are directions (count, idle) in SI."""
     mechanism, size = tree.mechanism, tree.mechanism.size
     spun = np.zeros(len(mechanism.links), dtype=np.bool_)
@@ -83,7 +83,7 @@ def of_all(loops: TreeLoops, directions: Array) -> Array:
     return rates
 
 
-def split(loops: TreeLoops, here: Placed, free: Array) -> tuple[Array, Array]:
+def split(loops: TreeLoops, here: LinkPoses, free: Array) -> tuple[Array, Array]:
     """Return which open direction moves coordinates of joints or tracked points, and which are idle.
 
     Args:
@@ -99,7 +99,7 @@ def split(loops: TreeLoops, here: Placed, free: Array) -> tuple[Array, Array]:
     """
     tree, mechanism = loops.tree, loops.tree.mechanism
     rates = of_all(loops, free)
-    told = list(tree.places.values())
+    told = list(tree.index_of.values())
     twist = twists(tree, here, rates)
     seen = [rates[told] / loops.units[told, None]]
     for link, local in mechanism.points.values():

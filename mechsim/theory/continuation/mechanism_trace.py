@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.analytic.closure.loop_solver import loop_solver
-from mechsim.analytic.closure.open_joints import require_determined
-from mechsim.analytic.closure.random_starts import poses_beside, random_poses, taken
+from mechsim.analytic.closure.random_starts import poses_around_branch_point, random_poses, select
 from mechsim.analytic.closure.tree_assembly import assembled
 from mechsim.analytic.closure.tree_loops import TreeLoops
 from mechsim.analytic.closure.tree_motion import Coordinates
+from mechsim.analytic.closure.undetermined_joints import require_determined
 from mechsim.errors import InputError, MobilityError
 from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
@@ -124,9 +124,9 @@ def _ready(loops: TreeLoops, own: Coordinates) -> tuple[FreeLoops, Coordinates]:
     try:
         return free_loops(loops, own), own
     except MobilityError:
-        near = poses_beside(loops, own)
+        near = poses_around_branch_point(loops, own)
         for i in range(len(near)):
-            one = taken(near, np.array([i]))
+            one = select(near, np.array([i]))
             try:
                 return free_loops(loops, one), one
             except MobilityError:

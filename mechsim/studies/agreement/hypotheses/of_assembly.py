@@ -10,7 +10,7 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.closure.spanning_tree import SpanningTree
 from mechsim.analytic.closure.tree_assembly import closed
 from mechsim.analytic.closure.tree_loops import tree_loops
-from mechsim.analytic.closure.tree_motion import Coordinates, placed
+from mechsim.analytic.closure.tree_motion import Coordinates, link_poses
 from mechsim.analytic.forms import Form
 from mechsim.errors import MechsimError
 from mechsim.maths.arrays import Array
@@ -84,7 +84,7 @@ def _found(form: LoopForm) -> list[tuple[str, Form]]:
 
 def _places(mechanism: Mechanism, tree: SpanningTree, at: Coordinates) -> Array:
     """Return where all joints are, (joints, 3)."""
-    here = placed(tree, at)
+    here = link_poses(tree, at)
     found: list[Array] = []
     for joint in mechanism.joints:
         for end in (joint.a, joint.b):
@@ -95,7 +95,7 @@ def _places(mechanism: Mechanism, tree: SpanningTree, at: Coordinates) -> Array:
 
 
 def _with_guess(form: LoopForm, tree: SpanningTree, at: Coordinates) -> LoopForm | None:
-    here = placed(tree, at)
+    here = link_poses(tree, at)
     poses = {
         name: Pose(here.position[i, :, 0].copy(), here.rotation[i, :, :, 0].copy())
         for name, i in tree.links.items()
@@ -111,7 +111,7 @@ def _with_guess(form: LoopForm, tree: SpanningTree, at: Coordinates) -> LoopForm
 def _told(mechanism: Mechanism, tree: SpanningTree, own: Coordinates, at: Coordinates) -> str:
     """Return in words what tells two assemblies apart: the joint that differs most."""
     gap = at.values[:, 0] - own.values[:, 0]
-    names = {place: name for name, place in tree.places.items()}
+    names = {place: name for name, place in tree.index_of.items()}
     turned = {
         name: float((gap[i] + np.pi) % (2 * np.pi) - np.pi) / np.pi
         if not tree.slides[i]
@@ -121,6 +121,6 @@ def _told(mechanism: Mechanism, tree: SpanningTree, own: Coordinates, at: Coordi
     if not turned:
         return "other"
     name = max(turned, key=lambda one: abs(turned[one]))
-    i = tree.places[name]
+    i = tree.index_of[name]
     unit = "m" if tree.slides[i] else "rad"
     return f"{name} = {at.values[i, 0]:.4g} {unit} instead of {own.values[i, 0]:.4g}"

@@ -9,7 +9,7 @@ from mechanisms import at
 
 from mechsim import catalog
 from mechsim.analytic import closure
-from mechsim.analytic.closure.whole_motion import followed, moved_along
+from mechsim.analytic.closure.crank_motion import crank_path, motion_along
 from mechsim.errors import AssemblyError
 from mechsim.model.couplings import Coupling
 from mechsim.model.joints import Joint
@@ -79,9 +79,9 @@ def test_a_swing_is_on_another_lap_only_where_what_goes_with_the_crank_stands_al
 
 def test_a_path_on_another_lap_begins_a_turn_on_and_a_crank_turns_evenly_by_a_radian_a_second():
     mechanism = swinging()
-    path, _ = moved_along(followed(mechanism), *np.array([[mechanism.start + TURN], [1.0], [0.0]]))
-    assert path.begin == mechanism.start + TURN
-    assert path.start.values[path.loops.driven[0]] == path.begin
+    path, _ = motion_along(crank_path(mechanism), *np.array([[mechanism.start + TURN], [1.0], [0.0]]))
+    assert path.initial == mechanism.start + TURN
+    assert path.start.values[path.loops.driven[0]] == path.initial
     assert closure.solve(mechanism, [0.1, 0.2]).speed.tolist() == [1.0, 1.0]
     assert closure.solve(mechanism, [0.1, 0.2]).acceleration.tolist() == [0.0, 0.0]
 

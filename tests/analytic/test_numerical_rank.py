@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mechsim.analytic.closure import telling as by_formulas
+from mechsim.analytic.closure import numerical_rank as by_formulas
 from mechsim.simulation import telling as by_mujoco
 
 # turns, so that singular values are what they are said to be; neither is symmetric whatever its signs
@@ -15,7 +15,7 @@ def with_values(*values):
     return TURN @ np.diag(values) @ OTHER
 
 
-@pytest.mark.parametrize("telling", [by_formulas.telling, by_mujoco.telling])
+@pytest.mark.parametrize("telling", [by_formulas.significant, by_mujoco.telling])
 def test_a_value_tells_if_it_is_more_than_a_part_of_1e_9_of_the_largest_and_more_than_1e_13_at_all(telling):
     values = np.array([[2.0, 2.1e-9, 1.9e-9], [1e-6, 1.1e-13, 0.9e-13], [0.9e-13, 5e-14, 0.0]])
     assert telling(values).tolist() == [[True, True, False], [True, True, False], [False] * 3]
@@ -24,8 +24,8 @@ def test_a_value_tells_if_it_is_more_than_a_part_of_1e_9_of_the_largest_and_more
 
 def test_another_part_and_another_floor_may_be_asked_of_the_formulas():
     values = np.array([2.0, 3e-5, 1e-5, 1e-7])
-    assert by_formulas.telling(values, 1e-5).tolist() == [True, True, False, False]
-    assert by_formulas.telling(0.01 * values, 1e-5, 1e-5).tolist() == [True, False, False, False]
+    assert by_formulas.significant(values, 1e-5).tolist() == [True, True, False, False]
+    assert by_formulas.significant(0.01 * values, 1e-5, 1e-5).tolist() == [True, False, False, False]
 
 
 def test_ranks_count_what_tells():
@@ -43,7 +43,9 @@ def test_solutions_leave_out_what_does_not_tell(values):
     several = np.stack([matrix, np.diag([3.0, 2.0, 1.0])])
     np.testing.assert_allclose(by_mujoco.pseudo_inverse(several)[0], exact, **close)
     np.testing.assert_allclose(by_mujoco.pseudo_inverse(several)[1], np.diag([1 / 3, 0.5, 1.0]), rtol=1e-14)
-    np.testing.assert_allclose(np.linalg.pinv(matrix, rcond=by_formulas.least_part(matrix)), exact, **close)
+    np.testing.assert_allclose(
+        np.linalg.pinv(matrix, rcond=by_formulas.relative_cutoff(matrix)), exact, **close
+    )
 
 
 def test_a_tall_matrix_has_a_wide_pseudo_inverse():
@@ -55,6 +57,6 @@ def test_a_tall_matrix_has_a_wide_pseudo_inverse():
 
 def test_a_part_that_is_left_out_of_solutions_is_never_less_than_the_floor_over_the_largest():
     matrices = np.stack([np.eye(3), 1e-6 * np.eye(3), 1e-14 * np.eye(3)])
-    assert by_formulas.least_part(matrices) == pytest.approx([1e-9, 1e-7, 1.0])
-    assert by_formulas.least_part(matrices, 1e-5) == pytest.approx([1e-5, 1e-5, 1.0])
-    assert by_formulas.least_part(matrices, 1e-5, 1e-5) == pytest.approx([1e-5, 1.0, 1.0])
+    assert by_formulas.relative_cutoff(matrices) == pytest.approx([1e-9, 1e-7, 1.0])
+    assert by_formulas.relative_cutoff(matrices, 1e-5) == pytest.approx([1e-5, 1e-5, 1.0])
+    assert by_formulas.relative_cutoff(matrices, 1e-5, 1e-5) == pytest.approx([1e-5, 1.0, 1.0])

@@ -5,8 +5,8 @@ import pytest
 
 from mechsim import catalog
 from mechsim.analytic import closure
-from mechsim.analytic.closure.generic_pose import held
-from mechsim.analytic.closure.settled import settled
+from mechsim.analytic.closure.determinacy import driver_determinacy
+from mechsim.analytic.closure.generic_pose import with_coordinate_locked
 from mechsim.errors import MobilityError
 from mechsim.model.couplings import Gear
 from mechsim.model.joints import End, Joint
@@ -88,7 +88,7 @@ def test_a_start_at_a_dead_centre_is_no_freedom():
 
 def test_a_coordinate_held_takes_one_freedom_and_leaves_the_others_whole():
     freedoms = np.linalg.qr(np.random.default_rng(3).standard_normal((9, 9)))[0][:5]
-    left = held(freedoms, 4)
+    left = with_coordinate_locked(freedoms, 4)
     assert left.shape == (4, 9)
     np.testing.assert_allclose(left[:, 4], 0.0, atol=1e-15)
     np.testing.assert_allclose(left @ left.T, np.eye(4), atol=1e-14)
@@ -105,4 +105,4 @@ def test_what_dozens_of_loose_bodies_leave_open_is_known():
     loose = Mechanism(
         "loose", links, (crank, *joints), "crank", points={"P": ("c", (0.0, 0.1, 0.0))}, guess=guess
     )
-    assert len(settled(loose).open) == 13
+    assert len(driver_determinacy(loose).undetermined) == 13

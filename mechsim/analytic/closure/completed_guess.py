@@ -4,17 +4,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mechsim.analytic.closure.assembly import LONGEST_TURN, moved_poses
+from mechsim.analytic.closure.assembly import MAX_ROTATION, moved_poses
 from mechsim.analytic.closure.loop_equations import equations, row_units, scaled
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 
 # steps of Newton's method, which need not close anything; one so short that no more is gained, in [rad] and
 # parts of the size; and singular values that are left out of them
-STEPS, SHORT, RANK = 30, 1e-9, 1e-6
+STEPS, LAST_STEP, CUTOFF = 30, 1e-9, 1e-6
 
 
-def drawn_towards_guess(mechanism: Mechanism, rough: Mapping[str, Pose]) -> dict[str, Pose] | None:
+def completed_poses(mechanism: Mechanism, initial: Mapping[str, Pose]) -> dict[str, Pose] | None:
     """Return poses in which the links without a guess open the loops least while the others stand still.
 
     A chain of joints alone puts a leg somewhere, not towards the plate that it carries. None where all links
@@ -24,16 +24,16 @@ def drawn_towards_guess(mechanism: Mechanism, rough: Mapping[str, Pose]) -> dict
     if free.all() or not free.any():
         return None
     columns, size = np.repeat(free, 6), mechanism.size
-    poses = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in rough.items()}
+    poses = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in initial.items()}
     for _ in range(STEPS):
         rows = equations(mechanism, poses, None)
-        slope = scaled(mechanism, rows.jacobian)[0][:, columns]
-        gap = (rows.residual * row_units(mechanism, rows.residual.shape[1]))[0]
+        jacobian = scaled(mechanism, rows.jacobian)[0][:, columns]
+        residual = (rows.residual * row_units(mechanism, rows.residual.shape[1]))[0]
         step = np.zeros(6 * len(free))
-        step[columns] = -np.linalg.lstsq(slope, gap, rcond=RANK)[0]
-        if not float(np.abs(step).max()) > SHORT:
+        step[columns] = -np.linalg.lstsq(jacobian, residual, rcond=CUTOFF)[0]
+        if not float(np.abs(step).max()) > LAST_STEP:
             break
-        step *= LONGEST_TURN / max(LONGEST_TURN, float(np.abs(step).max()))
+        step *= MAX_ROTATION / max(MAX_ROTATION, float(np.abs(step).max()))
         step = step.reshape(-1, 6) * np.repeat([size, 1.0], 3)
         poses = moved_poses(mechanism, poses, step.reshape(1, -1))
     return {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}

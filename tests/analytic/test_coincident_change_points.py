@@ -8,9 +8,9 @@ from coupled_wheels import START, assert_all_turn_alike, coupled_wheels
 
 from mechsim import catalog
 from mechsim.analytic import closure
+from mechsim.analytic.closure.change_points import even_change_point
+from mechsim.analytic.closure.crank_motion import crank_path
 from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.meeting_cells import touched
-from mechsim.analytic.closure.whole_motion import followed
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End
 from mechsim.model.links import Link
@@ -31,10 +31,10 @@ def test_wheels_turn_alike_where_all_rods_lie_flat(wheels):
 
 @pytest.mark.parametrize("steps", [61, 400])
 def test_a_change_point_of_two_pairs_is_found_however_it_is_come_upon(steps):
-    path = followed(coupled_wheels(3))
+    path = crank_path(coupled_wheels(3))
     for end in np.linspace(START, START + 2.0 * np.pi, steps):
         path.extend(end)
-    assert sorted(path.meetings)[:2] == pytest.approx([np.pi, 2.0 * np.pi], abs=1e-10)
+    assert sorted(path.change_points)[:2] == pytest.approx([np.pi, 2.0 * np.pi], abs=1e-10)
 
 
 @pytest.mark.parametrize("wheels", [3, 4])
@@ -98,7 +98,7 @@ def test_rods_that_lie_flat_apart_are_passed_one_by_one_and_close_together_are_r
 def test_a_determinant_that_touches_nought_is_told_from_one_that_stays_away(pairs, at):
     nodes = np.cos(np.linspace(np.pi, 0.0, 9))
     beside = np.exp(0.7 * nodes) * (1.3 + 0.2 * np.sin(2.0 * nodes))
-    behind = touched(pairs * np.log(np.abs(nodes - at) * beside))
+    behind = even_change_point(pairs * np.log(np.abs(nodes - at) * beside))
     assert behind is not None
     assert nodes[behind] <= at <= nodes[behind + 1]
-    assert touched(np.log((nodes - at) ** 2 + 0.3) + pairs * np.log(beside)) is None
+    assert even_change_point(np.log((nodes - at) ** 2 + 0.3) + pairs * np.log(beside)) is None

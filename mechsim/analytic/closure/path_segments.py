@@ -13,15 +13,15 @@ from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.maths.arrays import Array
 
 # path parameter (n,) -> prescribed coordinates in their units, (driven, n)
-Drive = Callable[[Array], Array]
+PrescribedValues = Callable[[Array], Array]
 
 # a residual up to which poses are closed, and how far they may move to it, in radians or parts of the
 # size: farther may be another assembly
-CLOSED, ASTRAY = 1e-12, 5e-2
+CLOSED, MAX_CORRECTION = 1e-12, 5e-2
 
 
 @dataclass(frozen=True)
-class Cell:
+class Segment:
     """A stretch of the path: closed coordinates at nodes, and the polynomial through them.
 
     Attributes:
@@ -29,14 +29,14 @@ class Cell:
         states: flattened coordinates, (k, w).
         weights: barycentric, (k,).
         solver: what its poses are solved with.
-        serves: whether the solver tells enough at each node, (k,); None where that is not known.
+        adequate: whether the solver tells enough at each node, (k,); None where that is not known.
     """
 
     nodes: Array
     states: Array
     weights: Array
     solver: LoopSolver
-    serves: NDArray[np.bool_] | None = None
+    adequate: NDArray[np.bool_] | None = None
 
     @property
     def low(self) -> float:
@@ -48,34 +48,34 @@ class Cell:
         """How much of the path's parameter it spans."""
         return abs(float(self.nodes[-1] - self.nodes[0]))
 
-    def at(self, s: Array) -> Array:
+    def evaluate(self, s: Array) -> Array:
         """Return the polynomial at parameters (n,), (n, w)."""
-        gap = s[:, None] - self.nodes
-        hit = gap == 0.0
-        part = np.where(hit.any(1)[:, None], hit, self.weights / np.where(hit, 1.0, gap))
-        whole = part.sum(1, keepdims=True)
+        distance = s[:, None] - self.nodes
+        at_node = distance == 0.0
+        weights = np.where(at_node.any(1)[:, None], at_node, self.weights / np.where(at_node, 1.0, distance))
+        total = weights.sum(1, keepdims=True)
         # so far beyond the nodes that their parts cancel, the nearest node tells as much
-        lost = whole[:, 0] == 0.0
-        if lost.any():
-            part[lost] = np.eye(len(self.nodes))[np.abs(gap[lost]).argmin(1)]
-            whole[lost] = 1.0
-        return (part / whole) @ self.states
+        cancelled = total[:, 0] == 0.0
+        if cancelled.any():
+            weights[cancelled] = np.eye(len(self.nodes))[np.abs(distance[cancelled]).argmin(1)]
+            total[cancelled] = 1.0
+        return (weights / total) @ self.states
 
-    def derivative(self) -> "Cell":
+    def derivative(self) -> "Segment":
         """Return the polynomial's derivative, through the same nodes."""
-        gap = self.nodes[:, None] - self.nodes
-        np.fill_diagonal(gap, 1.0)
-        matrix = self.weights / self.weights[:, None] / gap
+        distance = self.nodes[:, None] - self.nodes
+        np.fill_diagonal(distance, 1.0)
+        matrix = self.weights / self.weights[:, None] / distance
         np.fill_diagonal(matrix, 0.0)
         np.fill_diagonal(matrix, -matrix.sum(1))
         return replace(self, states=matrix @ self.states)
 
-    def part(self, low: float, high: float) -> "Cell":
+    def restricted(self, low: float, high: float) -> "Segment":
         """Return the same polynomial through nodes from one parameter to another."""
         nodes, weights = nodes_between(low, high, len(self.nodes))
-        return replace(self, nodes=nodes, states=self.at(nodes), weights=weights, serves=None)
+        return replace(self, nodes=nodes, states=self.evaluate(nodes), weights=weights, adequate=None)
 
-    def left_out(self) -> float:
+    def truncation_error(self) -> float:
         """Return what the polynomial leaves out: by how much its last terms still change it."""
         middle, reach = 0.5 * (self.nodes[0] + self.nodes[-1]), 0.5 * (self.nodes[-1] - self.nodes[0])
         basis = np.polynomial.chebyshev.chebvander((self.nodes - middle) / reach, len(self.nodes) - 1)
@@ -90,7 +90,7 @@ def nodes_between(low: float, high: float, count: int) -> tuple[Array, Array]:
     return nodes, weights
 
 
-def roughness(states: Array) -> Array:
+def interpolation_error(states: Array) -> Array:
     """Return by how much columns (k, w) at a cell's odd nodes differ from what even nodes tell, (w,)."""
     return np.abs(_odd_from_even(len(states)) @ states[::2] - states[1::2]).max(0)
 
@@ -98,8 +98,8 @@ def roughness(states: Array) -> Array:
 @cache
 def _odd_from_even(count: int) -> Array:
     nodes, half = nodes_between(0.0, 1.0, count)[0], nodes_between(0.0, 1.0, count // 2 + 1)
-    part = half[1] / (nodes[1::2, None] - half[0])
-    return part / part.sum(1, keepdims=True)
+    weights = half[1] / (nodes[1::2, None] - half[0])
+    return weights / weights.sum(1, keepdims=True)
 
 
 @cache
@@ -109,43 +109,46 @@ def _chebyshev(count: int) -> tuple[Array, Array]:
     return np.cos(np.pi * np.arange(count) / (count - 1)), weights
 
 
-class PathRows:
+class PathStates:
     """Poses along a path of the drivers, each as a row of numbers.
 
     Attributes:
         loops: of the mechanism.
-        drive: what the drivers do along the path.
+        prescribed: what the drivers do along the path.
     """
 
-    def __init__(self, loops: TreeLoops, drive: Drive):
-        self.loops, self.drive = loops, drive
+    def __init__(self, loops: TreeLoops, prescribed: PrescribedValues):
+        self.loops, self.prescribed = loops, prescribed
 
-    def flat(self, at: Coordinates) -> Array:
+    def flat(self, q: Coordinates) -> Array:
         """Return coordinates as rows of numbers, (n, w)."""
-        values = (at.values / self.loops.units[:, None]).T
-        return np.concatenate([values, at.turns.reshape(-1, len(at)).T], 1)
+        values = (q.values / self.loops.units[:, None]).T
+        return np.concatenate([values, q.turns.reshape(-1, len(q)).T], 1)
 
     def unflat(self, rows: Array, s: Array, driven: Array | None = None) -> Coordinates:
         """Return coordinates from rows of numbers nearly right, at parameters (n,)."""
         k = self.loops.tree.count
-        turns = np.ascontiguousarray(rows[:, k:].T).reshape(-1, 3, 3, len(rows))
-        if len(turns):
-            turns = np.stack([orthogonal(orthogonal(turn)) for turn in turns])
+        rotations = np.ascontiguousarray(rows[:, k:].T).reshape(-1, 3, 3, len(rows))
+        if len(rotations):
+            rotations = np.stack([orthogonal(orthogonal(rotation)) for rotation in rotations])
         values = rows[:, :k].T * self.loops.units[:, None]
-        values[list(self.loops.driven)] = self.drive(s) if driven is None else driven
-        return Coordinates(values, turns)
+        values[list(self.loops.driven)] = self.prescribed(s) if driven is None else driven
+        return Coordinates(values, rotations)
 
     def closed(
-        self, solver: LoopSolver, s: Array, rows: Array, enough: float = 0.0
+        self, solver: LoopSolver, s: Array, rows: Array, tolerance: float = 0.0
     ) -> tuple[Array, Linearised, float] | None:
         """Return states closed from rough ones, the loops there, and how far they moved; or None.
 
         To rounding, or to a residual that is enough.
         """
         try:
-            at, found, moved = solver.close(self.unflat(rows, s), enough, ASTRAY)
+            q, linearised, displacement = solver.close(self.unflat(rows, s), tolerance, MAX_CORRECTION)
         except np.linalg.LinAlgError:
             return None
-        if not (np.abs(found.residual).max(initial=0.0) <= max(CLOSED, enough) and moved.max() < ASTRAY):
+        if not (
+            np.abs(linearised.residual).max(initial=0.0) <= max(CLOSED, tolerance)
+            and displacement.max() < MAX_CORRECTION
+        ):
             return None
-        return self.flat(at), found, float(moved.max())
+        return self.flat(q), linearised, float(displacement.max())

@@ -8,11 +8,11 @@ from mechanisms import three_cranks
 
 from mechsim import catalog
 from mechsim.analytic import closure
-from mechsim.analytic.closure.followed_path import AIM, AIMED, GROWTH, NODES
+from mechsim.analytic.closure.continuation_path import MAX_GROWTH, NODES, TARGET_CORRECTION, TARGET_ERROR
+from mechsim.analytic.closure.crank_motion import crank_path
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.closure.loop_solver import Linearised, LoopSolver, loop_solver
 from mechsim.analytic.closure.tree_loops import TreeLoops
-from mechsim.analytic.closure.whole_motion import followed
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link, Pose
@@ -29,17 +29,17 @@ def cells_tried(path, stops):
     path.closed = lambda *given: tried.append(given) or close(*given)
     for stop in stops:
         path.extend(stop)
-    return len(tried), sum(map(len, path.cells.values()))
+    return len(tried), sum(map(len, path.segments.values()))
 
 
 @pytest.mark.parametrize(("name", "most"), [("four_bar", 25), ("rssr", 39), ("slider_crank", 22)])
 def test_a_smooth_path_takes_few_cells_and_none_that_is_tried_fails(name, most):
-    path = followed(catalog.make(name).mechanism)
+    path = crank_path(catalog.make(name).mechanism)
     tried, held = cells_tried(path, (1.0, 4.0, 2 * np.pi, -1.0, -2 * np.pi))
     # measured 24, 37 and 21: each is as long as the smoothness of the one before allows
     assert tried == held <= most
     # a tangent foretells the first cell, and that one a longer one the other way
-    first, other = (np.ptp(path.cells[sense][0].nodes) for sense in (1, -1))
+    first, other = (np.ptp(path.segments[sense][0].nodes) for sense in (1, -1))
     assert 2.0 * first < other
 
 
@@ -54,16 +54,16 @@ def test_a_turn_told_from_the_description_on_looks_at_the_loops_few_times(name, 
 
 
 def test_behind_a_start_is_looked_only_where_a_change_point_there_could_blur_it():
-    held = followed(catalog.make("four_bar").mechanism)
-    held.extend(held.begin)
-    assert not held.cells[-1]
-    ((solver, which, rows),) = held.parts(np.array([held.begin, held.begin]))
+    held = crank_path(catalog.make("four_bar").mechanism)
+    held.extend(held.initial)
+    assert not held.segments[-1]
+    ((solver, which, rows),) = held.chunks(np.array([held.initial, held.initial]))
     assert solver is held.first
     assert which.tolist() == [0, 1]
     assert np.array_equal(rows, held.flat(held.start).repeat(2, 0))
-    blurred = followed(three_cranks((0.04, 0.0), start=0.02))
-    blurred.extend(blurred.begin)
-    assert blurred.meetings == pytest.approx([0.0], abs=1e-9)
+    blurred = crank_path(three_cranks((0.04, 0.0), start=0.02))
+    blurred.extend(blurred.initial)
+    assert blurred.change_points == pytest.approx([0.0], abs=1e-9)
 
 
 def test_a_path_that_is_too_long_is_rejected_before_it_is_followed():
@@ -74,15 +74,15 @@ def test_a_path_that_is_too_long_is_rejected_before_it_is_followed():
 
 
 def test_no_cell_is_longer_than_a_fifth_of_a_turn_however_little_moves():
-    path = followed(catalog.make("slider_crank", crank=1e-6).mechanism)
+    path = crank_path(catalog.make("slider_crank", crank=1e-6).mechanism)
     path.extend(4 * np.pi)
-    assert 1.1 < max(np.ptp(cell.nodes) for cell in path.cells[1]) < 0.2 * 2 * np.pi
+    assert 1.1 < max(np.ptp(cell.nodes) for cell in path.segments[1]) < 0.2 * 2 * np.pi
 
 
 def test_a_first_cell_is_foretold_along_the_tangent_to_second_order():
     mechanism = catalog.make("rssr").mechanism
-    path = followed(mechanism)
-    begin = path.begin
+    path = crank_path(mechanism)
+    begin = path.initial
     solver = loop_solver(path.loops, path.start)
     for sense in (1, -1):
         s = begin + sense * np.array([1e-3, 2e-3])
@@ -100,24 +100,24 @@ def test_a_first_cell_is_foretold_along_the_tangent_to_second_order():
 
 @pytest.mark.parametrize(("moved", "before"), [(0.01, 0.3), (0.06, 0.2), (0.004, 0.9)])
 def test_the_next_cell_is_so_long_that_it_is_foretold_as_well_as_is_aimed_at(moved, before):
-    path, step = followed(catalog.make("four_bar").mechanism), 0.4
-    path.reach(path.begin + 0.3, 1)
-    path.cells[1][-1] = path.cells[1][-1].part(path.begin, path.begin + before)
+    path, step = crank_path(catalog.make("four_bar").mechanism), 0.4
+    path.reach(path.initial + 0.3, 1)
+    path.segments[1][-1] = path.segments[1][-1].restricted(path.initial, path.initial + before)
     growth = path.growth(step, 1, 0.0, moved)
     # what is foretold errs by the power of the nodes of how far it is from the middle of the cell before
     now, then = step + 0.5 * before, growth * step + 0.5 * step
-    assert moved * (then / now) ** NODES == pytest.approx(AIMED)
-    assert path.growth(step, 1, 0.0, 0.0) == GROWTH
-    assert path.growth(step, 1, 4.0 * AIM, 0.0) == pytest.approx(0.25 ** (2 / (NODES + 1)))
-    path.cells[1].clear()
-    assert path.growth(step, 1, 0.0, 1.0) == GROWTH
+    assert moved * (then / now) ** NODES == pytest.approx(TARGET_CORRECTION)
+    assert path.growth(step, 1, 0.0, 0.0) == MAX_GROWTH
+    assert path.growth(step, 1, 4.0 * TARGET_ERROR, 0.0) == pytest.approx(0.25 ** (2 / (NODES + 1)))
+    path.segments[1].clear()
+    assert path.growth(step, 1, 0.0, 1.0) == MAX_GROWTH
 
 
 @pytest.mark.parametrize(("least", "holds"), [(0.19, False), (0.21, True)])
 def test_a_cell_whose_rows_tell_a_fifth_of_what_they_do_elsewhere_in_it_is_halved(least, holds, monkeypatch):
-    path = followed(catalog.make("four_bar").mechanism)
+    path = crank_path(catalog.make("four_bar").mechanism)
     monkeypatch.setattr(LoopSolver, "share", lambda *_: np.linspace(3.0 * least, 3.0, NODES))
-    cell, length = path.next_cell(path.begin, 1, 0.05)
+    cell, length = path.next_segment(path.initial, 1, 0.05)
     assert (cell is not None) == holds
     assert (length == 0.025) == (not holds)
 
@@ -128,25 +128,25 @@ def test_cells_are_taken_back_as_far_as_the_last_change_point_and_no_farther(sen
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
     poses = closure.follow(drive.mechanism, [0.5])
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
-    path = followed(drive.mechanism.with_guess(guess, 0.5), passing)
-    assert not path.take_back(sense)
+    path = crank_path(drive.mechanism.with_guess(guess, 0.5), passing)
+    assert not path.drop_last_segment(sense)
     path.reach(to, sense)
-    (meeting,) = path.meetings
-    cells, before = path.cells[sense], list(path.cells[sense])
-    assert path.side != 0.0
-    while path.take_back(sense):
-        assert path.side == 0.0
+    (meeting,) = path.change_points
+    cells, before = path.segments[sense], list(path.segments[sense])
+    assert path.sign != 0.0
+    while path.drop_last_segment(sense):
+        assert path.sign == 0.0
     assert before[: len(cells)] == cells
     assert len(cells) < len(before)
     # the last is that which begins at the change point, or leads through it
     assert sense * cells[-1].nodes[0] <= sense * meeting < sense * cells[-1].nodes[-1]
     path.reach(to, sense)
-    assert path.meetings == [meeting]
-    other = followed(drive.mechanism)
-    other.reach(other.begin + sense, sense)
-    while other.take_back(sense):
+    assert path.change_points == [meeting]
+    other = crank_path(drive.mechanism)
+    other.reach(other.initial + sense, sense)
+    while other.drop_last_segment(sense):
         pass
-    assert not other.cells[sense]
+    assert not other.segments[sense]
 
 
 @pytest.mark.parametrize("lengths", flat_linkages(), ids=lambda one: "-".join(f"{1e3 * x:.0f}" for x in one))
@@ -167,15 +167,15 @@ def test_a_linkage_passes_its_flat_poses_smoothly_and_rates_there_are_limits(len
 def test_a_parallelogram_stays_one_turn_after_turn():
     drive = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=1)
     mechanism = drive.mechanism
-    path = followed(mechanism)
+    path = crank_path(mechanism)
     path.extend(7.0)
     path.extend(-7.0)
-    found = np.sort(path.meetings)
+    found = np.sort(path.change_points)
     np.testing.assert_allclose(found, np.pi * np.round(found / np.pi), atol=1e-9)
     assert {0, 1, 2} <= set(np.round(found / np.pi).astype(int))
     # it goes on where it ended
     path.extend(9.0)
-    for cells in path.cells.values():
+    for cells in path.segments.values():
         assert [cell.nodes[-1] for cell in cells[:-1]] == [cell.nodes[0] for cell in cells[1:]]
     motion = closure.solve(mechanism, ANGLES)
     np.testing.assert_allclose(motion.links["coupler"].angular_velocity, 0.0, atol=1e-9)
@@ -212,7 +212,7 @@ def test_a_path_that_bends_sharply_at_its_flat_pose_is_resolved(which):
     ],
 )
 def test_few_cells_lead_round_a_sharp_bend_and_through_a_change_point(lengths, most):
-    path = followed(catalog.make("four_bar", **named(lengths)).mechanism)
+    path = crank_path(catalog.make("four_bar", **named(lengths)).mechanism)
     # measured 116 to 121, 160 to 164, 160 to 164, 95 to 99, 67 to 72 and 222 to 247, as the rounding of five
     # kernels has it: how often cells are halved, and how much longer they are then
     assert cells_tried(path, (2 * np.pi, -2 * np.pi))[0] <= most
@@ -223,34 +223,36 @@ def test_change_points_are_found_wherever_the_path_begins(start):
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06, branch=-1)
     poses = closure.follow(drive.mechanism, [start])
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
-    path = followed(drive.mechanism.with_guess(guess, float(start)))
+    path = crank_path(drive.mechanism.with_guess(guess, float(start)))
     path.extend(7.0)
     path.extend(-7.0)
-    found = np.sort(path.meetings) / np.pi
+    found = np.sort(path.change_points) / np.pi
     np.testing.assert_allclose(found, np.round(found), atol=1e-12)
     assert np.unique(np.round(found)).size == found.size >= 5
     # each lies amid the cell that leads through it
-    ends = np.sort(np.concatenate([cell.nodes[[0, -1]] for cells in path.cells.values() for cell in cells]))
-    for meeting in path.meetings:
+    ends = np.sort(
+        np.concatenate([cell.nodes[[0, -1]] for cells in path.segments.values() for cell in cells])
+    )
+    for meeting in path.change_points:
         after = np.searchsorted(ends, meeting)
         # measured 1.7e-9 to 3.7e-9, as the rounding of three kernels has it
         assert 2.0 * meeting == pytest.approx(ends[after - 1] + ends[after], abs=1e-8)
 
 
 def test_a_change_point_that_rounding_hides_between_two_cells_is_looked_for_from_before_them(monkeypatch):
-    path = followed(catalog.make("four_bar").mechanism)
-    side, hidden = Linearised.side.func, []
+    path = crank_path(catalog.make("four_bar").mechanism)
+    side, hidden = Linearised.signed_distance.func, []
 
     def misled(loops):
-        cells = path.cells[1]
+        cells = path.segments[1]
         if len(cells) != 3 or (hidden and hidden[0] is not cells[-1]):
             return side(loops)
         hidden[:] = cells[-1:]
         return -side(loops)
 
-    monkeypatch.setattr(Linearised, "side", property(misled))
+    monkeypatch.setattr(Linearised, "signed_distance", property(misled))
     path.reach(3.0, 1)
-    third = path.cells[1][2]
+    third = path.segments[1][2]
     assert third.nodes[0] == hidden[0].nodes[0]
     assert third.length == pytest.approx(0.6 * hidden[0].length)
 
@@ -282,7 +284,7 @@ def test_a_path_that_begins_just_before_its_dead_centre_is_told_to_stay_there():
     start = high - 5e-4
     guess = {name: Pose(one.position[0], one.rotation[0]) for name, one in drive.solve([start]).links.items()}
     with pytest.raises(AssemblyError, match=r"cannot pass .*; stay on this side of the dead centre"):
-        followed(drive.mechanism.with_guess(guess, float(start))).extend(high + 0.5)
+        crank_path(drive.mechanism.with_guess(guess, float(start))).extend(high + 0.5)
 
 
 @pytest.mark.parametrize("excess", [1e-3, 1e-6, 1e-9, 1e-12])
@@ -300,7 +302,7 @@ def test_a_gap_before_the_flat_pose_is_not_leapt_over(lack):
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 - lack)
     ((low, high),) = drive.crank_range().arcs
     assert high - low < 2 * np.pi
-    path = followed(drive.mechanism)
+    path = crank_path(drive.mechanism)
     with pytest.raises(AssemblyError, match="cannot pass") as refused:
         path.extend(high + 2.0 * (2 * np.pi - (high - low)))
     said = float(str(refused.value).split("cannot pass ")[1].split()[0])

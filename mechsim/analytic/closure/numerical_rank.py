@@ -15,7 +15,7 @@ RANK_TOLERANCE = 1e-9
 FLOOR = 1e-13
 
 
-def telling(
+def significant(
     values: NDArray[np.floating[Any]], told: float = RANK_TOLERANCE, floor: float = FLOOR
 ) -> NDArray[np.bool_]:
     """Return which singular values, (..., k) falling, are more than nought.
@@ -30,10 +30,10 @@ def telling(
 
 def rank(matrix: Array, told: float = RANK_TOLERANCE) -> int:
     """Return the rank of equations in units of the size, (rows, unknowns)."""
-    return int(telling(np.linalg.svd(matrix, compute_uv=False), told).sum())
+    return int(significant(np.linalg.svd(matrix, compute_uv=False), told).sum())
 
 
-def least_part(matrix: Array, told: float = RANK_TOLERANCE, floor: float = FLOOR) -> Array:
+def relative_cutoff(matrix: Array, told: float = RANK_TOLERANCE, floor: float = FLOOR) -> Array:
     """Return below which part of the largest singular values of equations are left out of a solution, (...).
 
     Args:

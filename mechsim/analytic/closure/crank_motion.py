@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 from mechsim import units
 from mechsim.analytic.closure.assembly import crank_angles
 from mechsim.analytic.closure.checked_start import checked_start
-from mechsim.analytic.closure.followed_path import FollowedPath
+from mechsim.analytic.closure.continuation_path import ContinuationPath
 from mechsim.analytic.closure.joint_motion import joint_motions, point_on
 from mechsim.analytic.closure.motion import crank_rate
-from mechsim.analytic.closure.tree_assembly import held_values, with_holds
+from mechsim.analytic.closure.tree_assembly import locked_values, with_locked
 from mechsim.analytic.closure.tree_motion import twists
 from mechsim.analytic.closure.tree_rates import Instants, LoopMotion, loop_motion
 from mechsim.errors import AssemblyError
@@ -24,12 +24,12 @@ from mechsim.model.mechanism import Mechanism, described, starting_at
 from mechsim.model.motion import ChangePointPolicy, JointMotion, Motion
 
 # part of the quickest turn of any link along an idle freedom at which another turns with it
-SPINS = 1e-6
+MIN_SPIN = 1e-6
 # a gear ratio times turns of the crank is a whole number to this
-WHOLE = 1e-12
+INTEGER_TOLERANCE = 1e-12
 
 
-def followed(mechanism: Mechanism, change_point: ChangePointPolicy = "smooth") -> FollowedPath:
+def crank_path(mechanism: Mechanism, change_point: ChangePointPolicy = "smooth") -> ContinuationPath:
     """Return the path of a mechanism's assembly over its crank angle, as yet no longer than its start.
 
     Args:
@@ -44,9 +44,9 @@ def followed(mechanism: Mechanism, change_point: ChangePointPolicy = "smooth") -
     mechanism = described(mechanism)
     crank = mechanism.crank.name
     first = checked_start(mechanism)
-    begin = float(first.pinned.values[first.loops.tree.places[crank], 0])
-    held = held_values(mechanism)
-    return FollowedPath(first, lambda angle: with_holds(angle[None], held), begin, change_point)
+    initial = float(first.reference.values[first.loops.tree.index_of[crank], 0])
+    locked = locked_values(mechanism)
+    return ContinuationPath(first, lambda angle: with_locked(angle[None], locked), initial, change_point)
 
 
 def follow(mechanism: Mechanism, angles: ArrayLike) -> dict[str, Pose]:
@@ -63,10 +63,12 @@ def follow(mechanism: Mechanism, angles: ArrayLike) -> dict[str, Pose]:
     Accuracy: residuals of a few ulp of the longest link away from a dead centre.
     """
     mechanism = described(mechanism)
-    asked = crank_angles(mechanism, angles)
-    path, found = moved_along(followed(mechanism), asked, np.zeros_like(asked), np.zeros_like(asked))
+    crank_angle = crank_angles(mechanism, angles)
+    path, motion = motion_along(
+        crank_path(mechanism), crank_angle, np.zeros_like(crank_angle), np.zeros_like(crank_angle)
+    )
     return {
-        name: Pose(found.position[:, i], found.rotation[:, i]) for name, i in path.loops.tree.links.items()
+        name: Pose(motion.position[:, i], motion.rotation[:, i]) for name, i in path.loops.tree.links.items()
     }
 
 
@@ -100,78 +102,80 @@ def solve(
         point 1e-12.
     """
     angles, speed = units.si_angles(angles), units.si(speed, "rad/s", "the crank's speed")
-    asked = crank_angles(described(mechanism), angles)
-    rate = crank_rate(described(mechanism), "speed", speed, len(asked))
-    mechanism = starting_at(mechanism, asked, float(rate[0]))
-    return solve_along(followed(mechanism, change_point), angles, speed, acceleration)
+    crank_angle = crank_angles(described(mechanism), angles)
+    rate = crank_rate(described(mechanism), "speed", speed, len(crank_angle))
+    mechanism = starting_at(mechanism, crank_angle, float(rate[0]))
+    return solve_along(crank_path(mechanism, change_point), angles, speed, acceleration)
 
 
-def solve_along(path: FollowedPath, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike) -> Motion:
+def solve_along(
+    path: ContinuationPath, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike
+) -> Motion:
     """Return the motion of a mechanism whose path may be known already; else as `solve`."""
     mechanism = path.loops.tree.mechanism
-    asked = crank_angles(mechanism, angles)
-    rate = crank_rate(mechanism, "speed", speed, len(asked))
-    second = crank_rate(mechanism, "acceleration", acceleration, len(asked))
-    return recorded(*moved_along(path, asked, rate, second), asked, rate, second)
+    crank_angle = crank_angles(mechanism, angles)
+    rate = crank_rate(mechanism, "speed", speed, len(crank_angle))
+    second = crank_rate(mechanism, "acceleration", acceleration, len(crank_angle))
+    return motion_record(*motion_along(path, crank_angle, rate, second), crank_angle, rate, second)
 
 
-def moved_along(
-    path: FollowedPath, angle: Array, speed: Array, acceleration: Array
-) -> tuple[FollowedPath, LoopMotion]:
+def motion_along(
+    path: ContinuationPath, angle: Array, speed: Array, acceleration: Array
+) -> tuple[ContinuationPath, LoopMotion]:
     """Return the motion and its path, of a crank that only swings on whatever lap it is asked for."""
     instants = crank_instants(path, angle, speed, acceleration)
     try:
         return path, loop_motion(path, instants)
     except AssemblyError:
-        for laps in other_laps(path.loops.tree.mechanism.start, angle):
-            other = _counted(path, laps)
-            if other is not None:
+        for revolutions in other_laps(path.loops.tree.mechanism.start, angle):
+            other_path = _on_other_revolution(path, revolutions)
+            if other_path is not None:
                 with suppress(AssemblyError):
-                    return other, loop_motion(other, instants)
+                    return other_path, loop_motion(other_path, instants)
         raise
 
 
-def crank_instants(path: FollowedPath, angle: Array, speed: Array, acceleration: Array) -> Instants:
+def crank_instants(path: ContinuationPath, angle: Array, speed: Array, acceleration: Array) -> Instants:
     """Return instants at crank angles (n,) in [rad] along a path, with the crank's rates (n,)."""
-    still = 0.0 * held_values(path.loops.tree.mechanism)
-    rates = with_holds(speed[None], still), with_holds(acceleration[None], still)
-    return Instants(angle, speed, acceleration, path.drive(angle), *rates)
+    zero = 0.0 * locked_values(path.loops.tree.mechanism)
+    rates = with_locked(speed[None], zero), with_locked(acceleration[None], zero)
+    return Instants(angle, speed, acceleration, path.prescribed(angle), *rates)
 
 
-def _counted(path: FollowedPath, laps: int) -> FollowedPath | None:
+def _on_other_revolution(path: ContinuationPath, revolutions: int) -> ContinuationPath | None:
     """Return a path from the same pose so many turns of the crank on; None where gears make it another."""
-    winds = list(path.loops.winds)
+    turn_offsets = list(path.loops.turn_offsets)
     tree = path.loops.tree
-    crank = tree.places[tree.mechanism.crank.name]
+    crank = tree.index_of[tree.mechanism.crank.name]
     for i, row in enumerate(path.loops.couplings):
-        gain = (row.left[crank] - row.right[crank] * row.coupling.slope) * laps
-        if abs(gain - round(gain)) > WHOLE or (gain and not row.turns):
+        gain = (row.left[crank] - row.right[crank] * row.coupling.slope) * revolutions
+        if abs(gain - round(gain)) > INTEGER_TOLERANCE or (gain and not row.turns):
             return None
-        winds[i] += round(gain) * TURN
+        turn_offsets[i] += round(gain) * TURN
     start = path.start.values.copy()
-    start[crank] += laps * TURN
-    loops = replace(path.loops, winds=tuple(winds))
-    first = replace(path.first, loops=loops, pinned=replace(path.start, values=start))
-    return FollowedPath(first, path.drive, path.begin + laps * TURN, path.passing)
+    start[crank] += revolutions * TURN
+    loops = replace(path.loops, turn_offsets=tuple(turn_offsets))
+    first = replace(path.first, loops=loops, reference=replace(path.start, values=start))
+    return ContinuationPath(first, path.prescribed, path.initial + revolutions * TURN, path.policy)
 
 
-def spinning(path: FollowedPath) -> frozenset[str]:
+def spinning_links(path: ContinuationPath) -> frozenset[str]:
     """Return the links that turn while all that is driven, and every tracked point, stands: as rods spin."""
     tree = path.loops.tree
-    found: set[str] = set()
+    names: set[str] = set()
     # where more is open at the start than elsewhere no path begins
-    for freedom in path.first.gauge:
+    for direction in path.first.null_space:
         rates = np.zeros((tree.count, 1))
-        rates[path.loops.unknown, 0] = freedom
-        moved = twists(tree, path.first.there.here, rates)
-        turning = np.abs(moved[:, 3:]).max((1, 2))
-        found |= {name for name, i in tree.links.items() if turning[i] > SPINS * turning.max()}
-    return frozenset(found)
+        rates[path.loops.unknown, 0] = direction
+        link_twists = twists(tree, path.first.at_reference.poses, rates)
+        angular = np.abs(link_twists[:, 3:]).max((1, 2))
+        names |= {name for name, i in tree.links.items() if angular[i] > MIN_SPIN * angular.max()}
+    return frozenset(names)
 
 
-def recorded(
-    path: FollowedPath,
-    found: LoopMotion,
+def motion_record(
+    path: ContinuationPath,
+    motion: LoopMotion,
     angle: Array,
     speed: Array,
     acceleration: Array,
@@ -182,19 +186,19 @@ def recorded(
     The dimensions are the path's own, or those of a mechanism like it.
     """
     tree = path.loops.tree
-    mechanism = dimensions or tree.given
-    links = {name: found.link(i) for name, i in tree.links.items()}
+    mechanism = dimensions or tree.original
+    links = {name: motion.link(i) for name, i in tree.links.items()}
     joints: dict[str, JointMotion] = {}
     for joint in mechanism.joints:
         kind = KINDS[joint.kind]
-        if tree.place(joint.name) is None:
+        if tree.first_index(joint.name) is None:
             joints |= joint_motions(joint, links)
             continue
         for i, (name, unit) in enumerate(zip(joint.coordinates, kind.units, strict=True)):
-            of = tree.places[name]
-            part = None if kind.single else i
-            value, rate, second = found.values[:, of], found.rates[:, of], found.second[:, of]
-            joints[name] = JointMotion(value, rate, second, "m" if unit == "m" else "rad", part)
+            index = tree.index_of[name]
+            component = None if kind.single else i
+            value, rate, second = motion.values[:, index], motion.rates[:, index], motion.second[:, index]
+            joints[name] = JointMotion(value, rate, second, "m" if unit == "m" else "rad", component)
     return Motion(
         source="loop equations",
         angle=angle,
@@ -207,6 +211,6 @@ def recorded(
         },
         links=links,
         joints=joints,
-        conditioning=found.conditioning,
-        spinning=spinning(path),
+        conditioning=motion.conditioning,
+        spinning=spinning_links(path),
     )

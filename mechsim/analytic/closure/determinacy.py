@@ -1,0 +1,118 @@
+"""What drivers settle, by rank at generic poses: freedoms, what stays open, what is asked twice."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mechsim.analytic.closure.loop_solver import loop_solver
+from mechsim.analytic.closure.numerical_rank import rank
+from mechsim.analytic.closure.tree_assembly import assembled, closed
+from mechsim.analytic.closure.tree_loops import TreeLoops, tree_loops
+from mechsim.analytic.closure.tree_motion import Coordinates
+from mechsim.analytic.closure.undetermined_joints import joints_to_lock, undetermined_names
+from mechsim.errors import AssemblyError
+from mechsim.maths.arrays import Array
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.rough_poses import rough_poses, starts
+
+# how far to either side of its start a mechanism is moved, in [rad] or parts of its size, so that a special
+# pose is not taken for the rule
+DISPLACEMENT = 1e-2
+
+
+@dataclass(frozen=True, slots=True)
+class Determinacy:
+    """What the drivers of a mechanism settle.
+
+    Attributes:
+        dofs: that loops, couplings and holds leave, those that change nothing wanted among them.
+        drivers: names of the driven coordinates.
+        undetermined: coordinates or points that can move while the drivers stand, one for each
+            undetermined degree of freedom.
+        redundant_drivers: drivers and holds that ask for what others settle already.
+        redundant_equations: equations of joints and couplings that repeat what others say.
+    """
+
+    dofs: int
+    drivers: tuple[str, ...]
+    undetermined: tuple[str, ...]
+    redundant_drivers: tuple[str, ...]
+    redundant_equations: int
+
+    @property
+    def outcome(self) -> str:
+        """One of "determined", "undetermined" and "overdriven"."""
+        return (
+            "overdriven" if self.redundant_drivers else "undetermined" if self.undetermined else "determined"
+        )
+
+
+def driver_determinacy(mechanism: Mechanism) -> Determinacy:
+    """Return what the drivers of a mechanism settle, near where it starts.
+
+    Raises:
+        AssemblyError: where the loops do not close.
+    """
+    loops_driven, q, jacobian = _generic_pose(mechanism)
+    loops = replace(loops_driven, driven=())
+    names = (*mechanism.locked, *mechanism.drivers)
+    rows, redundant = jacobian, list[str]()
+    for name in names:
+        row = np.zeros((1, loops.tree.count))
+        row[0, loops.tree.index_of[name]] = 1.0
+        wider = np.vstack([rows, row])
+        if rank(wider) == rank(rows):
+            redundant.append(name)
+        else:
+            rows = wider
+    locked = len([name for name in mechanism.locked if name not in redundant])
+    return Determinacy(
+        dofs=loops.tree.count - rank(jacobian) - locked,
+        drivers=mechanism.drivers,
+        undetermined=tuple(undetermined_names(loop_solver(loops_driven, q))),
+        redundant_drivers=tuple(redundant),
+        redundant_equations=len(jacobian) - rank(jacobian),
+    )
+
+
+def undetermined_joints(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return what is to be locked so that the drivers determine the rest, as `to_lock` chooses it.
+
+    Raises:
+        AssemblyError: where the loops do not close.
+    """
+    loops_driven, q, _ = _generic_pose(mechanism)
+    return joints_to_lock(loop_solver(loops_driven, q))
+
+
+def _generic_pose(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates, Array]:
+    """Return the driven loops, coordinates near the start where their rank is highest, and the slope."""
+    loops_driven, guess = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
+    loops = replace(loops_driven, driven=())
+    try:
+        start = closed(loops, guess)
+    except AssemblyError:  # from there; with the drivers where they start it closes, or is told why not
+        loops_driven, start = assembled(mechanism)
+        loops = replace(loops_driven, driven=())
+    poses = [start, *_displaced_poses(loops, start)]
+    jacobians = [loops.linearise(q)[1][:, :, 0] for q in poses]
+    best = int(np.argmax([rank(jacobian) for jacobian in jacobians]))
+    return loops_driven, poses[best], jacobians[best]
+
+
+def _displaced_poses(loops: TreeLoops, start: Coordinates) -> list[Coordinates]:
+    """Return closed coordinates a little to either side of some, along all that is free."""
+    jacobian = loops.linearise(start)[1][:, :, 0]
+    freedoms = np.linalg.svd(jacobian)[2][rank(jacobian) :] if len(jacobian) else np.eye(loops.tree.count)
+    if not len(freedoms):
+        return []
+    # no freedom is left out, and none counts as much as another
+    direction = (1.0 + 0.3 * np.arange(len(freedoms))) @ freedoms
+    direction /= np.abs(direction).max()
+    poses: list[Coordinates] = []
+    for sign in (1.0, -1.0):
+        try:
+            poses.append(closed(loops, loops.displaced(start, sign * DISPLACEMENT * direction[:, None])))
+        except (AssemblyError, np.linalg.LinAlgError):
+            continue  # a dead centre or a locked structure: the other poses tell
+    return poses

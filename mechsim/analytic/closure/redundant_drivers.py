@@ -1,0 +1,92 @@
+"""Drivers that are more than there are freedoms: they are named, not forced."""
+
+import numpy as np
+
+from mechsim.analytic.closure.exact_geometry import DIMENSION_TOLERANCE
+from mechsim.analytic.closure.generic_pose import generic_poses, null_spaces, with_coordinate_locked
+from mechsim.analytic.closure.loop_solver import LoopSolver
+from mechsim.analytic.closure.numerical_rank import RANK_TOLERANCE, rank, significant
+from mechsim.analytic.closure.tree_loops import TreeLoops
+from mechsim.analytic.closure.tree_motion import Coordinates
+from mechsim.errors import MobilityError
+from mechsim.maths.arrays import Array
+
+# a coordinate that takes part in a freedom by less takes none; and a residual that is closed
+MIN_PARTICIPATION, CLOSED = 1e-7, 1e-10
+# drivers that are listed, and the part in a sum of rows from which a loop is named
+LISTED, MIN_SHARE = 12, 0.1
+
+
+def require_no_redundant_drivers(solver: LoopSolver) -> None:
+    """Refuse drivers and holds that those before them settle already.
+
+    Args:
+        solver: of the mechanism's loops, about coordinates closed or nearly so; what cannot be closed at all
+            is left to others.
+
+    Raises:
+        MobilityError: naming them.
+    """
+    loops, start = solver.loops, solver.reference
+    if rank(solver.at_reference.jacobian[..., 0]) == len(solver.rows):
+        return
+    # at a dead centre a lone crank cannot move either: another pose tells
+    (q,) = generic_poses(loops, start, 1, RANK_TOLERANCE)
+    if not np.abs(loops.linearise(q)[0]).max(initial=0.0) < CLOSED:
+        return
+    mechanism = loops.tree.mechanism
+    independent, redundant = _independent_drivers(loops, null_spaces(loops, q, RANK_TOLERANCE)[1])
+    locked = [
+        name
+        for name in redundant
+        if name
+        in _independent_drivers(loops, null_spaces(loops, q, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)[1])[0]
+    ]
+    if locked:
+        raise MobilityError(
+            f"{mechanism.name}: overdriven: {', '.join(locked)} cannot move, for "
+            f"{' and '.join(_nearly_dependent_joints(loops, q))} ask for the same but for less than "
+            f"{DIMENSION_TOLERANCE:g} of the size, and lock each other; make one of them "
+            "inactive, or its dimensions exact",
+            "overdriven",
+        )
+    if redundant and not independent:
+        raise MobilityError(
+            f"{mechanism.name}: overdriven: joints and couplings leave {', '.join(redundant)} no freedom; "
+            "leave one of them out, or change a ratio or a dimension by which they disagree",
+            "overdriven",
+        )
+    if redundant:
+        listed = ", ".join(independent) if len(independent) <= LISTED else f"{len(independent)} others"
+        determine = f"{listed} settle{'s' if len(independent) == 1 else ''}"
+        raise MobilityError(
+            f"{mechanism.name}: overdriven: {determine} {', '.join(redundant)} already; drive or hold no "
+            f"more joints than {len(independent)}, as in --drive {independent[0]}=PROGRAM",
+            "overdriven",
+        )
+
+
+def _independent_drivers(loops: TreeLoops, freedoms: Array) -> tuple[list[str], list[str]]:
+    """Return which drivers and holds share freedoms, one each, and which are more, in their order."""
+    mechanism = loops.tree.mechanism
+    independent: list[str] = []
+    redundant: list[str] = []
+    for name, index in zip((*mechanism.drivers, *mechanism.locked), loops.driven, strict=True):
+        if len(freedoms) and float(np.linalg.norm(freedoms[:, index])) > MIN_PARTICIPATION:
+            freedoms = with_coordinate_locked(freedoms, index)
+            independent.append(name)
+        else:
+            redundant.append(name)
+    return independent, redundant
+
+
+def _nearly_dependent_joints(loops: TreeLoops, q: Coordinates) -> list[str]:
+    """Return the names of the joints that close loops whose rows nearly repeat one another."""
+    u, values, _ = np.linalg.svd(loops.linearise(q)[1][..., 0], full_matrices=False)
+    share = np.abs(
+        u[:, significant(values) & ~significant(values, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)]
+    ).max(1, initial=0.0)
+    loop_of = np.repeat(np.arange(len(loops.cuts)), [cut.rows for cut in loops.cuts])
+    largest = share[: len(loop_of)].max(initial=0.0)
+    indices = loop_of[share[: len(loop_of)] > MIN_SHARE * largest].tolist()
+    return [loops.cuts[i].joint.name for i in dict.fromkeys(indices)] or ["couplings"]
