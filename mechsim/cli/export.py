@@ -29,7 +29,7 @@ from mechsim.model.scene import Scene
 from mechsim.pictures.render.exported_scene import exported
 from mechsim.simulation import Settings, mjcf
 from mechsim.simulation.mjcf.changes import set_drive_inertia
-from mechsim.simulation.mjcf.generator import CONSTANT
+from mechsim.simulation.mjcf.generator import TIME_CONSTANT_STEPS
 from mechsim.studies.tuning import turning_model
 from mechsim.subjects.toml_writer import to_toml
 
@@ -154,7 +154,7 @@ def _text(
     """Return the text of a model with settings, and by what it misses a tolerance; empty where not."""
     spec, rate = exported(mechanism, scene), speed_of(speed or SPEED)
     if "solref" not in asked:
-        asked = {"constant_steps": CONSTANT, **asked}
+        asked = {"constant_steps": TIME_CONSTANT_STEPS, **asked}
     plain_settings(asked, timestep, float(spec.option.timestep), rate).put_into(spec)
     if "drive_inertia" in asked:
         set_drive_inertia(spec, asked["drive_inertia"])

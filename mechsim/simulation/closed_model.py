@@ -20,7 +20,7 @@ from mechsim.simulation.drive import drive_of, with_clock
 from mechsim.simulation.mjcf import compiled, generate, quiet
 from mechsim.simulation.mjcf.changes import lock_joints, require_single
 from mechsim.simulation.mjcf.joints import CRANK, model_names
-from mechsim.simulation.mjcf_reader.held_still import without_stilled
+from mechsim.simulation.mjcf_reader.fixed_bodies import without_locked_bodies
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.opposed_sides import require_alike
 from mechsim.simulation.overdriven import refusal, stuck
@@ -209,7 +209,7 @@ def _own(
     start: Array | None,
 ) -> ClosedModel:
     """Return a model of one's own, its joints held, in the closed state nearest to its start."""
-    spec, holds, start = without_stilled(spec, holds, start)
+    spec, holds, start = without_locked_bodies(spec, holds, start)
     if holds:
         require_single(spec, holds)
         moved = (drivers,) if isinstance(drivers, str) else tuple(drivers)

@@ -11,7 +11,7 @@ from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.simulation import setting_fields
 from mechsim.simulation.matrices import KINDS, quicker
-from mechsim.simulation.mjcf.generator import FLYWHEEL
+from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.model_loops import ModelLoops
 
 INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4", "discrete")
@@ -265,7 +265,11 @@ def drive_inertia(mass: Array, inertia: Array, size: Any, compliance: float) -> 
         size: yardstick of lengths, in [m], or (d,).
         compliance: of the loops, as in `Settings`.
     """
-    return FLYWHEEL * max(1.0, COMPLIANCE / compliance) * (mass.sum(-1) * size**2 + inertia.max(-1).sum(-1))
+    return (
+        DRIVE_INERTIA_RATIO
+        * max(1.0, COMPLIANCE / compliance)
+        * (mass.sum(-1) * size**2 + inertia.max(-1).sum(-1))
+    )
 
 
 def _coupled_tendons(model: mujoco.MjModel, loops: ModelLoops) -> list[int]:

@@ -44,7 +44,7 @@ FUNCTIONS = (*_TRIGONOMETRIC, *_INVERSE_TRIGONOMETRIC, *_PLAIN)
 _KNOWN = f"known are + - * / ** ( ), pi and {', '.join(FUNCTIONS)}"
 
 
-class Evaluator(ABC, Generic[Value]):
+class ExpressionEvaluator(ABC, Generic[Value]):
     """What goes through an expression, bounded in size, and reckons with values of some kind."""
 
     @abstractmethod
@@ -111,7 +111,7 @@ def parse_expression(text: str) -> ast.expr:
 
 
 @dataclass(frozen=True, slots=True)
-class NumberEvaluator(Evaluator[float]):
+class NumberEvaluator(ExpressionEvaluator[float]):
     """What evaluates expressions: the numbers known by name, and the unit of angles.
 
     Attributes:

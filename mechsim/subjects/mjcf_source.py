@@ -88,7 +88,7 @@ def read_mjcf(
     }
     try:
         model = read_model(
-            path, drivers=drivers, lock=values, fix_base=fix_base, key=key, track=track, still=still
+            path, drivers=drivers, lock=values, fix_base=fix_base, key=key, track=track, describe_only=still
         )
     except InputError as error:
         raise error if path in str(error) else InputError(f"{path}: {error}") from None

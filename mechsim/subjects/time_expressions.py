@@ -15,7 +15,7 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.programs import State
 from mechsim.subjects import functions_with_derivatives
-from mechsim.subjects.expressions import Evaluator, parse_expression
+from mechsim.subjects.expressions import ExpressionEvaluator, parse_expression
 
 # a number and then letters: a quantity in the midst of an expression; an exponent is part of its number
 _NUMBER = r"(?<![\w.])((?>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))"
@@ -88,7 +88,7 @@ class DimensionedValue:
 
 
 @dataclass(frozen=True, slots=True)
-class TimeEvaluator(Evaluator[DimensionedValue]):
+class TimeEvaluator(ExpressionEvaluator[DimensionedValue]):
     """What evaluates expressions of t, or of another variable.
 
     Attributes:

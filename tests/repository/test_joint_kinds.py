@@ -13,9 +13,9 @@ HOME = {
     "mechsim.model.joint_kinds",
     "mechsim.analytic.closure.joint_rows",
     "mechsim.simulation.mjcf.joints",
-    "mechsim.simulation.mjcf_reader.kinds",
+    "mechsim.simulation.mjcf_reader.joint_types",
     "mechsim.shapes.joints",
-    "mechsim.simulation.mjcf_text.included_places",  # "fixed" is an element of MJCF there
+    "mechsim.simulation.mjcf_text.included_lines",  # "fixed" is an element of MJCF there
 }
 CATALOG = "mechsim.analytic.catalog."
 

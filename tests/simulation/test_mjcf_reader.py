@@ -8,8 +8,8 @@ from mechsim.errors import InputError
 from mechsim.model.joints import joint_coordinate
 from mechsim.model.links import GROUND, IDENTITY, UNSEEN
 from mechsim.simulation.mjcf_reader import read_model
-from mechsim.simulation.mjcf_reader.joint_chains import chains, poses
-from mechsim.simulation.mjcf_reader.parsed_file import DEEPEST
+from mechsim.simulation.mjcf_reader.joint_chains import kinematic_tree, poses
+from mechsim.simulation.mjcf_reader.parsed_file import MAX_DEPTH
 
 # every kind of joint, several of them on a body, ref, points off the origin, jointless bodies, frames,
 # defaults, degrees, and a body called as the frame is
@@ -56,7 +56,7 @@ def test_links_stand_where_mujoco_has_the_bodies_and_coordinates_are_those_of_qp
     state, data = random_state(model, seed), mujoco.MjData(model)
     data.qpos[:] = state
     mujoco.mj_kinematics(model, data)
-    placed = {GROUND: IDENTITY, **poses(model, chains(model), state)}
+    placed = {GROUND: IDENTITY, **poses(model, kinematic_tree(model), state)}
     for name, pose in placed.items():
         if name == GROUND or name.startswith(UNSEEN):
             continue
@@ -139,7 +139,7 @@ def test_an_equality_stands_as_far_open_as_mujoco_says(file, kind):
     data = mujoco.MjData(model)
     data.qpos[:] = state = random_state(model, 5)
     mujoco.mj_fwdPosition(model, data)
-    placed = {GROUND: IDENTITY, **poses(model, chains(model), state)}
+    placed = {GROUND: IDENTITY, **poses(model, kinematic_tree(model), state)}
     values = {name: data.joint(name).qpos[0] for name in ("crank", "slide", "swing")}
     found = opening(read.mechanism, placed, values)
     rows = data.efc_pos[data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)]
@@ -288,7 +288,7 @@ BAD = {
         LOOPS.replace("EQUALITY", "").replace("<mujoco>", '<mujoco><option gravity="0 0 -1e200"/>'),
         r"gravity is \[0.0, 0.0, -1e\+200\]; give 1e\+30",
     ),
-    "too deep": (nested(DEEPEST + 1), f"nested more than {DEEPEST} deep, .*<include> it in their place"),
+    "too deep": (nested(MAX_DEPTH + 1), f"nested more than {MAX_DEPTH} deep, .*<include> it in their place"),
     "an include that is not there": (
         '<mujoco>\n<include file="parts/no.xml"/></mujoco>',
         r"model.xml, line 2: it includes no\.xml, which is not in /.*/parts; put it there",
@@ -339,7 +339,7 @@ def test_a_file_that_is_none_is_refused_in_one_line(file, what, tmp_path, monkey
 
 
 def test_a_file_may_be_as_deep_as_is_said_and_declare_its_kind(file):
-    assert mujoco.MjSpec.from_string(nested(DEEPEST)).worldbody.first_body()
+    assert mujoco.MjSpec.from_string(nested(MAX_DEPTH)).worldbody.first_body()
     kind = '<?xml version="1.0"?>\n<!DOCTYPE mujoco [\n<!ELEMENT mujoco ANY>\n<!ENTITY b "a > b">\n] >\n'
     assert read_model(file(kind + TREE)).mechanism == read_model(file(TREE)).mechanism
 

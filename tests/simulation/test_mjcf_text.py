@@ -5,7 +5,7 @@ from mechsim.errors import InputError
 from mechsim.simulation.mjcf_text.edited_text import EditedText
 from mechsim.simulation.mjcf_text.element_spans import elements_of
 from mechsim.simulation.mjcf_text.included_files import moved_to, with_included
-from mechsim.simulation.mjcf_text.setting_edits import put_comment, put_key, set_options, set_softness
+from mechsim.simulation.mjcf_text.setting_edits import put_comment, put_key, set_compliance, set_options
 
 TEXT = """<mujoco>
   <!-- <option timestep="9"/> äö -->
@@ -39,7 +39,7 @@ def test_what_is_no_xml_is_refused():
 def test_settings_change_their_values_and_nothing_else():
     edited = EditedText(TEXT)
     set_options(edited, {"timestep": "0.001", "integrator": "RK4"}, {})
-    set_softness(edited, {"solref": "0.002 1", "solimp": "0.99 0.99"})
+    set_compliance(edited, {"solref": "0.002 1", "solimp": "0.99 0.99"})
     before, after = TEXT.splitlines(), edited.result.splitlines()
     assert len(before) == len(after)
     assert [i for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b] == [3, 6]
@@ -78,7 +78,7 @@ def test_many_rows_without_softness_of_their_own_get_it_from_one_default():
         f"<mujoco><worldbody>{joints}</worldbody><equality>{rows}"
         '<joint joint1="j0" joint2="j1" solref="0.5 1"/></equality></mujoco>'
     )
-    set_softness(edited, {"solref": "0.004 1"})
+    set_compliance(edited, {"solref": "0.004 1"})
     assert len(edited.edits) == 2
     assert (mujoco.MjModel.from_xml_string(edited.result).eq_solref[:, 0] == 0.004).all()
 

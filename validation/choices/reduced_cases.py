@@ -10,7 +10,7 @@ import numpy as np
 from mechsim.model.scene import Scene
 from mechsim.pictures.render.exported_scene import exported
 from mechsim.simulation import mjcf
-from mechsim.simulation.mjcf_reader.parsed_file import parsed
+from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.studies.scenes import UserScene, scene_of
 from mechsim.subjects.control_law_text import control_laws
 from mechsim.subjects.subject import load
@@ -116,7 +116,7 @@ def prepared(source: Path, work: Path) -> Iterator[tuple[str, Case, Path]]:
 
 def left_leg(source: Path, folder: Path) -> None:
     """Write the left leg of Cassie alone, its pelvis held where the keyframe home has it."""
-    spec, model, _ = parsed(str(source))
+    spec, model, _ = parse_file(str(source))
     home = model.key("home").qpos.copy()
     for key in list(spec.keys):
         spec.delete(key)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from reduced_cases import Case, prepared
 
 from mechsim.simulation import mjcf
-from mechsim.simulation.mjcf_reader.parsed_file import parsed
+from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.studies.reduction import reduced
 from mechsim.studies.reduction.evaluator import Evaluator
 from mechsim.studies.reduction.normalised import normalised
@@ -72,7 +72,7 @@ def _looped(scene: UserScene, model: mujoco.MjModel, tracked: dict[str, tuple[st
 def row(name: str, case: Case, folder: Path) -> dict[str, object]:
     """Return what came of a scene."""
     scene, began = case.scene(folder), process_time()
-    bound, spec = PART * scene.size, parsed(scene.path)[0]
+    bound, spec = PART * scene.size, parse_file(scene.path)[0]
     found = reduced(scene, spec, bound, keep=case.keep)
     first, second = found.errors
     third = outside(scene, spec, found.text)

@@ -25,7 +25,7 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.model.scene import LEVELS, Scene
 from mechsim.simulation import mjcf
 from mechsim.simulation.closed_model import assembled
-from mechsim.simulation.mjcf_reader.parsed_file import parsed
+from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.simulation.recorded_motion import add_sensors
 from mechsim.studies.scenes import scene_of
 from mechsim.studies.tradeoff.scene_costs import scene_costs
@@ -170,7 +170,7 @@ def turned_on_and_off(name: str, folder: str) -> list[dict[str, Any]]:
         duration=0.1,
         points=form.mechanism.points,
     )
-    return [{"mechanism": name} | asdict(one) for one in scene_costs(scene, parsed(str(path))[0])]
+    return [{"mechanism": name} | asdict(one) for one in scene_costs(scene, parse_file(str(path))[0])]
 
 
 def plot(rows: list[dict[str, Any]], out: Path) -> None:

@@ -13,7 +13,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.pictures.render.exported_scene import exported
 from mechsim.simulation import mjcf
-from mechsim.simulation.mjcf_reader.parsed_file import parsed
+from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.subjects.subject import load
 
 CRANKS = (
@@ -118,6 +118,6 @@ def _whole(path: Path, without: Path) -> Path:
     try:
         mujoco.MjModel.from_xml_path(str(path))
     except ValueError:
-        without.write_text(parsed(str(path))[0].to_xml())
+        without.write_text(parse_file(str(path))[0].to_xml())
         return without
     return path

@@ -22,7 +22,7 @@ import numpy as np
 from mechsim.errors import MechsimError
 from mechsim.simulation.findings import findings
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected
-from mechsim.simulation.findings.predicted_gap import driven_by, gaps_in, loop_forces
+from mechsim.simulation.findings.predicted_gap import drive_directions, gaps_in, loop_forces
 from mechsim.simulation.findings.swing import swing
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import MjcfModel, parsed_file, read_model, reading
@@ -196,9 +196,9 @@ def found_in(spec, asked):
 
     def given(path):
         with warnings.catch_warnings(action="ignore"):
-            return (spec, *parsed_file.compiled_whole(path, spec))
+            return (spec, *parsed_file.compile_repaired(path, spec))
 
-    with mock.patch.object(reading, "parsed", given):
+    with mock.patch.object(reading, "parse_file", given):
         return findings(read_model("seeded.xml", **asked))
 
 
@@ -258,7 +258,7 @@ def stepped_gap(scene: Inspected, motion, rate):
     They are moved by what it takes and by servos of a rate in [rad/s]. Limits and actuators are off: no limit
     is to carry what the loops carry.
     """
-    model, inputs = scene.model, driven_by(scene)
+    model, inputs = scene.model, drive_directions(scene)
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = motion.qpos[0], motion.qvel[0]
     shares, heavy, dofs = efforts(scene, motion, inputs)

@@ -14,7 +14,7 @@ from mechsim.shapes.shape import vector
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
-from mechsim.simulation.mjcf_reader.link_places import carriers, shifted
+from mechsim.simulation.mjcf_reader.link_frames import carriers, shifted
 
 ROUND: Mapping[int, Kind] = {
     int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",

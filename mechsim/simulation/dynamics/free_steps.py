@@ -12,10 +12,10 @@ from mujoco import batch
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.model.outcome import Outcome
-from mechsim.simulation.dynamics.bending import bending, bends
 from mechsim.simulation.dynamics.efforts import tangent
 from mechsim.simulation.dynamics.friction import STEPS, oppose, softness
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
+from mechsim.simulation.dynamics.nonlinear_couplings import bending, bends
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recorded_motion import States
 from mechsim.simulation.stepping import Watch, unwatched

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mechsim.maths.arrays import Array
 from mechsim.model.forces import Friction
-from mechsim.simulation.mjcf.force_elements import AXES, dry_name
+from mechsim.simulation.mjcf.force_elements import AXES, coulomb_name
 
 # steps in which a joint near rest loses its speed
 STEPS = 2.0
@@ -36,7 +36,7 @@ def dry_frictions(model: mujoco.MjModel, friction: Sequence[Friction]) -> list[D
     known = {model.actuator(i).name: i for i in range(model.nu)}
     found = []
     for one in friction:
-        numbers = [known[name] for axis in AXES if (name := f"{dry_name(one.joint)}.{axis}") in known]
+        numbers = [known[name] for axis in AXES if (name := f"{coulomb_name(one.joint)}.{axis}") in known]
         if numbers:
             found.append(DryJoint(np.array(numbers, dtype=np.int64), one.coulomb))
     return found

@@ -8,7 +8,7 @@ import numpy as np
 from mechsim.maths.arrays import Array
 from mechsim.model.finding import FilePlace, Finding
 from mechsim.simulation.findings.inspected import Inspected, rank
-from mechsim.simulation.findings.predicted_gap import moments
+from mechsim.simulation.findings.predicted_gap import moment_arms
 from mechsim.simulation.findings.swing import Swing, swing
 from mechsim.simulation.mjcf.silence import quiet
 
@@ -24,16 +24,16 @@ def fighting(scene: Inspected) -> Iterator[Finding]:
     if not scene.model.nu or scene.model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ACTUATION):
         return
     yield from _too_many(scene)
-    yield from _kicking(scene)
-    yield from _against_programs(scene)
+    yield from _off_at_start(scene)
+    yield from _against_motion_laws(scene)
 
 
 def _too_many(scene: Inspected) -> Iterator[Finding]:
     """Yield servos that move what other servos move already, as the loops have it in every pose."""
     model, lines = scene.model, _lines(scene)
     servos = [a for a in range(model.nu) if _stiffness(scene, a) > 0.0]
-    held = [slope for slope, _ in scene.slopes]
-    arms = [_directions(scene, qpos) for qpos in scene.stands]
+    held = [slope for slope, _ in scene.sample_jacobians]
+    arms = [_directions(scene, qpos) for qpos in scene.sample_states]
     for a in servos:
         wider = [np.vstack([rows, arm[a]]) for rows, arm in zip(held, arms, strict=True)]
         if any(rank(more) > rank(rows) for more, rows in zip(wider, held, strict=True)):
@@ -54,11 +54,11 @@ def _too_many(scene: Inspected) -> Iterator[Finding]:
 
 def _directions(scene: Inspected, qpos: Array) -> Array:
     """Return the arms of the actuators, each of length one, (nu, nv)."""
-    arms = moments(scene, qpos)
+    arms = moment_arms(scene, qpos)
     return arms / np.maximum(np.linalg.norm(arms, axis=1, keepdims=True), 1e-300)
 
 
-def _kicking(scene: Inspected) -> Iterator[Finding]:
+def _off_at_start(scene: Inspected) -> Iterator[Finding]:
     """Yield servos that stand elsewhere than their control asks for; of the reference start only.
 
     Keyframes bring controls of their own.
@@ -84,40 +84,40 @@ def _kicking(scene: Inspected) -> Iterator[Finding]:
         )
 
 
-def _against_programs(scene: Inspected) -> Iterator[Finding]:
+def _against_motion_laws(scene: Inspected) -> Iterator[Finding]:
     """Yield servos whose control stands at 0 while the drivers are asked to move."""
     motion = None if scene.programs is None else swing(scene)
     if motion is None:
         return
-    efforts = _efforts(scene, motion)
+    forces = _actuator_forces(scene, motion)
     for a in range(scene.model.nu):
-        most = float(np.abs(efforts[:, a]).max(initial=0.0))
-        if _stiffness(scene, a) <= 0.0 or most <= SLIGHT * float(np.abs(efforts).max()):
+        largest = float(np.abs(forces[:, a]).max(initial=0.0))
+        if _stiffness(scene, a) <= 0.0 or largest <= SLIGHT * float(np.abs(forces).max()):
             continue
         name = str(scene.model.actuator(a).name) or f"actuator{a + 1}"
         yield Finding(
             kind="actuator",
             what=name,
-            by=most,
+            by=largest,
             explains=0.0,
             say=f"actuator {name} fights the drive: with its control at 0 it works against the programs "
-            f"by up to {most:.3g} N or N m",
+            f"by up to {largest:.3g} N or N m",
             remedy="drive by its own control (--ctrl), or leave it out of the scene",
             **_lines(scene)[a],
         )
 
 
 @quiet()
-def _efforts(scene: Inspected, motion: Swing) -> Array:
+def _actuator_forces(scene: Inspected, motion: Swing) -> Array:
     """Return what the actuators do with controls at rest over a motion, (n, nu)."""
-    data, found = mujoco.MjData(scene.model), list[Array]()
+    data, forces = mujoco.MjData(scene.model), list[Array]()
     for qpos, qvel in zip(motion.qpos, motion.qvel, strict=True):
         data.qpos[:], data.qvel[:] = qpos, qvel
         mujoco.mj_fwdPosition(scene.model, data)
         mujoco.mj_fwdVelocity(scene.model, data)
         mujoco.mj_fwdActuation(scene.model, data)
-        found.append(data.actuator_force.copy())
-    return np.array(found)
+        forces.append(data.actuator_force.copy())
+    return np.array(forces)
 
 
 def _stiffness(scene: Inspected, actuator: int) -> float:
@@ -128,4 +128,4 @@ def _stiffness(scene: Inspected, actuator: int) -> float:
 
 
 def _lines(scene: Inspected) -> list[FilePlace]:
-    return [scene.place(one) for one in scene.read.spec.actuators]
+    return [scene.place(actuator) for actuator in scene.read.spec.actuators]

@@ -12,21 +12,21 @@ from mechsim.simulation.findings.swing import swing
 from mechsim.simulation.mjcf.silence import quiet
 
 # links this far in each other collide, in parts of the size
-DEEP = 1e-6
+MIN_DEPTH = 1e-6
 # every so many states of a motion are looked at
-EVERY = 10
+STATE_STRIDE = 10
 
 
 def collisions(scene: Inspected) -> Iterator[Finding]:
     """Yield the pairs of links that touch though they are joined, or stand in each other at the start."""
     model, joined = scene.model, _joined(scene)
     motion = swing(scene)
-    states = [scene.read.qpos, *([] if motion is None else motion.qpos[::EVERY])]
+    states = [scene.read.qpos, *([] if motion is None else motion.qpos[::STATE_STRIDE])]
     deepest: dict[tuple[int, int], tuple[float, tuple[int, int]]] = {}
     for number, qpos in enumerate(states):
-        for pair, geoms, depth in _touching(model, qpos):
-            meant = pair in joined or (number == 0 and 0 not in pair)
-            if meant and depth > DEEP * scene.size and depth > deepest.get(pair, (0.0,))[0]:
+        for pair, geoms, depth in _contacts(model, qpos):
+            unintended = pair in joined or (number == 0 and 0 not in pair)
+            if unintended and depth > MIN_DEPTH * scene.size and depth > deepest.get(pair, (0.0,))[0]:
                 deepest[pair] = depth, geoms
     for pair, (depth, geoms) in deepest.items():
         yield _collision(scene, geoms, depth, joined=pair in joined)
@@ -60,16 +60,16 @@ def _pair(a: int, b: int) -> tuple[int, int]:
     return (a, b) if a < b else (b, a)
 
 
-def _touching(model: mujoco.MjModel, qpos: Array) -> Iterator[tuple[tuple[int, int], tuple[int, int], float]]:
+def _contacts(model: mujoco.MjModel, qpos: Array) -> Iterator[tuple[tuple[int, int], tuple[int, int], float]]:
     """Yield carriers, geoms and depth in [m] of the contacts at coordinates (nq,)."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     with quiet():
         mujoco.mj_fwdPosition(model, data)
-    for one in data.contact:
-        geoms = int(one.geom[0]), int(one.geom[1])
-        if min(geoms) < 0 or not np.isfinite(one.dist):
+    for contact in data.contact:
+        geoms = int(contact.geom[0]), int(contact.geom[1])
+        if min(geoms) < 0 or not np.isfinite(contact.dist):
             continue
         bodies = [int(model.body_weldid[model.geom_bodyid[geom]]) for geom in geoms]
         if bodies[0] != bodies[1]:
-            yield _pair(*bodies), geoms, -float(one.dist)
+            yield _pair(*bodies), geoms, -float(contact.dist)

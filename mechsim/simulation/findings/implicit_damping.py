@@ -15,12 +15,12 @@ IMPLICIT = (int(mujoco.mjtIntegrator.mjINT_IMPLICIT), int(mujoco.mjtIntegrator.m
 OFF = mujoco.mjtDisableBit
 
 
-def damping(model: mujoco.MjModel, arms: Array) -> Array:
+def damping(model: mujoco.MjModel, moment_arms: Array) -> Array:
     """Return the dampers that a model's integrator takes implicitly, (nv, nv).
 
     Args:
         model: the model.
-        arms: of its actuators by the freedoms, (nu, nv).
+        moment_arms: of its actuators by the freedoms, (nu, nv).
     """
     integrator, none = int(model.opt.integrator), np.zeros((model.nv, model.nv))
     if integrator != EULER and integrator not in IMPLICIT:
@@ -28,15 +28,15 @@ def damping(model: mujoco.MjModel, arms: Array) -> Array:
     if _off(model, int(OFF.mjDSBL_DAMPER)) or (
         integrator == EULER and _off(model, int(OFF.mjDSBL_EULERDAMP))
     ):
-        found = none
+        result = none
     else:
         # a damper may be a polynomial, whose first coefficient counts at low speed
-        found = np.diag(np.reshape(model.dof_damping, (model.nv, -1))[:, 0])
+        result = np.diag(np.reshape(model.dof_damping, (model.nv, -1))[:, 0])
     if integrator in IMPLICIT and not _off(model, int(OFF.mjDSBL_ACTUATION)):
         affine = model.actuator_biastype == int(mujoco.mjtBias.mjBIAS_AFFINE)
         rates = np.where(affine, -model.actuator_biasprm[:, 2], 0.0)
-        found = found + arms.T @ (np.maximum(rates, 0.0)[:, None] * arms)
-    return found
+        result = result + moment_arms.T @ (np.maximum(rates, 0.0)[:, None] * moment_arms)
+    return result
 
 
 def _off(model: mujoco.MjModel, bit: int) -> bool:

@@ -15,11 +15,11 @@ from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
-from mechsim.simulation.mjcf_reader.equality_rows import CONNECT, JOINT, TENDON, WELD
-from mechsim.simulation.mjcf_text.included_places import included_places
+from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, JOINT, TENDON, WELD
+from mechsim.simulation.mjcf_text.included_lines import included_lines
 
 # what a finding may be about
-Part = (
+Element = (
     mujoco.MjsBody
     | mujoco.MjsJoint
     | mujoco.MjsGeom
@@ -30,11 +30,11 @@ Part = (
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 OFF = mujoco.mjtDisableBit
 # singular values below this part of the largest count as zero: files are rounded to a millionth
-RANK = 1e-5
+RANK_TOLERANCE = 1e-5
 # how far to either side of the start a scene is moved, in [rad] or parts of its size
-ASIDE = 0.1
+PERTURBATION = 0.1
 # Newton steps that close a scene, and the opening at which it counts as closed, in parts of its size
-STEPS, CLOSED = 30, 1e-10
+MAX_NEWTON_STEPS, CLOSED_TOLERANCE = 30, 1e-10
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class Inspected:
             return compiled(self.read.spec.copy())
 
     @cached_property
-    def bare(self) -> mujoco.MjModel:
+    def loops_only(self) -> mujoco.MjModel:
         """The model with no constraints but its loops and dry friction."""
         with quiet():
             model = compiled(self.read.spec.copy())
@@ -113,92 +113,96 @@ class Inspected:
         model = self.model
         if model.opt.disableflags & int(OFF.mjDSBL_EQUALITY):
             return ()
-        known = (CONNECT, WELD, JOINT, TENDON)
-        places = [self.place(one) for one in self.read.spec.equalities]
+        kinds = (CONNECT, WELD, JOINT, TENDON)
+        lines = [self.place(equality) for equality in self.read.spec.equalities]
         return tuple(
-            Loop(model.equality(i).name, i, kind, _bodies(model, i), places[i])
+            Loop(model.equality(i).name, i, kind, _bodies(model, i), lines[i])
             for i in range(model.neq)
-            if model.eq_active0[i] and (kind := int(model.eq_type[i])) in known
+            if model.eq_active0[i] and (kind := int(model.eq_type[i])) in kinds
         )
 
     @cached_property
     def included(self) -> Mapping[tuple[str, ...], FilePlace]:
         """Where the parts of included files stand, by kind and name."""
-        return included_places(self.read.path)
+        return included_lines(self.read.path)
 
-    def place(self, part: Part) -> FilePlace:
+    def place(self, element: Element) -> FilePlace:
         """Return where a part stands in the file, or in one that it includes."""
-        found = re.search(r"line (\d+)", str(part.info))
-        number = int(found[1]) if found else None
+        match = re.search(r"line (\d+)", str(element.info))
+        number = int(match[1]) if match else None
         # MuJoCo knows no line of what an included file holds
         if number != 0:
             return {"file": "", "line": number}
-        kind = type(part).__name__.removeprefix("Mjs").lower()
-        known = self.included.get((kind, str(part.name)))
-        if known is None and isinstance(part, mujoco.MjsEquality):
-            known = self.included.get((kind, str(part.name1), str(part.name2)))
-        return NOWHERE if known is None else known
+        kind = type(element).__name__.removeprefix("Mjs").lower()
+        line = self.included.get((kind, str(element.name)))
+        if line is None and isinstance(element, mujoco.MjsEquality):
+            line = self.included.get((kind, str(element.name1), str(element.name2)))
+        return NOWHERE if line is None else line
 
-    def opened(self, qpos: Array) -> tuple[Array, Array, Array]:
+    def loop_residuals(self, qpos: Array) -> tuple[Array, Array, Array]:
         """Return how far the loops stand open, (m,), the Jacobian (m, nv), and the loop of each row, (m,)."""
-        data = mujoco.MjData(self.bare)
+        data = mujoco.MjData(self.loops_only)
         data.qpos[:] = qpos
         with quiet():
-            mujoco.mj_fwdPosition(self.bare, data)
+            mujoco.mj_fwdPosition(self.loops_only, data)
         rows = data.efc_type == EQUALITY
-        return data.efc_pos[rows].copy(), self.telling(dense_rows(data)[rows]), data.efc_id[rows].copy()
+        return (
+            data.efc_pos[rows].copy(),
+            self.without_rounding(dense_rows(data)[rows]),
+            data.efc_id[rows].copy(),
+        )
 
-    def telling(self, slope: Array) -> Array:
+    def without_rounding(self, jacobian: Array) -> Array:
         """Return the Jacobian of the loops, (m, nv), nought where it is all rounding of the file."""
-        return slope * (np.abs(slope).max(initial=0.0) > RANK * min(1.0, self.size))
+        return jacobian * (np.abs(jacobian).max(initial=0.0) > RANK_TOLERANCE * min(1.0, self.size))
 
     @cached_property
     def closed(self) -> Array | None:
         """The closed state nearest to the start, (nq,); None where the loops do not close."""
-        return self.closed_from(self.read.qpos)
+        return self.assembled_from(self.read.qpos)
 
-    def closed_from(self, qpos: Array) -> Array | None:
+    def assembled_from(self, qpos: Array) -> Array | None:
         """Return the closed state nearest to another, (nq,), by Newton's method; None where there is none."""
         qpos = qpos.copy()
-        for _ in range(STEPS):
-            gap, slope, _ = self.opened(qpos)
-            if np.abs(gap).max(initial=0.0) <= CLOSED * self.size:
+        for _ in range(MAX_NEWTON_STEPS):
+            gap, jacobian, _ = self.loop_residuals(qpos)
+            if np.abs(gap).max(initial=0.0) <= CLOSED_TOLERANCE * self.size:
                 return qpos
-            step = -np.linalg.pinv(slope, rcond=RANK) @ gap
+            step = -np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ gap
             if not np.isfinite(step).all():
                 return None
-            mujoco.mj_integratePos(self.bare, qpos, step, 1.0)
+            mujoco.mj_integratePos(self.loops_only, qpos, step, 1.0)
         return None
 
     @cached_property
-    def stands(self) -> tuple[Array, ...]:
+    def sample_states(self) -> tuple[Array, ...]:
         """States about the start, closed if they can be, (nq,) each: a special pose is not the rule."""
         start = self.read.qpos if self.closed is None else self.closed
-        _, slope, _ = self.opened(start)
-        free = null_space(slope)
+        _, jacobian, _ = self.loop_residuals(start)
+        free = null_space(jacobian)
         if not len(free):
             return (start,)
         # no freedom is left out, and none counts as much as another
         order = 1.0 + 0.3 * np.arange(len(free))
-        found = [start]
+        states = [start]
         for weights in (order, -order, np.cos(order), -np.cos(order)):
             direction = weights @ free
-            direction *= ASIDE / max(float(np.abs(direction).max()), 1e-300)
-            rough = start.copy()
-            mujoco.mj_integratePos(self.bare, rough, direction, 1.0)
-            there = rough if self.closed is None else self.closed_from(rough)
-            found += [] if there is None else [there]
-        return tuple(found)
+            direction *= PERTURBATION / max(float(np.abs(direction).max()), 1e-300)
+            guess = start.copy()
+            mujoco.mj_integratePos(self.loops_only, guess, direction, 1.0)
+            state = guess if self.closed is None else self.assembled_from(guess)
+            states += [] if state is None else [state]
+        return tuple(states)
 
     @cached_property
-    def slopes(self) -> tuple[tuple[Array, Array], ...]:
+    def sample_jacobians(self) -> tuple[tuple[Array, Array], ...]:
         """The Jacobian of the loops in each of `stands`, (m, nv), and the loop of each row, (m,)."""
-        return tuple(self.opened(qpos)[1:] for qpos in self.stands)
+        return tuple(self.loop_residuals(qpos)[1:] for qpos in self.sample_states)
 
     @cached_property
     def generic(self) -> tuple[Array, Array]:
         """The Jacobian of the loops where its rank is highest, (m, nv), and the loop of each row, (m,)."""
-        return max(self.slopes, key=lambda one: rank(one[0]))
+        return max(self.sample_jacobians, key=lambda item: rank(item[0]))
 
 
 def _bodies(model: mujoco.MjModel, i: int) -> tuple[int, ...]:
@@ -215,7 +219,7 @@ def rank(matrix: Array) -> int:
     if not matrix.size:
         return 0
     values = np.linalg.svd(matrix, compute_uv=False)
-    return int((values > RANK * values.max(initial=0.0)).sum())
+    return int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
 
 
 def null_space(matrix: Array) -> Array:

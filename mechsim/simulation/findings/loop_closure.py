@@ -8,32 +8,32 @@ from mechsim.maths.arrays import Array
 from mechsim.model.finding import Finding
 from mechsim.simulation.findings.inspected import Inspected, Loop, rank
 from mechsim.simulation.loop_constraints import SITE
-from mechsim.simulation.mjcf_reader.equality_rows import CONNECT, WELD
+from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD
 
 # a loop that stands open by more, in parts of the size or in [rad], was not meant to: digits of CAD exports
 # leave 2e-6
-OPEN = 1e-5
+MAX_GAP = 1e-5
 
 
 def gaps(scene: Inspected) -> Iterator[Finding]:
     """Yield the loops that stand open where the scene starts."""
-    gap, _, of = scene.opened(scene.read.qpos)
+    gap, _, loop_of = scene.loop_residuals(scene.read.qpos)
     for loop in scene.loops:
-        rows = gap[of == loop.number]
-        apart = float(np.linalg.norm(rows[:3] if loop.closes else rows))
-        turned = float(np.linalg.norm(rows[3:])) if loop.kind == WELD else 0.0
+        rows = gap[loop_of == loop.number]
+        distance = float(np.linalg.norm(rows[:3] if loop.closes else rows))
+        rotation = float(np.linalg.norm(rows[3:])) if loop.kind == WELD else 0.0
         slides = loop.closes or _slides(scene, loop)
-        if apart > OPEN * (scene.size if slides else 1.0):
-            yield _gap(loop, apart, "m" if slides else "rad", "its two sides")
-        if turned > OPEN:
+        if distance > MAX_GAP * (scene.size if slides else 1.0):
+            yield _gap(loop, distance, "m" if slides else "rad", "its two sides")
+        if rotation > MAX_GAP:
             # the rows of a weld are half the angle times its torque scale
-            yield _gap(loop, turned, "rad", "its two frames, turned apart")
+            yield _gap(loop, rotation, "rad", "its two frames, turned apart")
 
 
 def _slides(scene: Inspected, loop: Loop) -> bool:
     """Say whether a coupling's left side is a displacement."""
     name = str(scene.model.equality(loop.number).name)
-    law = next((one for one in scene.read.mechanism.laws if one.name == name), None)
+    law = next((law_ for law_ in scene.read.mechanism.laws if law_.name == name), None)
     joints = list(law.left_terms) if law else []
     return bool(joints) and scene.read.mechanism.unit(joints[0]) == "m"
 
@@ -50,18 +50,18 @@ def _gap(loop: Loop, by: float, unit: str, what: str) -> Finding:
     )
 
 
-def doubled(scene: Inspected) -> Iterator[Finding]:
+def duplicate_loops(scene: Inspected) -> Iterator[Finding]:
     """Yield the loops that another one closes already."""
-    slope, of = scene.generic
-    rows = {loop.number: slope[of == loop.number] for loop in scene.loops}
-    gone: set[int] = set()
+    jacobian, loop_of = scene.generic
+    rows = {loop.number: jacobian[loop_of == loop.number] for loop in scene.loops}
+    reported: set[int] = set()
     for i, loop in enumerate(scene.loops):
         for other in scene.loops[:i]:
             alone, both = rank(rows[other.number]), np.vstack([rows[other.number], rows[loop.number]])
-            here = loop.closes == other.closes and _apart(scene, loop, other) <= OPEN * scene.size
-            if not (alone and here) or other.number in gone or rank(both) != alone:
+            coincident = loop.closes == other.closes and _apart(scene, loop, other) <= MAX_GAP * scene.size
+            if not (alone and coincident) or other.number in reported or rank(both) != alone:
                 continue
-            gone.add(loop.number)
+            reported.add(loop.number)
             yield Finding(
                 kind="redundant",
                 what=loop.name,
@@ -77,7 +77,7 @@ def doubled(scene: Inspected) -> Iterator[Finding]:
 
 def _apart(scene: Inspected, loop: Loop, other: Loop) -> float:
     """Return how far apart two loops are closed, in [m]; nought for those that couple coordinates."""
-    first, second = (_anchor(scene, one) for one in (loop, other))
+    first, second = (_anchor(scene, loop_) for loop_ in (loop, other))
     return float(np.linalg.norm(first - second))
 
 
@@ -94,42 +94,49 @@ def _anchor(scene: Inspected, loop: Loop) -> Array:
     return data.xpos[body] + data.xmat[body].reshape(3, 3) @ model.eq_data[i, :3]
 
 
-def repeated(scene: Inspected) -> Iterator[Finding]:
+def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
     """Yield how many rows of the loops repeat others or say nothing, doubled loops left out."""
-    slope, of = scene.generic
-    twice = {one.what for one in doubled(scene)}
-    kept = [loop for loop in scene.loops if loop.name not in twice]
-    slope = slope[np.isin(of, [loop.number for loop in kept])]
-    extra = len(slope) - rank(slope)
+    jacobian, loop_of = scene.generic
+    duplicates = {finding.what for finding in duplicate_loops(scene)}
+    kept = [loop for loop in scene.loops if loop.name not in duplicates]
+    jacobian = jacobian[np.isin(loop_of, [loop.number for loop in kept])]
+    extra = len(jacobian) - rank(jacobian)
     if not extra:
         return
-    norms = np.linalg.norm(slope, axis=1)
-    nought = int((norms <= 1e-9 * norms.max(initial=0.0)).sum())
-    idle = [loop for loop in kept if _adds_nothing(scene, loop, [one for one in kept if one is not loop])]
-    names = ", ".join(loop.name for loop in idle)
+    norms = np.linalg.norm(jacobian, axis=1)
+    zero_rows = int((norms <= 1e-9 * norms.max(initial=0.0)).sum())
+    redundant = [
+        loop
+        for loop in kept
+        if _adds_nothing(scene, loop, [finding for finding in kept if finding is not loop])
+    ]
+    names = ", ".join(loop.name for loop in redundant)
     flat = all(loop.kind == CONNECT for loop in kept if loop.closes)
-    say = f"{len(slope)} rows of the loops have rank {len(slope) - extra}: {extra} of them repeat others"
-    if not slope.any():
-        say = f"{len(slope)} rows of the loops have rank 0: nothing that can move opens them"
-    elif nought == extra:
-        say = (
-            f"{len(slope)} rows of the loops have rank {len(slope) - extra}: the rest, across a plane, are 0"
+    message = (
+        f"{len(jacobian)} rows of the loops have rank {len(jacobian) - extra}: {extra} of them repeat others"
+    )
+    if not jacobian.any():
+        message = f"{len(jacobian)} rows of the loops have rank 0: nothing that can move opens them"
+    elif zero_rows == extra:
+        message = (
+            f"{len(jacobian)} rows of the loops have rank {len(jacobian) - extra}: "
+            "the rest, across a plane, are 0"
         )
     elif names:
-        say += f"; any one of {names} could go" if len(idle) > 1 else f"; {names} could go"
+        message += f"; any one of {names} could go" if len(redundant) > 1 else f"; {names} could go"
     remedy = "leave it so if the linkage is flat or spherical: rows that repeat only share forces unevenly"
     yield Finding(
         kind="redundant",
         what=names or "loops",
         by=extra,
         explains=0.0,
-        say=say,
-        remedy="harmless" if nought == extra and flat else remedy,
+        say=message,
+        remedy="harmless" if zero_rows == extra and flat else remedy,
     )
 
 
 def _adds_nothing(scene: Inspected, loop: Loop, others: list[Loop]) -> bool:
-    slope, of = scene.generic
-    rest = slope[np.isin(of, [one.number for one in others])]
-    both = slope[np.isin(of, [loop.number, *(one.number for one in others)])]
+    jacobian, loop_of = scene.generic
+    rest = jacobian[np.isin(loop_of, [other.number for other in others])]
+    both = jacobian[np.isin(loop_of, [loop.number, *(other.number for other in others)])]
     return rank(rest) == rank(both)

@@ -10,14 +10,14 @@ from mechsim.model.finding import Finding
 from mechsim.simulation.findings.inspected import Inspected
 
 # rounding of the triangle inequality, in parts of the largest moment
-ROUNDED = 1e-9
+ROUNDING = 1e-9
 # a body whose mass is spread wider than this many sizes of the whole scene, or whose centre lies so far off
-WIDE = 3.0
+MAX_SPREAD = 3.0
 # far beyond any solid, in [kg/m3]: osmium has 22,600, masses made up for a scene without weight up to 2e7,
 # and a mass in g beside an inertia in kg m2 makes 1e3**2.5 of any
-DENSEST = 1e8
+MAX_DENSITY = 1e8
 # part of the heaviest moving body's mass below which one is weightless
-WEIGHTLESS = 1e-7
+MASSLESS = 1e-7
 
 
 def impossible(scene: Inspected) -> Iterator[Finding]:
@@ -25,22 +25,26 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
     model = scene.model
     moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
     heaviest = max((float(model.body_mass[b]) for b in moving), default=0.0)
-    parts = {body.name: body for body in scene.read.spec.bodies}
+    bodies = {body.name: body for body in scene.read.spec.bodies}
     carried = carried_masses(scene)
     for b in moving:
         name = str(model.body(b).name)
         mass, moments = float(model.body_mass[b]), np.sort(model.body_inertia[b])
-        part = parts[name]
-        said = _broken(_moments(part)) if part.explicitinertial else None
-        if not said and part.explicitinertial and part.mass < 0.0:
-            said = float(part.mass), f"has a mass of {part.mass:g} kg", "no body has it: weigh it"
-        if not said and mass > WEIGHTLESS * heaviest:
-            said = _spread(scene, mass, moments, float(np.linalg.norm(model.body_ipos[b])))
+        part = bodies[name]
+        problem = _triangle_violation(_moments(part)) if part.explicitinertial else None
+        if not problem and part.explicitinertial and part.mass < 0.0:
+            problem = float(part.mass), f"has a mass of {part.mass:g} kg", "no body has it: weigh it"
+        if not problem and mass > MASSLESS * heaviest:
+            problem = _implausible_size(scene, mass, moments, float(np.linalg.norm(model.body_ipos[b])))
         by = float(carried[b])
-        if not said and model.body_jntnum[b] and by <= WEIGHTLESS * heaviest:
-            said = by, f"with all it carries weighs {by:.2g} kg, nothing beside {heaviest:.2g} kg", "weigh it"
-        if said:
-            by, what, remedy = said
+        if not problem and model.body_jntnum[b] and by <= MASSLESS * heaviest:
+            problem = (
+                by,
+                f"with all it carries weighs {by:.2g} kg, nothing beside {heaviest:.2g} kg",
+                "weigh it",
+            )
+        if problem:
+            by, what, remedy = problem
             yield Finding(
                 kind="inertia",
                 what=name,
@@ -55,12 +59,12 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
 def carried_masses(scene: Inspected) -> Array:
     """Return the masses of bodies with all they carry, (nbody,) in [kg], the file's own where it says."""
     model = scene.model
-    parts = {body.name: body for body in scene.read.spec.bodies}
-    told = [parts.get(str(model.body(b).name)) for b in range(model.nbody)]
+    bodies = {body.name: body for body in scene.read.spec.bodies}
+    elements = [bodies.get(str(model.body(b).name)) for b in range(model.nbody)]
     total = np.array(
         [
             part.mass if part is not None and part.explicitinertial else mass
-            for part, mass in zip(told, model.body_mass.tolist(), strict=True)
+            for part, mass in zip(elements, model.body_mass.tolist(), strict=True)
         ]
     )
     # a body stands behind the one it hangs on
@@ -69,49 +73,51 @@ def carried_masses(scene: Inspected) -> Array:
     return total
 
 
-def _moments(part: mujoco.MjsBody) -> Array:
+def _moments(body: mujoco.MjsBody) -> Array:
     """Return the principal moments that a file writes of a body, rising, (3,) in [kg m2]."""
-    full = np.array(part.fullinertia)
+    full = np.array(body.fullinertia)
     if not np.isfinite(full).all():
-        return np.sort(part.inertia)
+        return np.sort(body.inertia)
     xx, yy, zz, xy, xz, yz = full
     return np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def _broken(moments: Array) -> tuple[float, str, str] | None:
+def _triangle_violation(moments: Array) -> tuple[float, str, str] | None:
     """Return by how much three moments break the triangle inequality, in words; None where they keep it."""
     low, middle, high = (float(value) for value in moments)
-    told = ", ".join(f"{value:.4g}" for value in (low, middle, high))
+    listed = ", ".join(f"{value:.4g}" for value in (low, middle, high))
     if not low >= 0.0:
-        return low, f"has a negative moment of inertia ({told} kg m2)", "mend its inertia"
-    if high > (low + middle) * (1.0 + ROUNDED) + 1e-300:
+        return low, f"has a negative moment of inertia ({listed} kg m2)", "mend its inertia"
+    if high > (low + middle) * (1.0 + ROUNDING) + 1e-300:
         return (
             high / (low + middle) if low + middle else np.inf,
-            f"has moments of inertia {told} kg m2, of which the largest exceeds the sum of the others",
+            f"has moments of inertia {listed} kg m2, of which the largest exceeds the sum of the others",
             "no body has them: look for exchanged or mistyped moments",
         )
     return None
 
 
-def _spread(scene: Inspected, mass: float, moments: Array, off: float) -> tuple[float, str, str] | None:
+def _implausible_size(
+    scene: Inspected, mass: float, moments: Array, offset: float
+) -> tuple[float, str, str] | None:
     """Say what of a body's mass and moments fits no body of the scene's size; None where all does."""
     radius = float(np.sqrt(moments[2] / mass))
-    size = max(scene.size, off)
-    if radius > WIDE * size:
+    size = max(scene.size, offset)
+    if radius > MAX_SPREAD * size:
         return (
             radius,
             f"has its mass spread to a radius of {radius:.3g} m, in a scene of {scene.size:.3g} m",
             "its inertia looks like kg mm2 or g mm2: write kg m2",
         )
-    if off > WIDE * 10.0 * scene.size:
+    if offset > MAX_SPREAD * 10.0 * scene.size:
         return (
-            off,
-            f"has its centre of mass {off:.3g} m from its origin, in a scene of {scene.size:.3g} m",
+            offset,
+            f"has its centre of mass {offset:.3g} m from its origin, in a scene of {scene.size:.3g} m",
             "its place looks like mm: write m",
         )
     # the ball as wide as the widest moment allows: rods are thin, and none is wider
     volume = 4.0 / 3.0 * np.pi * (2.5**0.5 * radius) ** 3
-    if volume > 0.0 and mass / volume > DENSEST:
+    if volume > 0.0 and mass / volume > MAX_DENSITY:
         return (
             mass / volume,
             f"has moments of inertia so small for its mass that it is {mass / volume:.2g} kg/m3 dense",

@@ -15,63 +15,63 @@ from mechsim.simulation.findings.inspected import EQUALITY, Inspected
 from mechsim.simulation.findings.swing import Swing
 from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.silence import quiet
-from mechsim.simulation.mjcf_reader.driven_joints import acted_on
+from mechsim.simulation.mjcf_reader.driven_joints import actuated_joints
 
 DRY = (int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF), int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON))
 # of the interval in which a gap lies
-HALVINGS = 30
+BISECTIONS = 30
 # the hardest impedance that MuJoCo takes
-HARDEST = 0.9999
+MAX_IMPEDANCE = 0.9999
 # singular values below this part of the largest carry no force
-IDLE = 1e-9
+RANK_TOLERANCE = 1e-9
 
 
 def gaps_at_rest(scene: Inspected) -> dict[int, float]:
     """Return by how much each loop will stand open under what acts at the start, in [m] or [rad]."""
-    data = mujoco.MjData(scene.bare)
+    data = mujoco.MjData(scene.loops_only)
     data.qpos[:] = scene.read.qpos if scene.closed is None else scene.closed
     with quiet():
-        mujoco.mj_forward(scene.bare, data)
+        mujoco.mj_forward(scene.loops_only, data)
     force = data.efc_force[data.efc_type == EQUALITY]
     return _gaps(scene, data, force, np.zeros(len(force)))
 
 
 def gaps_in(scene: Inspected, motion: Swing) -> dict[int, float]:
     """Return the widest gap of each loop over a motion, loop's number -> [m] or [rad]."""
-    model, widest = scene.bare, dict[int, float]()
+    model, widest = scene.loops_only, dict[int, float]()
     data, inertia = mujoco.MjData(model), np.zeros((model.nv, model.nv))
-    inputs = driven_by(scene)
-    held_back = damping(model, moments(scene, scene.read.qpos)) * float(model.opt.timestep)
+    inputs = drive_directions(scene)
+    implicit_damping = damping(model, moment_arms(scene, scene.read.qpos)) * float(model.opt.timestep)
     for qpos, qvel, qacc in zip(motion.qpos, motion.qvel, motion.qacc, strict=True):
         data.qpos[:], data.qvel[:] = qpos, qvel
         with quiet():
             mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, inertia)
         # what the constraints must ask for so that the integrator leaves the acceleration meant
-        asked = qacc + np.linalg.solve(inertia, held_back @ qacc)
+        commanded = qacc + np.linalg.solve(inertia, implicit_damping @ qacc)
         rows = data.efc_type == EQUALITY
-        slope = dense_rows(data)[rows]
-        force = loop_forces(scene, data, asked, inputs)
-        for loop, by in _gaps(scene, data, force, slope @ (asked - qacc)).items():
+        jacobian = dense_rows(data)[rows]
+        force = loop_forces(scene, data, commanded, inputs)
+        for loop, by in _gaps(scene, data, force, jacobian @ (commanded - qacc)).items():
             widest[loop] = max(by, widest.get(loop, 0.0))
     return widest
 
 
-def driven_by(scene: Inspected) -> Array:
+def drive_directions(scene: Inspected) -> Array:
     """Return in which directions efforts move the drivers, (k, nv): by an actuator's tendon or joint."""
-    model, arms = scene.bare, moments(scene, scene.read.qpos)
+    model, arms = scene.loops_only, moment_arms(scene, scene.read.qpos)
     rows: list[Array] = []
     for name in (*scene.drivers, *scene.read.mechanism.locked):
         own = np.zeros(model.nv)
         own[int(model.joint(name).dofadr[0])] = 1.0
-        acting = [a for a in range(model.nu) if name in acted_on(model, a)]
+        acting = [a for a in range(model.nu) if name in actuated_joints(model, a)]
         rows.append(arms[acting[0]] if acting else own)
     return np.array(rows).reshape(-1, model.nv)
 
 
-def moments(scene: Inspected, qpos: Array) -> Array:
+def moment_arms(scene: Inspected, qpos: Array) -> Array:
     """Return the arms of the actuators by the freedoms at coordinates (nq,), (nu, nv)."""
-    model = scene.bare
+    model = scene.loops_only
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     dense = np.zeros((model.nu, model.nv))
@@ -89,47 +89,47 @@ def loop_forces(scene: Inspected, data: mujoco.MjData, qacc: Array, inputs: Arra
     Drivers move by what efforts along `inputs` (k, nv) it takes. Rows that repeat others share a force as
     their softness has it.
     """
-    model = scene.bare
+    model = scene.loops_only
     inertia = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, inertia)
     needed = inertia @ qacc + data.qfrc_bias - data.qfrc_passive - data.qfrc_applied
-    rows, slope = data.efc_type == EQUALITY, dense_rows(data)
-    needed -= slope.T @ _friction(data, slope, qacc)
-    slope = slope[rows]
-    easy = np.sqrt(data.efc_R[rows])
+    rows, jacobian = data.efc_type == EQUALITY, dense_rows(data)
+    needed -= jacobian.T @ _friction(data, jacobian, qacc)
+    jacobian = jacobian[rows]
+    compliance = np.sqrt(data.efc_R[rows])
     rest = np.linalg.svd(inputs)[2][len(inputs) :] if len(inputs) else np.eye(model.nv)
-    shared = rest @ slope.T / easy
-    return (np.linalg.pinv(shared, rcond=IDLE) @ (rest @ needed)) / easy
+    shared = rest @ jacobian.T / compliance
+    return (np.linalg.pinv(shared, rcond=RANK_TOLERANCE) @ (rest @ needed)) / compliance
 
 
-def _friction(data: mujoco.MjData, slope: Array, qacc: Array) -> Array:
+def _friction(data: mujoco.MjData, jacobian: Array, qacc: Array) -> Array:
     """Return the dry friction in its rows, (m,), 0 in others: soft at low speed, as MuJoCo has it."""
     rate = data.efc_KBIP.reshape(-1, 4)[:, 1]
-    stopping = -(rate * data.efc_vel + slope @ qacc) / data.efc_R
+    stopping = -(rate * data.efc_vel + jacobian @ qacc) / data.efc_R
     dry = np.isin(data.efc_type, DRY)
     return np.where(dry, np.clip(stopping, -data.efc_frictionloss, data.efc_frictionloss), 0.0)
 
 
-def _gaps(scene: Inspected, data: mujoco.MjData, force: Array, missed: Array) -> dict[int, float]:
+def _gaps(scene: Inspected, data: mujoco.MjData, force: Array, deficit: Array) -> dict[int, float]:
     """Return where loops come to rest, their impedance following the gap, loop's number -> [m] or [rad].
 
     Args:
         scene: of the loops.
         data: a state of it.
         force: in the rows of the loops, (m,).
-        missed: accelerations that the integrator holds back in them, (m,).
+        deficit: accelerations that the integrator holds back in them, (m,).
     """
-    model, rows = scene.bare, data.efc_type == EQUALITY
+    model, rows = scene.loops_only, data.efc_type == EQUALITY
     stiffness, _, now, _ = data.efc_KBIP.reshape(-1, 4)[rows].T
     # a gap is softness (1 - d) / d^2 + missed / d at the impedance d
-    soft = force * data.efc_R[rows] * now / (1.0 - now) / stiffness
-    found: dict[int, float] = {}
+    free_gap = force * data.efc_R[rows] * now / (1.0 - now) / stiffness
+    gaps: dict[int, float] = {}
     for loop in np.unique(data.efc_id[rows]):
         # of a weld the place
         own = np.flatnonzero(data.efc_id[rows] == loop)[:3]
         solimp = model.opt.o_solimp if overridden(model) else model.eq_solimp[loop]
-        found[int(loop)] = _at_rest(soft[own], missed[own] / stiffness[own], solimp)
-    return found
+        gaps[int(loop)] = _equilibrium_gap(free_gap[own], deficit[own] / stiffness[own], solimp)
+    return gaps
 
 
 def overridden(model: mujoco.MjModel) -> bool:
@@ -137,24 +137,24 @@ def overridden(model: mujoco.MjModel) -> bool:
     return bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE))
 
 
-def _at_rest(soft: Array, missed: Array, solimp: Array) -> float:
+def _equilibrium_gap(free_gap: Array, deficit: Array, solimp: Array) -> float:
     """Return the gap that its own impedance makes of softness and what is missed, by halving."""
 
-    def held(gap: float) -> float:
+    def gap_at(gap: float) -> float:
         d = impedance(solimp, gap)
-        return float(np.linalg.norm(soft * (1.0 - d) / d**2 + missed / d))
+        return float(np.linalg.norm(free_gap * (1.0 - d) / d**2 + deficit / d))
 
-    low, high = 0.0, held(0.0)
-    for _ in range(HALVINGS):
+    low, high = 0.0, gap_at(0.0)
+    for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if held(middle) > middle else (low, middle)
+        low, high = (middle, high) if gap_at(middle) > middle else (low, middle)
     return high
 
 
 def impedance(solimp: Array, gap: float) -> float:
     """Return MuJoCo's impedance of a constraint at a gap, by its five numbers of `solimp`."""
     low, high, width, middle, power = (float(value) for value in solimp)
-    low, high = min(max(low, 1e-4), HARDEST), min(max(high, 1e-4), HARDEST)
+    low, high = min(max(low, 1e-4), MAX_IMPEDANCE), min(max(high, 1e-4), MAX_IMPEDANCE)
     if low == high or width <= 1e-15:
         return 0.5 * (low + high)
     x = min(abs(gap) / width, 1.0)

@@ -20,7 +20,7 @@ from mechsim.simulation.open_freedoms import require_determined, standing
 from mechsim.simulation.poses.follow import follow
 
 # of a swing that nobody asked for: reach in [rad] or parts of the size, duration in [s], tries at half of it
-REACH, SLIDE, SECONDS, TRIES = 0.3, 0.1, 1.0, 4
+REACH, STROKE, DURATION, TRIES = 0.3, 0.1, 1.0, 4
 # states of a motion
 SAMPLES = 101
 
@@ -34,14 +34,14 @@ class Swing:
         qpos: (n, nq).
         qvel: (n, nv).
         qacc: (n, nv).
-        said: what moves, in words.
+        description: what moves, in words.
     """
 
     time: Array
     qpos: Array
     qvel: Array
     qacc: Array
-    said: str
+    description: str
 
 
 @lru_cache(maxsize=1)
@@ -55,17 +55,20 @@ def swing(scene: Inspected) -> Swing | None:
             return _moved(scene, scene.programs, "the programs")
         return None
     for half in range(TRIES if scene.drivers else 0):
-        far = reaches(scene, 0.5**half)
-        said = f"a swing of {', '.join(f'{name} by {by:.3g}' for name, by in far.items())} in {SECONDS:g} s"
+        displacements = reaches(scene, 0.5**half)
+        swings = ", ".join(f"{name} by {by:.3g}" for name, by in displacements.items())
+        description = f"a swing of {swings} in {DURATION:g} s"
         with suppress(MechsimError, np.linalg.LinAlgError, FloatingPointError):
-            states = {name: wave(scene.read.mechanism.counted[name], by) for name, by in far.items()}
-            return _moved(scene, programs(scene.read.mechanism, states, SECONDS), said)
+            states = {
+                name: wave(scene.read.mechanism.counted[name], by) for name, by in displacements.items()
+            }
+            return _moved(scene, programs(scene.read.mechanism, states, DURATION), description)
     return None
 
 
 def wave(start: float, reach: float) -> State:
     """Return the program of one swing from a start by a reach and back."""
-    w = 2.0 * np.pi / SECONDS
+    w = 2.0 * np.pi / DURATION
 
     def state(time: Array) -> tuple[Array, Array, Array]:
         return (
@@ -77,35 +80,35 @@ def wave(start: float, reach: float) -> State:
     return state
 
 
-def reaches(scene: Inspected, part: float = 1.0) -> Mapping[str, float]:
+def reaches(scene: Inspected, fraction: float = 1.0) -> Mapping[str, float]:
     """Return by how much each driver swings, to where its limits leave room."""
-    mechanism, found = scene.read.mechanism, dict[str, float]()
+    mechanism, result = scene.read.mechanism, dict[str, float]()
     for name in mechanism.drivers:
-        far = part * (REACH if mechanism.unit(name) == "rad" else SLIDE * scene.size)
+        reach = fraction * (REACH if mechanism.unit(name) == "rad" else STROKE * scene.size)
         low, high = scene.read.limits.get(name, (-np.inf, np.inf))
         up, down = high - mechanism.counted[name], mechanism.counted[name] - low
-        found[name] = min(far, up) if up >= min(far, down) else -min(far, down)
-    return found
+        result[name] = min(reach, up) if up >= min(reach, down) else -min(reach, down)
+    return result
 
 
 @quiet()
-def _moved(scene: Inspected, asked: Programs, said: str) -> Swing:
-    closed = closed_model.of_source(scene.read, drivers=asked.drivers)
+def _moved(scene: Inspected, laws: Programs, description: str) -> Swing:
+    closed = closed_model.of_source(scene.read, drivers=laws.drivers)
     require_determined(closed, standing(closed))
-    closed = begun(closed, asked)
-    time = np.linspace(0.0, asked.duration, SAMPLES)
-    angle, speed, _ = clock_of(asked).state(time)
+    closed = begun(closed, laws)
+    time = np.linspace(0.0, laws.duration, SAMPLES)
+    angle, speed, _ = clock_of(laws).state(time)
     states = follow(closed.loops, closed.closed, angle)
     rates = closed.loops.tangent(closed.loops.linearise(states)[1]) * speed[:, None]
-    qpos, qvel = _in_own(scene.model, closed.model, states, rates)
-    return Swing(time, qpos, qvel, np.gradient(qvel, time, axis=0, edge_order=2), said)
+    qpos, qvel = _without_clock(scene.model, closed.model, states, rates)
+    return Swing(time, qpos, qvel, np.gradient(qvel, time, axis=0, edge_order=2), description)
 
 
-def _in_own(
-    model: mujoco.MjModel, clocked: mujoco.MjModel, states: Array, rates: Array
+def _without_clock(
+    model: mujoco.MjModel, with_clock: mujoco.MjModel, states: Array, rates: Array
 ) -> tuple[Array, Array]:
     """Return states and rates of a model with a clock as those of the model without."""
-    clock = clocked.joint(CLOCK)
+    clock = with_clock.joint(CLOCK)
     qpos = np.delete(states, int(clock.qposadr[0]), axis=1)
     qvel = np.delete(rates, int(clock.dofadr[0]), axis=1)
     assert qpos.shape[1] == model.nq

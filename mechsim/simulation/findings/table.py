@@ -8,30 +8,30 @@ import numpy as np
 from mechsim.model.finding import Finding
 from mechsim.model.programs import Programs
 from mechsim.simulation.findings.actuation import fighting
-from mechsim.simulation.findings.beyond_limits import beyond
+from mechsim.simulation.findings.beyond_limits import outside_limits
+from mechsim.simulation.findings.compliance import compliant_loops, refsafe, timestep
 from mechsim.simulation.findings.contacts import collisions
-from mechsim.simulation.findings.freedoms import left_open
 from mechsim.simulation.findings.inspected import Inspected
-from mechsim.simulation.findings.loop_closure import doubled, gaps, repeated
+from mechsim.simulation.findings.loop_closure import duplicate_loops, gaps, redundant_constraints
 from mechsim.simulation.findings.masses import impossible
-from mechsim.simulation.findings.softness import refsafe, soft, timestep
-from mechsim.simulation.findings.units_mistaken import mistaken
+from mechsim.simulation.findings.undetermined_dofs import undetermined
+from mechsim.simulation.findings.units_mistaken import mistaken_units
 from mechsim.simulation.mjcf_reader import MjcfModel
 
 # what is looked for, in the order in which it is told: what breaks a run, what bends it, what is to be known
-LOOKED_FOR: tuple[Callable[[Inspected], Iterator[Finding]], ...] = (
+CHECKS: tuple[Callable[[Inspected], Iterator[Finding]], ...] = (
     timestep,
     gaps,
-    mistaken,
+    mistaken_units,
     impossible,
-    beyond,
+    outside_limits,
     collisions,
-    doubled,
+    duplicate_loops,
     fighting,
     refsafe,
-    soft,
-    left_open,
-    repeated,
+    compliant_loops,
+    undetermined,
+    redundant_constraints,
 )
 
 
@@ -43,9 +43,9 @@ def findings(read: MjcfModel, programs: Programs | None = None) -> tuple[Finding
         programs: of its drivers; None looks at a swing of them where a motion is needed.
     """
     scene = Inspected(read, programs)
-    found: list[Finding] = []
-    for look in LOOKED_FOR:
+    result: list[Finding] = []
+    for check in CHECKS:
         # a state so wrong that it overflows is what other looks have found
         with suppress(FloatingPointError, np.linalg.LinAlgError):
-            found += look(scene)
-    return tuple(found)
+            result += check(scene)
+    return tuple(result)

@@ -6,16 +6,16 @@ import numpy as np
 
 from mechsim.model.finding import Finding
 from mechsim.simulation.findings.inspected import Inspected
-from mechsim.simulation.mjcf_reader.kinds import DRIVABLE, SLIDE
+from mechsim.simulation.mjcf_reader.joint_types import DRIVABLE, SLIDE
 
 # a scene this large in [m], or a part so many times farther off than the middle one, is in mm
-LARGE, FARTHER = 10.0, 100.0
+MAX_LENGTH, MAX_RATIO = 10.0, 100.0
 # a hinge of a loop with a range this wide in [rad] has it in degrees; hinges with a range as narrow as this
 # in degrees have it in rad
-TURNS, NARROW = 10.0, 2.0 * np.pi
+WIDE_RANGE, NARROW_RANGE = 10.0, 2.0 * np.pi
 
 
-def mistaken(scene: Inspected) -> Iterator[Finding]:
+def mistaken_units(scene: Inspected) -> Iterator[Finding]:
     """Yield what looks like another unit."""
     yield from _lengths(scene)
     yield from _angles(scene)
@@ -23,7 +23,7 @@ def mistaken(scene: Inspected) -> Iterator[Finding]:
 
 def _lengths(scene: Inspected) -> Iterator[Finding]:
     model = scene.model
-    if scene.size > LARGE:
+    if scene.size > MAX_LENGTH:
         yield Finding(
             kind="units",
             what="lengths",
@@ -34,11 +34,11 @@ def _lengths(scene: Inspected) -> Iterator[Finding]:
         )
         return
     moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
-    far = {b: float(np.linalg.norm(model.body_pos[b])) for b in moving}
-    middle = float(np.median([by for by in far.values() if by > 0.0] or [0.0]))
+    distances = {b: float(np.linalg.norm(model.body_pos[b])) for b in moving}
+    middle = float(np.median([by for by in distances.values() if by > 0.0] or [0.0]))
     bodies = {body.name: body for body in scene.read.spec.bodies}
-    for b, by in far.items():
-        if middle > 0.0 and by > FARTHER * middle and by > 1.0:
+    for b, by in distances.items():
+        if middle > 0.0 and by > MAX_RATIO * middle and by > 1.0:
             name = str(model.body(b).name)
             yield Finding(
                 kind="units",
@@ -60,7 +60,7 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
         if int(model.jnt_type[j]) in DRIVABLE and int(model.jnt_type[j]) != SLIDE
     ]
     widths = {j: float(np.abs(model.jnt_range[j]).max()) for j in hinges}
-    wide = [j for j, width in widths.items() if width > TURNS and _in_loop(scene, j)]
+    wide = [j for j, width in widths.items() if width > WIDE_RANGE and _in_loop(scene, j)]
     # a range of several turns that a file has in degrees is meant so
     if wide and not scene.read.spec.compiler.degree:
         names = ", ".join(str(model.joint(j).name) for j in wide)
@@ -74,7 +74,7 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
             remedy='write rad, or angle="degree" for the whole file',
             **scene.place(joints[str(model.joint(wide[0]).name)]),
         )
-    narrow = [j for j, width in widths.items() if 0.0 < np.rad2deg(width) <= NARROW]
+    narrow = [j for j, width in widths.items() if 0.0 < np.rad2deg(width) <= NARROW_RANGE]
     if scene.read.spec.compiler.degree and len(narrow) == len(hinges) > 1:
         j = max(narrow, key=lambda j: widths[j])
         yield Finding(
@@ -90,5 +90,5 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
 
 def _in_loop(scene: Inspected, j: int) -> bool:
     """Say whether the loops feel a joint."""
-    slope, _ = scene.generic
-    return bool(np.abs(slope[:, int(scene.model.jnt_dofadr[j])]).max(initial=0.0) > 0.0)
+    jacobian, _ = scene.generic
+    return bool(np.abs(jacobian[:, int(scene.model.jnt_dofadr[j])]).max(initial=0.0) > 0.0)

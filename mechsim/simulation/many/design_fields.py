@@ -12,8 +12,15 @@ from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.simulation.mjcf.body_inertia import PLACEHOLDER, placeholder, principal
-from mechsim.simulation.mjcf.generator import FLYWHEEL
-from mechsim.simulation.mjcf.joints import CRANK, Branch, EndArrays, meeting_points, model_joints, seated_pose
+from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
+from mechsim.simulation.mjcf.joints import (
+    CRANK,
+    Branch,
+    EndArrays,
+    coincident_points,
+    model_joints,
+    seated_pose,
+)
 from mechsim.simulation.mjcf.loop_cuts import Tree
 
 Fields = dict[str, Array]
@@ -77,7 +84,7 @@ def site_fields(model: mujoco.MjModel, tree: Tree, arrays: DesignArrays) -> Fiel
     known = {model.site(i).name for i in range(model.nsite)}
     for joint in tree.cuts:
         point_a, frame_a, point_b, frame_b = arrays.ends[joint.name]
-        heights = meeting_points(KINDS[joint.kind]) or ()
+        heights = coincident_points(KINDS[joint.kind]) or ()
         for suffix, height in zip(("", "+"), heights, strict=False):
             for end, point, frame in ((joint.a, point_a, frame_a), (joint.b, point_b, frame_b)):
                 name = f"{joint.name}@{end.link}{suffix}"
@@ -97,7 +104,7 @@ def placeholder_fields(model: mujoco.MjModel, arrays: DesignArrays) -> Fields:
         fields["body_mass"][:, body], fields["body_ipos"][:, body] = mass, centre.T
         fields["body_inertia"][:, body] = moment[:, None]
     crank = model.jnt_dofadr[model.joint(CRANK).id]
-    fields["dof_armature"][:, crank] = FLYWHEEL * PLACEHOLDER * size
+    fields["dof_armature"][:, crank] = DRIVE_INERTIA_RATIO * PLACEHOLDER * size
     return fields
 
 

@@ -11,26 +11,26 @@ from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import plane_normals
-from mechsim.simulation.mjcf.generator import FLYWHEEL
+from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.mjcf.loop_cuts import cut_loops, joints_of
 
 MOTOR = "crank@motor"
 # what the names of the sites at the ends of a length end with
 LENGTH = "@length"
 # of a motor's rotor beside the flywheel on it, in [kg m2]
-ROTOR = 1e-6
+ROTOR_INERTIA = 1e-6
 # points of a link nearer than this, in units of the mechanism's size, are one
-SAME = 1e-9
+COINCIDENT = 1e-9
 
 
 def gear_to_motor(spec: mujoco.MjSpec) -> None:
     """Drive the crank by an equality with a wheel beside the mechanism, which has the flywheel."""
     body = spec.worldbody.add_body(name=MOTOR)
-    body.mass, body.inertia, body.explicitinertial = 1.0, np.full(3, ROTOR), True
+    body.mass, body.inertia, body.explicitinertial = 1.0, np.full(3, ROTOR_INERTIA), True
     wheel = body.add_joint(name=MOTOR, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0.0, 0.0, 1.0))
-    weight = sum(float(one.mass) for one in spec.bodies)
-    reach = max((float(np.linalg.norm(one.pos)) for one in spec.bodies), default=1.0)
-    wheel.armature = FLYWHEEL * weight * max(reach, 1e-6) ** 2
+    weight = sum(float(body_.mass) for body_ in spec.bodies)
+    reach = max((float(np.linalg.norm(body_.pos)) for body_ in spec.bodies), default=1.0)
+    wheel.armature = DRIVE_INERTIA_RATIO * weight * max(reach, 1e-6) ** 2
     gear = spec.add_equality(
         name=MOTOR,
         type=mujoco.mjtEq.mjEQ_JOINT,
@@ -47,7 +47,7 @@ def add_servo(spec: mujoco.MjSpec) -> None:
     motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE
 
 
-def inertia_felt(model: mujoco.MjModel, qpos: Array, tangent: Array) -> float:
+def inertia_at_crank(model: mujoco.MjModel, qpos: Array, tangent: Array) -> float:
     """Return the inertia of the links at the crank, in [kg m2], its own armature left out.
 
     Args:
@@ -84,8 +84,10 @@ def rod_of(mechanism: Mechanism) -> str | None:
         if any(joint.name in fixed for joint in joints):
             continue
         ends = [end.point for end in mechanism.ends(link.name)]
-        tracked = [point for where, point in mechanism.points.values() if where == link.name]
-        if all(min(_gap(point, end) for end in ends) <= SAME * mechanism.size for point in tracked):
+        tracked = [point for link_name, point in mechanism.points.values() if link_name == link.name]
+        if all(
+            min(_distance(point, end) for end in ends) <= COINCIDENT * mechanism.size for point in tracked
+        ):
             return link.name
     return None
 
@@ -101,13 +103,13 @@ def rod_as_length(spec: mujoco.MjSpec, mechanism: Mechanism, rod: str) -> None:
         rod: link that `rod_of` names.
     """
     sites: list[str] = []
-    moved = {name: point for name, (link, point) in mechanism.points.items() if link == rod}
+    tracked = {name: point for name, (link, point) in mechanism.points.items() if link == rod}
     for joint in [joint for joint in mechanism.joints if rod in (joint.a.link, joint.b.link)]:
         mine, other = (joint.a, joint.b) if joint.a.link == rod else (joint.b, joint.a)
         body = spec.worldbody if other.link == GROUND else spec.body(other.link)
         sites.append(body.add_site(name=f"{joint.name}{LENGTH}", pos=other.point).name)
-        for name, point in moved.items():
-            if _gap(point, mine.point) <= SAME * mechanism.size:
+        for name, point in tracked.items():
+            if _distance(point, mine.point) <= COINCIDENT * mechanism.size:
                 spec.delete(spec.site(name))
                 body.add_site(name=name, pos=other.point)
         for equality in list(spec.equalities):
@@ -117,9 +119,9 @@ def rod_as_length(spec: mujoco.MjSpec, mechanism: Mechanism, rod: str) -> None:
     tendon = spec.add_tendon(name=rod)
     for site in sites:
         tendon.wrap_site(site)
-    kind, of = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
-    spec.add_equality(name=rod, type=kind, objtype=of, name1=rod, active=False)
+    kind, object_type = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
+    spec.add_equality(name=rod, type=kind, objtype=object_type, name1=rod, active=False)
 
 
-def _gap(a: tuple[float, float, float], b: tuple[float, float, float]) -> float:
+def _distance(a: tuple[float, float, float], b: tuple[float, float, float]) -> float:
     return float(np.linalg.norm(np.asarray(a) - np.asarray(b)))

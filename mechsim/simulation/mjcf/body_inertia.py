@@ -30,15 +30,15 @@ def set_inertia(body: mujoco.MjsBody, inertia: Inertia) -> None:
 def principal(inertia: Inertia) -> tuple[Array, Array]:
     """Return the quaternion of the principal axes and the moments about them, (4,) and (3,)."""
     moments = inertia.matrix
-    turn = np.eye(3)
+    rotation = np.eye(3)
     values = np.diag(moments).copy()
     if np.count_nonzero(moments - np.diag(values)):
-        values, turn = np.linalg.eigh(moments)
-        turn[:, 2] *= np.sign(np.linalg.det(turn))
+        values, rotation = np.linalg.eigh(moments)
+        rotation[:, 2] *= np.sign(np.linalg.det(rotation))
     # the largest of a flat body may exceed the sum of the others by rounding, which MuJoCo refuses
     largest = int(np.argmax(values))
     values[largest] = min(values[largest], values.sum() - values[largest])
-    return quaternion(turn), values
+    return quaternion(rotation), values
 
 
 def set_placeholder(body: mujoco.MjsBody, mechanism: Mechanism, link: str) -> None:
@@ -54,14 +54,14 @@ def set_placeholder(body: mujoco.MjsBody, mechanism: Mechanism, link: str) -> No
     body.inertia = np.full(3, moment)
 
 
-def placeholder(points: Array, size: float | Array) -> tuple[Any, Array, Any]:
+def placeholder(points: Array, length: float | Array) -> tuple[Any, Array, Any]:
     """Return mass, centre and moment of a placeholder.
 
     Args:
         points: of the joints on a link, (k, 3) in [m], or (k, 3, d) of d designs.
-        size: of the mechanism, in [m], or (d,).
+        length: of the mechanism, in [m], or (d,).
     """
     centre = (points.min(0) + points.max(0)) / 2.0
-    radius = np.maximum(np.linalg.norm(points - centre, axis=1).max(0), 0.1 * size)
-    mass = PLACEHOLDER / size
+    radius = np.maximum(np.linalg.norm(points - centre, axis=1).max(0), 0.1 * length)
+    mass = PLACEHOLDER / length
     return mass, centre, 0.4 * mass * radius**2

@@ -34,10 +34,12 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
     except ValueError as error:
         raise InputError(f"MuJoCo refuses the model: {' '.join(str(error).split())}") from error
     for kind in ("site", "geom"):
-        same, place = getattr(model, f"{kind}_sameframe"), getattr(model, f"{kind}_pos")
+        same_frame, positions = getattr(model, f"{kind}_sameframe"), getattr(model, f"{kind}_pos")
         centre = model.body_ipos[getattr(model, f"{kind}_bodyid")]
-        apart = (same == BODY) & (place != 0.0).any(1) | (same == INERTIA) & (place != centre).any(1)
-        same[apart] = NONE
+        distinct = (same_frame == BODY) & (positions != 0.0).any(1) | (same_frame == INERTIA) & (
+            positions != centre
+        ).any(1)
+        same_frame[distinct] = NONE
     model.body_sameframe[(model.body_sameframe == BODY) & np.any(model.body_ipos != 0.0, axis=1)] = NONE
     return model
 

@@ -36,7 +36,7 @@ class Builder:
     tree: Tree
     bodies: Bodies
 
-    def parts(self, joint: Joint) -> list[mujoco.MjsJoint]:
+    def model_joints(self, joint: Joint) -> list[mujoco.MjsJoint]:
         """Return the model's joints that make up a joint of the tree; empty for one that is cut."""
         if joint in self.tree.cuts:
             return []
@@ -48,11 +48,11 @@ class Builder:
         body.add_site(name=name, pos=end.point, quat=quaternion(end.frame))
         return name
 
-    def point(self, name: str, place: Place) -> str:
+    def point(self, name: str, location: Place) -> str:
         """Add a site at a place, with the axes of its link's frame; a tracked point has one already."""
-        if isinstance(place, str):
-            return place
-        link, local = located(self.mechanism, place)
+        if isinstance(location, str):
+            return location
+        link, local = located(self.mechanism, location)
         self.bodies[link].add_site(name=name, pos=local)
         return name
 
@@ -77,22 +77,22 @@ def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bo
     if forces.loads or forces.couples:
         spec.worldbody.add_site(name="ground axes")
     for number, load in enumerate(forces.loads, 1):
-        at = builder.point(f"load {number}", load.place)
+        site = builder.point(f"load {number}", load.place)
         for i, axis in enumerate(AXES):
-            _between(spec, f"load {number}.{axis}", at, "ground axes", np.eye(6)[i])
+            _between(spec, f"load {number}.{axis}", site, "ground axes", np.eye(6)[i])
     for number, couple in enumerate(forces.couples, 1):
-        at = builder.point(f"couple {number}", (couple.link, ORIGIN))
+        site = builder.point(f"couple {number}", (couple.link, ORIGIN))
         for i, axis in enumerate(AXES):
-            _between(spec, f"couple {number}.{axis}", at, "ground axes", np.eye(6)[3 + i])
+            _between(spec, f"couple {number}.{axis}", site, "ground axes", np.eye(6)[3 + i])
     for number, spring in enumerate(forces.springs, 1):
         tendon = spec.add_tendon(
             name=f"spring {number}",
-            stiffness=_first(spring.stiffness),
-            damping=_first(spring.damping),
+            stiffness=_linear(spring.stiffness),
+            damping=_linear(spring.damping),
             springlength=(spring.rest, spring.rest),
         )
-        for side, place in (("a", spring.a), ("b", spring.b)):
-            tendon.wrap_site(builder.point(f"spring {number}.{side}", place))
+        for side, point in (("a", spring.a), ("b", spring.b)):
+            tendon.wrap_site(builder.point(f"spring {number}.{side}", point))
     for spring in forces.joint_springs:
         _add_joint_spring(builder, spring)
     for friction in forces.friction:
@@ -113,15 +113,17 @@ class Actuators:
 
 def actuators(mechanism: Mechanism, forces: Forces, count: int) -> Actuators:
     """Return which of a number of actuators are what; three for each load and each couple."""
-    turning = [one for one in forces.joint_springs if not KINDS[mechanism.joint(one.joint).kind].slides]
-    sizes = (
+    turning = [
+        spring for spring in forces.joint_springs if not KINDS[mechanism.joint(spring.joint).kind].slides
+    ]
+    counts = (
         int(forces.motor is not None),
         int(forces.crank_torque is not None),
         len(AXES) * len(forces.loads),
         len(AXES) * len(forces.couples),
         len(turning),
     )
-    ends = [0, *accumulate(sizes), count]
+    ends = [0, *accumulate(counts), count]
     return Actuators(*(slice(first, last) for first, last in pairwise(ends)))
 
 
@@ -141,8 +143,8 @@ def _add_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
 
 def motor_control(motor: Motor) -> float:
     """Return the control at which the model's motor gives the motor's torque."""
-    one = motor.motor if isinstance(motor, Geared) else motor
-    return one.voltage if isinstance(one, DCMotor) else 1.0
+    plain = motor.motor if isinstance(motor, Geared) else motor
+    return plain.voltage if isinstance(plain, DCMotor) else 1.0
 
 
 def _on_crank(spec: mujoco.MjSpec, name: str) -> mujoco.MjsActuator:
@@ -177,14 +179,14 @@ def _affine(
 def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
     joint = builder.mechanism.joint(spring.joint)
     if KINDS[joint.kind].slides:
-        (part,) = builder.parts(joint)
-        part.stiffness = _first(spring.stiffness + float(part.stiffness[0]))
-        part.springref = spring.rest
+        (model_joint,) = builder.model_joints(joint)
+        model_joint.stiffness = _linear(spring.stiffness + float(model_joint.stiffness[0]))
+        model_joint.springref = spring.rest
         return
     # the rest angle turned into the frame, so that the angle counts from it and wraps opposite to it
-    turned = End(joint.a.link, joint.a.point, joint.a.axis, _turned(joint.a, spring.rest))
+    rotated = End(joint.a.link, joint.a.point, joint.a.axis, _rotated_mark(joint.a, spring.rest))
     name = f"spring in {joint.name}"
-    a = builder.site(f"{name}.a", turned)
+    a = builder.site(f"{name}.a", rotated)
     b = builder.site(f"{name}.b", joint.b)
     made = _between(builder.spec, name, b, a, np.eye(6)[5])
     made.gainprm[0] = 0.0
@@ -192,46 +194,46 @@ def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
     made.biasprm[:3] = 0.0, -spring.stiffness, 0.0
 
 
-def _turned(end: End, angle: float) -> tuple[float, float, float]:
+def _rotated_mark(end: End, angle: float) -> tuple[float, float, float]:
     mark = end.frame @ np.array([np.cos(angle), np.sin(angle), 0.0])
     return float(mark[0]), float(mark[1]), float(mark[2])
 
 
 def _add_friction(builder: Builder, friction: Friction) -> None:
     joint = builder.mechanism.joint(friction.joint)
-    parts, kind = builder.parts(joint), KINDS[joint.kind]
+    model_joints, kind = builder.model_joints(joint), KINDS[joint.kind]
     native = not kind.ball
-    for part, (viscous, coulomb) in zip(parts, friction.sizes(kind), strict=False):
-        part.damping = _first(viscous + float(part.damping[0]))
-        part.frictionloss = part.frictionloss + (coulomb if native else 0.0)
+    for model_joint, (viscous, coulomb) in zip(model_joints, friction.sizes(kind), strict=False):
+        model_joint.damping = _linear(viscous + float(model_joint.damping[0]))
+        model_joint.frictionloss = model_joint.frictionloss + (coulomb if native else 0.0)
     axes = (2,) if kind.hinge else (0, 1, 2)
-    if friction.viscous and not parts:
+    if friction.viscous and not model_joints:
         _affine(builder, f"friction in {joint.name}", joint, (0.0, 0.0, -friction.viscous), axes)
-    if not friction.coulomb or (parts and native):
+    if not friction.coulomb or (model_joints and native):
         return
     if native and plane_normals(builder.mechanism) is not None:
-        _add_dry_cut(builder, joint, friction.coulomb)
+        _add_coulomb_cut(builder, joint, friction.coulomb)
         return
     # a ball joint's own dry friction in MuJoCo holds about three axes apart, not against the spin
-    name = dry_name(joint.name)
+    name = coulomb_name(joint.name)
     a, b = (builder.site(f"{name}.{side}", end) for side, end in (("a", joint.a), ("b", joint.b)))
     for axis in axes:
         _between(builder.spec, f"{name}.{AXES[axis]}", b, a, np.eye(6)[3 + axis])
 
 
-def dry_name(joint: str) -> str:
+def coulomb_name(joint: str) -> str:
     """Return the name, but for its axis, of the actuators that are a joint's dry friction."""
     return f"friction in {joint} dry"
 
 
-def _add_dry_cut(builder: Builder, joint: Joint, size: float) -> None:
+def _add_coulomb_cut(builder: Builder, joint: Joint, torque: float) -> None:
     """Add dry friction to a cut joint of a planar mechanism: its angle is a sum of the tree's angles."""
-    tendon = builder.spec.add_tendon(name=f"friction in {joint.name}", frictionloss=size)
+    tendon = builder.spec.add_tendon(name=f"friction in {joint.name}", frictionloss=torque)
     for name, share in turning_with(builder.mechanism, builder.tree, joint).items():
-        (part,) = builder.parts(builder.mechanism.joint(name))
-        tendon.wrap_joint(part.name, share)
+        (model_joint,) = builder.model_joints(builder.mechanism.joint(name))
+        tendon.wrap_joint(model_joint.name, share)
 
 
-def _first(value: float) -> tuple[float, float, float]:
+def _linear(value: float) -> tuple[float, float, float]:
     """Return the coefficients of a linear spring or damper; the others are of higher powers."""
     return value, 0.0, 0.0

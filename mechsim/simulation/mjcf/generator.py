@@ -23,7 +23,7 @@ from mechsim.simulation.mjcf.force_elements import add_forces
 from mechsim.simulation.mjcf.joints import (
     CRANK,
     add_joint,
-    meeting_points,
+    coincident_points,
     model_names,
     seated_pose,
     zero_pose,
@@ -32,11 +32,11 @@ from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
 
 # at which the solver stops: beside a flywheel what is left of a gradient is always a small part of the whole,
 # and with 0 it would never stop (validation/choices/exported_solver.py)
-RESIDUAL = 1e-24
+SOLVER_TOLERANCE = 1e-24
 # time constant of the loops in steps
-CONSTANT = 20.0
+TIME_CONSTANT_STEPS = 20.0
 # inertia of the crank beside that of the links: reactions then change its speed by 1e-12 of itself a turn
-FLYWHEEL = 1e12
+DRIVE_INERTIA_RATIO = 1e12
 
 
 def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | None = None) -> mujoco.MjSpec:
@@ -60,11 +60,13 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
             f"{mechanism.name}: joint {CRANK!r} is not the driver, whose hinge is called so in a MuJoCo "
             "model; rename the joint"
         )
-    acting = scene.acting if scene.holds("dynamics") else None
-    dry = frozenset(friction.joint for friction in acting.friction if friction.dry) if acting else ()
-    if acting is not None:
+    forces = scene.acting if scene.holds("dynamics") else None
+    friction_joints = (
+        frozenset(friction.joint for friction in forces.friction if friction.dry) if forces else ()
+    )
+    if forces is not None:
         mechanism = with_inertia(mechanism)
-    tree = cut_loops(mechanism, scene.cut, keep=dry, splits=True)
+    tree = cut_loops(mechanism, scene.cut, keep=friction_joints, splits=True)
     mechanism = tree.mechanism
     poses = with_stand_ins(tree.mechanism, poses or {})
     spec = mujoco.MjSpec()
@@ -73,16 +75,16 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
     spec.compiler.autolimits = True
     _options(spec, scene)
     with _repeated_names(mechanism):
-        bodies = _add_links(spec, mechanism, tree, poses, real=acting is not None)
+        bodies = _add_links(spec, mechanism, tree, poses, real_inertia=forces is not None)
         # at level dynamics the crank is free, or driven by its motor
         if scene.holds("motion") and scene.level != "dynamics" and mechanism.has_crank:
-            spec.joint(CRANK).armature = FLYWHEEL * PLACEHOLDER * mechanism.size
+            spec.joint(CRANK).armature = DRIVE_INERTIA_RATIO * PLACEHOLDER * mechanism.size
         for name, (link, point) in mechanism.points.items():
             bodies[link].add_site(name=name, pos=point)
         _close(spec, mechanism, tree, bodies)
         _couple(spec, mechanism)
-        if acting is not None:
-            add_forces(spec, mechanism, tree, bodies, acting)
+        if forces is not None:
+            add_forces(spec, mechanism, tree, bodies, forces)
     return spec
 
 
@@ -101,33 +103,33 @@ def _repeated_names(mechanism: Mechanism) -> Generator[None]:
 
 
 def _add_links(
-    spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, poses: Mapping[str, Pose], *, real: bool
+    spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, poses: Mapping[str, Pose], *, real_inertia: bool
 ) -> dict[str, mujoco.MjsBody]:
     """Add a body for each link, hung from its parent by its joint, with its real inertia or a placeholder."""
-    inertias = {known.name: known.inertia if real else None for known in mechanism.links}
-    bodies, placed = {GROUND: spec.worldbody}, {GROUND: IDENTITY}
+    inertias = {link_.name: link_.inertia if real_inertia else None for link_ in mechanism.links}
+    bodies, frames = {GROUND: spec.worldbody}, {GROUND: IDENTITY}
     for branch in tree.branches:
-        link, parent = branch.child.link, placed[branch.parent.link]
+        link, parent = branch.child.link, frames[branch.parent.link]
         local, values = seated_pose(branch, parent, poses[link]) if link in poses else zero_pose(branch)
         if link in poses:
             values = counted(mechanism, branch.joint, values)
-        hung = bodies[branch.parent.link].add_body(
+        body = bodies[branch.parent.link].add_body(
             name=link, pos=local.position, quat=quaternion(local.rotation)
         )
         inertia = inertias[link]
         if inertia is None:
-            set_placeholder(hung, mechanism, link)
+            set_placeholder(body, mechanism, link)
         else:
-            set_inertia(hung, inertia)
-        add_joint(hung, mechanism, branch, local, values)
-        bodies[link] = hung
-        placed[link] = Pose(parent.point(tuple(local.position)), parent.rotation @ local.rotation)
+            set_inertia(body, inertia)
+        add_joint(body, mechanism, branch, local, values)
+        bodies[link] = body
+        frames[link] = Pose(parent.point(tuple(local.position)), parent.rotation @ local.rotation)
     return bodies
 
 
 def counted(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tuple[float, ...]:
     """Return coordinates of a joint read off a pose, with the turns that no pose tells."""
-    told = starts(mechanism)
+    stated = starts(mechanism)
     kind = KINDS[joint.kind]
     if kind.floats:
         raise InputError(
@@ -136,7 +138,9 @@ def counted(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tu
         )
     slides = len(kind.slides)
     return tuple(
-        value + TURN * float(np.round((told[name] - value) / TURN)) if i >= slides and name in told else value
+        value + TURN * float(np.round((stated[name] - value) / TURN))
+        if i >= slides and name in stated
+        else value
         for i, (name, value) in enumerate(zip(joint.coordinates, values, strict=True))
     )
 
@@ -148,7 +152,7 @@ def _options(spec: mujoco.MjSpec, scene: Scene) -> None:
     option.integrator = mujoco.mjtIntegrator.mjINT_RK4
     option.timestep = 1e-4
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    option.tolerance = RESIDUAL
+    option.tolerance = SOLVER_TOLERANCE
     disable = mujoco.mjtDisableBit
     option.disableflags = int(disable.mjDSBL_CONTACT | disable.mjDSBL_ISLAND | disable.mjDSBL_REFSAFE)
 
@@ -159,7 +163,7 @@ def _close(
     """Close each cut: point on point, and for a revolute joint in space a second point along its axis."""
     planar = plane_normals(mechanism) is not None
     for joint in tree.cuts:
-        heights = meeting_points(KINDS[joint.kind])
+        heights = coincident_points(KINDS[joint.kind])
         if heights is None:
             _weld(spec, joint, bodies)
             continue
@@ -168,8 +172,8 @@ def _close(
             names = []
             for end in (joint.a, joint.b):
                 name = f"{joint.name}@{end.link}{suffix}"
-                place = np.asarray(end.point) + height * mechanism.size * np.asarray(end.axis)
-                bodies[end.link].add_site(name=name, pos=place)
+                position = np.asarray(end.point) + height * mechanism.size * np.asarray(end.axis)
+                bodies[end.link].add_site(name=name, pos=position)
                 names.append(name)
             _add_equality(
                 spec, joint.name + suffix, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE, names
@@ -191,9 +195,9 @@ def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
 
     A side that is no single coordinate is a fixed tendon, and so is then the other.
     """
-    of = model_names(mechanism)
-    for called, law in mechanism.named_laws.items():
-        sides = [{of[name]: weight for name, weight in terms.items()} for terms in _sides(law)]
+    name_of = model_names(mechanism)
+    for equality_name, law in mechanism.named_laws.items():
+        sides = [{name_of[name]: weight for name, weight in terms.items()} for terms in _sides(law)]
         zeros = [
             zero - sum(weight * float(spec.joint(name).ref) for name, weight in side.items())
             for side, zero in zip(sides, law.zeros, strict=False)
@@ -212,10 +216,10 @@ def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
         if any(list(side.values()) != [1.0] for side in sides):
             kind, object_kind = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
             names = [_tendon(spec, f"{law.name} {i}", side) for i, side in enumerate(sides)]
-        made = _add_equality(spec, called, kind, object_kind, [*names, ""][:2])
+        made = _add_equality(spec, equality_name, kind, object_kind, [*names, ""][:2])
         made.data[:5] = shifted
     for name, value in mechanism.locked.items():
-        hold(spec, of[name], value - float(spec.joint(of[name]).ref))
+        lock_joint(spec, name_of[name], value - float(spec.joint(name_of[name]).ref))
 
 
 def _sides(law: Coupling) -> list[Mapping[str, float]]:
@@ -231,7 +235,7 @@ def _tendon(spec: mujoco.MjSpec, name: str, side: Mapping[str, float]) -> str:
     return name
 
 
-def hold(spec: mujoco.MjSpec, joint: str, value: float) -> None:
+def lock_joint(spec: mujoco.MjSpec, joint: str, value: float) -> None:
     """Hold a hinge or slide at a value in [m] or [rad], counted from the reference configuration."""
     kind, object_kind = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
     made = _add_equality(spec, f"hold {joint}", kind, object_kind, (joint, ""))
@@ -239,15 +243,15 @@ def hold(spec: mujoco.MjSpec, joint: str, value: float) -> None:
 
 
 def _add_equality(
-    spec: mujoco.MjSpec, name: str, kind: mujoco.mjtEq, of: mujoco.mjtObj, pair: Sequence[str]
+    spec: mujoco.MjSpec, name: str, kind: mujoco.mjtEq, object_type: mujoco.mjtObj, pair: Sequence[str]
 ) -> mujoco.MjsEquality:
     """Add an equality; its stiffness was chosen by validation/choices/constraint_settings.py."""
     return spec.add_equality(
         name=name,
         type=kind,
-        objtype=of,
+        objtype=object_type,
         name1=pair[0],
         name2=pair[1],
-        solref=(CONSTANT * spec.option.timestep, 1.0),
+        solref=(TIME_CONSTANT_STEPS * spec.option.timestep, 1.0),
         solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
     )

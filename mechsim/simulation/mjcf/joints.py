@@ -88,7 +88,7 @@ def model_names(mechanism: Mechanism) -> dict[str, str]:
     }
 
 
-def meeting_points(kind: Kind) -> list[float] | None:
+def coincident_points(kind: Kind) -> list[float] | None:
     """Return heights along the axis at which points of both links meet in a joint, and by that hold it.
 
     A joint can be cut where they do: MuJoCo has an equality that closes it exactly, point on point. None
@@ -116,10 +116,12 @@ def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[
     kind = KINDS[branch.joint.kind]
     if kind.ball:
         return _ball(branch, parent, child), ()
-    near, far = _placed(branch.parent, parent), _placed(branch.child, child)
-    a, b = (near, far) if branch.sense > 0 else (far, near)
-    found = coordinates(kind, b[0] - a[0], a[1], b[1], branch.joint.cross_angle)
-    values = tuple(np.moveaxis(found, -1, 0)) if found.ndim > 1 else tuple(float(one) for one in found)
+    parent_side, child_side = _placed(branch.parent, parent), _placed(branch.child, child)
+    a, b = (parent_side, child_side) if branch.sense > 0 else (child_side, parent_side)
+    values_ = coordinates(kind, b[0] - a[0], a[1], b[1], branch.joint.cross_angle)
+    values = (
+        tuple(np.moveaxis(values_, -1, 0)) if values_.ndim > 1 else tuple(float(value) for value in values_)
+    )
     return _posed(branch, values), values
 
 
@@ -130,24 +132,24 @@ def _placed(end: End | EndArrays, link: Pose) -> tuple[Array, Array]:
 
 def _ball(branch: Branch, parent: Pose, child: Pose) -> Pose:
     """Return the child's pose in the parent's frame, turned as rough poses have it."""
-    back = np.swapaxes(parent.rotation, -1, -2)
-    rotation = back @ child.rotation
+    to_parent = np.swapaxes(parent.rotation, -1, -2)
+    rotation = to_parent @ child.rotation
     if KINDS[branch.joint.kind].floats:
-        return Pose(turned(back, child.position - parent.position), rotation)
-    held = np.asarray(branch.parent.point) - turned(rotation, np.asarray(branch.child.point))
-    return Pose(held, rotation)
+        return Pose(turned(to_parent, child.position - parent.position), rotation)
+    position = np.asarray(branch.parent.point) - turned(rotation, np.asarray(branch.child.point))
+    return Pose(position, rotation)
 
 
 def _posed(branch: Branch, values: Sequence[float | Array]) -> Pose:
     """Return the child's pose in the parent's frame at coordinates of the joint."""
     joint, frame = branch.joint, branch.parent.frame
-    shift, turn = displaced(KINDS[joint.kind], values, joint.cross_angle)
+    shift, relative = displaced(KINDS[joint.kind], values, joint.cross_angle)
     if branch.sense < 0:
-        turn = np.swapaxes(turn, -1, -2)
-        shift = -turned(turn, shift)
-    rotation = frame @ turn @ np.swapaxes(branch.child.frame, -1, -2)
-    at, local = np.asarray(branch.parent.point), np.asarray(branch.child.point)
-    return Pose(at + turned(frame, shift) - turned(rotation, local), rotation)
+        relative = np.swapaxes(relative, -1, -2)
+        shift = -turned(relative, shift)
+    rotation = frame @ relative @ np.swapaxes(branch.child.frame, -1, -2)
+    parent_point, local = np.asarray(branch.parent.point), np.asarray(branch.child.point)
+    return Pose(parent_point + turned(frame, shift) - turned(rotation, local), rotation)
 
 
 def model_joints(
@@ -161,10 +163,10 @@ def model_joints(
         local: the child's pose in the parent's frame, in the model's reference configuration.
         values: the joint's coordinates there.
     """
-    joint, at = branch.joint, np.asarray(branch.child.point)
+    joint, position = branch.joint, np.asarray(branch.child.point)
     kind, names = KINDS[joint.kind], part_names(mechanism, joint)
     if kind.ball:
-        return [ModelJoint(names[0], FREE if kind.slides else BALL, at, EZ, None)]
+        return [ModelJoint(names[0], FREE if kind.slides else BALL, position, EZ, None)]
     types = [SLIDE] * len(kind.slides) + [HINGE] * len(kind.turns)
     axes: list[Axis] = [*kind.slides, *kind.turns]
     parts = list(zip(names, types, axes, values, strict=True))
@@ -174,9 +176,10 @@ def model_joints(
     if len(kind.slides) > 1 and branch.sense < 0:
         # a turn that comes before slides across it is about the parent's point
         back = np.swapaxes(local.rotation, -1, -2)
-        at = turned(back, np.asarray(branch.parent.point) - local.position)
+        position = turned(back, np.asarray(branch.parent.point) - local.position)
     return [
-        ModelJoint(name, made, at, _axis_of(branch, local, axis), value) for name, made, axis, value in parts
+        ModelJoint(name, made, position, _axis_of(branch, local, axis), value)
+        for name, made, axis, value in parts
     ]
 
 

@@ -13,7 +13,7 @@ from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import plane_normals
 from mechsim.model.split_joints import split, stand_in
-from mechsim.simulation.mjcf.joints import Branch, EndArrays, meeting_points
+from mechsim.simulation.mjcf.joints import Branch, EndArrays, coincident_points
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -138,7 +138,7 @@ def _why_refused(joint: Joint, needed: set[str]) -> str:
         )
     return (
         f"a loop would have to be cut at {joint.kind} joint {joint.name!r}, which no MuJoCo constraint "
-        f"closes; have a {kinds_that(lambda kind: bool(meeting_points(kind)))} joint in every loop"
+        f"closes; have a {kinds_that(lambda kind: bool(coincident_points(kind)))} joint in every loop"
     )
 
 
@@ -148,7 +148,7 @@ def joints_of(mechanism: Mechanism, coordinates: Collection[str]) -> set[str]:
 
 
 def _cuttable(kind: Kind) -> bool:
-    return meeting_points(kind) is not None
+    return coincident_points(kind) is not None
 
 
 def _distance_from_crank(mechanism: Mechanism) -> dict[str, int]:

@@ -6,15 +6,15 @@ from difflib import get_close_matches
 import mujoco
 
 from mechsim.errors import InputError
-from mechsim.simulation.mjcf_reader.equality_rows import tendon_joints
-from mechsim.simulation.mjcf_reader.kinds import BALL, DRIVABLE, FREE
+from mechsim.simulation.mjcf_reader.equality_constraints import tendon_joints
+from mechsim.simulation.mjcf_reader.joint_types import BALL, DRIVABLE, FREE
 
 ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 ON_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
 # the joint that is driven where nothing else says which
 CRANK = "crank"
 # names that a refusal lists
-LISTED = 12
+MAX_LISTED = 12
 
 
 def coordinates(model: mujoco.MjModel) -> list[str]:
@@ -24,20 +24,20 @@ def coordinates(model: mujoco.MjModel) -> list[str]:
 
 def listed(names: Sequence[str]) -> str:
     """Return names as a refusal lists them, no more than a line holds."""
-    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
-    return ", ".join(names[:LISTED]) + more if names else "none"
+    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
+    return ", ".join(names[:MAX_LISTED]) + more if names else "none"
 
 
-def meant(name: str, known: Sequence[str]) -> str:
+def did_you_mean(name: str, names: Sequence[str]) -> str:
     """Return what was probably meant, as a refusal says it before it lists what there is; else nothing."""
-    close = get_close_matches(name, known, n=1)
+    close = get_close_matches(name, names, n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
 def require_coordinate(model: mujoco.MjModel, name: str, what: str) -> None:
     """Refuse what is no hinge or slide of a model."""
-    known = coordinates(model)
-    if name not in known:
+    names = coordinates(model)
+    if name not in names:
         kinds = {model.joint(j).name: int(model.jnt_type[j]) for j in range(model.njnt)}
         if kinds.get(name) == FREE:
             raise InputError(
@@ -51,46 +51,55 @@ def require_coordinate(model: mujoco.MjModel, name: str, what: str) -> None:
                 "in its place and name them"
             )
         raise InputError(
-            f"{what} names {name!r}{meant(name, known)}; hinges and slides of the model are {listed(known)}"
+            f"{what} names {name!r}{did_you_mean(name, names)}; "
+            f"hinges and slides of the model are {listed(names)}"
         )
 
 
-def driven(model: mujoco.MjModel, wanted: Sequence[str], held: Sequence[str], still: bool) -> tuple[str, ...]:
+def driven(
+    model: mujoco.MjModel, requested: Sequence[str], locked: Sequence[str], describe_only: bool
+) -> tuple[str, ...]:
     """Return the driven joints.
 
     Args:
         model: the model.
-        wanted: named by the user; empty leaves them to the model.
-        held: joints that are held, of which no actuator makes drivers.
-        still: whether none need be driven.
+        requested: named by the user; empty leaves them to the model.
+        locked: joints that are held, of which no actuator makes drivers.
+        describe_only: whether none need be driven.
 
     Raises:
         InputError: for a name that is no hinge or slide, or a model that says of none that it is driven.
     """
-    for name in wanted:
+    for name in requested:
         require_coordinate(model, name, "--drive")
-    if wanted:
-        return tuple(dict.fromkeys(wanted))
-    known = [name for name in coordinates(model) if name not in held]
-    acted = [
-        name for a in range(len(model.actuator_trntype)) for name in acted_on(model, a)[:1] if name in known
+    if requested:
+        return tuple(dict.fromkeys(requested))
+    candidates = [name for name in coordinates(model) if name not in locked]
+    actuated = [
+        name
+        for a in range(len(model.actuator_trntype))
+        for name in actuated_joints(model, a)[:1]
+        if name in candidates
     ]
-    found = tuple(dict.fromkeys(acted)) or ((CRANK,) if CRANK in known else ())
-    if not (found or still or known):
+    drivers = tuple(dict.fromkeys(actuated)) or ((CRANK,) if CRANK in candidates else ())
+    if not (drivers or describe_only or candidates):
         raise InputError("nothing can be driven: the model has no hinge or slide that is not held; add one")
-    if not (found or still):
+    if not (drivers or describe_only):
         raise InputError(
             "nothing says what is driven: no actuator acts on a joint, and no hinge is called crank; "
-            f"name joints by --drive, as in --drive '{known[0]}=0.1*sin(t)'; there are {listed(known)}"
+            f"name joints by --drive, as in --drive '{candidates[0]}=0.1*sin(t)'; "
+            f"there are {listed(candidates)}"
         )
-    return found
+    return drivers
 
 
-def acted_on(model: mujoco.MjModel, actuator: int) -> list[str]:
+def actuated_joints(model: mujoco.MjModel, actuator: int) -> list[str]:
     """Return the joints on which an actuator acts, directly or by a fixed tendon."""
-    of, kind = int(model.actuator_trnid[actuator, 0]), int(model.actuator_trntype[actuator])
+    target, kind = int(model.actuator_trnid[actuator, 0]), int(model.actuator_trntype[actuator])
     if kind in ON_JOINT:
-        return [model.joint(of).name]
-    if kind == ON_TENDON and int(model.wrap_type[model.tendon_adr[of]]) == int(mujoco.mjtWrap.mjWRAP_JOINT):
-        return list(tendon_joints(model, of))
+        return [model.joint(target).name]
+    if kind == ON_TENDON and int(model.wrap_type[model.tendon_adr[target]]) == int(
+        mujoco.mjtWrap.mjWRAP_JOINT
+    ):
+        return list(tendon_joints(model, target))
     return []

@@ -8,9 +8,9 @@ import numpy as np
 from mechsim.maths.arrays import Array
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, IDENTITY, Link, Pose, Vector
-from mechsim.simulation.mjcf_reader.driven_joints import acted_on
-from mechsim.simulation.mjcf_reader.joint_chains import Chains
-from mechsim.simulation.mjcf_reader.kinds import DRIVABLE
+from mechsim.simulation.mjcf_reader.driven_joints import actuated_joints
+from mechsim.simulation.mjcf_reader.joint_chains import KinematicTree
+from mechsim.simulation.mjcf_reader.joint_types import DRIVABLE
 
 
 def coordinate_values(model: mujoco.MjModel, qpos: Array) -> dict[str, float]:
@@ -22,34 +22,35 @@ def coordinate_values(model: mujoco.MjModel, qpos: Array) -> dict[str, float]:
     }
 
 
-def outlined(model: mujoco.MjModel, chained: Chains) -> tuple[Link, ...]:
+def with_outlines(model: mujoco.MjModel, chain: KinematicTree) -> tuple[Link, ...]:
     """Return the moving links; with their masses and geoms where all joints of each lie in one place."""
-    places = {link.name: set[Vector]() for link in chained.links}
-    for joint in chained.joints:
+    joint_points = {link.name: set[Vector]() for link in chain.links}
+    for joint in chain.joints:
         for end in (joint.a, joint.b):
-            places.setdefault(end.link, set()).add(end.point)
-    places.pop(GROUND, None)
-    if any(len(points) > 1 for points in places.values()):
-        return chained.links
-    held = {link.name: list[Vector]() for link in chained.links}
-    for body, carrier in enumerate(chained.carriers):
-        if carrier.link in held:
-            places = [model.body_ipos[body], *_corners(model, body)]
-            held[carrier.link] += [carrier.point(place) for place in places]
-    return tuple(Link(link.name, tuple(held[link.name])) for link in chained.links)
+            joint_points.setdefault(end.link, set()).add(end.point)
+    joint_points.pop(GROUND, None)
+    if any(len(points) > 1 for points in joint_points.values()):
+        return chain.links
+    outlines = {link.name: list[Vector]() for link in chain.links}
+    for body, carrier in enumerate(chain.carriers):
+        if carrier.link in outlines:
+            joint_points = [model.body_ipos[body], *_corners(model, body)]
+            outlines[carrier.link] += [carrier.point(place) for place in joint_points]
+    return tuple(Link(link.name, tuple(outlines[link.name])) for link in chain.links)
 
 
 def _corners(model: mujoco.MjModel, body: int) -> list[Array]:
     """Return two opposite corners of the box about each geom of a body, in the body's frame."""
-    found: list[Array] = []
+    corners: list[Array] = []
     for geom in np.flatnonzero(model.geom_bodyid == body):
-        turn = np.empty(9)
-        mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
+        rotation = np.empty(9)
+        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
         centre, half = np.split(model.geom_aabb[geom], 2)
-        found += [
-            model.geom_pos[geom] + turn.reshape(3, 3) @ corner for corner in (centre - half, centre + half)
+        corners += [
+            model.geom_pos[geom] + rotation.reshape(3, 3) @ corner
+            for corner in (centre - half, centre + half)
         ]
-    return found
+    return corners
 
 
 def limits(model: mujoco.MjModel) -> dict[str, tuple[float, float]]:
@@ -72,31 +73,31 @@ _RANGES = (
 )
 
 
-def idle_ranges(spec: mujoco.MjSpec) -> list[str]:
+def ignored_ranges(spec: mujoco.MjSpec) -> list[str]:
     """Say which ranges of a specification limit nothing, because they do not go from low to high."""
     return [
-        f"{kind} {part.name!r} has {called} {low:g} {high:g}, which MuJoCo takes as no limit: "
+        f"{kind} {element.name!r} has {attribute} {low:g} {high:g}, which MuJoCo takes as no limit: "
         "it goes from low to high"
-        for kind, called, counts in _RANGES
-        for part in getattr(spec, f"{kind}s")
-        for low, high in [getattr(part, called)]
-        if getattr(part, counts) == mujoco.mjtLimited.mjLIMITED_AUTO and not low < high and (low or high)
+        for kind, attribute, flag in _RANGES
+        for element in getattr(spec, f"{kind}s")
+        for low, high in [getattr(element, attribute)]
+        if getattr(element, flag) == mujoco.mjtLimited.mjLIMITED_AUTO and not low < high and (low or high)
     ]
 
 
 def actuators(model: mujoco.MjModel) -> dict[str, Sequence[str]]:
     """Return the joints on which each actuator acts."""
     return {
-        model.actuator(a).name or f"actuator{a + 1}": acted_on(model, a)
+        model.actuator(a).name or f"actuator{a + 1}": actuated_joints(model, a)
         for a in range(len(model.actuator_trntype))
     }
 
 
-def gap(joints: Sequence[Joint], poses: Mapping[str, Pose]) -> float:
+def largest_gap(joints: Sequence[Joint], poses: Mapping[str, Pose]) -> float:
     """Return how far apart the points of the joints that close loops are, the worst in [m]."""
-    placed = {GROUND: IDENTITY, **poses}
-    apart = [
-        placed[joint.b.link].point(joint.b.point) - placed[joint.a.link].point(joint.a.point)
+    frames = {GROUND: IDENTITY, **poses}
+    offsets = [
+        frames[joint.b.link].point(joint.b.point) - frames[joint.a.link].point(joint.a.point)
         for joint in joints
     ]
-    return max((float(np.linalg.norm(one)) for one in apart), default=0.0)
+    return max((float(np.linalg.norm(offset)) for offset in offsets), default=0.0)

@@ -12,14 +12,14 @@ from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS, displaced
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EZ, GROUND, IDENTITY, ORIGIN, UNSEEN, Link, Pose, Vector
-from mechsim.simulation.mjcf_reader.kinds import OF_JOINT
-from mechsim.simulation.mjcf_reader.link_places import Carrier, carriers, link_name, rotation, shifted, vector
+from mechsim.simulation.mjcf_reader.joint_types import OF_JOINT
+from mechsim.simulation.mjcf_reader.link_frames import Carrier, carriers, link_name, rotation, shifted, vector
 
 # begins the name of a link between two joints of one body; no user sees it
 
 
 @dataclass(frozen=True)
-class Chains:
+class KinematicTree:
     """The moving links of a model and the joints of its tree, in the order of the model.
 
     Attributes:
@@ -33,58 +33,61 @@ class Chains:
     joints: tuple[Joint, ...]
 
 
-def chains(model: mujoco.MjModel) -> Chains:
+def kinematic_tree(model: mujoco.MjModel) -> KinematicTree:
     """Return the links and joints of a model's tree; a hinge's angle is counted as in qpos."""
-    found = carriers(model)
+    body_carriers = carriers(model)
     links: list[Link] = []
     joints: list[Joint] = []
     for body in range(1, model.nbody):
-        above = found[model.body_parentid[body]]
-        near = Carrier(above.link, shifted(above.at, model.body_pos[body], model.body_quat[body]))
+        parent = body_carriers[model.body_parentid[body]]
+        end = Carrier(parent.link, shifted(parent.at, model.body_pos[body], model.body_quat[body]))
         first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
         for j in range(first, first + count):
             last = j == first + count - 1
             name = model.joint(j).name
-            far = Carrier(link_name(model, body) if last else f"{UNSEEN}{name}", IDENTITY)
-            links.append(Link(far.link))
-            joints.append(_joint(model, j, near, far))
-            near = far
-    return Chains(found, tuple(links), tuple(joints))
+            next_carrier = Carrier(link_name(model, body) if last else f"{UNSEEN}{name}", IDENTITY)
+            links.append(Link(next_carrier.link))
+            joints.append(_joint(model, j, end, next_carrier))
+            end = next_carrier
+    return KinematicTree(body_carriers, tuple(links), tuple(joints))
 
 
-def _joint(model: mujoco.MjModel, j: int, near: Carrier, far: Carrier) -> Joint:
+def _joint(model: mujoco.MjModel, j: int, parent: Carrier, child: Carrier) -> Joint:
     kind = OF_JOINT[int(model.jnt_type[j])]
-    name, row = model.joint(j).name, KINDS[kind]
-    if row.floats:
-        return Joint(name, kind, End(GROUND), End(far.link))
+    name, joint_kind = model.joint(j).name, KINDS[kind]
+    if joint_kind.floats:
+        return Joint(name, kind, End(GROUND), End(child.link))
     point = model.jnt_pos[j]
-    if row.ball:
-        axes = (near.direction(np.array(axis)) for axis in (EZ, EX))
+    if joint_kind.ball:
+        axes = (parent.direction(np.array(axis)) for axis in (EZ, EX))
         return Joint(
-            name, kind, End(near.link, near.point(point), *axes), End(far.link, vector(point), EZ, EX)
+            name, kind, End(parent.link, parent.point(point), *axes), End(child.link, vector(point), EZ, EX)
         )
-    plain = End(far.link, vector(point), vector(model.jnt_axis[j]))
+    plain = End(child.link, vector(point), vector(model.jnt_axis[j]))
     axis, mark = np.array(plain.axis), np.array(plain.mark)
     zero = float(model.qpos0[model.jnt_qposadr[j]])
-    start = -zero * axis if row.slides else np.zeros(3)
-    a = End(near.link, near.point(point + start), near.direction(axis), near.direction(mark))
-    turned = np.cos(zero) * mark + np.sin(zero) * np.cross(axis, mark)
+    start = -zero * axis if joint_kind.slides else np.zeros(3)
+    a = End(parent.link, parent.point(point + start), parent.direction(axis), parent.direction(mark))
+    rotated_mark = np.cos(zero) * mark + np.sin(zero) * np.cross(axis, mark)
     return Joint(
-        name, kind, a, plain if row.slides else End(far.link, plain.point, plain.axis, vector(turned))
+        name,
+        kind,
+        a,
+        plain if joint_kind.slides else End(child.link, plain.point, plain.axis, vector(rotated_mark)),
     )
 
 
-def poses(model: mujoco.MjModel, chained: Chains, qpos: Array) -> dict[str, Pose]:
+def poses(model: mujoco.MjModel, tree: KinematicTree, qpos: Array) -> dict[str, Pose]:
     """Return where the joints put the links at coordinates qpos (nq,)."""
-    placed: dict[str, Pose] = {GROUND: IDENTITY}
-    for j, joint in enumerate(chained.joints):
-        near = placed[joint.a.link]
-        frame = Pose(near.point(joint.a.point), near.rotation @ joint.a.frame)
-        gap, turn = _displaced(joint, qpos[int(model.jnt_qposadr[j]) :])
-        turned = frame.rotation @ turn @ joint.b.frame.T
-        placed[joint.b.link] = Pose(frame.point(gap) - turned @ np.array(joint.b.point), turned)
-    del placed[GROUND]
-    return placed
+    frames: dict[str, Pose] = {GROUND: IDENTITY}
+    for j, joint in enumerate(tree.joints):
+        parent = frames[joint.a.link]
+        frame = Pose(parent.point(joint.a.point), parent.rotation @ joint.a.frame)
+        shift, relative = _displaced(joint, qpos[int(model.jnt_qposadr[j]) :])
+        rotation_ = frame.rotation @ relative @ joint.b.frame.T
+        frames[joint.b.link] = Pose(frame.point(shift) - rotation_ @ np.array(joint.b.point), rotation_)
+    del frames[GROUND]
+    return frames
 
 
 def _displaced(joint: Joint, qpos: Array) -> tuple[Vector, Array]:
@@ -94,5 +97,5 @@ def _displaced(joint: Joint, qpos: Array) -> tuple[Vector, Array]:
         return vector(qpos[:3]), rotation(qpos[3:7])
     if kind.ball:
         return ORIGIN, rotation(qpos[:4])
-    gap, turn = displaced(kind, (float(qpos[0]),), joint.cross_angle)
-    return vector(gap), turn
+    shift, rotation_ = displaced(kind, (float(qpos[0]),), joint.cross_angle)
+    return vector(shift), rotation_

@@ -12,20 +12,20 @@ _FILE = re.compile(r"(?:opening|open|find|load|read)\w* (?:file |resource )?'([^
 MASS, MOMENT = 1.0, 1e-3
 
 
-def without_missing(spec: mujoco.MjSpec, refusal: str) -> str:
+def without_missing(spec: mujoco.MjSpec, message: str) -> str:
     """Leave out the assets of the kind whose file MuJoCo did not find.
 
     Args:
         spec: changed in place.
-        refusal: what MuJoCo said.
+        message: what MuJoCo said.
 
     Returns:
         What was left out, in words; empty where the refusal names no asset's file.
     """
-    found = _FILE.search(refusal)
-    if not found:
+    match = _FILE.search(message)
+    if not match:
         return ""
-    missing = found[1]
+    missing = match[1]
     kinds: dict[str, Sequence[Any]] = {
         "meshes": spec.meshes,
         "textures": spec.textures,
@@ -33,7 +33,7 @@ def without_missing(spec: mujoco.MjSpec, refusal: str) -> str:
         "skins": spec.skins,
     }
     for kind, assets in kinds.items():
-        if any(_same(missing, name) for asset in assets for name in _files(asset)):
+        if any(_same_file(missing, name) for asset in assets for name in _files(asset)):
             _LEAVE_OUT[kind](spec)
             return f"file {missing} is missing: read without its {kind}"
     return ""
@@ -43,7 +43,7 @@ def _files(asset: Any) -> list[str]:
     return [name for name in (asset.file, *getattr(asset, "cubefiles", ())) if name]
 
 
-def _same(missing: str, name: str) -> bool:
+def _same_file(missing: str, name: str) -> bool:
     return missing == name or missing.replace("\\", "/").endswith(name.replace("\\", "/").lstrip("./"))
 
 

@@ -11,13 +11,13 @@ import mujoco
 from mechsim.errors import InputError, cut
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.silence import quiet
-from mechsim.simulation.mjcf_reader.mended_inertias import with_possible_inertias
 from mechsim.simulation.mjcf_reader.missing_files import without_missing
+from mechsim.simulation.mjcf_reader.repaired_inertias import with_possible_inertias
 
 # a file longer than this is no description of a mechanism
-LARGEST = 50_000_000
+MAX_BYTES = 50_000_000
 # characters of MuJoCo's message that are repeated
-SHOWN = 300
+MAX_SHOWN = 300
 
 _COMMENT = re.compile(r"<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>\[]*(?:\[.*?\]\s*)?>", re.DOTALL | re.IGNORECASE)
 _ROOT = re.compile(r"\s*<([A-Za-z_][\w.:-]*)")
@@ -32,12 +32,12 @@ SLEEP, IPC = int(mujoco.mjtEnableBit.mjENBL_SLEEP), int(mujoco.mjtEnableBit.mjEN
 _PLUGIN = re.compile(r"plugin \S+ not found")
 _NOT_INCLUDED = re.compile(r"Error opening file '(.+?)' Element 'include'")
 # elements that MuJoCo's XML reader takes one in the other, and what it says of more
-DEEPEST, _TOO_DEEP = 499, "XML_ELEMENT_DEPTH_EXCEEDED"
+MAX_DEPTH, _TOO_DEEP = 499, "XML_ELEMENT_DEPTH_EXCEEDED"
 _ELEMENT = re.compile(r" Element (?:name )?('[^']*')")
 
 
 @quiet()
-def parsed(path: str) -> tuple[mujoco.MjSpec, mujoco.MjModel, list[str]]:
+def parse_file(path: str) -> tuple[mujoco.MjSpec, mujoco.MjModel, list[str]]:
     """Return the specification of an MJCF file, the model it compiles to, and what was left out of it.
 
     Meshes, textures and height fields whose files are missing are left out, and masses that no body has are
@@ -51,20 +51,20 @@ def parsed(path: str) -> tuple[mujoco.MjSpec, mujoco.MjModel, list[str]]:
         with warnings.catch_warnings(action="ignore"):
             spec = mujoco.MjSpec.from_file(path)
     except (ValueError, UnicodeError) as error:
-        raise refusal(path, error) from None
-    awake = _awake(path, spec)
+        raise readable_error(path, error) from None
+    remarks = _disable_sleep(path, spec)
     # compiling fills them up
-    given = {key.name: len(key.qpos) for key in spec.keys}
-    model, left_out = compiled_whole(path, spec)
+    coordinate_counts = {key.name: len(key.qpos) for key in spec.keys}
+    model, left_out = compile_repaired(path, spec)
     short = [
         f"keyframe {name!r} has {count} of {model.nq} coordinates: the rest are those of the reference"
-        for name, count in given.items()
+        for name, count in coordinate_counts.items()
         if 0 < count < model.nq
     ]
-    return spec, model, awake + left_out + short
+    return spec, model, remarks + left_out + short
 
 
-def _awake(path: str, spec: mujoco.MjSpec) -> list[str]:
+def _disable_sleep(path: str, spec: mujoco.MjSpec) -> list[str]:
     """Switch sleep off, which no state carries, and say so; refuse contacts that no state carries."""
     if spec.option.enableflags & IPC:
         raise InputError(
@@ -76,41 +76,41 @@ def _awake(path: str, spec: mujoco.MjSpec) -> list[str]:
 
 
 @quiet()
-def compiled_whole(path: str, spec: mujoco.MjSpec) -> tuple[mujoco.MjModel, list[str]]:
+def compile_repaired(path: str, spec: mujoco.MjSpec) -> tuple[mujoco.MjModel, list[str]]:
     """Return the model of a specification, and what had to be left out or mended for MuJoCo to take it."""
     left_out: list[str] = []
     while True:
         try:
             return compiled(spec), left_out
         except InputError as error:
-            said = without_missing(spec, str(error)) or with_possible_inertias(spec, str(error))
-            if not said:
-                raise refusal(path, error) from None
-            left_out.append(said)
+            repair = without_missing(spec, str(error)) or with_possible_inertias(spec, str(error))
+            if not repair:
+                raise readable_error(path, error) from None
+            left_out.append(repair)
 
 
-def refusal(path: str, error: Exception) -> InputError:
+def readable_error(path: str, error: Exception) -> InputError:
     """Return MuJoCo's refusal of a file in one line: file, line, and what it said."""
     text = " ".join(str(error).split())
-    if "XML parse error" in text and (known := _ill_formed(path)):
-        return known
+    if "XML parse error" in text and (ill_formed := _ill_formed(path)):
+        return ill_formed
     line = _LINE.search(text)
-    where = f"{path}, line {line[1]}" if line and int(line[1]) else path
-    if absent := _NOT_INCLUDED.search(text):
-        folder, name = os.path.split(os.path.abspath(absent[1]))
+    location = f"{path}, line {line[1]}" if line and int(line[1]) else path
+    if include := _NOT_INCLUDED.search(text):
+        folder, name = os.path.split(os.path.abspath(include[1]))
         return InputError(
-            f"{where}: it includes {name}, which is not in {folder}; put it there, or mend its <include>"
+            f"{location}: it includes {name}, which is not in {folder}; put it there, or mend its <include>"
         )
     if _TOO_DEEP in text:
         return InputError(
-            f"{where}: elements are nested more than {DEEPEST} deep, which MuJoCo's XML reader refuses; "
+            f"{location}: elements are nested more than {MAX_DEPTH} deep, which MuJoCo's XML reader refuses; "
             "put the inner bodies into a file of their own and <include> it in their place"
         )
-    said = " ".join(_NOISE.sub("", _LINE.sub("", text)).split()).strip(" ,;:")
-    said = _ELEMENT.sub(r" (element \1)", said)
-    said = cut(said, SHOWN)
-    remedy = "take the plugin out of a copy" if _PLUGIN.search(said) else "mend the file"
-    return InputError(f"{where}: MuJoCo refuses it: {said}; {remedy}")
+    message = " ".join(_NOISE.sub("", _LINE.sub("", text)).split()).strip(" ,;:")
+    message = _ELEMENT.sub(r" (element \1)", message)
+    message = cut(message, MAX_SHOWN)
+    remedy = "take the plugin out of a copy" if _PLUGIN.search(message) else "mend the file"
+    return InputError(f"{location}: MuJoCo refuses it: {message}; {remedy}")
 
 
 def _ill_formed(path: str) -> InputError | None:
@@ -129,11 +129,11 @@ def _ill_formed(path: str) -> InputError | None:
 def _require_mjcf(path: str) -> None:
     """Refuse what is no file, no text or no MJCF before MuJoCo sees it."""
     try:
-        about = os.stat(path)
-        if not stat.S_ISREG(about.st_mode):
+        status = os.stat(path)
+        if not stat.S_ISREG(status.st_mode):
             raise InputError(f"{path} is no regular file; name an MJCF file")
-        if about.st_size > LARGEST:
-            raise InputError(f"{path} has {about.st_size} bytes; an MJCF file has {LARGEST} at most")
+        if status.st_size > MAX_BYTES:
+            raise InputError(f"{path} has {status.st_size} bytes; an MJCF file has {MAX_BYTES} at most")
         with open(path, encoding="utf-8-sig") as file:
             text = file.read()
     except FileNotFoundError:
@@ -146,8 +146,8 @@ def _require_mjcf(path: str) -> None:
         raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
     if not text.strip():
         raise InputError(f"{path} is empty; name an MJCF file")
-    found = _ROOT.match(_COMMENT.sub("", text))
-    root = found[1] if found else None
+    match = _ROOT.match(_COMMENT.sub("", text))
+    root = match[1] if match else None
     if root == "robot":
         raise InputError(
             f"{path} is URDF, not MJCF; MuJoCo converts it: mujoco.MjSpec.from_file({path!r}).to_xml()"

@@ -10,22 +10,29 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
+from mechsim.model.links import Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import facts
-from mechsim.simulation.mjcf_reader.driven_joints import driven, listed, meant, require_coordinate
-from mechsim.simulation.mjcf_reader.equality_rows import equalities
-from mechsim.simulation.mjcf_reader.held_still import free_bodies, free_joints, hold_still, turning_joints
-from mechsim.simulation.mjcf_reader.joint_chains import chains, poses
-from mechsim.simulation.mjcf_reader.kinds import BALL, FREE, SLIDE
-from mechsim.simulation.mjcf_reader.mended_inertias import raised_mass
-from mechsim.simulation.mjcf_reader.named_parts import name_parts
+from mechsim.simulation.mjcf_reader.driven_joints import did_you_mean, driven, listed, require_coordinate
+from mechsim.simulation.mjcf_reader.element_names import name_elements
+from mechsim.simulation.mjcf_reader.equality_constraints import equalities
+from mechsim.simulation.mjcf_reader.fixed_bodies import (
+    fix_bodies,
+    free_bodies,
+    free_joints,
+    rotational_joints,
+)
+from mechsim.simulation.mjcf_reader.inertias_and_forces import forces_of_model, with_inertias
+from mechsim.simulation.mjcf_reader.joint_chains import kinematic_tree, poses
+from mechsim.simulation.mjcf_reader.joint_types import BALL, FREE, SLIDE
+from mechsim.simulation.mjcf_reader.link_frames import Carrier
 from mechsim.simulation.mjcf_reader.number_bounds import require_numbers
-from mechsim.simulation.mjcf_reader.parsed_file import compiled_whole, parsed
-from mechsim.simulation.mjcf_reader.tracked_points import Place, tracked
-from mechsim.simulation.mjcf_reader.weights import acting, weighed
+from mechsim.simulation.mjcf_reader.parsed_file import compile_repaired, parse_file
+from mechsim.simulation.mjcf_reader.repaired_inertias import minimum_mass
+from mechsim.simulation.mjcf_reader.tracked_points import BodyPoint, tracked
 
-Held = float | None | Callable[[Literal["m", "rad"]], float]
+LockedAt = float | None | Callable[[Literal["m", "rad"]], float]
 
 
 @dataclass(frozen=True)
@@ -63,11 +70,11 @@ def read_model(
     path: str,
     *,
     drivers: Sequence[str] = (),
-    lock: Mapping[str, Held] | None = None,
+    lock: Mapping[str, LockedAt] | None = None,
     fix_base: bool = False,
     key: str | None = None,
     track: Sequence[str] = (),
-    still: bool = False,
+    describe_only: bool = False,
 ) -> MjcfModel:
     """Read an MJCF file as a mechanism.
 
@@ -79,108 +86,122 @@ def read_model(
         fix_base: whether bodies with free joints stand still.
         key: keyframe to start from; None takes the reference configuration.
         track: points, as `tracked` reads them.
-        still: whether nothing need be driven.
+        describe_only: whether nothing need be driven.
 
     Raises:
         InputError: for a file, joint, keyframe or point that cannot be read; names it.
     """
-    spec, _, remarks = parsed(path)
-    name_parts(spec)
-    model, _ = compiled_whole(path, spec)
-    remarks += facts.idle_ranges(spec)
+    spec, _, remarks = parse_file(path)
+    name_elements(spec)
+    model, _ = compile_repaired(path, spec)
+    remarks += facts.ignored_ranges(spec)
     start = _start(path, model, key)
-    for one in list(spec.keys):  # they fit no model to which anything is added
-        spec.delete(one)
+    for key_ in list(spec.keys):  # they fit no model to which anything is added
+        spec.delete(key_)
     if fix_base and not free_bodies(model):
         raise InputError(f"{path}: no body has a free joint; leave out --fix-base")
-    stilled, lock = _stilled(model, lock or {}, fix_base=fix_base)
+    stilled, lock = _fixed_joints(model, lock or {}, fix_base=fix_base)
     if stilled:
-        remarks += _told_still(model, stilled)
-        start = hold_still(spec, model, stilled, start)
-        model, _ = compiled_whole(path, spec)
+        remarks += _fixed_remarks(model, stilled)
+        start = fix_bodies(spec, model, stilled, start)
+        model, _ = compile_repaired(path, spec)
     require_numbers(path, spec, model, start)
-    chained = chains(model)
-    carried = chained.carriers
-    said = equalities(model, carried)
+    tree = kinematic_tree(model)
+    carriers = tree.carriers
+    loops = equalities(model, carriers)
     values = facts.coordinate_values(model, start)
-    fixed = _held(model, lock, values)
-    drives, raised = driven(model, drivers, list(fixed), still), raised_mass(remarks)
-    points = tracked(model, carried, track)
-    of = {model.body(b).name: carried[b] for b in range(model.nbody)}
+    locked = _locked_values(model, lock, values)
+    driven_names, raised_to = driven(model, drivers, list(locked), describe_only), minimum_mass(remarks)
+    points = tracked(model, carriers, track)
     mechanism = Mechanism(
         name=spec.modelname or "model",
-        links=facts.outlined(model, chained),
-        joints=(*chained.joints, *said.joints),
-        driver=drives[0] if len(drives) == 1 else drives,
-        points={name: (of[body].link, of[body].point(place)) for name, (body, place) in points.items()},
-        guess=poses(model, chained, start),
-        couplings=tuple(said.couplings),
-        locked=fixed,
+        links=facts.with_outlines(model, tree),
+        joints=(*tree.joints, *loops.joints),
+        driver=driven_names[0] if len(driven_names) == 1 else driven_names,
+        points=_link_points(model, carriers, points),
+        guess=poses(model, tree, start),
+        couplings=tuple(loops.couplings),
+        locked=locked,
         counted=values,
     )
-    mechanism = replace(mechanism, links=weighed(model, mechanism.links, carried, mechanism.size, raised))
-    if mechanism.has_crank:
-        mechanism = replace(mechanism, start=values[drives[0]])
+    links = with_inertias(model, mechanism.links, carriers, mechanism.size, raised_to)
+    start_angle = values[driven_names[0]] if mechanism.has_crank else mechanism.start
+    mechanism = replace(mechanism, links=links, start=start_angle)
     _add_sites(spec, points)
     return MjcfModel(
         path,
         mechanism,
         spec,
         start,
-        facts.gap(said.joints, mechanism.guess),
+        facts.largest_gap(loops.joints, mechanism.guess),
         facts.limits(model),
         facts.actuators(model),
-        (*remarks, *said.remarks),
-        acting(model),
+        (*remarks, *loops.remarks),
+        forces_of_model(model),
         stilled,
     )
 
 
-def _stilled(
-    model: mujoco.MjModel, lock: Mapping[str, Held], *, fix_base: bool
-) -> tuple[tuple[int, ...], dict[str, Held]]:
+def _link_points(
+    model: mujoco.MjModel, carriers: Sequence[Carrier], points: Mapping[str, BodyPoint]
+) -> dict[str, tuple[str, Vector]]:
+    """Return tracked points in the frames of links: name -> link and position."""
+    carrier_of = {model.body(b).name: carriers[b] for b in range(model.nbody)}
+    return {
+        name: (carrier_of[body].link, carrier_of[body].point(position))
+        for name, (body, position) in points.items()
+    }
+
+
+def _fixed_joints(
+    model: mujoco.MjModel, lock: Mapping[str, LockedAt], *, fix_base: bool
+) -> tuple[tuple[int, ...], dict[str, LockedAt]]:
     """Return the balls and free joints that are held where they start, by their numbers, and other holds."""
-    turning = turning_joints(model)
-    named = {turning[name] for name, value in lock.items() if name in turning and value is None}
-    found = tuple(sorted(named.union(free_joints(model) if fix_base else ())))
-    return found, {name: value for name, value in lock.items() if turning.get(name) not in found}
+    rotational = rotational_joints(model)
+    named = {rotational[name] for name, value in lock.items() if name in rotational and value is None}
+    fixed = tuple(sorted(named.union(free_joints(model) if fix_base else ())))
+    return fixed, {name: value for name, value in lock.items() if rotational.get(name) not in fixed}
 
 
-def _told_still(model: mujoco.MjModel, joints: tuple[int, ...]) -> list[str]:
+def _fixed_remarks(model: mujoco.MjModel, joints: tuple[int, ...]) -> list[str]:
     """Say which bodies stand without their joints."""
     free = [model.body(model.jnt_bodyid[j]).name for j in joints if int(model.jnt_type[j]) == FREE]
     balls = [model.joint(j).name for j in joints if int(model.jnt_type[j]) == BALL]
-    said = (("a free joint", free), ("the ball", balls))
-    return [f"held where the model starts, without {what}: {listed(names)}" for what, names in said if names]
+    groups = (("a free joint", free), ("the ball", balls))
+    return [
+        f"held where the model starts, without {what}: {listed(names)}" for what, names in groups if names
+    ]
 
 
 def _start(path: str, model: mujoco.MjModel, key: str | None) -> Array:
     """Return the coordinates of a keyframe, or of the reference configuration, (nq,)."""
     if key is None:
         return model.qpos0.copy()
-    known = [model.key(k).name for k in range(model.nkey)]
-    if key not in known:
+    names = [model.key(k).name for k in range(model.nkey)]
+    if key not in names:
         raise InputError(
-            f"{path}: there is no keyframe {key!r}{meant(key, known)}; there are {listed(known)}"
+            f"{path}: there is no keyframe {key!r}{did_you_mean(key, names)}; there are {listed(names)}"
         )
-    return model.key_qpos[known.index(key)].copy()
+    return model.key_qpos[names.index(key)].copy()
 
 
-def _held(model: mujoco.MjModel, holds: Mapping[str, Held], values: Mapping[str, float]) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for name, value in holds.items():
+def _locked_values(
+    model: mujoco.MjModel, lock: Mapping[str, LockedAt], values: Mapping[str, float]
+) -> dict[str, float]:
+    locked: dict[str, float] = {}
+    for name, value in lock.items():
         require_coordinate(model, name, "--lock")
         if callable(value):
             value = value("m" if int(model.joint(name).type[0]) == SLIDE else "rad")
-        found[name] = values[name] if value is None else float(value)
-        if not np.isfinite(found[name]):
+        locked[name] = values[name] if value is None else float(value)
+        if not np.isfinite(locked[name]):
             raise InputError(f"--lock {name} is at {value}; give a finite number in SI")
-    return found
+    return locked
 
 
-def _add_sites(spec: mujoco.MjSpec, points: Mapping[str, Place]) -> None:
+def _add_sites(spec: mujoco.MjSpec, points: Mapping[str, BodyPoint]) -> None:
     """Put a site at each tracked point that is none."""
-    known = {site.name for site in spec.sites}
-    for name, (body, place) in points.items():
-        if name not in known:
-            spec.body(body).add_site(name=name, pos=place)
+    names = {site.name for site in spec.sites}
+    for name, (body, position) in points.items():
+        if name not in names:
+            spec.body(body).add_site(name=name, pos=position)

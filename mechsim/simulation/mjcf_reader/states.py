@@ -6,9 +6,9 @@ import numpy as np
 from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND
 from mechsim.model.motion import Motion
-from mechsim.simulation.mjcf_reader.joint_chains import chains
-from mechsim.simulation.mjcf_reader.kinds import DRIVABLE, FREE
-from mechsim.simulation.mjcf_reader.link_places import link_name
+from mechsim.simulation.mjcf_reader.joint_chains import kinematic_tree
+from mechsim.simulation.mjcf_reader.joint_types import DRIVABLE, FREE
+from mechsim.simulation.mjcf_reader.link_frames import link_name
 
 
 def states_of(model: mujoco.MjModel, motion: Motion) -> Array:
@@ -20,22 +20,22 @@ def states_of(model: mujoco.MjModel, motion: Motion) -> Array:
         model: compiled from `MjcfModel.spec`.
         motion: of its mechanism.
     """
-    chained = chains(model)
+    tree = kinematic_tree(model)
     out = np.repeat(model.qpos0[None], len(motion), 0)
-    for j, joint in enumerate(chained.joints):
-        place = int(model.jnt_qposadr[j])
+    for j, joint in enumerate(tree.joints):
+        address = int(model.jnt_qposadr[j])
         if int(model.jnt_type[j]) in DRIVABLE:
-            out[:, place] = motion.joints[joint.name].value
+            out[:, address] = motion.joints[joint.name].value
             continue
         link = motion.links[link_name(model, int(model.jnt_bodyid[j]))]
-        turns = link.rotation @ joint.b.frame
+        rotations = link.rotation @ joint.b.frame
         if int(model.jnt_type[j]) == FREE:
-            out[:, place : place + 3] = link.position
-            place += 3
+            out[:, address : address + 3] = link.position
+            address += 3
         elif joint.a.link == GROUND:
-            turns = joint.a.frame.T @ turns
+            rotations = joint.a.frame.T @ rotations
         else:
-            turns = np.swapaxes(motion.links[joint.a.link].rotation @ joint.a.frame, -1, -2) @ turns
-        for row, turn in zip(out, turns, strict=True):
-            mujoco.mju_mat2Quat(row[place : place + 4], np.ascontiguousarray(turn).ravel())
+            rotations = np.swapaxes(motion.links[joint.a.link].rotation @ joint.a.frame, -1, -2) @ rotations
+        for row, rotation in zip(out, rotations, strict=True):
+            mujoco.mju_mat2Quat(row[address : address + 4], np.ascontiguousarray(rotation).ravel())
     return out

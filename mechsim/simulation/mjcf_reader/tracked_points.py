@@ -8,20 +8,22 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND
-from mechsim.simulation.mjcf_reader.driven_joints import listed, meant
-from mechsim.simulation.mjcf_reader.link_places import Carrier
+from mechsim.simulation.mjcf_reader.driven_joints import did_you_mean, listed
+from mechsim.simulation.mjcf_reader.link_frames import Carrier
 
 # body and place in its frame, in [m]
-Place = tuple[str, Array]
+BodyPoint = tuple[str, Array]
 
 
-def tracked(model: mujoco.MjModel, carried: Sequence[Carrier], asked: Sequence[str]) -> dict[str, Place]:
+def tracked(
+    model: mujoco.MjModel, carriers: Sequence[Carrier], requested: Sequence[str]
+) -> dict[str, BodyPoint]:
     """Return the tracked points: name -> body and place in its frame.
 
     Args:
         model: the model.
-        carried: the link of every body.
-        asked: NAME of a site or body, or NAME,BODY@x,y,z in [m]; empty takes the named sites on moving
+        carriers: the link of every body.
+        requested: NAME of a site or body, or NAME,BODY@x,y,z in [m]; empty takes the named sites on moving
             bodies, or the origins of moving bodies where there are none.
 
     Raises:
@@ -33,36 +35,38 @@ def tracked(model: mujoco.MjModel, carried: Sequence[Carrier], asked: Sequence[s
         if model.site(s).name and "@" not in model.site(s).name
     }
     bodies = {model.body(b).name: (model.body(b).name, np.zeros(3)) for b in range(1, model.nbody)}
-    if asked:
-        return dict(_asked(text, {**bodies, **sites}, bodies) for text in asked)
-    moving = {model.body(b).name for b in range(model.nbody) if carried[b].link != GROUND}
-    for known in (sites, bodies):
-        found = {name: place for name, place in known.items() if place[0] in moving}
-        if found:
-            return found
+    if requested:
+        return dict(_parsed(text, {**bodies, **sites}, bodies) for text in requested)
+    moving = {model.body(b).name for b in range(model.nbody) if carriers[b].link != GROUND}
+    for candidates in (sites, bodies):
+        selected = {name: point for name, point in candidates.items() if point[0] in moving}
+        if selected:
+            return selected
     return {}
 
 
-def _asked(text: str, known: dict[str, Place], bodies: dict[str, Place]) -> tuple[str, Place]:
+def _parsed(
+    text: str, candidates: dict[str, BodyPoint], bodies: dict[str, BodyPoint]
+) -> tuple[str, BodyPoint]:
     name, comma, rest = text.partition(",")
     if not comma:
-        if name not in known:
+        if name not in candidates:
             raise InputError(
-                f"--track names {name!r}{meant(name, list(known))}; sites and bodies of the model "
-                f"are {listed(list(known))}; "
+                f"--track names {name!r}{did_you_mean(name, list(candidates))}; "
+                f"sites and bodies of the model are {listed(list(candidates))}; "
                 "write NAME,BODY@x,y,z for another point"
             )
-        return name, known[name]
-    body, at, numbers = rest.partition("@")
+        return name, candidates[name]
+    body, marker, numbers = rest.partition("@")
     if body not in bodies:
         raise InputError(
-            f"--track {text!r} names body {body!r}{meant(body, list(bodies))}; bodies of the model are "
-            f"{listed(list(bodies))}"
+            f"--track {text!r} names body {body!r}{did_you_mean(body, list(bodies))}; "
+            f"bodies of the model are {listed(list(bodies))}"
         )
     try:
-        place = np.array([float(number) for number in numbers.split(",")]) if at else np.zeros(3)
+        position = np.array([float(number) for number in numbers.split(",")]) if marker else np.zeros(3)
     except ValueError:
-        place = np.empty(0)
-    if place.shape != (3,) or not np.isfinite(place).all() or not name:
+        position = np.empty(0)
+    if position.shape != (3,) or not np.isfinite(position).all() or not name:
         raise InputError(f"--track {text!r} has no name or no place; write NAME,BODY@x,y,z with metres")
-    return name, (body, place)
+    return name, (body, position)

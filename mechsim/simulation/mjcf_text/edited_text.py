@@ -37,10 +37,10 @@ class EditedText:
             if self.text[slice(*span)] != value:
                 self.edits.append((*span, value))
             return
-        place = element.opened - (2 if self.text[element.opened - 2] == "/" else 1)
-        while self.text[place - 1].isspace():
-            place -= 1
-        self.edits.append((place, place, f' {name}="{value}"'))
+        position = element.opened - (2 if self.text[element.opened - 2] == "/" else 1)
+        while self.text[position - 1].isspace():
+            position -= 1
+        self.edits.append((position, position, f' {name}="{value}"'))
 
     def put_first(self, element: Element, new: str) -> None:
         """Add lines at the beginning of an element that is not empty."""
@@ -50,21 +50,21 @@ class EditedText:
         """Add lines after an element, as far in as it is."""
         self._put(element.end, self._indent(element), new)
 
-    def _put(self, place: int, indent: str, new: str) -> None:
+    def _put(self, position: int, indent: str, new: str) -> None:
         """Add lines at a place, what follows it in a line of its own."""
-        line_goes_on = self.text[place : place + 1].strip() != ""
+        line_goes_on = self.text[position : position + 1].strip() != ""
         lines = "".join(f"\n{indent}{line}" for line in new.split("\n"))
-        self.edits.append((place, place, lines + (f"\n{indent}" if line_goes_on else "")))
+        self.edits.append((position, position, lines + (f"\n{indent}" if line_goes_on else "")))
 
     def put_last(self, element: Element, new: str) -> None:
         """Add lines at the end of an element that is not empty."""
-        indent, place = self._indent_in(element), element.close
-        while self.text[place - 1] in " \t":
-            place -= 1
+        indent, position = self._indent_in(element), element.close
+        while self.text[position - 1] in " \t":
+            position -= 1
         own = self._indent(element)
         lines = "".join(f"{indent}{line}\n" for line in new.split("\n"))
-        before = "" if self.text[place - 1] == "\n" else "\n"
-        self.edits.append((place, element.close, before + lines + own))
+        before = "" if self.text[position - 1] == "\n" else "\n"
+        self.edits.append((position, element.close, before + lines + own))
 
     def take_away(self, element: Element) -> None:
         """Take an element away, with its line where nothing else stands in it."""

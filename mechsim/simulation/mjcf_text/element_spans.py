@@ -62,26 +62,26 @@ def elements_of(text: str, where: str = "the text") -> Element:
     """
     data = text.encode()
     # bytes are what the parser counts
-    at = _indices(text, data)
+    index_of = _indices(text, data)
     stack: list[Element] = []
     roots: list[Element] = []
     parser = expat.ParserCreate("utf-8")
 
     def started(tag: str, attributes: dict[str, str]) -> None:
-        start = at(parser.CurrentByteIndex)
-        one = Element(
+        start = index_of(parser.CurrentByteIndex)
+        element = Element(
             tag, attributes, start, opened=_tag_end(text, start), parent=stack[-1] if stack else None
         )
-        (stack[-1].children if stack else roots).append(one)
-        stack.append(one)
+        (stack[-1].children if stack else roots).append(element)
+        stack.append(element)
 
     def ended(_: str) -> None:
-        one = stack.pop()
-        if text[one.opened - 2] == "/":
-            one.close = one.end = one.opened
+        element = stack.pop()
+        if text[element.opened - 2] == "/":
+            element.close = element.end = element.opened
         else:
-            one.close = at(parser.CurrentByteIndex)
-            one.end = text.index(">", one.close) + 1
+            element.close = index_of(parser.CurrentByteIndex)
+            element.end = text.index(">", element.close) + 1
 
     parser.StartElementHandler, parser.EndElementHandler = started, ended
     try:
@@ -101,12 +101,12 @@ def _tag_end(text: str, start: int) -> int:
     """Return the index after the `>` of the tag that starts somewhere; one in a value does not end it."""
     quote, i = "", start
     while True:
-        one = text[i]
+        character = text[i]
         if quote:
-            quote = "" if one == quote else quote
-        elif one in "\"'":
-            quote = one
-        elif one == ">":
+            quote = "" if character == quote else quote
+        elif character in "\"'":
+            quote = character
+        elif character == ">":
             return i + 1
         i += 1
 

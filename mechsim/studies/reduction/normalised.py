@@ -9,7 +9,7 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
-from mechsim.simulation.mjcf_reader.named_parts import name_parts
+from mechsim.simulation.mjcf_reader.element_names import name_elements
 
 CONNECT, WELD = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD
 BODY, SITE = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
@@ -24,7 +24,7 @@ def normalised(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     copy = spec.copy()
     for key in list(copy.keys):  # they do not fit a scene without all joints
         copy.delete(key)
-    name_parts(copy)
+    name_elements(copy)
     for elements, what in (
         (copy.geoms, "geom"),
         (copy.sites, "site"),

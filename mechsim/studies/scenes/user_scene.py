@@ -14,13 +14,13 @@ from mechsim.model.links import GROUND, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.programs import State
 from mechsim.simulation.mjcf.compiling import plainly_compiled
-from mechsim.simulation.mjcf.generator import FLYWHEEL
+from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
-from mechsim.simulation.mjcf_reader.driven_joints import listed, meant
-from mechsim.simulation.mjcf_reader.held_still import HeldStill, hold_in_scene
-from mechsim.simulation.mjcf_reader.link_places import carriers, link_name, vector
-from mechsim.simulation.mjcf_reader.parsed_file import parsed
+from mechsim.simulation.mjcf_reader.driven_joints import did_you_mean, listed
+from mechsim.simulation.mjcf_reader.fixed_bodies import FixedBodies, fix_bodies_in_scene
+from mechsim.simulation.mjcf_reader.link_frames import carriers, link_name, vector
+from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.studies.scenes.exact_closure import ExactClosure, exact_closure
 
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
@@ -58,7 +58,7 @@ class UserScene:
     wheels: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
     key: str | None = None
     lighter: float = 1.0
-    still: HeldStill | None = None
+    still: FixedBodies | None = None
     free: tuple[str, ...] = ()
     begins_closed: bool = False
 
@@ -195,9 +195,9 @@ def scene_of(
     if spec is not None:
         spec = spec.copy()
     else:
-        spec = parsed(read.path)[0]
+        spec = parse_file(read.path)[0]
         if read.stilled:
-            still = hold_in_scene(spec, plainly_compiled(spec), read.stilled, key)
+            still = fix_bodies_in_scene(spec, plainly_compiled(spec), read.stilled, key)
     plain = plainly_compiled(spec)
     _require_actuators(plain, ctrl)
     named = plainly_compiled(read.spec.copy())
@@ -233,9 +233,9 @@ def scene_of(
 
 def spec_of(scene: UserScene) -> mujoco.MjSpec:
     """Return the specification of a scene's file, without the balls and free joints that are held."""
-    spec = parsed(scene.path)[0]
+    spec = parse_file(scene.path)[0]
     if scene.still is not None:
-        hold_in_scene(spec, plainly_compiled(spec), scene.still.joints, scene.key)
+        fix_bodies_in_scene(spec, plainly_compiled(spec), scene.still.joints, scene.key)
     return spec
 
 
@@ -260,7 +260,8 @@ def _require_actuators(model: mujoco.MjModel, ctrl: Mapping[str, State]) -> None
     for name in ctrl:
         if name not in names:
             raise InputError(
-                f"--ctrl names {name!r}{meant(name, names)}; actuators of the model are {listed(names)}"
+                f"--ctrl names {name!r}{did_you_mean(name, names)}; "
+                f"actuators of the model are {listed(names)}"
             )
 
 
@@ -277,7 +278,7 @@ def _put_flywheels(
     for name in names:
         joint = joints[order.index(name)]
         slides = joint.type == mujoco.mjtJoint.mjJNT_SLIDE
-        inertia = float(f"{FLYWHEEL * weight / (mechanism.size**2 if slides else 1.0):.3g}")
+        inertia = float(f"{DRIVE_INERTIA_RATIO * weight / (mechanism.size**2 if slides else 1.0):.3g}")
         wheels[name] = inertia, float(joint.armature)
         joint.armature = inertia
     return wheels

@@ -15,7 +15,7 @@ from mechsim.simulation import CrankProfile, Settings, closed_model, constant
 from mechsim.simulation.closed_model import ClosedModel, Model
 from mechsim.simulation.driven_run import first_state
 from mechsim.simulation.mjcf import compiled
-from mechsim.simulation.mjcf.alternatives import LENGTH, MOTOR, inertia_felt
+from mechsim.simulation.mjcf.alternatives import LENGTH, MOTOR, inertia_at_crank
 from mechsim.simulation.mjcf_reader.driven_joints import driven
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recorded_motion import evaluate
@@ -152,7 +152,7 @@ def _crank(source: Model, spec: mujoco.MjSpec) -> str:
         return closed_model.CRANK
     if any(joint.name == closed_model.CRANK for joint in spec.joints):
         return closed_model.CRANK
-    names = driven(compiled(spec.copy()), (), (), still=False)
+    names = driven(compiled(spec.copy()), (), (), describe_only=False)
     if len(names) > 1:
         raise InputError(
             f"{', '.join(names)} are driven by the file's actuators, and a trade-off is measured under one "
@@ -177,5 +177,5 @@ def _started_as(whole: BuiltModel, closed: ClosedModel) -> tuple[Array, Array]:
 
 def _servo(closed: ClosedModel, start: tuple[Array, Array], gain: float) -> Servo:
     tangent = start[1] / start[1][closed.loops.crank]
-    inertia = inertia_felt(closed.model, start[0], tangent)
+    inertia = inertia_at_crank(closed.model, start[0], tangent)
     return Servo(closed.model.actuator(MOTOR).id, inertia, gain)

@@ -12,17 +12,17 @@ from mechsim.files import written_beside
 from mechsim.maths.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
-from mechsim.simulation.mjcf_reader.held_still import HeldStill
-from mechsim.simulation.mjcf_reader.parsed_file import parsed
+from mechsim.simulation.mjcf_reader.fixed_bodies import FixedBodies
+from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.simulation.mjcf_text.edited_text import EditedText
 from mechsim.simulation.mjcf_text.element_spans import Element
 from mechsim.simulation.mjcf_text.included_files import moved_to, read_text, with_included
 from mechsim.simulation.mjcf_text.setting_edits import (
+    equality_elements,
     put_comment,
     put_key,
-    rows_of,
+    set_compliance,
     set_options,
-    set_softness,
 )
 from mechsim.studies.scenes.plain_settings import FLAGS, OPTIONS, PlainSettings
 from mechsim.studies.scenes.user_scene import UserScene
@@ -79,19 +79,19 @@ def tuned_text(scene: UserScene, settings: PlainSettings, comment: Sequence[str]
             (softness and sections & {"equality"})
             or ((options or flags) and "option" in sections)
             or joints & {*scene.drive}
-            or (scene.still and ("keyframe" in sections or _bodies(root, scene.still.places)))
+            or (scene.still and ("keyframe" in sections or _bodies(root, scene.still.poses)))
         )
 
     before, put_in = with_included(read_text(scene.path), folder, concerned)
     before = moved_to(before, folder, place)
     edited = EditedText(before)
     if softness:
-        if len(rows_of(edited.root)) != scene.model.neq:
+        if len(equality_elements(edited.root)) != scene.model.neq:
             raise InputError(
-                f"{scene.path}: {scene.model.neq - len(rows_of(edited.root))} of its equality constraints "
-                f"stand in no text of its own, as those of attached models; {WHOLE}"
+                f"{scene.path}: {scene.model.neq - len(equality_elements(edited.root))} of its "
+                f"equality constraints stand in no text of its own, as those of attached models; {WHOLE}"
             )
-        set_softness(edited, softness)
+        set_compliance(edited, softness)
     set_options(edited, options, flags)
     if scene.still is not None:
         _hold_still(scene, edited, scene.still)
@@ -122,9 +122,9 @@ def _bodies(root: Element, names: Collection[str]) -> list[Element]:
     return [one for one in root.every("body") if one.attributes.get("name") in names]
 
 
-def _hold_still(scene: UserScene, edited: EditedText, still: HeldStill) -> None:
+def _hold_still(scene: UserScene, edited: EditedText, still: FixedBodies) -> None:
     """Take away the balls and free joints that are held, and what keyframes say of them."""
-    for body in _bodies(edited.root, still.places):
+    for body in _bodies(edited.root, still.poses):
         name = body.attributes["name"]
         joints = [one for one in body.children if one.tag in ("joint", "freejoint")]
         if not still.order[name] < len(joints):
@@ -134,8 +134,8 @@ def _hold_still(scene: UserScene, edited: EditedText, still: HeldStill) -> None:
             turned = {"euler", "axisangle", "xyaxes", "zaxis"} & {*body.attributes}
             if turned or still.order[name] or body.within("frame") is not None:
                 raise InputError(f"{scene.path}: {name} cannot be put elsewhere in its text; {WHOLE}")
-            edited.set(body, "pos", _numbers(still.places[name][:3].tolist()))
-            edited.set(body, "quat", _numbers(still.places[name][3:].tolist()))
+            edited.set(body, "pos", _numbers(still.poses[name][:3].tolist()))
+            edited.set(body, "quat", _numbers(still.poses[name][3:].tolist()))
     for section in edited.root.children:
         for one in section.children if section.tag == "keyframe" else ():
             for what, kept in (("qpos", still.qpos), ("qvel", still.qvel)):
@@ -205,7 +205,7 @@ def plain_model(path: str) -> mujoco.MjModel:
     try:
         return mujoco.MjModel.from_xml_path(path)
     except ValueError:
-        return plainly_compiled(parsed(path)[0])
+        return plainly_compiled(parse_file(path)[0])
 
 
 def differing(meant: mujoco.MjModel, found: mujoco.MjModel) -> list[str]:

@@ -16,7 +16,7 @@ def nested(tmp_path, depth):
     )
     path = tmp_path / f"deep{depth}.xml"
     path.write_text(f'<mujoco><worldbody>{bodies}<site name="tip"/>{"</body>" * depth}</worldbody></mujoco>')
-    read = read_model(str(path), still=True)
+    read = read_model(str(path), describe_only=True)
     scene = Inspected(read)
     assert scene.model.nbody == depth + 1
     return scene

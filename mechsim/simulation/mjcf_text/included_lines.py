@@ -5,7 +5,7 @@ from pathlib import Path
 
 from mechsim.model.finding import FilePlace
 from mechsim.simulation.mjcf_text.element_spans import Element, elements_of
-from mechsim.simulation.mjcf_text.included_files import DEEPEST, found_include, read_text
+from mechsim.simulation.mjcf_text.included_files import MAX_DEPTH, find_include, read_text
 
 # tags of equalities, actuators and tendons, by kind; others are kinds themselves
 KINDS = {
@@ -29,28 +29,31 @@ KINDS = {
 }
 
 
-def included_places(path: str | Path) -> dict[tuple[str, ...], FilePlace]:
+def included_lines(path: str | Path) -> dict[tuple[str, ...], FilePlace]:
     """Return (kind, name) -> file and line of the parts in all files that an MJCF file includes.
 
     An equality is also known by (kind, first end, second end). Of parts of one name the first counts.
     """
-    found: dict[tuple[str, ...], FilePlace] = {}
+    lines: dict[tuple[str, ...], FilePlace] = {}
     for file, text, element in _included(Path(path), Path(path).parent):
-        place: FilePlace = {"file": file, "line": text.count("\n", 0, element.start) + 1}
+        line: FilePlace = {"file": file, "line": text.count("\n", 0, element.start) + 1}
         for key in _keys(element):
-            found.setdefault(key, place)
-    return found
+            lines.setdefault(key, line)
+    return lines
 
 
 def _included(path: Path, folder: Path, depth: int = 0) -> Iterator[tuple[str, str, Element]]:
     """Yield the included elements: the name of their file, its text, and the element."""
-    if depth > DEEPEST:
+    if depth > MAX_DEPTH:
         return
     for include in elements_of(read_text(path), str(path)).every("include"):
-        inner = found_include(include.attributes.get("file", ""), folder, path.parent)
+        inner = find_include(include.attributes.get("file", ""), folder, path.parent)
         if inner is not None:
             text = read_text(inner)
-            yield from ((include.attributes["file"], text, one) for one in elements_of(text).every())
+            yield from (
+                (include.attributes["file"], text, inner_element)
+                for inner_element in elements_of(text).every()
+            )
             yield from _included(inner, folder, depth + 1)
 
 

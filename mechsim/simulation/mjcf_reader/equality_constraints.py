@@ -10,8 +10,8 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.couplings import Coupling
 from mechsim.model.joints import End, Joint
-from mechsim.simulation.mjcf_reader.kinds import FRAMES, POINTS
-from mechsim.simulation.mjcf_reader.link_places import Carrier, rotation
+from mechsim.simulation.mjcf_reader.joint_types import FRAMES, POINTS
+from mechsim.simulation.mjcf_reader.link_frames import Carrier, rotation
 
 CONNECT, WELD, JOINT, TENDON = (
     int(kind)
@@ -39,57 +39,62 @@ class Equalities:
     remarks: list[str] = field(default_factory=list[str])
 
 
-def equalities(model: mujoco.MjModel, carried: Sequence[Carrier]) -> Equalities:
+def equalities(model: mujoco.MjModel, carriers: Sequence[Carrier]) -> Equalities:
     """Return the active equality constraints of a model as joints and couplings.
 
     Raises:
         InputError: for one of another kind, or of a tendon that is none of joints.
     """
-    found = Equalities()
+    result = Equalities()
     off = int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
-    taken = {model.joint(j).name for j in range(model.njnt)}
+    names = {model.joint(j).name for j in range(model.njnt)}
     for i in range(model.neq):
         name, kind = model.equality(i).name, int(model.eq_type[i])
         if off or not model.eq_active0[i]:
-            found.remarks.append(f"equality {name!r} is not active and was left out")
+            result.remarks.append(f"equality {name!r} is not active and was left out")
         elif kind in (CONNECT, WELD):
-            joint = _closing(model, i, carried, f"{name}_loop" if name in taken else name)
+            joint = _closing_joint(model, i, carriers, f"{name}_loop" if name in names else name)
             if joint is None:
-                found.remarks.append(f"equality {name!r} joins bodies that do not move against each other")
+                result.remarks.append(f"equality {name!r} joins bodies that do not move against each other")
             else:
-                found.joints.append(joint)
+                result.joints.append(joint)
         elif kind in (JOINT, TENDON):
-            found.couplings.append(_coupling(model, i, name))
+            result.couplings.append(_coupling(model, i, name))
         else:
             what = str(mujoco.mjtEq(kind).name).removeprefix("mjEQ_").lower()
             raise InputError(
                 f"equality {name!r} is of kind {what}, which joins no links; "
                 "connect, weld, joint and tendon are read: leave it out or make it inactive"
             )
-    return found
+    return result
 
 
-def _closing(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], name: str) -> Joint | None:
+def _closing_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], name: str) -> Joint | None:
     """Return the joint of a connect or weld; None where both its bodies are one link."""
     data, weld = model.eq_data[i], int(model.eq_type[i]) == WELD
     first, second = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
     if int(model.eq_objtype[i]) == int(mujoco.mjtObj.mjOBJ_SITE):
         bodies = int(model.site_bodyid[first]), int(model.site_bodyid[second])
         points = model.site_pos[first], model.site_pos[second]
-        turns = rotation(model.site_quat[first]), rotation(model.site_quat[second])
+        rotations = rotation(model.site_quat[first]), rotation(model.site_quat[second])
     else:
         bodies = first, max(second, 0)
         # of a weld the anchor comes first, in body 2; then where body 2 is in body 1
         points = (data[3:6], data[0:3]) if weld else (data[0:3], data[3:6])
-        turns = rotation(data[6:10]) if weld else np.eye(3), np.eye(3)
+        rotations = rotation(data[6:10]) if weld else np.eye(3), np.eye(3)
     carriers = [carried[body] for body in bodies]
     if carriers[0].link == carriers[1].link:
         return None
     # without torque a weld holds the point alone
     kind = FRAMES if weld and data[10] != 0.0 else POINTS
     ends = [
-        End(one.link, one.point(point), one.direction(turn[:, 2]), one.direction(turn[:, 0]))
-        for one, point, turn in zip(carriers, points, turns, strict=True)
+        End(
+            carrier.link,
+            carrier.point(point),
+            carrier.direction(rotation_[:, 2]),
+            carrier.direction(rotation_[:, 0]),
+        )
+        for carrier, point, rotation_ in zip(carriers, points, rotations, strict=True)
     ]
     return Joint(name, kind, ends[0], ends[1])
 
@@ -98,7 +103,7 @@ def _coupling(model: mujoco.MjModel, i: int, name: str) -> Coupling:
     """Return what a joint or tendon equality says, both sides counted from the reference configuration."""
     tendons = int(model.eq_type[i]) == TENDON
     sides = [
-        (_tendon if tendons else _one_joint)(model, int(of[i])) for of in (model.eq_obj1id, model.eq_obj2id)
+        (_tendon if tendons else _one_joint)(model, int(ids[i])) for ids in (model.eq_obj1id, model.eq_obj2id)
     ]
     (left, first), (right, second) = sides
     return Coupling(name, left, right, coefficients(model.eq_data[i, :5]), (first, second))

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled
-from mechsim.simulation.mjcf_reader.kinds import BALL, FREE
-from mechsim.simulation.mjcf_reader.link_places import rotation
+from mechsim.simulation.mjcf_reader.joint_types import BALL, FREE
+from mechsim.simulation.mjcf_reader.link_frames import rotation
 
 # kind of joint -> its coordinates and freedoms
-TURNING = {FREE: (7, 6), BALL: (4, 3)}
+ROTATIONAL = {FREE: (7, 6), BALL: (4, 3)}
 
 
 def free_bodies(model: mujoco.MjModel) -> list[str]:
@@ -27,18 +27,18 @@ def free_joints(model: mujoco.MjModel) -> tuple[int, ...]:
     return tuple(np.flatnonzero(model.jnt_type == FREE).tolist())
 
 
-def turning_joints(model: mujoco.MjModel) -> dict[str, int]:
+def rotational_joints(model: mujoco.MjModel) -> dict[str, int]:
     """Return the balls and free joints of a model: name -> number."""
-    return {model.joint(j).name: j for j in range(model.njnt) if int(model.jnt_type[j]) in TURNING}
+    return {model.joint(j).name: j for j in range(model.njnt) if int(model.jnt_type[j]) in ROTATIONAL}
 
 
 @dataclass(frozen=True)
-class HeldStill:
+class FixedBodies:
     """Balls and free joints of a scene that are held where they start.
 
     Attributes:
         joints: their numbers in the file.
-        places: their body -> where it stands in what it hangs on: place in [m] and quaternion, (7,).
+        poses: their body -> where it stands in what it hangs on: place in [m] and quaternion, (7,).
         order: their body -> how many of its joints stand before.
         moved: bodies that its file has elsewhere.
         qpos: which of the coordinates remain, (nq,).
@@ -46,16 +46,16 @@ class HeldStill:
     """
 
     joints: tuple[int, ...]
-    places: Mapping[str, Array]
+    poses: Mapping[str, Array]
     order: Mapping[str, int]
     moved: Sequence[str]
     qpos: NDArray[np.bool_]
     qvel: NDArray[np.bool_]
 
 
-def hold_in_scene(
+def fix_bodies_in_scene(
     spec: mujoco.MjSpec, model: mujoco.MjModel, joints: tuple[int, ...], key: str | None
-) -> HeldStill:
+) -> FixedBodies:
     """Take balls and free joints of a scene away, its keyframes cut to what remains; say what was done.
 
     Args:
@@ -68,20 +68,20 @@ def hold_in_scene(
         InputError: for a body of theirs without a name.
     """
     start = model.qpos0 if key is None else model.key(key).qpos
-    places = {model.body(body).name: place for body, place in _places(model, joints, start).items()}
-    if "" in places:
+    poses = {model.body(body).name: pose for body, pose in _body_poses(model, joints, start).items()}
+    if "" in poses:
         raise InputError("a body with a free joint or a ball has no name; give it one in the file")
     qpos, qvel = _remaining(model, joints)
     differs = start != model.qpos0
     moved = [
         model.body(body).name
         for j, body in _bodies(model, joints)
-        if differs[model.jnt_qposadr[j] :][: TURNING[int(model.jnt_type[j])][0]].any()
+        if differs[model.jnt_qposadr[j] :][: ROTATIONAL[int(model.jnt_type[j])][0]].any()
     ]
-    known = [(one, k) for k, one in enumerate(spec.keys)]
-    kept = {
-        one.name: (
-            float(one.time),
+    keys = [(key_, k) for k, key_ in enumerate(spec.keys)]
+    kept_keys = {
+        key_.name: (
+            float(key_.time),
             *(
                 values[k].copy()
                 for values in (model.key_act, model.key_ctrl, model.key_mpos, model.key_mquat)
@@ -89,20 +89,20 @@ def hold_in_scene(
             model.key_qpos[k][qpos],
             model.key_qvel[k][qvel],
         )
-        for one, k in known
+        for key_, k in keys
     }
-    for one, _ in known:
-        spec.delete(one)
-    hold_still(spec, model, joints, start)
-    for name, (time, act, ctrl, mpos, mquat, places_, rates) in kept.items():
+    for key_, _ in keys:
+        spec.delete(key_)
+    fix_bodies(spec, model, joints, start)
+    for name, (time, act, ctrl, mpos, mquat, coordinates, rates) in kept_keys.items():
         spec.add_key(
-            name=name, time=time, act=act, ctrl=ctrl, mpos=mpos, mquat=mquat, qpos=places_, qvel=rates
+            name=name, time=time, act=act, ctrl=ctrl, mpos=mpos, mquat=mquat, qpos=coordinates, qvel=rates
         )
     order = {model.body(body).name: j - int(model.body_jntadr[body]) for j, body in _bodies(model, joints)}
-    return HeldStill(joints, places, order, tuple(moved), qpos, qvel)
+    return FixedBodies(joints, poses, order, tuple(moved), qpos, qvel)
 
 
-def hold_still(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int], qpos: Array) -> Array:
+def fix_bodies(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int], qpos: Array) -> Array:
     """Take balls and free joints away, their bodies standing as at qpos (nq,).
 
     Args:
@@ -114,55 +114,55 @@ def hold_still(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int]
     Returns:
         What remains of qpos.
     """
-    places = _places(model, joints, qpos)
+    poses = _body_poses(model, joints, qpos)
     in_order = sorted(spec.joints, key=lambda joint: joint.id)
     bodies = {body: in_order[j].parent for j, body in _bodies(model, joints)}
     for j, body in _bodies(model, joints):
-        turned = _quaternion(model, j, qpos)
-        if int(model.jnt_type[j]) == BALL and turned[0] == 1.0:
-            del places[body]
+        quaternion = _quaternion(model, j, qpos)
+        if int(model.jnt_type[j]) == BALL and quaternion[0] == 1.0:
+            del poses[body]
         else:
-            for one in in_order[int(model.body_jntadr[body]) : j]:
-                _turn_back(one, in_order[j], rotation(turned))
-            _place(bodies[body], np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+            for inner in in_order[int(model.body_jntadr[body]) : j]:
+                _undo_rotation(inner, in_order[j], rotation(quaternion))
+            _set_pose(bodies[body], np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
         spec.delete(in_order[j])
     # a frame round a body moves it: where it is put says by how much
-    base = compiled(spec)
-    for body, place in places.items():
-        frame = base.body(body)
-        back = np.empty(4)
-        mujoco.mju_negQuat(back, frame.quat)
-        _place(bodies[body], rotation(frame.quat).T @ (place[:3] - frame.pos), _product(back, place[3:]))
+    base_model = compiled(spec)
+    for body, pose in poses.items():
+        frame = base_model.body(body)
+        inverse = np.empty(4)
+        mujoco.mju_negQuat(inverse, frame.quat)
+        _set_pose(bodies[body], rotation(frame.quat).T @ (pose[:3] - frame.pos), _product(inverse, pose[3:]))
     return qpos[_remaining(model, joints)[0]]
 
 
-def without_stilled(
-    spec: mujoco.MjSpec, holds: Mapping[str, float | None], start: Array | None
+def without_locked_bodies(
+    spec: mujoco.MjSpec, locks: Mapping[str, float | None], start: Array | None
 ) -> tuple[mujoco.MjSpec, Mapping[str, float | None], Array | None]:
     """Return a specification without the balls and free joints that are held, other holds, and the start."""
-    if None not in holds.values():
-        return spec, holds, start
+    if None not in locks.values():
+        return spec, locks, start
     model = compiled(spec.copy())
-    turning = turning_joints(model)
-    names = [name for name, value in holds.items() if value is None and name in turning]
+    rotational = rotational_joints(model)
+    names = [name for name, value in locks.items() if value is None and name in rotational]
     if not names:
-        return spec, holds, start
+        return spec, locks, start
     for key in list(spec.keys):
         spec.delete(key)
-    here: Array = model.qpos0 if start is None else start
-    left = hold_still(spec, model, [turning[name] for name in names], here)
-    return spec, {name: value for name, value in holds.items() if name not in names}, left
+    configuration: Array = model.qpos0 if start is None else start
+    remaining = fix_bodies(spec, model, [rotational[name] for name in names], configuration)
+    return spec, {name: value for name, value in locks.items() if name not in names}, remaining
 
 
-def _turn_back(joint: mujoco.MjsJoint, ball: mujoco.MjsJoint, turn: Array) -> None:
+def _undo_rotation(joint: mujoco.MjsJoint, ball: mujoco.MjsJoint, rotation_: Array) -> None:
     """Leave a joint nearer the ground where it is, its body's frame being turned as a ball of it was."""
     if joint.frame is not None or ball.frame is not None:
         raise InputError(
             f"joint {ball.name!r} cannot be held where it is turned: {joint.name!r} of the same body stands "
             "in a frame; write the file out whole first (mujoco.MjSpec.from_file(...).to_xml())"
         )
-    joint.axis = turn.T @ joint.axis
-    joint.pos = ball.pos + turn.T @ (joint.pos - ball.pos)
+    joint.axis = rotation_.T @ joint.axis
+    joint.pos = ball.pos + rotation_.T @ (joint.pos - ball.pos)
 
 
 def _bodies(model: mujoco.MjModel, joints: Sequence[int]) -> list[tuple[int, int]]:
@@ -170,25 +170,25 @@ def _bodies(model: mujoco.MjModel, joints: Sequence[int]) -> list[tuple[int, int
     return [(j, int(model.jnt_bodyid[j])) for j in joints]
 
 
-def _places(model: mujoco.MjModel, joints: Sequence[int], qpos: Array) -> dict[int, Array]:
+def _body_poses(model: mujoco.MjModel, joints: Sequence[int], qpos: Array) -> dict[int, Array]:
     """Return where bodies stand in what they hang on with these joints as at qpos: number -> (7,)."""
-    found: dict[int, Array] = {}
+    poses: dict[int, Array] = {}
     for j, body in _bodies(model, joints):
-        turned = _quaternion(model, j, qpos)
+        quaternion = _quaternion(model, j, qpos)
         if int(model.jnt_type[j]) == FREE:
-            at = int(model.jnt_qposadr[j])
-            found[body] = np.concatenate([qpos[at : at + 3], turned])
+            address = int(model.jnt_qposadr[j])
+            poses[body] = np.concatenate([qpos[address : address + 3], quaternion])
         else:
             pivot, quat = model.jnt_pos[j], model.body_quat[body]
-            moved = rotation(quat) @ (pivot - rotation(turned) @ pivot)
-            found[body] = np.concatenate([model.body_pos[body] + moved, _product(quat, turned)])
-    return found
+            shift = rotation(quat) @ (pivot - rotation(quaternion) @ pivot)
+            poses[body] = np.concatenate([model.body_pos[body] + shift, _product(quat, quaternion)])
+    return poses
 
 
 def _quaternion(model: mujoco.MjModel, joint: int, qpos: Array) -> Array:
-    end = int(model.jnt_qposadr[joint]) + TURNING[int(model.jnt_type[joint])][0]
-    turned = qpos[end - 4 : end]
-    return turned / np.linalg.norm(turned)
+    end = int(model.jnt_qposadr[joint]) + ROTATIONAL[int(model.jnt_type[joint])][0]
+    quaternion_ = qpos[end - 4 : end]
+    return quaternion_ / np.linalg.norm(quaternion_)
 
 
 def _product(first: Array, then: Array) -> Array:
@@ -201,12 +201,12 @@ def _remaining(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[NDArray[np
     """Return which coordinates (nq,) and freedoms (nv,) remain without some joints."""
     qpos, qvel = np.ones(model.nq, dtype=np.bool_), np.ones(model.nv, dtype=np.bool_)
     for j in joints:
-        at, dof = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
-        coordinates, freedoms = TURNING[int(model.jnt_type[j])]
-        qpos[at : at + coordinates], qvel[dof : dof + freedoms] = False, False
+        address, dof = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
+        coordinates, dofs = ROTATIONAL[int(model.jnt_type[j])]
+        qpos[address : address + coordinates], qvel[dof : dof + dofs] = False, False
     return qpos, qvel
 
 
-def _place(body: mujoco.MjsBody, position: Array, quaternion: Array) -> None:
+def _set_pose(body: mujoco.MjsBody, position: Array, quaternion: Array) -> None:
     body.pos, body.quat = position, quaternion
     body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT

@@ -10,41 +10,41 @@ from mechsim.model.finding import Finding
 from mechsim.simulation import closed_model
 from mechsim.simulation.findings.inspected import Inspected, null_space, rank
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.mjcf_reader.held_still import free_bodies
+from mechsim.simulation.mjcf_reader.fixed_bodies import free_bodies
 from mechsim.simulation.model_loops import BALL
 from mechsim.simulation.open_freedoms import standing
 
 # part of a freedom that is a motion of a joint, and no rounding
-MOVES = 1e-6
+SIGNIFICANT = 1e-6
 # names that are listed
-LISTED = 6
+MAX_LISTED = 6
 
 
-def left_open(scene: Inspected) -> Iterator[Finding]:
+def undetermined(scene: Inspected) -> Iterator[Finding]:
     """Yield what the drivers leave open, where something is."""
     # where nothing is driven, all is open, and nothing is wrong with that
-    if not (scene.drivers and _any_open(scene)):
+    if not (scene.drivers and _has_undetermined(scene)):
         return
-    model, (slope, _) = scene.model, scene.generic
-    held = [*scene.drivers, *scene.read.mechanism.locked]
-    rows = np.eye(model.nv)[[int(model.joint(name).dofadr[0]) for name in held]]
-    free = null_space(np.vstack([slope, rows]))
-    count, names = _one_each(scene, free)
-    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
-    told = ", ".join(names[:LISTED]) + more
+    model, (jacobian, _) = scene.model, scene.generic
+    locked = [*scene.drivers, *scene.read.mechanism.locked]
+    rows = np.eye(model.nv)[[int(model.joint(name).dofadr[0]) for name in locked]]
+    free = null_space(np.vstack([jacobian, rows]))
+    count, names = _representative_joints(scene, free)
+    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
+    listed = ", ".join(names[:MAX_LISTED]) + more
     floats = " or --fix-base" if free_bodies(model) else ""
     yield Finding(
         kind="open",
-        what=told,
+        what=listed,
         by=count,
         explains=0.0,
-        say=f"{model.nv - rank(slope)} freedoms, {count} of them open with {', '.join(held)} held: "
-        f"{told} can still move, and only springs, weight, friction and contacts say how",
+        say=f"{model.nv - rank(jacobian)} freedoms, {count} of them open with {', '.join(locked)} held: "
+        f"{listed} can still move, and only springs, weight, friction and contacts say how",
         remedy=f"drive, hold or couple them (--drive, --lock{floats})",
     )
 
 
-def _one_each(scene: Inspected, free: Array) -> tuple[int, list[str]]:
+def _representative_joints(scene: Inspected, free: Array) -> tuple[int, list[str]]:
     """Return how many freedoms of (k, nv) are open, and a joint that moves by each.
 
     Balls are left out: what they alone let turn is a rod about its own line.
@@ -54,13 +54,13 @@ def _one_each(scene: Inspected, free: Array) -> tuple[int, list[str]]:
         joint = int(model.dof_jntid[dof])
         if int(model.jnt_type[joint]) == BALL:
             continue
-        if np.linalg.matrix_rank(free[:, [*chosen, dof]], tol=MOVES) > len(chosen):
+        if np.linalg.matrix_rank(free[:, [*chosen, dof]], tol=SIGNIFICANT) > len(chosen):
             chosen.append(dof)
             names.append(str(model.joint(joint).name))
     return len(chosen), list(dict.fromkeys(names))
 
 
-def _any_open(scene: Inspected) -> bool:
+def _has_undetermined(scene: Inspected) -> bool:
     """Say whether anything that matters can move with the drivers held; not where the loops never close."""
     try:
         with quiet():

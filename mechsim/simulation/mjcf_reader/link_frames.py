@@ -27,14 +27,16 @@ class Carrier:
 
 def carriers(model: mujoco.MjModel) -> list[Carrier]:
     """Return the carrier of every body, the world first."""
-    found = [Carrier(GROUND, IDENTITY)]
+    result = [Carrier(GROUND, IDENTITY)]
     for body in range(1, model.nbody):
         if model.body_jntnum[body]:
-            found.append(Carrier(link_name(model, body), IDENTITY))
+            result.append(Carrier(link_name(model, body), IDENTITY))
         else:
-            above = found[model.body_parentid[body]]
-            found.append(Carrier(above.link, shifted(above.at, model.body_pos[body], model.body_quat[body])))
-    return found
+            parent = result[model.body_parentid[body]]
+            result.append(
+                Carrier(parent.link, shifted(parent.at, model.body_pos[body], model.body_quat[body]))
+            )
+    return result
 
 
 def link_name(model: mujoco.MjModel, body: int) -> str:

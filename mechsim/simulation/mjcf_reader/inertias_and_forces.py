@@ -10,20 +10,20 @@ from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces, Friction, JointSpring
 from mechsim.model.inertia import Inertia
 from mechsim.model.links import Link
-from mechsim.simulation.mjcf_reader.kinds import DRIVABLE
-from mechsim.simulation.mjcf_reader.link_places import Carrier, rotation, vector
+from mechsim.simulation.mjcf_reader.joint_types import DRIVABLE
+from mechsim.simulation.mjcf_reader.link_frames import Carrier, rotation, vector
 
 # part of the heaviest link's mass that one without any is given: nothing beside it, but no nought
-WEIGHTLESS = 1e-12
+MASSLESS = 1e-12
 # of a sum of masses
 ROUNDING = 1e-9
 
 
-def weighed(
+def with_inertias(
     model: mujoco.MjModel,
     links: Sequence[Link],
     carriers: Sequence[Carrier],
-    size: float,
+    length: float,
     raised: float = 0.0,
 ) -> tuple[Link, ...]:
     """Return links with the inertias of all bodies that are part of them.
@@ -32,25 +32,25 @@ def weighed(
         model: compiled.
         links: the moving links.
         carriers: of each body, the world first.
-        size: of the mechanism in [m], by which a link without mass gets moments.
+        length: of the mechanism in [m], by which a link without mass gets moments.
         raised: mass in [kg] to which each body without any was raised; 0 where none was.
     """
     bodies = {link.name: list[int]() for link in links}
     for i, carrier in enumerate(carriers):
         if carrier.link in bodies:
             bodies[carrier.link].append(i)
-    found = {name: _together(model, of, carriers) for name, of in bodies.items()}
-    heaviest = max((mass for mass, _, _ in found.values()), default=0.0)
+    combined = {name: _combined(model, ids, carriers) for name, ids in bodies.items()}
+    heaviest = max((mass for mass, _, _ in combined.values()), default=0.0)
     if not heaviest > 0.0:
         return tuple(links)
-    least = WEIGHTLESS * heaviest
+    least = MASSLESS * heaviest
 
     def inertia(name: str, mass: float, centre: Array, moments: Array) -> Inertia:
         massless = not mass > raised * len(bodies[name]) * (1.0 + ROUNDING)
         if mass > 0.0 and np.linalg.eigvalsh(moments)[0] > 0.0:
             rows = (vector(moments[0]), vector(moments[1]), vector(moments[2]))
             return Inertia(mass, vector(centre), rows, negligible=massless)
-        small = least * size**2
+        small = least * length**2
         return Inertia(
             mass or least,
             vector(centre),
@@ -58,46 +58,46 @@ def weighed(
             negligible=massless,
         )
 
-    return tuple(replace(link, inertia=inertia(link.name, *found[link.name])) for link in links)
+    return tuple(replace(link, inertia=inertia(link.name, *combined[link.name])) for link in links)
 
 
-def _together(
+def _combined(
     model: mujoco.MjModel, bodies: Sequence[int], carriers: Sequence[Carrier]
 ) -> tuple[float, Array, Array]:
     """Return mass, centre (3,) and moments about it (3, 3) of the bodies on one link, in its frame."""
     masses = np.array([model.body_mass[i] for i in bodies])
     centres = np.array([carriers[i].point(model.body_ipos[i]) for i in bodies]).reshape(-1, 3)
-    whole = float(masses.sum())
-    if not whole > 0.0:
+    total = float(masses.sum())
+    if not total > 0.0:
         return 0.0, np.zeros(3), np.zeros((3, 3))
-    centre, moments = masses @ centres / whole, np.zeros((3, 3))
-    for i, mass, at in zip(bodies, masses, centres, strict=True):
+    centre, moments = masses @ centres / total, np.zeros((3, 3))
+    for i, mass, body_centre in zip(bodies, masses, centres, strict=True):
         axes = carriers[i].at.rotation @ rotation(model.body_iquat[i])
-        arm = at - centre
+        arm = body_centre - centre
         moments += axes @ np.diag(model.body_inertia[i]) @ axes.T
         moments += mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return whole, centre, 0.5 * (moments + moments.T)
+    return total, centre, 0.5 * (moments + moments.T)
 
 
-def acting(model: mujoco.MjModel) -> Forces:
+def forces_of_model(model: mujoco.MjModel) -> Forces:
     """Return gravity, and the dampers, springs and dry friction of hinges and slides."""
     friction: list[Friction] = []
     springs: list[JointSpring] = []
     for j in range(model.njnt):
         if int(model.jnt_type[j]) not in DRIVABLE:
             continue
-        name, dof, place = model.joint(j).name, model.jnt_dofadr[j], model.jnt_qposadr[j]
-        viscous, dry = _first(model.dof_damping[dof]), float(model.dof_frictionloss[dof])
-        if viscous or dry:
-            friction.append(Friction(name, viscous, dry))
-        stiffness = _first(model.jnt_stiffness[j])
+        name, dof, address = model.joint(j).name, model.jnt_dofadr[j], model.jnt_qposadr[j]
+        viscous, coulomb = _linear(model.dof_damping[dof]), float(model.dof_frictionloss[dof])
+        if viscous or coulomb:
+            friction.append(Friction(name, viscous, coulomb))
+        stiffness = _linear(model.jnt_stiffness[j])
         if stiffness:
-            springs.append(JointSpring(name, stiffness, float(model.qpos_spring[place])))
+            springs.append(JointSpring(name, stiffness, float(model.qpos_spring[address])))
     off = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
     gravity = (0.0, 0.0, 0.0) if off else vector(model.opt.gravity)
     return Forces(gravity=gravity, friction=tuple(friction), joint_springs=tuple(springs))
 
 
-def _first(value: Array | float) -> float:
+def _linear(value: Array | float) -> float:
     """Return the linear part of a stiffness or damping, which may be a polynomial."""
     return float(np.ravel(value)[0])
