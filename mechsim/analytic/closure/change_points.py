@@ -1,4 +1,4 @@
-"""Change points of a path: where two assemblies meet, and the cell that goes through, or on in the other."""
+"""Change points of a path (branch points of the loop equations), and the segments that pass them."""
 
 from dataclasses import replace
 
@@ -9,29 +9,28 @@ from mechsim.analytic.closure.path_segments import PathStates, Segment, interpol
 from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.maths.arrays import Array
 
-# half the length of a cell about a change point, and the shortest, where the path bends sharply
+# largest and smallest half length of a segment centred on a change point
 MAX_HALF_LENGTH, MIN_HALF_LENGTH = 0.1, 5e-4
-# pairs of assemblies that may meet at once without a change of side; and part of its roughness as it stands
-# that a curve may keep where its sign is to change
+# pairs of assemblies that meet at once without a sign change of the determinant; and the interpolation error
+# after the sign is flipped, as a fraction of that before, below which a change point is assumed
 PAIRS, MAX_ERROR_RATIO = (2, 4), 0.3
-# nodes of such a cell: an even number, so that none lies at it, where the loops hold nothing
+# nodes of such a segment; even, so that none lies at the change point, where the Jacobian is singular
 NODES = 24
-# what the last terms of its polynomial may be, in radians or parts of the size: rounding, where
-# the loops hardly hold the nearest nodes
+# largest truncation error of its polynomial, in radians or relative to the characteristic length
 MAX_TRUNCATION = 1e-11
-# distances from a change point at which its side is measured: far, and nearest
+# spacing of the points at which the signed distance is sampled to locate a change point: first and last
 FIRST_SPACING, LAST_SPACING = 1e-3, 3e-7
-# turn along the direction that the loops leave free there, by which it is seen how they bend; what of
-# that must be left if the other assembly is to be left by turning the crank; how far from where it is
-# foretold it may be found, as a part of its distance; and how often the stretch is halved for that
+# step along the null direction for second differences; smallest curvature ratio at which the other branch
+# is driven by the crank; largest deviation of that branch from its prediction, relative to the distance
+# between the branches; and halvings of the segment
 OFFSET, MIN_CURVATURE, MAX_DEVIATION, HALVINGS = 1e-4, 1e-6, 0.3, 6
 
 
 def even_change_point(size: Array) -> int | None:
-    """Return behind which node of a cell pairs of assemblies may meet at once, an even number of them.
+    """Return the node before a change point at which an even number of pairs of assemblies meet; or None.
 
-    No side changes there. The determinant touches nought, and its root of that number is only smooth if
-    its sign changes. None where it is smooth as it stands.
+    The determinant touches zero there without a sign change. Its root of that order is smooth only if its
+    sign is flipped beyond the change point.
 
     Args:
         size: logarithm of the determinant's size at the nodes, (k,).
@@ -47,10 +46,10 @@ def even_change_point(size: Array) -> int | None:
 
 
 def change_point_between(path: PathStates, cell: Segment, a: float, b: float) -> float | None:
-    """Return where two assemblies meet between two nodes; None where they only come near each other.
+    """Return the change point between two nodes; None where assemblies only come near each other.
 
-    Or where no more than the rows that are solved repeat each other. Where the side is the same at both
-    nodes it is where it touches nought, as two pairs of assemblies meet at once.
+    None also where only the selected rows become dependent. With equal signs at both nodes the determinant
+    touches zero: two pairs of assemblies meet at once.
     """
 
     def linearised_at(s: Array) -> Linearised | None:
@@ -71,7 +70,7 @@ def change_point_between(path: PathStates, cell: Segment, a: float, b: float) ->
     signed_distances = signed_distances * np.array([1.0, -1.0 if same_side else 1.0])
     root, rate = a - signed_distances[0] * (b - a) / (signed_distances[1] - signed_distances[0]), 0.0
     for spacing in (min(0.1 * abs(b - a), FIRST_SPACING), 0.03 * FIRST_SPACING):
-        # a parabola through three points on either side of where the root is thought to be
+        # a parabola through three points on either side of the estimated root
         around = root + spacing * np.array([-2.0, -1.0, 1.0, 2.0])
         linearised = linearised_at(around)
         if linearised is None:
@@ -104,15 +103,13 @@ def change_point_between(path: PathStates, cell: Segment, a: float, b: float) ->
 def segment_through(
     path: PathStates, segment: Segment, change_point: float, direction: int
 ) -> tuple[Segment, float] | None:
-    """Return the longest cell that goes through a meeting, as far before as beyond, and where that is.
-
-    None where none is sure.
+    """Return the longest valid segment centred on a change point, and the refined change point; or None.
 
     Args:
         path: whose poses they are.
-        segment: that leads up to the meeting and beyond.
+        segment: extends to both sides of the change point.
         change_point: parameter.
-        direction: in which the path is followed, +1 or -1.
+        direction: of continuation, +1 or -1.
     """
     max_half_length, half_length = abs(float(segment.nodes[-1] - segment.nodes[0])), MAX_HALF_LENGTH
     while half_length > MIN_HALF_LENGTH:
@@ -136,22 +133,22 @@ def segment_through(
 
 
 def _root_near(determinants: Segment, guess: float) -> float:
-    """Return where a polynomial (k, 1) is nought, by Newton's method; as it was where that leads astray."""
+    """Return a root of a polynomial (k, 1) by Newton's method; the guess where the method leaves it."""
     root, derivative = np.array([guess]), determinants.derivative()
     for _ in range(3):
         root = root - determinants.evaluate(root)[0] / derivative.evaluate(root)[0]
-    # where more than one direction is left free, the determinant has no slope
+    # with a null space of more than one dimension the derivative of the determinant vanishes
     return float(root[0]) if abs(root[0] - guess) < LAST_SPACING else guess
 
 
 def branch_segment(path: PathStates, segment: Segment, change_point: float) -> Segment | None:
-    """Return the cell that goes on from a meeting in the other assembly, on the same side of it.
+    """Return the segment of the other assembly beyond a change point, with the same sign of the determinant.
 
-    None where the crank does not turn in the other one.
+    None where the crank does not move the other assembly.
 
     Args:
         path: whose poses they are.
-        segment: the cell that goes through.
+        segment: centred on the change point.
         change_point: parameter.
     """
     steepness = _branch_slope(path, segment, change_point)
@@ -178,10 +175,10 @@ def branch_segment(path: PathStates, segment: Segment, change_point: float) -> S
 
 
 def _branch_slope(path: PathStates, segment: Segment, change_point: float) -> Array | None:
-    """Return by how much the other assembly's path is steeper at a meeting, (w,); None where it is upright.
+    """Return the difference of the derivatives of both branches at a change point, (w,); None if unbounded.
 
-    What the loops say, looked at along the direction that they leave free, is z (a x + b z) at x beyond the
-    meeting and z aside: nought at z = 0, this assembly, and at z = -a x / b, the other.
+    Projected on the null directions, the loop equations are z (a x + b z) = 0 for the distance x beyond the
+    change point and z along the null direction: z = 0 is this branch, z = -a x / b the other.
     """
     parameter = np.array([change_point])
     q = path.unflat(segment.evaluate(parameter), parameter)

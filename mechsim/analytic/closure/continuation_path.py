@@ -1,9 +1,9 @@
-"""The motion of an assembly as its drivers move: cells of closed poses joined by polynomials.
+"""Numerical continuation of an assembly along its driver motion, by segments of Chebyshev polynomials.
 
-The assembly is kept by smoothness: each cell of the path is foretold by the polynomial of the one
-before, closed at all its nodes together, and taken only where it lies close to what was foretold, is
-itself smooth, and stays on its side of every singular pose. Where the side changes along a smooth path,
-two assemblies meet: the path is then followed up to that change point, which is measured, and through it.
+The polynomial of a segment predicts the next one; Newton's method corrects all its nodes together. A segment
+is accepted if the correction and the interpolation error are small and the Jacobian determinant keeps its
+sign. A sign change along a smooth path indicates a change point, where two assemblies meet: it is located,
+and the path continues through it.
 """
 
 from collections.abc import Callable, Iterator
@@ -39,44 +39,42 @@ from mechsim.maths.arrays import Array
 from mechsim.model.motion import ChangePointPolicy
 from mechsim.model.work_size import require_travel
 
-# nodes of a cell, its first length and its longest, in radians of the drivers' motion, and how many times as
-# long as the one before it may be at the most
+# nodes of a segment; its first and largest length in radians of the driver motion; largest growth factor
 NODES, FIRST_LENGTH, MAX_LENGTH, MAX_GROWTH = 9, 0.1, 1.2, 3.0
-# a cell shorter than this ends at a singular pose
+# a segment shorter than this ends at a singular pose
 MIN_LENGTH = 1e-13
-# so much of a cell that its even nodes do not tell of the odd ones is not smooth
+# interpolation error, relative to 1 rad or the characteristic length, above which a segment is rejected
 MAX_INTERPOLATION_ERROR = 1e-4
-# roughness, and the way from what was foretold, at which the length of the next cell aims: they grow as the
-# powers of the length that half the nodes stand for, and all of them
+# targets of the step-size control: interpolation error and corrector displacement. They grow with the
+# length to the power of half the number of nodes, and of that number
 TARGET_ERROR, TARGET_CORRECTION = 1e-5, 5e-3
-# part of the cell about a change point within which poses are read off its polynomial, for there the loops
-# tell nothing; and so near to one no path can begin
+# fraction of a segment about a change point in which poses are taken from its polynomial, since the Jacobian
+# is singular there; and the smallest distance of a start from a change point
 SINGULAR_FRACTION, MIN_START_DISTANCE = 0.05, 1e-5
-# a path that ends so near to its start may end because that is singular
+# a path that ends within this distance of its start may end because the start is singular
 AT_START = 1e-3
-# what the poses of a cell may stand open by: a hundredth of what polynomials through them leave out; and so
-# near to a singular pose that this would be taken for the path's bend
+# largest residual at nodes, a hundredth of the truncation error; and signed distance from a singular pose
+# below which nodes are closed to rounding
 NODE_RESIDUAL, NEARLY_SINGULAR = 1e-11, 1e-4
-# what is taken for this where it is less
+# lower bound of errors, to divide by
 TINY = 1e-300
-# two parameters nearer than this are one
+# tolerance of equal parameters
 SAME_PARAMETER = 1e-9
-# a cell so short is foretold along the tangent: a polynomial through what rounding leaves of one tells less
+# after a segment shorter than this the tangent predicts: rounding spoils its polynomial
 MIN_EXTRAPOLATED = 1e-5
-# part of that cell's length beyond it for which it foretells the next: its many nodes foretell no farther
+# length of the segment after a change point, relative to the one through it: its many nodes extrapolate badly
 NEXT_LENGTH = 0.3
-# to this a change point is known: rates where a path folds are those beyond it
+# tolerance of the junction of two segments: rates at a change point are those beyond it
 JUNCTION = 1e-12
-# at a start so far from a singular pose rounding leaves more of accelerations than a cell about a change
-# point behind it would tell
+# signed distance of a start from a singular pose above which no change point behind it affects its rates
 WELL_CONDITIONED = 0.05
-# how far beyond what was asked a path is followed: no round number, where change points like to lie
+# distance that a path is traced beyond the requested parameter; not round, as change points are
 OVERSHOOT = 0.2137
 
 
 @dataclass(frozen=True, slots=True)
 class PathNames:
-    """What messages call a path: who moves, how far it is at a parameter, and when that is."""
+    """Names for messages: what moves, and the position and instant at a parameter."""
 
     mover: str
     position: Callable[[float], str]
@@ -90,12 +88,12 @@ class ContinuationPath(PathStates):
     """An assembly followed along a path of its drivers, as far as was asked.
 
     Attributes:
-        first: what solves the loops about the start.
-        start: where the path begins, one set of coordinates.
+        first: solver of the loops about the start.
+        start: coordinates at the start, one set.
         initial: its parameter there.
         change_points: parameters at which assemblies meet, as they were passed.
         policy: how it goes on there.
-        words: what moves, and what its parameter is called.
+        words: names for messages.
     """
 
     def __init__(
@@ -115,13 +113,14 @@ class ContinuationPath(PathStates):
         self._singular_radii: list[float] = []
         # of the singular poses that the last cell lies on; 0 where it is not known
         self.sign = 0.0
-        # the change point that comes next, once it is known, and the cell through it
+        # the segment through the next change point, and that change point, once known
         self._upcoming: tuple[Segment, float] | None = None
 
     def extend(self, target: float) -> None:
-        """Follow the assembly as far as a parameter, and a little beyond where it goes on.
+        """Trace the assembly to a parameter, and a little beyond if possible.
 
-        A change point is known for one only from beyond, and one behind the start blurs what is near it.
+        A change point is confirmed only after the path has passed it; one behind the start affects poses near
+        the start.
 
         Raises:
             AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
@@ -135,7 +134,7 @@ class ContinuationPath(PathStates):
         self.reach(target, direction)
 
     def reach(self, target: float, direction: int) -> None:
-        """Follow the assembly as far as a parameter and no farther.
+        """Trace the assembly to a parameter and no farther.
 
         Raises:
             AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
@@ -158,11 +157,11 @@ class ContinuationPath(PathStates):
                 raise AssemblyError(self._end_message(current))
 
     def _end(self, direction: int) -> float:
-        """Return the parameter as far as which the path is followed in one sense."""
+        """Return the parameter reached in one direction."""
         return float(self.segments[direction][-1].nodes[-1]) if self.segments[direction] else self.initial
 
     def _end_message(self, parameter: float) -> str:
-        """Return in one sentence why the path ends."""
+        """Return the message that says why the path ends."""
         text = (
             f"{self._name}: {self.words.mover} cannot pass {self.words.position(parameter)} in this assembly"
         )
@@ -174,13 +173,13 @@ class ContinuationPath(PathStates):
         return f"{text}; stay on this side of the dead centre or change the dimensions"
 
     def _singular_start(self) -> bool:
-        """Say whether the loops hold less at the start than beside it."""
+        """Return whether the rank of the loops is lower at the start than near it."""
         step = np.zeros((self.loops.tree.count, 1))
         step[self.loops.unknown, 0] = AT_START * self.first.null_space.sum(0)
         return loop_solver(self.loops, self.loops.displaced(self.start, step)).nullity < self.first.nullity
 
     def next_segment(self, current: float, direction: int, step: float) -> tuple[Segment | None, float]:
-        """Return the next cell, None where a shorter one must be tried, and the length to try next."""
+        """Return the next segment, None if it is rejected, and the length to try next."""
         if self._upcoming is not None:
             remaining = direction * (float(self._upcoming[0].nodes[0]) - current)
             if remaining < SAME_PARAMETER:
@@ -217,18 +216,18 @@ class ContinuationPath(PathStates):
             return None, step
         middle_sign, segments = float(signs[NODES // 2]), self.segments[direction]
         if self.sign * middle_sign < 0.0 and segment.solver is segments[-1].solver:
-            # the change point lies where the last cell ends
+            # the change point lies at the end of the last segment
             length = segments[-1].length
             return None, 0.6 * length if self.drop_last_segment(direction) else 0.5 * step
         self.sign = middle_sign
         return segment, min(MAX_LENGTH, step * self.growth(step, direction, error, displacement))
 
     def growth(self, step: float, direction: int, error: float, displacement: float) -> float:
-        """Return how many times as long as a cell the next may be."""
+        """Return the largest ratio of the next segment's length to this one's."""
         growth = min(MAX_GROWTH, (TARGET_ERROR / max(error, TINY)) ** (2.0 / (NODES + 1)))
         if not self.segments[direction]:
-            return growth  # a tangent foretold it
-        # a polynomial errs by the product of the distances to its nodes
+            return growth  # predicted by the tangent
+        # the error of a polynomial grows as the product of the distances to its nodes
         previous_length = self.segments[direction][-1].length
         return min(
             growth,
@@ -271,9 +270,9 @@ class ContinuationPath(PathStates):
         return improved, solution[1]
 
     def _approached_change_point(self, segment: Segment, index: int, direction: int) -> bool:
-        """Say whether a change point lies behind a node of a cell; the path then stops where its cell begins.
+        """Return whether a change point lies beyond a node; the path then stops where its segment begins.
 
-        Where it is none, but a sharp bend of the path or its end, shorter cells will show.
+        If it is a sharp bend or the end of the path instead, shorter segments resolve it.
         """
         a, b = segment.nodes[index : index + 2]
         change_point = change_point_between(self, segment, float(a), float(b))
@@ -291,10 +290,10 @@ class ContinuationPath(PathStates):
     def _segment_past(
         self, upcoming: tuple[Segment, float], current: float, direction: int
     ) -> tuple[Segment, float]:
-        """Return the cell that leads on from a change point, and the length to try next.
+        """Return the segment beyond a change point, and the length to try next.
 
         Raises:
-            AssemblyError: where the path begins at the change point, or cannot fold there.
+            AssemblyError: where the path begins at the change point, or the other branch cannot be driven.
         """
         self._upcoming, self.sign = None, 0.0
         segment, change_point = upcoming
@@ -326,7 +325,7 @@ class ContinuationPath(PathStates):
         return next_segment, NEXT_LENGTH * distance_after
 
     def drop_last_segment(self, direction: int) -> bool:
-        """Take back the last cell; False where there is none, or it leads through a change point."""
+        """Drop the last segment; False if there is none, or if it contains a change point."""
         if not self.segments[direction]:
             return False
         first, last = self.segments[direction][-1].nodes[[0, -1]]
@@ -351,7 +350,7 @@ class ContinuationPath(PathStates):
         return loop_solver(self.loops, q, segment.solver.null_space)
 
     def predicted(self, current: float, direction: int, solver: LoopSolver, s: Array) -> Array:
-        """Return the states foretold at parameters, by the cell before or along the tangent."""
+        """Return predicted states at parameters, by the previous segment or the tangent."""
         segments = self.segments[direction]
         if segments and abs(float(s[-1]) - current) > MIN_EXTRAPOLATED:
             return segments[-1].evaluate(s)
@@ -390,14 +389,14 @@ class ContinuationPath(PathStates):
                 yield solver, index, states[index]
 
     def near_change_point(self, s: Array) -> NDArray[np.bool_]:
-        """Return which parameters lie so near to a change point that the loops tell nothing, (n,)."""
+        """Return which parameters lie in the singular neighbourhood of a change point, (n,)."""
         mask = np.zeros(len(s), dtype=np.bool_)
         for change_point, radius in zip(self.change_points, self._singular_radii, strict=True):
             mask |= np.abs(s - change_point) < radius
         return mask
 
     def interpolated(self, s: Array) -> Coordinates:
-        """Return coordinates at parameters (n,) as the polynomials have them."""
+        """Return coordinates of the polynomials at parameters (n,)."""
         states = np.empty((len(s), self.flat(self.start).shape[1]))
         for _, index, chunk in self.chunks(s):
             states[index] = chunk
@@ -421,13 +420,13 @@ class ContinuationPath(PathStates):
         return self.loops.tree.mechanism.name
 
     def _start_segment(self) -> Segment:
-        """Return the cell of a path that has not begun: its start alone."""
+        """Return a segment of one node, the start of the path."""
         return Segment(
             np.array([self.initial]), self.flat(self.start), np.ones(1), self._solver(self.initial, 1)
         )
 
 
 def _segment_indices(segments: list[Segment], s: Array) -> NDArray[np.intp]:
-    """Return in which of some cells in a row parameters lie, (n,); where two join, in the later one."""
+    """Return the index of the segment of each parameter, (n,); at a junction the later one."""
     lows = np.array([cell.low for cell in segments])
     return np.clip(np.searchsorted(lows, s + JUNCTION, side="right") - 1, 0, len(segments) - 1)

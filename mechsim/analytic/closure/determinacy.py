@@ -1,4 +1,4 @@
-"""What drivers settle, by rank at generic poses: freedoms, what stays open, what is asked twice."""
+"""What the drivers determine, by rank at generic poses: undetermined joints and redundant drivers."""
 
 from dataclasses import dataclass, replace
 
@@ -22,15 +22,15 @@ DISPLACEMENT = 1e-2
 
 @dataclass(frozen=True, slots=True)
 class Determinacy:
-    """What the drivers of a mechanism settle.
+    """What the drivers of a mechanism determine.
 
     Attributes:
-        dofs: that loops, couplings and holds leave, those that change nothing wanted among them.
+        dofs: degrees of freedom left by loops, couplings and locked joints, passive ones included.
         drivers: names of the driven coordinates.
         undetermined: coordinates or points that can move while the drivers stand, one for each
             undetermined degree of freedom.
-        redundant_drivers: drivers and holds that ask for what others settle already.
-        redundant_equations: equations of joints and couplings that repeat what others say.
+        redundant_drivers: drivers and locked joints that others determine already.
+        redundant_equations: dependent equations of joints and couplings.
     """
 
     dofs: int
@@ -48,7 +48,7 @@ class Determinacy:
 
 
 def driver_determinacy(mechanism: Mechanism) -> Determinacy:
-    """Return what the drivers of a mechanism settle, near where it starts.
+    """Return what the drivers of a mechanism determine near its initial pose.
 
     Raises:
         AssemblyError: where the loops do not close.
@@ -76,7 +76,7 @@ def driver_determinacy(mechanism: Mechanism) -> Determinacy:
 
 
 def undetermined_joints(mechanism: Mechanism) -> tuple[str, ...]:
-    """Return what is to be locked so that the drivers determine the rest, as `to_lock` chooses it.
+    """Return what is to be locked so that the drivers determine the rest, as `joints_to_lock` chooses it.
 
     Raises:
         AssemblyError: where the loops do not close.
@@ -114,5 +114,5 @@ def _displaced_poses(loops: TreeLoops, start: Coordinates) -> list[Coordinates]:
         try:
             poses.append(closed(loops, loops.displaced(start, sign * DISPLACEMENT * direction[:, None])))
         except (AssemblyError, np.linalg.LinAlgError):
-            continue  # a dead centre or a locked structure: the other poses tell
+            continue  # a dead centre or an immobile structure: the other poses decide
     return poses

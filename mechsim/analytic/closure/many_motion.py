@@ -111,7 +111,7 @@ def many_motion(
     """Return the motions of designs at crank angles, and of which designs they could be told, (d,).
 
     Args:
-        like: what they have in common (see `can_be_followed_together`).
+        like: what they have in common (see `shared_loops`).
         started: the designs; their guesses say which assemblies are meant.
         angles: of the crank, or of the clock of programs, (p,) in [rad].
         speed: of the crank or the clock in [rad/s].

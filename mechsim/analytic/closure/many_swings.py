@@ -78,7 +78,7 @@ class Swings:
 
 
 class SwingTracer:
-    """Traces designs that are alike; see `can_be_followed_together`."""
+    """Traces designs that are alike; see `shared_loops`."""
 
     def __init__(self, like: SharedLoops, started: StartedDesigns):
         self.like, self.started = like, started

@@ -1,4 +1,4 @@
-"""Which singular values of loop equations tell something: none beside the largest, nor in rounding alone."""
+"""Numerical rank of loop equations: singular values above a relative and an absolute tolerance."""
 
 from typing import Any
 
@@ -16,30 +16,30 @@ FLOOR = 1e-13
 
 
 def significant(
-    values: NDArray[np.floating[Any]], told: float = RANK_TOLERANCE, floor: float = FLOOR
+    values: NDArray[np.floating[Any]], tolerance: float = RANK_TOLERANCE, floor: float = FLOOR
 ) -> NDArray[np.bool_]:
-    """Return which singular values, (..., k) falling, are more than nought.
+    """Return which singular values, (..., k) falling, are not zero numerically.
 
     Args:
         values: of equations in units of the size.
-        told: those below this part of the largest are nought.
+        tolerance: those below this fraction of the largest are zero.
         floor: so are those below it.
     """
-    return values > np.maximum(told * values[..., :1], floor)
+    return values > np.maximum(tolerance * values[..., :1], floor)
 
 
-def rank(matrix: Array, told: float = RANK_TOLERANCE) -> int:
+def rank(matrix: Array, tolerance: float = RANK_TOLERANCE) -> int:
     """Return the rank of equations in units of the size, (rows, unknowns)."""
-    return int(significant(np.linalg.svd(matrix, compute_uv=False), told).sum())
+    return int(significant(np.linalg.svd(matrix, compute_uv=False), tolerance).sum())
 
 
-def relative_cutoff(matrix: Array, told: float = RANK_TOLERANCE, floor: float = FLOOR) -> Array:
-    """Return below which part of the largest singular values of equations are left out of a solution, (...).
+def relative_cutoff(matrix: Array, tolerance: float = RANK_TOLERANCE, floor: float = FLOOR) -> Array:
+    """Return the cutoff of singular values relative to the largest, for pseudo-inverses, (...).
 
     Args:
         matrix: (..., rows, unknowns) in units of the size.
-        told: what the part is where the equations are more than rounding.
+        tolerance: the cutoff where the equations exceed rounding.
         floor: below which they are rounding.
     """
     largest = np.abs(matrix).max((-2, -1), initial=floor)
-    return np.maximum(told, floor / largest)
+    return np.maximum(tolerance, floor / largest)

@@ -1,4 +1,4 @@
-"""Stretches of a path: closed coordinates at nodes, and the polynomial through them."""
+"""Segments of a path: coordinates closed at Chebyshev nodes, and the polynomial through them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,21 +15,21 @@ from mechsim.maths.arrays import Array
 # path parameter (n,) -> prescribed coordinates in their units, (driven, n)
 PrescribedValues = Callable[[Array], Array]
 
-# a residual up to which poses are closed, and how far they may move to it, in radians or parts of the
-# size: farther may be another assembly
+# largest residual of a closed pose, and largest corrector displacement, in radians or relative to the
+# characteristic length: beyond it Newton's method may converge to another assembly
 CLOSED, MAX_CORRECTION = 1e-12, 5e-2
 
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of the path: closed coordinates at nodes, and the polynomial through them.
+    """A segment of a path: coordinates closed at Chebyshev nodes, and the polynomial through them.
 
     Attributes:
         nodes: parameters, (k,).
         states: flattened coordinates, (k, w).
         weights: barycentric, (k,).
-        solver: what its poses are solved with.
-        adequate: whether the solver tells enough at each node, (k,); None where that is not known.
+        solver: of its poses.
+        adequate: whether the solver's rows are well conditioned at each node, (k,); None if unknown.
     """
 
     nodes: Array
@@ -45,7 +45,7 @@ class Segment:
 
     @property
     def length(self) -> float:
-        """How much of the path's parameter it spans."""
+        """The range of the parameter."""
         return abs(float(self.nodes[-1] - self.nodes[0]))
 
     def evaluate(self, s: Array) -> Array:
@@ -54,7 +54,7 @@ class Segment:
         at_node = distance == 0.0
         weights = np.where(at_node.any(1)[:, None], at_node, self.weights / np.where(at_node, 1.0, distance))
         total = weights.sum(1, keepdims=True)
-        # so far beyond the nodes that their parts cancel, the nearest node tells as much
+        # far beyond the nodes the weights cancel: the nearest node is used
         cancelled = total[:, 0] == 0.0
         if cancelled.any():
             weights[cancelled] = np.eye(len(self.nodes))[np.abs(distance[cancelled]).argmin(1)]
@@ -76,7 +76,7 @@ class Segment:
         return replace(self, nodes=nodes, states=self.evaluate(nodes), weights=weights, adequate=None)
 
     def truncation_error(self) -> float:
-        """Return what the polynomial leaves out: by how much its last terms still change it."""
+        """Return the truncation error, estimated by the last three Chebyshev coefficients."""
         middle, reach = 0.5 * (self.nodes[0] + self.nodes[-1]), 0.5 * (self.nodes[-1] - self.nodes[0])
         basis = np.polynomial.chebyshev.chebvander((self.nodes - middle) / reach, len(self.nodes) - 1)
         return float(np.abs(np.linalg.solve(basis, self.states)[-3:]).max())
@@ -91,7 +91,7 @@ def nodes_between(low: float, high: float, count: int) -> tuple[Array, Array]:
 
 
 def interpolation_error(states: Array) -> Array:
-    """Return by how much columns (k, w) at a cell's odd nodes differ from what even nodes tell, (w,)."""
+    """Return the error at odd nodes of the polynomial through even nodes, for columns (k, w): (w,)."""
     return np.abs(_odd_from_even(len(states)) @ states[::2] - states[1::2]).max(0)
 
 
@@ -110,11 +110,11 @@ def _chebyshev(count: int) -> tuple[Array, Array]:
 
 
 class PathStates:
-    """Poses along a path of the drivers, each as a row of numbers.
+    """Poses along a path of the drivers as state vectors.
 
     Attributes:
         loops: of the mechanism.
-        prescribed: what the drivers do along the path.
+        prescribed: values of the prescribed coordinates along the path.
     """
 
     def __init__(self, loops: TreeLoops, prescribed: PrescribedValues):
@@ -126,7 +126,7 @@ class PathStates:
         return np.concatenate([values, q.turns.reshape(-1, len(q)).T], 1)
 
     def unflat(self, rows: Array, s: Array, driven: Array | None = None) -> Coordinates:
-        """Return coordinates from rows of numbers nearly right, at parameters (n,)."""
+        """Return coordinates from approximate states at parameters (n,)."""
         k = self.loops.tree.count
         rotations = np.ascontiguousarray(rows[:, k:].T).reshape(-1, 3, 3, len(rows))
         if len(rotations):
@@ -138,9 +138,9 @@ class PathStates:
     def closed(
         self, solver: LoopSolver, s: Array, rows: Array, tolerance: float = 0.0
     ) -> tuple[Array, Linearised, float] | None:
-        """Return states closed from rough ones, the loops there, and how far they moved; or None.
+        """Return closed states from approximate ones, the loops there, and the displacement; None on failure.
 
-        To rounding, or to a residual that is enough.
+        To rounding, or to a residual below the tolerance.
         """
         try:
             q, linearised, displacement = solver.close(self.unflat(rows, s), tolerance, MAX_CORRECTION)

@@ -72,7 +72,7 @@ def solve_under_laws(
     """Return the motion at angles of the clock of programs, and its rates.
 
     Args:
-        path: from `followed_under`.
+        path: from `path_under_laws`.
         programs: of the drivers.
         parameter: angles of the clock, (n,) in [rad].
         speed: of the clock, (n,) in [rad/s]; `programs.pace` is real time.
@@ -95,7 +95,7 @@ def solve_prescribed(path: ContinuationPath, programs: Programs, instants: Insta
     """Return the motion where the drivers stand near their programs, at instants that say where.
 
     Raises:
-        AssemblyError: as `solve_programmed`.
+        AssemblyError: as `solve_under_laws`.
     """
     all_instants = with_locked_values(path, instants)
     motion = motion_record(

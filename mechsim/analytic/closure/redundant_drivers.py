@@ -1,4 +1,4 @@
-"""Drivers that are more than there are freedoms: they are named, not forced."""
+"""Redundant drivers: more drivers than degrees of freedom. They are reported, not forced."""
 
 import numpy as np
 
@@ -11,14 +11,14 @@ from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import MobilityError
 from mechsim.maths.arrays import Array
 
-# a coordinate that takes part in a freedom by less takes none; and a residual that is closed
+# smallest participation of a coordinate in a degree of freedom; and residual of closed loops
 MIN_PARTICIPATION, CLOSED = 1e-7, 1e-10
-# drivers that are listed, and the part in a sum of rows from which a loop is named
+# largest number of listed drivers, and smallest share of a loop in dependent rows for it to be named
 LISTED, MIN_SHARE = 12, 0.1
 
 
 def require_no_redundant_drivers(solver: LoopSolver) -> None:
-    """Refuse drivers and holds that those before them settle already.
+    """Reject drivers and locked joints that those before them determine already.
 
     Args:
         solver: of the mechanism's loops, about coordinates closed or nearly so; what cannot be closed at all
@@ -30,7 +30,7 @@ def require_no_redundant_drivers(solver: LoopSolver) -> None:
     loops, start = solver.loops, solver.reference
     if rank(solver.at_reference.jacobian[..., 0]) == len(solver.rows):
         return
-    # at a dead centre a lone crank cannot move either: another pose tells
+    # at a dead centre a single crank cannot move either: another pose decides
     (q,) = generic_poses(loops, start, 1, RANK_TOLERANCE)
     if not np.abs(loops.linearise(q)[0]).max(initial=0.0) < CLOSED:
         return
@@ -67,7 +67,7 @@ def require_no_redundant_drivers(solver: LoopSolver) -> None:
 
 
 def _independent_drivers(loops: TreeLoops, freedoms: Array) -> tuple[list[str], list[str]]:
-    """Return which drivers and holds share freedoms, one each, and which are more, in their order."""
+    """Return the independent drivers and locked joints, and the redundant ones, in their order."""
     mechanism = loops.tree.mechanism
     independent: list[str] = []
     redundant: list[str] = []
@@ -81,7 +81,7 @@ def _independent_drivers(loops: TreeLoops, freedoms: Array) -> tuple[list[str], 
 
 
 def _nearly_dependent_joints(loops: TreeLoops, q: Coordinates) -> list[str]:
-    """Return the names of the joints that close loops whose rows nearly repeat one another."""
+    """Return the names of the cut joints whose constraint equations are nearly dependent."""
     u, values, _ = np.linalg.svd(loops.linearise(q)[1][..., 0], full_matrices=False)
     share = np.abs(
         u[:, significant(values) & ~significant(values, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)]

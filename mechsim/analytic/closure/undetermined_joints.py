@@ -1,4 +1,4 @@
-"""Which joints the drivers leave open: the loop equations do not invent their motion."""
+"""Joints whose motion the drivers do not determine."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -22,13 +22,13 @@ MIN_PARTICIPATION, LISTED = 1e-6, 12
 
 
 def require_determined(solver: LoopSolver) -> None:
-    """Refuse a mechanism whose drivers do not settle it; idle freedoms, such as a rod's spin, are none.
+    """Reject a mechanism with undetermined degrees of freedom; passive ones, as a rod's spin, do not count.
 
     Args:
         solver: of its loops, about a pose that is no special one.
 
     Raises:
-        MobilityError: with the joints and points left open, no more of them than there are freedoms.
+        MobilityError: names one joint or point for each undetermined degree of freedom.
     """
     loops, names = solver.loops, undetermined_names(solver)
     floating_joints = {joint.name for joint in loops.tree.mechanism.joints if KINDS[joint.kind].floats}
@@ -45,7 +45,7 @@ def require_determined(solver: LoopSolver) -> None:
 
 
 def undetermined_names(solver: LoopSolver) -> list[str]:
-    """Return what can move though all that is prescribed is held, no more of it than there are freedoms."""
+    """Return what can move while the drivers stand, one name for each undetermined degree of freedom."""
     names: list[str] = []
     for name, _ in _undetermined(solver) if solver.nullity else ():
         if len(names) == LISTED:
@@ -84,7 +84,7 @@ def _undetermined(solver: LoopSolver, *, loops_last: bool = False) -> Iterator[t
             label = joints[name].name if KINDS[joints[name].kind].floats else name
             yield label, label
             null_space = with_coordinate_locked(null_space, columns[name])
-    # what no coordinate counts: the turns of balls
+    # rotations of balls, which have no coordinate
     for ball in tree.balls:
         for rotation in range(ball.first_angle, ball.first_angle + 3):
             column = int(np.searchsorted(loops.unknown, rotation))
@@ -95,7 +95,7 @@ def _undetermined(solver: LoopSolver, *, loops_last: bool = False) -> Iterator[t
 
 
 def _displaced_by(solver: LoopSolver, null_space: Array, column: int) -> list[str]:
-    """Return what is seen to move in the freedoms in which a coordinate takes part; empty for an idle one."""
+    """Return what moves along the null directions of a coordinate; empty for a passive one."""
     loops, components = solver.loops, null_space[:, column]
     length = float(np.linalg.norm(components))
     if length < MIN_PARTICIPATION:
