@@ -1,4 +1,4 @@
-"""What feeds an actuator over time, as people write it: a constant, an expression of t, or a table."""
+"""Control laws of actuators written as text: a constant, an expression of t, or a table."""
 
 from collections.abc import Mapping
 
@@ -12,7 +12,7 @@ from mechsim.subjects.time_expressions import time_function
 
 
 def control_law(text: str, name: str) -> MotionLaw:
-    """Return the program of an actuator's control.
+    """Return the control law of an actuator.
 
     Args:
         text: a number, a quantity such as `20deg` or `30rpm`, which is kept; an expression of t in s, such as
@@ -38,7 +38,7 @@ def control_law(text: str, name: str) -> MotionLaw:
 
 
 def control_laws(texts: Mapping[str, str]) -> dict[str, MotionLaw]:
-    """Return the programs of several actuators: actuator -> its program."""
+    """Return the control laws of several actuators: actuator -> control law."""
     return {name: control_law(text, name) for name, text in texts.items()}
 
 

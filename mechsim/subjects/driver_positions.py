@@ -1,4 +1,4 @@
-"""Driver coordinates row by row: poses, and the path of an assembly straight from each row to the next."""
+"""Tables of driver positions: poses at each row, and motion laws that pass through all rows."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -44,7 +44,7 @@ class Poses:
 
 @dataclass(frozen=True)
 class DriverPath:
-    """Programs that go straight from row to row of driver coordinates.
+    """Motion laws that connect rows of driver positions linearly.
 
     Attributes:
         motion_laws: of the drivers; they stand still at each row.
@@ -59,7 +59,7 @@ def poses_of_table(form: Form, table: Mapping[str, Array], source: str) -> Poses
     """Return the poses at rows of driver coordinates, in the assembly followed from the guess through them.
 
     Raises:
-        InputError: as `rows_of`.
+        InputError: as `driver_path`.
         AssemblyError: where the loops cannot close, or a joint would leave its range; names the rows.
     """
     path = driver_path(form, table, source)
@@ -71,7 +71,7 @@ def poses_of_table(form: Form, table: Mapping[str, Array], source: str) -> Poses
 
 
 def driver_path(form: Form, table: Mapping[str, Array], source: str, *, uniform: bool = False) -> DriverPath:
-    """Return the programs that lead through rows of driver coordinates.
+    """Return the motion laws through rows of driver positions.
 
     Args:
         form: what moves.

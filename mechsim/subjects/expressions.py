@@ -12,7 +12,7 @@ from mechsim.errors import InputError
 
 # characters of an expression, and how deep its brackets may nest
 MAX_CHARACTERS, MAX_DEPTH = 500, 50
-# beyond this an exponent is a slip
+# largest exponent; a larger one is taken for an error
 MAX_EXPONENT = 64.0
 
 Value = TypeVar("Value")
@@ -179,7 +179,7 @@ def _power(base: float, exponent: float) -> float:
 
 
 def require_exponent(exponent: float) -> None:
-    """Refuse an exponent that is a slip."""
+    """Reject an exponent that is too large."""
     if not abs(exponent) <= MAX_EXPONENT:
         raise InputError(f"has an exponent of {exponent:g}; give {MAX_EXPONENT:g} at most")
 

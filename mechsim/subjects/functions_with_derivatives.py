@@ -1,4 +1,4 @@
-"""The functions of expressions on jets and numbers: values with exact first and second rates."""
+"""Elementary functions of jets and numbers: values with exact first and second derivatives."""
 
 import math
 

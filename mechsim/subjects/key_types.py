@@ -1,4 +1,4 @@
-"""What a key of a TOML file may hold: plain data by which files are checked and the schema is made."""
+"""Types of values in a TOML file. The reader checks files by them; the JSON Schema is made from them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,14 +24,14 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class JointNumber:
-    """A number as `Number`, of a unit that only a joint tells."""
+    """A number as `Number`; its unit follows from the joint."""
 
     about: str
 
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """A number as `Number`, or text that says how it goes over t or the crank's angle, or FILE.csv."""
+    """A number as `Number`, or a function of t or the crank angle: an expression, or FILE.csv."""
 
     unit: Unit
     about: str
@@ -46,7 +46,7 @@ class Boolean:
 
 @dataclass(frozen=True, slots=True)
 class ListOf:
-    """A list; of so many where that is known."""
+    """A list, of fixed length if `count` is given."""
 
     item: "KeyType"
     about: str
@@ -55,7 +55,7 @@ class ListOf:
 
 @dataclass(frozen=True, slots=True)
 class TableOf:
-    """A table of things under names of the user's own."""
+    """A table whose keys are names chosen by the user."""
 
     value_type: "KeyType"
     about: str
@@ -63,7 +63,7 @@ class TableOf:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table with keys of its own."""
+    """A table with fixed keys."""
 
     keys: Mapping[str, "KeyType"]
     about: str
@@ -72,7 +72,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class AnyOf:
-    """Whichever fits by its form: text, a number, a list or a table."""
+    """The first alternative that fits the value: text, a number, a list or a table."""
 
     alternatives: tuple["KeyType", ...]
     about: str

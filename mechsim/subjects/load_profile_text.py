@@ -1,4 +1,4 @@
-"""A load as people write it: numbers, expressions of t or of the crank's angle, or tables in files."""
+"""Loads written as text: numbers, expressions of t or of the crank angle, or tables in files."""
 
 import re
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""A driver's program as people write it: steady, an expression of t, or a table in a file."""
+"""Motion laws of drivers written as text: constant speed, an expression of t, or a table in a file."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -25,12 +25,12 @@ _EXAMPLES = {
 
 @dataclass(frozen=True)
 class MotionLaw:
-    """How a driver goes over time.
+    """The motion law of a driver.
 
     Attributes:
-        text: by which a command line or a file in SI says the same.
+        text: the law as a command line or a file in SI states it.
         state: times (n,) in [s] -> value, rate, acceleration.
-        end_time: where its table ends, in [s]; None where it goes on for ever.
+        end_time: last time of its table, in [s]; None if the law has no end.
     """
 
     text: str
@@ -52,7 +52,7 @@ def parse_motion_law(
     parameters: Mapping[str, float] | None = None,
     declared: str = "",
 ) -> MotionLaw:
-    """Return the program of a driver.
+    """Return the motion law of a driver.
 
     Args:
         text: `600rpm` or `20mm/s`, steady from where the driver starts; an expression of t in s, such as

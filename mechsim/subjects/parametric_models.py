@@ -1,4 +1,4 @@
-"""A subject as one of a family: the dimensions it is made from, and how others are made."""
+"""Parametric models: the dimensions of a mechanism, and how its variants are made."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any

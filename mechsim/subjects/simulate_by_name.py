@@ -1,4 +1,4 @@
-"""A run in MuJoCo of whatever `load` takes: a name or a file, beside what is a model already."""
+"""Simulate in MuJoCo anything that `load` takes: a name, a file, or a model."""
 
 from collections.abc import Callable
 from functools import wraps

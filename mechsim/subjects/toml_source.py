@@ -1,4 +1,4 @@
-"""A TOML file as text: where each key stands, and refusals that say so."""
+"""A TOML file with the line of each key, for error messages."""
 
 import difflib
 import os
@@ -15,7 +15,7 @@ from mechsim.errors import InputError, cut
 
 # a file longer than this describes no mechanism
 MAX_BYTES = 1_000_000
-# characters of a value that a refusal repeats
+# characters of a value that an error message repeats
 MAX_SHOWN = 60
 
 _NAME = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""

@@ -1,4 +1,4 @@
-"""Loops that will open by what shows, time constants that MuJoCo clamps, steps too long for a loop."""
+"""Visible loop-closure errors, time constants that MuJoCo clamps, and steps too long for a loop."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Freedoms that the drivers of a scene leave open."""
+"""Degrees of freedom that the drivers of a scene leave undetermined."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Names for what has none in a specification, so that both roads call it the same."""
+"""Names for unnamed elements of a specification, so that both methods use the same names."""
 
 from collections.abc import Iterable
 from typing import Any

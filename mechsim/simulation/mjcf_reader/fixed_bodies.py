@@ -1,4 +1,4 @@
-"""Balls and free bodies held where they stand: in a copy of a specification they lose these joints."""
+"""Bodies fixed at their initial pose: their ball or free joints are removed from the specification."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""A specification with masses that MuJoCo takes where it refuses those of the file: kinematics need none."""
+"""Repairs inertias that MuJoCo rejects; kinematics does not depend on them."""
 
 import re
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""Where the parts of included files stand: MuJoCo tells lines of the main file only."""
+"""Lines of elements in included files; MuJoCo reports lines of the main file only."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -60,7 +60,7 @@ def equality_elements(root: Element) -> list[Element]:
 
 
 def set_compliance(edited: EditedText, values: Mapping[str, str]) -> None:
-    """Give all equality constraints the same softness."""
+    """Give all equality constraints the same compliance (solref, solimp)."""
     equalities = equality_elements(edited.root)
     plain: list[str] = []
     for name, value in values.items():
