@@ -1,8 +1,6 @@
 """`mechsim validate MODEL --against`: one model held against a function or a table."""
 
 import math
-import shutil
-import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +14,8 @@ from mechsim.cli.endings import tell
 from mechsim.cli.options import DriveOptions, read_family, writable
 from mechsim.cli.output import print_json
 from mechsim.cli.scene_findings import found_in, tell_findings
+from mechsim.cli.terminal import wrapped
+from mechsim.cli.verdict_text import failure_lines, headline, method_lines, print_verdict
 from mechsim.errors import InputError
 from mechsim.model.masses import summary
 from mechsim.pictures import plots
@@ -24,12 +24,7 @@ from mechsim.report.agreement import worst_first, write_agreement_report
 from mechsim.studies.agreement.agreement import Agreement, held
 from mechsim.subjects import gallery
 from mechsim.units import option
-from mechsim.verdict.checks import Check
-
-# quantities told where not all are asked for
-FEW = 4
-# characters of the name of a quantity
-LONGEST = 36
+from mechsim.verdict.checks import Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +42,6 @@ class AgainstOptions:
         "the stroke or the size; if given, an .xml must satisfy it with its own settings, too.",
     )
     plot: str | None = option(None, "Draw the quantity farthest off with --against.", metavar="FILE")
-    everything: bool = option(False, "Print every quantity, not the tightest only.", name="--all")
 
     @property
     def bound(self) -> float | None:
@@ -65,7 +59,7 @@ def held_against(
     sets: list[str] | None,
     driven: DriveOptions,
     asked: AgainstOptions,
-    told_how: tuple[float, Path | None, bool],
+    output: tuple[float, Path | None, bool, bool],
 ) -> NoReturn:
     """Say whether a model agrees with a function or a table, and why not; ends the command.
 
@@ -74,9 +68,10 @@ def held_against(
         sets: its changed parameters, as NAME=VALUE.
         driven: how it is driven.
         asked: against what it is held, and how that is told.
-        told_how: speed of a crank in [rad/s], folder for a page or None, whether JSON is printed.
+        output: speed of a crank in [rad/s], folder for a page or None, whether JSON is printed, and whether
+            all checks are listed.
     """
-    speed, report, as_json = told_how
+    speed, report, as_json, verbose = output
     source = asked.against or ""
     place = None if asked.plot is None else writable(asked.plot)
     if place is not None:
@@ -98,8 +93,12 @@ def held_against(
         print_json(results)
     else:
         tell_findings(scene)
-        for line in told(name, found, asked.everything):
+        for line in agreement_lines(name, found):
             typer.echo(line)
+        if verbose:
+            for line in attribution_lines(found):
+                typer.echo(line)
+            print_verdict(name, Verdict(found.outcome, found.checks, found.reason))
         if report is not None:
             typer.echo(f"report: {report / 'index.html'}")
     raise typer.Exit(0 if found.passed else 1)
@@ -113,37 +112,23 @@ def tell_code(forms: Iterable[Form]) -> None:
         tell(f"mechsim: runs {', '.join(own)}: a formula is code")
 
 
-def told(name: str, found: Agreement, everything: bool) -> list[str]:
-    """Return what is said of one model: a line, the tightest quantities, what explains a difference."""
-    shown = sorted(found.checks, key=lambda check: -(check.used or 0.0))
-    left = len(shown) - FEW
-    lines = [f"{name}: {found.outcome} against {found.source}"]
-    lines += [_line(check) for check in (shown if everything else shown[:FEW])]
-    if left > 0 and not everything:
-        lines.append(f"  {left} more; --all shows them")
-    return lines + _wrapped(found.noise_report) + explained(found)
-
-
-def explained(found: Agreement) -> list[str]:
-    """Return what explains a difference, and where that of a run in time comes from."""
-    lines = _wrapped(summary(found.masses)) if found.masses else []
-    for finding in found.findings:
-        likely = "" if finding.kind == "none" else "cause: " if finding.sure else "perhaps: "
-        lines += _wrapped(f"{likely}{finding.say}")
-    if "says" in found.attribution:
-        lines += _wrapped(str(found.attribution["says"]))
-    elif "note" in found.attribution:
-        lines += _wrapped(f"not run in time: {found.attribution['note']}")
+def agreement_lines(name: str, agreement: Agreement) -> list[str]:
+    """Return the result for one model: PASS or FAIL, what is off, and the likely cause."""
+    lines = [headline(f"{name} vs {agreement.source}", agreement.passed)]
+    if agreement.passed:
+        lines += method_lines(agreement.checks, {"": "compared"})
+    else:
+        lines += failure_lines(agreement.checks, agreement.findings, agreement.reason)
+    lines += wrapped(agreement.noise_report)
+    if agreement.masses:
+        lines += wrapped(summary(agreement.masses))
     return lines
 
 
-def _wrapped(text: str) -> list[str]:
-    """Return text in lines that fit the terminal, those after the first set in."""
-    width = max(40, min(shutil.get_terminal_size((80, 24)).columns, 100))
-    return textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="    ", break_on_hyphens=False)
-
-
-def _line(check: Check) -> str:
-    said = "met" if check.passed else "MISSED"
-    name = textwrap.shorten(check.quantity, LONGEST, placeholder=" ...")
-    return f"  {name:<{LONGEST}} {check.worst:8.1e} of {check.bound:7.1e} {check.unit:<6} {said}"
+def attribution_lines(agreement: Agreement) -> list[str]:
+    """Return which part of the error of a stepped run comes from where."""
+    if "says" in agreement.attribution:
+        return wrapped(str(agreement.attribution["says"]))
+    if "note" in agreement.attribution:
+        return wrapped(f"not stepped: {agreement.attribution['note']}")
+    return []

@@ -45,6 +45,7 @@ Sets = Annotated[
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="List all checks, with their tolerances.")]
 SPEED = "600rpm"
 Speed = Annotated[str, typer.Option(help="Crank speed; a bare number is rad/s.")]
 WHERE = typer.Option(

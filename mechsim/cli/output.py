@@ -1,21 +1,25 @@
 """What commands print: one JSON object, or tables for people; progress on stderr."""
 
 import json
-import os
 import sys
+import textwrap
 import time
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
+from itertools import zip_longest
 from typing import Any, Protocol
 
 import typer
 
 from mechsim.cli.endings import tell
+from mechsim.cli.terminal import in_bold, width, wrapped
 from mechsim.cli.time_left import TimeLeft, in_words
 from mechsim.files import plain
 
 # before the first line of progress where there is no terminal, and between two
 FIRST, SECONDS = 3.0, 10.0
+# before each column of a table
+GAP = "  "
 
 
 def print_json(value: Any) -> None:
@@ -24,20 +28,48 @@ def print_json(value: Any) -> None:
 
 
 def print_table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table that fits the terminal, or plain wide text where there is none."""
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
+    """Print a title, and rows in columns that fit the terminal; only the title where there are no rows."""
+    for line in wrapped(title, "", "  "):
+        typer.echo(in_bold(line))
+    cells = [[" ".join(cell.split()) for cell in row] for row in rows]
+    if not cells:
+        return
+    columns = [[name, *(row[i] for row in cells)] for i, name in enumerate(head)]
+    widths = _column_widths(columns, width() - len(GAP) * len(columns))
+    right = [all(_is_number(cell) for cell in column[1:] if cell) for column in columns]
+    for i in range(len(cells) + 1):
+        lines = [_in_lines(column[i], w) for column, w in zip(columns, widths, strict=True)]
+        for parts in zip_longest(*lines, fillvalue=""):
+            aligned = (
+                f"{part:>{w}}" if r else f"{part:<{w}}"
+                for part, w, r in zip(parts, widths, right, strict=True)
+            )
+            line = (GAP + GAP.join(aligned)).rstrip()
+            typer.echo(line if i else in_bold(line))
 
-    told = sys.stdout.isatty() or "COLUMNS" in os.environ
-    console = Console(width=None if told else 160)
-    # names may hold what the library would take for its own markup
-    table = Table(title=Text(title), title_justify="left", header_style="bold")
-    for name in head:
-        table.add_column(Text(name), overflow="fold")
-    for row in rows:
-        table.add_row(*map(Text, row))
-    console.print(table)
+
+def _column_widths(columns: Sequence[Sequence[str]], room: int) -> list[int]:
+    """Return widths of columns with so much room for all: the widest are narrowed, no word is cut."""
+    widths = [max(map(len, column)) for column in columns]
+    least = [max((len(word) for cell in column for word in cell.split()), default=0) for column in columns]
+    while sum(widths) > room:
+        wide = [i for i in range(len(widths)) if widths[i] > least[i]]
+        if not wide:
+            break
+        widths[max(wide, key=lambda i: widths[i])] -= 1
+    return widths
+
+
+def _in_lines(cell: str, columns: int) -> list[str]:
+    return textwrap.wrap(cell, max(columns, 1), break_long_words=False, break_on_hyphens=False)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 class Tick(Protocol):

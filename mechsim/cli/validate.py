@@ -10,18 +10,18 @@ import typer
 from mechsim import units
 from mechsim.analytic import catalog
 from mechsim.analytic.derivatives import DesignFamily
-from mechsim.cli.against import AgainstOptions, explained, held_against, tell_code
+from mechsim.cli.against import AgainstOptions, held_against, tell_code
 from mechsim.cli.declared_options import spread
 from mechsim.cli.endings import tell
-from mechsim.cli.options import DriveOptions, Json, Sets, Speed, family_of, folder_for, speed_of
+from mechsim.cli.options import DriveOptions, Json, Sets, Speed, Verbose, family_of, folder_for, speed_of
 from mechsim.cli.output import print_json, progress
-from mechsim.cli.scene_findings import found_in, in_json, tell_findings
+from mechsim.cli.scene_findings import found_in, in_json
 from mechsim.cli.validate_reference import validate_by_reference
-from mechsim.cli.verdict_table import print_verdict
+from mechsim.cli.validation_text import print_cases
 from mechsim.errors import AssemblyError, InputError, MobilityError
+from mechsim.maths.angles import TURN
 from mechsim.model.finding import Finding
 from mechsim.report.validation import write_validation_report
-from mechsim.simulation.settings import COMPLIANCE
 from mechsim.studies.validate import BUDGET, Case, validate_all
 from mechsim.subjects import gallery
 
@@ -56,6 +56,7 @@ def validate(
     held: AgainstOptions,
     driven: DriveOptions,
     sets: Sets = None,
+    verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
     """Check closed form, loop equations, formulas and MuJoCo against each other; the main job.
@@ -67,14 +68,14 @@ def validate(
             raise InputError(
                 "--reference judges what the data describe; leave out all else but names and --json"
             )
-        raise typer.Exit(0 if validate_by_reference(models or (), as_json) else 1)
+        raise typer.Exit(0 if validate_by_reference(models or (), as_json, verbose=verbose) else 1)
     if held.against is not None:
         if models is None or len(models) != 1 or whole_gallery:
             raise InputError("--against is of one model; name it, and no others")
         place = None if report is None else folder_for(report)
-        held_against(models[0], sets, driven, held, (speed_of(speed), place, as_json))
+        held_against(models[0], sets, driven, held, (speed_of(speed), place, as_json, verbose))
     if held != AgainstOptions(tolerance=held.tolerance):
-        raise InputError("--plot and --all go with --against; say what the model is held against")
+        raise InputError("--plot goes with --against; name what the model is compared with")
     shown = list(gallery.files())
     wanted = list(models or catalog.DRIVES)
     if whole_gallery or not models:
@@ -101,7 +102,8 @@ def validate(
     if as_json:
         print_json(results)
     else:
-        _print_cases(cases, scenes)
+        speed_text = f"{asked * 60.0 / TURN:.4g} rpm"
+        print_cases(cases, scenes, speed_text, verbose=verbose)
         if folder is not None:
             typer.echo(f"report: {folder / 'index.html'}")
     raise typer.Exit(0 if passed else 1)
@@ -149,18 +151,3 @@ def _write_report(folder: Path, cases: Mapping[str, Case], results: Mapping[str,
         notes = write_validation_report(folder, cases, results, done=tick)
     for note in notes:
         tell(note)
-
-
-def _print_cases(cases: Mapping[str, Case], scenes: Mapping[str, Sequence[Finding] | None]) -> None:
-    for name, case in cases.items():
-        tell_findings(scenes[name])
-        print_verdict(name, case.verdict)
-        if case.compliance not in (None, COMPLIANCE):
-            typer.echo(f"stepped with loops held by compliance {case.compliance:.2g}, not {COMPLIANCE:.2g}")
-        if case.published is not None and case.run.settings is not None and case.run.timestep is not None:
-            own = ", ".join(f"{name} {value}" for name, value in case.run.settings.rows().items())
-            typer.echo(f"rows 'step': mechsim's settings (timestep {1e3 * case.run.timestep:.3g} ms, {own})")
-        for line in () if case.formula is None else explained(case.formula):
-            typer.echo(line)
-    good = sum(case.passed for case in cases.values())
-    typer.echo(f"{good} of {len(cases)} mechanisms met every bound")

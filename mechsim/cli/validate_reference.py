@@ -6,14 +6,14 @@ import typer
 
 from mechsim.analytic import catalog
 from mechsim.cli.output import print_json, progress
-from mechsim.cli.verdict_table import print_verdict
+from mechsim.cli.verdict_text import print_verdicts
 from mechsim.studies.reference import by_reference
 from mechsim.subjects import reference_data
 from mechsim.subjects.subject import load
 from mechsim.verdict.checks import Verdict
 
 
-def validate_by_reference(models: Sequence[str], as_json: bool) -> bool:
+def validate_by_reference(models: Sequence[str], as_json: bool, *, verbose: bool) -> bool:
     """Judge the mechanisms named, or all of the reference data, and print it; return whether all are met.
 
     Raises:
@@ -31,8 +31,7 @@ def validate_by_reference(models: Sequence[str], as_json: bool) -> bool:
     if as_json:
         print_json({"passed": passed, "mechanisms": {name: case.as_dict() for name, case in cases.items()}})
         return passed
-    for name, case in cases.items():
-        print_verdict(name, case)
-    good = sum(case.passed for case in cases.values())
-    typer.echo(f"{good} of {len(cases)} mechanisms agree with the reference data in {where}")
+    print_verdicts(cases, verbose=verbose)
+    count = sum(case.passed for case in cases.values())
+    typer.echo(f"{count} of {len(cases)} mechanisms agree with the reference data in {where}")
     return passed

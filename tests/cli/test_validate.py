@@ -1,12 +1,21 @@
 """`mechsim validate` and the gallery: what is judged, what code is run, how results are told apart."""
 
 import json
+import re
 
 import pytest
 
+from mechsim.cli.terminal import pass_or_fail
 from mechsim.subjects import gallery
 
 YOKE = gallery.files()["scotch_yoke"]
+SHORT_ROD = """
+import numpy as np
+def short(angle):
+    height = 0.05 * np.sin(angle) - 0.01
+    x = 0.05 * np.cos(angle) + np.sqrt(0.199**2 - height**2)
+    return {"B": np.stack([x, np.full_like(x, 0.01), 0.0 * x], -1)}
+"""
 
 
 def judged(text):
@@ -62,8 +71,14 @@ def test_a_formula_of_one_s_own_is_run_and_said_to_be_and_its_error_is_found(mec
     code, out, err = mechsim("validate", "own.toml")
     assert code == 1
     assert "runs guides.py: a formula is code" in err
-    assert "scotch_yoke: missed - formula: beyond the bound: position of" in out
-    assert "perhaps: crank is 0.0300" in out
+    lines = out.splitlines()
+    assert lines[0].startswith("scotch_yoke  planar, ")
+    assert lines[0].split("  ")[-2].endswith("FAIL")
+    assert lines[1].startswith("  position of ")
+    assert "off by 30 µm at" in lines[1]
+    assert re.search("^  possible cause +crank is 0.0300", out, re.MULTILINE)
+    assert "run against pin" not in out
+    code, out, _ = mechsim("validate", "own.toml", "-v")
     assert "run against pin: 3e-05 m = formula 3e-05" in out
     code, out, _ = mechsim("validate", "own.toml", "--json")
     case = json.loads(out)["mechanisms"]["scotch_yoke"]
@@ -85,3 +100,76 @@ def test_two_files_of_one_name_are_both_judged(mechsim, tmp_path):
     code, out, err = mechsim("validate", "a/yoke.toml", "b/yoke.toml", "--json")
     assert not code, err
     assert list(json.loads(out)["mechanisms"]) == ["a/yoke.toml", "b/yoke.toml"]
+
+
+CATALOGUE_OF_TWO = ("four_bar", "slider_crank")
+# digits, so that lines of two runs are the same
+NUMBER = re.compile(r"[0-9][0-9.e+-]*")
+
+
+def test_one_mechanism_takes_a_line_a_method_and_says_how_near_the_tolerance(mechsim):
+    code, out, _ = mechsim("validate", "four_bar")
+    lines = out.splitlines()
+    assert not code
+    assert len(lines) == 5
+    assert lines[0].startswith("four_bar  planar, 4 links, 1 DOF, full rotation")
+    assert re.search(r"  PASS  [0-9.]+ s$", lines[0])
+    assert lines[1].startswith("  analytic formula vs loop equations   8 checks ")
+    assert lines[2].startswith("  MuJoCo, solved poses                17 checks ")
+    assert lines[3].startswith("  MuJoCo, 600 rpm, RK4, 1000 steps    17 checks ")
+    assert all(re.search(r" <?[0-9.]+ %  [a-zA-Z ]+[0-9.]+e-[0-9]+ m", line) for line in lines[1:4])
+    assert lines[4].startswith("42 checks passed (% = error/tolerance; -v lists all")
+
+
+def test_several_mechanisms_take_a_line_each_and_a_summary(mechsim):
+    code, out, _ = mechsim("validate", *CATALOGUE_OF_TWO)
+    assert not code
+    assert [re.sub(" +", " ", NUMBER.sub("0", line)) for line in out.splitlines()] == [
+        " four_bar 0 checks PASS 0 %",
+        " slider_crank 0 checks PASS 0 %",
+        " 0 passed, 0 failed in 0 s (% = error/tolerance)",
+    ]
+
+
+def test_what_was_not_stepped_is_stated(mechsim, monkeypatch):
+    monkeypatch.setattr(gallery, "files", lambda: {"scotch_yoke": YOKE})
+    monkeypatch.setattr("mechsim.analytic.catalog.DRIVES", {})
+    code, out, _ = mechsim("validate")
+    assert not code
+    assert "1 gallery mechanism: solved poses only; --gallery also steps it" in out
+
+
+def test_a_failure_leads_with_what_is_off_and_the_likely_cause(mechsim, tmp_path):
+    (tmp_path / "rod.py").write_text(SHORT_ROD)
+    code, out, _ = mechsim("validate", "slider_crank", "--against", "rod.py:short")
+    assert code == 1
+    head, *rest = out.splitlines()
+    assert re.fullmatch(r"slider_crank vs rod.py:short +FAIL", head)
+    assert rest == [
+        "  position of B  off by 1.05 mm at 270°   (tolerance 2.5 nm)",
+        "  likely cause   rod is 0.199 m instead of 0.2 m, explains 100 % of the error",
+    ]
+
+
+@pytest.mark.parametrize("words", [("looper",), ("looper", "-v"), ("four_bar", "-v"), CATALOGUE_OF_TWO])
+def test_it_fits_eighty_columns_in_plain_text_without_cut_words(mechsim, monkeypatch, words):
+    monkeypatch.setenv("COLUMNS", "80")
+    _, out, _ = mechsim("validate", *words)
+    lines = out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert not set("│┃─━┏\x1b") & set(out)
+    if "-v" in words:
+        assert all(word in out for word in ("quantity", "worst", "acceleration"))
+        assert len(lines) > 40
+    else:
+        assert len(lines) <= 14
+
+
+def test_pass_and_fail_are_in_colour_in_a_terminal_only(monkeypatch):
+    assert pass_or_fail(False) == "FAIL"
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    assert pass_or_fail(True) == "\x1b[32m\x1b[1mPASS\x1b[0m"
+    assert pass_or_fail(False) == "\x1b[31m\x1b[1mFAIL\x1b[0m"
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert pass_or_fail(True) == "PASS"

@@ -91,7 +91,7 @@ def test_the_command_prints_both_settings_and_json_has_the_published_run(tmp_pat
         assert ended.value.code == code
         printed = capsys.readouterr().out
         if not more:
-            assert "rows 'step': mechsim's settings" in printed
+            assert "stepped with mechsim's settings" in printed
             assert "with the file's own settings (timestep 1 ms" in printed
             continue
         jsonschema.validate(json.loads(printed), output_schema("validate"))
