@@ -47,6 +47,7 @@ def test_couplings_are_reported_with_what_carries_them(capsys, monkeypatch, tmp_
     # a torque over the planet's radius
     assert force == pytest.approx(np.abs(table["gear carrier-planet"]) / 0.018, rel=1e-9)
     words = ("--samples", "8", "--method", "none")
+    monkeypatch.setenv("COLUMNS", "160")
     _, out, _ = run(capsys, monkeypatch, "parallel_gripper", *words)
     assert "ideal transmission: acts in reverse on ground" in " ".join(out.split())
     assert "teeth of right-left on driver_l" in out

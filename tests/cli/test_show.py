@@ -30,4 +30,4 @@ def test_rounding_is_nought_and_what_is_taken_off_has_a_minus(mechsim, tmp_path)
     assert "0.3 (crank) - 0.02 (crank)^2" in said.out
     assert "cam - O4" in said.out
     row = next(line for line in said.out.splitlines() if " B " in line and "0.151" in line)
-    assert [cell.strip() for cell in row.split("│")[3:6]] == ["0.151", "0", "0"]
+    assert row.split()[-3:] == ["0.151", "0", "0"]
