@@ -44,9 +44,9 @@ class MjcfForm(LoopForm):
         """
         return _without_hidden_links(self.within_ranges(super().solve_along(parameter, rate, second)))
 
-    def solve_as(self, found: Motion) -> Motion:
+    def solve_as(self, driven: Motion) -> Motion:
         """Return the motion where the drivers of another motion really were."""
-        return _without_hidden_links(super().solve_as(found))
+        return _without_hidden_links(super().solve_as(driven))
 
 
 def _without_hidden_links(motion: Motion) -> Motion:
