@@ -20,7 +20,7 @@ from mechsim.studies.sweep.checking import CheckedDesigns, check_table
 from mechsim.studies.sweep.designs import declared_units, parsed_range
 from mechsim.studies.sweep.subject import SweptSubject
 from mechsim.studies.sweep.sweeping import built, run_sweep, swept_designs, swept_task
-from mechsim.studies.sweep.table import columns, ending, require_libraries
+from mechsim.studies.sweep.table import columns, require_libraries, suffix_of
 from mechsim.studies.sweep.task import BUILT, SweepTask
 
 if TYPE_CHECKING:
@@ -112,10 +112,10 @@ def sweep(
         settings=_settings(method, asked),
     )
     with progress("sweep", None, quiet=as_json) as tick:
-        found = run_sweep(task, output, resume=resume, scheduler=scheduler, watch=tick)
+        found = run_sweep(task, output, resume=resume, scheduler=scheduler, progress=tick)
     seconds = time.perf_counter() - begun
     checked = check_table(task, found, check) if check > 0 else None
-    masses = masses_of(with_inertia(task.subject.form.mechanism)) if task.loaded else ()
+    masses = masses_of(with_inertia(task.subject.solver.mechanism)) if task.loaded else ()
     if as_json:
         used = {"masses": [one.as_dict() for one in masses]} if masses else {}
         print_json(_told(model, output, task, found, checked) | {"seconds": seconds} | used)
@@ -130,7 +130,7 @@ def sweep(
 def _ranges(
     vary: Sequence[str], subject: SweptSubject, there: Mapping[str, str], *, sampled: bool
 ) -> dict[str, Any]:
-    declared = declared_units(subject.family)
+    declared = declared_units(subject.design_family)
     ranges: dict[str, Any] = {}
     for text in vary:
         parameter, values = parsed_range(text, subject.name, there, sampled=sampled, declared=declared)
@@ -164,7 +164,7 @@ def require_writable(output: str) -> None:
         InputError: for an ending that is not known.
         OutputError: for no such folder.
     """
-    ending(output)
+    suffix_of(output)
     if not output.lower().endswith(".zarr"):
         place_of(output)
     from pathlib import Path
@@ -179,7 +179,7 @@ def _print_checked(checked: CheckedDesigns | None) -> None:
     if checked is None:
         return
     typer.echo(
-        f"{checked.passed} of {checked.count} designs agree with {checked.road}; the farthest point is "
+        f"{checked.passed} of {checked.count} designs agree with {checked.method}; the farthest point is "
         f"{checked.worst:.3g} m off"
     )
     for number, why in checked.failed.items():

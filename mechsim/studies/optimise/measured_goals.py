@@ -75,13 +75,13 @@ class _Measured:
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of the quantities that it needs; of a whole wrench the name for all its parts."""
-        of = self.measure.of
-        return (of.name,) if of is not None and of.part in WRENCH else _columns(self.measure)
+        of = self.measure.quantity
+        return (of.name,) if of is not None and of.component in WRENCH else _columns(self.measure)
 
     def over(self, given: Quantities) -> Array:
         """Return the quantity that it is of, pose by pose."""
-        assert self.measure.of is not None
-        return self._turns(given).of(self.measure.of)[0]
+        assert self.measure.quantity is not None
+        return self._turns(given).values(self.measure.quantity)[0]
 
     def value(self, given: Quantities) -> Any:
         """Return the measure."""
@@ -89,7 +89,7 @@ class _Measured:
 
     def _turns(self, given: Quantities) -> Turns:
         """Return quantities as the motion of one design."""
-        of, columns = self.measure.of, _columns(self.measure)
+        of, columns = self.measure.quantity, _columns(self.measure)
         still = np.zeros_like(np.real(given[next(one for one in columns if one in given)])[self.poses])
         # what rigid links do not determine counts for nothing
         found = {name: np.asarray(given[name])[self.poses] if name in given else still for name in columns}
@@ -110,7 +110,11 @@ class _Measured:
 def _measured(text: str, moved: MovedFamily) -> _Measured:
     form, angles = moved.form, moved.angles
     found = measure(text, form.mechanism, form.programs)
-    if found.kind in FACTS or found.kind == "function" or (found.of and found.of.kind == TRANSMISSION):
+    if (
+        found.kind in FACTS
+        or found.kind == "function"
+        or (found.quantity and found.quantity.kind == TRANSMISSION)
+    ):
         raise InputError(
             f"{text} has no derivative by dimensions; write a function of columns as Goal or Limit, "
             "as examples/design/torque_ripple.py does"
@@ -133,19 +137,19 @@ def _measured(text: str, moved: MovedFamily) -> _Measured:
 
 def _columns(asked: TurnMeasure) -> tuple[str, ...]:
     """Return the columns of motions and efforts that a measure needs."""
-    of = asked.of
+    of = asked.quantity
     if of is not None and of.kind == "effort":
-        parts = WRENCH.get(of.part, ())
+        parts = WRENCH.get(of.component, ())
         return tuple(f"{of.subject}.{part}" for part in parts) or (of.subject,)
     if of is not None and of.kind == "joint":
-        return (f"{of.subject}.{of.part}",)
+        return (f"{of.subject}.{of.component}",)
     name, order, axes = _point(asked)
     return tuple(f"{name}.{order}{axis}" for axis in axes)
 
 
 def _point(asked: TurnMeasure) -> tuple[str, str, str]:
     """Return the point that a measure is of, "", "v" or "a", and the axes."""
-    if asked.of is None:
+    if asked.quantity is None:
         return asked.subject, "", AXES
-    part = asked.of.part
-    return asked.of.subject, part.rstrip(AXES), part.lstrip("va") or AXES
+    part = asked.quantity.component
+    return asked.quantity.subject, part.rstrip(AXES), part.lstrip("va") or AXES

@@ -1,1 +1,1 @@
-"""Many designs at once: designs from parameters, measures over a turn, the roads, chunks, one table."""
+"""Parameter sweeps: designs from parameters, measures over a turn, evaluation methods, chunks, one table."""

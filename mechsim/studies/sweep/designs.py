@@ -1,4 +1,4 @@
-"""Designs: which parameters vary, and what they are in each design."""
+"""Designs of a sweep: the varied parameters and their values."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -19,12 +19,12 @@ from mechsim.maths.memory import require_room
 from mechsim.subjects.toml_source import suggestion
 from mechsim.units import Unit
 
-# of the random numbers of samples
+# seed of random samples
 SEED = 20240607
-# designs of one list, which is held in memory
-MOST_LISTED = 200_000_000
-# bytes that a design takes beside its parameters in a table of one measure, while that is put together
-ROW = 88.0
+# largest number of designs in a list, which is in memory
+MAX_LISTED = 200_000_000
+# bytes of a design in addition to its parameters while a table of one measure is built
+BYTES_PER_DESIGN = 88.0
 RANGE = "p=a:b:n, as in crank=12mm:15mm:31"
 SPAN = "p=a:b, as in crank=12mm:15mm"
 
@@ -39,18 +39,18 @@ class Designs:
         values: parameter -> values in SI: along its own axis of a grid, or of each design of a list.
         units: parameter -> SI unit.
         spread: "grid" or "list".
-        said: how they were made, in words.
+        description: how they were made.
     """
 
     values: Mapping[str, Array]
     units: Mapping[str, str]
     spread: Spread
-    said: str
+    description: str
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Of the table: the grid's, or (designs,)."""
-        lengths = tuple(len(one) for one in self.values.values())
+        lengths = tuple(len(values) for values in self.values.values())
         return lengths if self.spread == "grid" else lengths[:1]
 
     @property
@@ -69,45 +69,47 @@ class Designs:
     def rows(self, low: int, high: int) -> dict[str, Array]:
         """Return the parameters of designs low to high, (high - low,) each in SI."""
         if self.spread == "list":
-            return {name: one[low:high] for name, one in self.values.items()}
-        places = np.unravel_index(np.arange(low, high), self.shape)
-        return {name: one[at] for (name, one), at in zip(self.values.items(), places, strict=True)}
+            return {name: values[low:high] for name, values in self.values.items()}
+        indices = np.unravel_index(np.arange(low, high), self.shape)
+        return {
+            name: values[index] for (name, values), index in zip(self.values.items(), indices, strict=True)
+        }
 
 
-def parameter_units(family: DesignFamily, form: object) -> dict[str, str]:
+def parameter_units(family: DesignFamily, solver: object) -> dict[str, str]:
     """Return what may vary of a subject: name -> SI unit; choices of the catalogue, as branch, too."""
-    found = {name: one.unit for name, one in family.dimensions.items()}
-    if isinstance(form, ClosedForm):
-        for one in fields(form):
-            whole = isinstance(one.default, int) or "options" in one.metadata
-            if whole and not isinstance(one.default, str) and one.name not in found:
-                found[one.name] = "1"
-    return found
+    result = {name: values.unit for name, values in family.dimensions.items()}
+    if isinstance(solver, ClosedForm):
+        for values in fields(solver):
+            whole = isinstance(values.default, int) or "options" in values.metadata
+            if whole and not isinstance(values.default, str) and values.name not in result:
+                result[values.name] = "1"
+    return result
 
 
 def declared_units(family: DesignFamily) -> dict[str, str]:
     """Return the units that a file declares for its parameters: name -> unit as written."""
-    return {name: one.declared for name, one in family.dimensions.items() if one.declared}
+    return {name: values.declared for name, values in family.dimensions.items() if values.declared}
 
 
-def known(name: str, model: str, there: Mapping[str, str]) -> str:
+def unit_of(name: str, model: str, parameters: Mapping[str, str]) -> str:
     """Return a parameter's unit.
 
     Raises:
         InputError: for an unknown one, with the nearest.
     """
-    if name not in there:
-        parts = [f"{name}.{axis}" for axis in AXES if f"{name}.{axis}" in there]
-        if parts:
-            raise InputError(f"{name} of {model} is a place; vary its parts, {', '.join(parts)}")
-        raise InputError(f"{model} has no parameter {name!r} to vary{suggestion(name, there)}")
-    return there[name]
+    if name not in parameters:
+        components = [f"{name}.{axis}" for axis in AXES if f"{name}.{axis}" in parameters]
+        if components:
+            raise InputError(f"{name} of {model} is a position; vary its components, {', '.join(components)}")
+        raise InputError(f"{model} has no parameter {name!r} to vary{suggestion(name, parameters)}")
+    return parameters[name]
 
 
 def parsed_range(
     text: str,
     model: str,
-    there: Mapping[str, str],
+    parameters: Mapping[str, str],
     *,
     sampled: bool,
     declared: Mapping[str, str] | None = None,
@@ -117,7 +119,7 @@ def parsed_range(
     Args:
         text: the range.
         model: name of the subject.
-        there: parameter -> SI unit.
+        parameters: parameter -> SI unit.
         sampled: whether samples are spread over it.
         declared: parameter -> unit that a file declares for it.
 
@@ -130,74 +132,76 @@ def parsed_range(
     if not equals:
         raise InputError(f"--vary {text!r} has no '='; write --vary {SPAN if sampled else RANGE}")
     what = f"{name} of {model}"
-    parts = rest.split(":")
-    unit: Unit = known(name, model, there) or _unit_of(parts, what)  # pyright: ignore[reportAssignmentType]
-    if own := (declared or {}).get(name):
-        count = "".join(f":{part}" for part in parts[2:])
-        units.require_written(":".join(parts[:2]), unit, own, name, count)
-    if len(parts) == 1 and not sampled:
+    bounds = rest.split(":")
+    unit: Unit = unit_of(name, model, parameters) or _unit_of(bounds, what)  # pyright: ignore[reportAssignmentType]
+    if declared_unit := (declared or {}).get(name):
+        count = "".join(f":{part}" for part in bounds[2:])
+        units.require_written(":".join(bounds[:2]), unit, declared_unit, name, count)
+    if len(bounds) == 1 and not sampled:
         return name, np.array(units.parse_vector(rest, unit, what))
-    if len(parts) != (2 if sampled else 3):
-        wanted = f"a sample takes {SPAN}" if sampled else f"a grid takes {RANGE}, or p=a:b with --sample"
-        raise InputError(f"--vary {text!r} is no range: {wanted}")
-    low, high = units.parse_vector(",".join(parts[:2]), unit, what)
+    if len(bounds) != (2 if sampled else 3):
+        expected = f"a sample takes {SPAN}" if sampled else f"a grid takes {RANGE}, or p=a:b with --sample"
+        raise InputError(f"--vary {text!r} is no range: {expected}")
+    low, high = units.parse_vector(",".join(bounds[:2]), unit, what)
     if low > high:
         raise InputError(
             f"--vary {text!r} runs backwards, from {low:g} to {high:g}; give the lower end first"
         )
     if sampled:
         return name, np.array([low, high])
-    return name, np.linspace(low, high, _count(parts[2], text))
+    return name, np.linspace(low, high, _count(bounds[2], text))
 
 
-def _unit_of(parts: Sequence[str], what: str) -> str:
+def _unit_of(bounds: Sequence[str], what: str) -> str:
     """Return the SI unit of what a range is written in, where the parameter does not say."""
-    return units.of_any_kind(parts[min(1, len(parts) - 1)].split(",")[-1], what)[1]
+    return units.of_any_kind(bounds[min(1, len(bounds) - 1)].split(",")[-1], what)[1]
 
 
-def _count(text: str, given: str) -> int:
+def _count(text: str, source: str) -> int:
     try:
         count = int(text)
     except ValueError:
         count = 0
     if count < 1:
-        raise InputError(f"--vary {given!r} has {text.strip()!r} values; give a whole number, as in {RANGE}")
+        raise InputError(f"--vary {source!r} has {text.strip()!r} values; give a whole number, as in {RANGE}")
     require_room(f"{count:,} values", count, 16.0, "{most} fit: take fewer")
     return count
 
 
-def grid(values: Mapping[str, object], model: str, there: Mapping[str, str]) -> Designs:
+def grid(values: Mapping[str, object], model: str, parameters: Mapping[str, str]) -> Designs:
     """Return all values of each parameter with all of the others, the last one varying fastest.
 
     Raises:
         InputError: for an unknown parameter, or values that are no numbers.
     """
-    kept = {name: _row(name, one, model, there) for name, one in values.items()}
+    kept = {name: _row(name, values, model, parameters) for name, values in values.items()}
     if not kept:
         raise InputError(f"no parameter of {model} varies; give --vary {RANGE}")
-    said = " x ".join(f"{len(one)} {name}" for name, one in kept.items())
-    return Designs(kept, {name: there[name] for name in kept}, "grid", f"grid of {said}")
+    description = " x ".join(f"{len(values)} {name}" for name, values in kept.items())
+    return Designs(kept, {name: parameters[name] for name in kept}, "grid", f"grid of {description}")
 
 
-def listed(values: Mapping[str, object], model: str, there: Mapping[str, str], said: str) -> Designs:
+def listed(
+    values: Mapping[str, object], model: str, parameters: Mapping[str, str], description: str
+) -> Designs:
     """Return designs one by one: parameter -> values, (n,) each in SI.
 
     Raises:
         InputError: for an unknown parameter, values that are no numbers, or lists of other lengths.
     """
-    kept = {name: _row(name, one, model, there) for name, one in values.items()}
+    kept = {name: _row(name, values, model, parameters) for name, values in values.items()}
     if not kept:
-        raise InputError(f"{said} names no parameter of {model}; known are {', '.join(there)}")
-    lengths = {name: len(one) for name, one in kept.items()}
+        raise InputError(f"{description} names no parameter of {model}; known are {', '.join(parameters)}")
+    lengths = {name: len(values) for name, values in kept.items()}
     if len(set(lengths.values())) > 1:
         raise InputError(f"parameters have different counts of values: {lengths}; give one for each design")
-    return Designs(kept, {name: there[name] for name in kept}, "list", said)
+    return Designs(kept, {name: parameters[name] for name in kept}, "list", description)
 
 
-def _row(name: str, given: object, model: str, there: Mapping[str, str]) -> Array:
-    known(name, model, there)
+def _row(name: str, value: object, model: str, parameters: Mapping[str, str]) -> Array:
+    unit_of(name, model, parameters)
     try:
-        row = np.atleast_1d(numbers(given))  # pyright: ignore[reportArgumentType]
+        row = np.atleast_1d(numbers(value))  # pyright: ignore[reportArgumentType]
     except (TypeError, ValueError):
         row = np.array([[np.nan]])
     if row.ndim != 1 or not len(row) or np.isnan(row).any():
@@ -206,7 +210,7 @@ def _row(name: str, given: object, model: str, there: Mapping[str, str]) -> Arra
 
 
 def sampled(
-    text: str, spans: Mapping[str, object], model: str, there: Mapping[str, str], seed: int = SEED
+    text: str, spans: Mapping[str, object], model: str, parameters: Mapping[str, str], seed: int = SEED
 ) -> Designs:
     """Return designs spread over spans of parameters: `sobol:N`, `halton:N`, `latin:N` or `random:N`.
 
@@ -214,7 +218,7 @@ def sampled(
         text: which points, and how many.
         spans: parameter -> (low, high) in SI.
         model: name of the subject.
-        there: parameter -> unit.
+        parameters: parameter -> unit.
         seed: of their scrambling.
 
     Raises:
@@ -222,19 +226,21 @@ def sampled(
     """
     word, _, number = text.partition(":")
     count = int(number) if number.isdigit() else 0
-    if word not in ("sobol", "halton", "latin", "random") or not 1 <= count <= MOST_LISTED:
+    if word not in ("sobol", "halton", "latin", "random") or not 1 <= count <= MAX_LISTED:
         words = suggestion(word, ("sobol", "halton", "latin", "random"))
-        raise InputError(f"--sample {text!r} is none{words}; write sobol:N with N up to {MOST_LISTED:,}")
+        raise InputError(f"--sample {text!r} is none{words}; write sobol:N with N up to {MAX_LISTED:,}")
     if not spans:
         raise InputError(f"no parameter of {model} varies; give --vary {SPAN}")
-    ends = {name: _row(name, one, model, there) for name, one in spans.items()}
-    for name, one in ends.items():
-        if len(one) != 2 or not one[0] <= one[1]:
-            raise InputError(f"{name} of {model} runs from {one.tolist()}; give its lower and its upper end")
-    require_room(f"{count:,} designs", count, ROW + 16.0 * len(ends), "{most} fit: take fewer")
+    ends = {name: _row(name, values, model, parameters) for name, values in spans.items()}
+    for name, values in ends.items():
+        if len(values) != 2 or not values[0] <= values[1]:
+            raise InputError(
+                f"{name} of {model} runs from {values.tolist()}; give its lower and its upper end"
+            )
+    require_room(f"{count:,} designs", count, BYTES_PER_DESIGN + 16.0 * len(ends), "{most} fit: take fewer")
     points = _points(word, len(ends), count, seed)
     values = {name: low + (high - low) * points[:, i] for i, (name, (low, high)) in enumerate(ends.items())}
-    return Designs(values, {name: there[name] for name in values}, "list", f"{text}, seed {seed}")
+    return Designs(values, {name: parameters[name] for name in values}, "list", f"{text}, seed {seed}")
 
 
 def _points(word: str, dimensions: int, count: int, seed: int) -> Array:
@@ -244,7 +250,7 @@ def _points(word: str, dimensions: int, count: int, seed: int) -> Array:
     if word == "random":
         return np.random.default_rng(seed).random((count, dimensions))
     if word == "sobol":
-        # so many that they are balanced, of which the first are taken
+        # a power of two keeps the points balanced; the first are used
         engine = qmc.Sobol(dimensions, scramble=True, rng=seed)
         return engine.random_base2(max(0, (count - 1).bit_length()))[:count]
     kinds = {"halton": qmc.Halton, "latin": qmc.LatinHypercube}
@@ -252,7 +258,7 @@ def _points(word: str, dimensions: int, count: int, seed: int) -> Array:
 
 
 def read_designs(
-    path: str, model: str, there: Mapping[str, str], declared: Mapping[str, str] | None = None
+    path: str, model: str, parameters: Mapping[str, str], declared: Mapping[str, str] | None = None
 ) -> Designs:
     """Return the designs of a CSV file: a column a parameter; cells may carry units.
 
@@ -275,10 +281,10 @@ def read_designs(
         raise InputError(f"column {twice!r} stands twice in {path}; give it once")
     columns: dict[str, Array] = {}
     for i, name in enumerate(names):
-        unit = known(name, model, there)
+        unit = unit_of(name, model, parameters)
         own = (declared or {}).get(name, "")
         columns[name] = np.array([_cell(row, i, unit, path, line, own) for line, row in enumerate(rows, 2)])
-    return listed(columns, model, there, f"{len(rows)} designs of {Path(path).name}")
+    return listed(columns, model, parameters, f"{len(rows)} designs of {Path(path).name}")
 
 
 def _cell(row: Sequence[str], i: int, unit: str, path: str, line: int, declared: str) -> float:

@@ -1,4 +1,4 @@
-"""What tells one sweep from another: all that its numbers depend on, as one short text."""
+"""The hash of a sweep: all inputs that its numbers depend on."""
 
 import hashlib
 import json
@@ -11,32 +11,32 @@ from mechsim.studies.sweep.task import SweepTask
 
 
 def identity(task: SweepTask) -> str:
-    """Return the mark of a sweep: a hash of its subject, designs, measures and poses."""
+    """Return the hash of a sweep's subject, designs, measures and poses."""
     designs = task.designs
-    said = {
+    description = {
         "version": __version__,
         "subject": _subject(task),
         "spread": designs.spread,
-        "designs": {name: _hash(one.tobytes()) for name, one in designs.values.items()},
+        "designs": {name: _hash(values.tobytes()) for name, values in designs.values.items()},
         "order": [*designs.values],
-        "measures": [_measure(one.name, one.subject, one.kind) for one in task.measures],
+        "measures": [_measure(values.name, values.subject, values.kind) for values in task.measures],
         "samples": task.samples,
-        "speed": repr(task.pace),
+        "speed": repr(task.path_speed),
         "settings": repr(task.settings),
     }
-    return _hash(json.dumps(said, sort_keys=True).encode())
+    return _hash(json.dumps(description, sort_keys=True).encode())
 
 
 def _subject(task: SweepTask) -> str:
-    make, mechanism = task.subject.make, task.subject.form.mechanism
+    make, mechanism = task.subject.make, task.subject.solver.mechanism
     if isinstance(make, OfCatalog):
-        return repr(make.form)
+        return repr(make.solver)
     if isinstance(make, OfToml):
-        return repr((make.source.document, sorted(make.given.items())))
+        return repr((make.source.document, sorted(make.fixed.items())))
     if isinstance(make, OfPython):
-        return repr((sorted(make.given.items()), make.model.rpartition(":")[2], _file(make.model)))
-    programs = getattr(task.subject.form, "programs", None)
-    drivers = mechanism.drivers if programs is None else (*programs.drivers, repr(programs.duration))
+        return repr((sorted(make.fixed.items()), make.model.rpartition(":")[2], _file(make.model)))
+    motion_laws = getattr(task.subject.solver, "programs", None)
+    drivers = mechanism.drivers if motion_laws is None else (*motion_laws.drivers, repr(motion_laws.duration))
     return repr((task.subject.name, drivers, _hash(numbers_of(mechanism).tobytes())))
 
 
@@ -46,10 +46,10 @@ def _measure(name: str, subject: str, kind: str) -> str:
     return name + _file(subject)
 
 
-def _file(where: str) -> str:
+def _file(address: str) -> str:
     """Return the hash of a Python file, given FILE.py:OBJECT."""
-    return _hash(Path(where.rpartition(":")[0]).read_bytes())
+    return _hash(Path(address.rpartition(":")[0]).read_bytes())
 
 
-def _hash(given: bytes) -> str:
-    return hashlib.sha256(given).hexdigest()[:32]
+def _hash(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()[:32]

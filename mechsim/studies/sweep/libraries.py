@@ -1,4 +1,4 @@
-"""The libraries that sweeps stand on, brought by `mechsim[sweep]` and imported when they are wanted."""
+"""The libraries of sweeps, installed by `mechsim[sweep]` and imported on demand."""
 
 import warnings
 from importlib import import_module
@@ -11,9 +11,9 @@ def library(name: str) -> Any:
     """Return a library.
 
     Raises:
-        MissingToolError: where it is not installed.
+        MissingToolError: if it is not installed.
     """
     with needs("sweep"), warnings.catch_warnings():
-        # numpy says itself that this means nothing
+        # harmless according to numpy's documentation
         warnings.filterwarnings("ignore", "numpy.ndarray size changed")
         return import_module(name)

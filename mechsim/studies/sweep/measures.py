@@ -15,8 +15,8 @@ from mechsim.studies.sweep.turns import TurnQuantity, Turns, joint_units, quanti
 from mechsim.subjects.python_object import run_object, run_user_code
 from mechsim.subjects.toml_source import suggestion
 
-# word -> what it makes of a quantity over the turn, (designs, poses) -> (designs,)
-OVER: dict[str, Callable[[Array], Array]] = {
+# name -> statistic of a quantity over the turn, (designs, poses) -> (designs,)
+STATISTICS: dict[str, Callable[[Array], Array]] = {
     "max": lambda of: of.max(1),
     "min": lambda of: of.min(1),
     "rms": lambda of: np.sqrt((of**2).mean(1)),
@@ -24,9 +24,9 @@ OVER: dict[str, Callable[[Array], Array]] = {
     # about the mean
     "ripple": lambda of: np.sqrt(((of - of.mean(1, keepdims=True)) ** 2).mean(1)),
 }
-# word -> unit of what is known of a design without a turn
+# name -> unit of properties of a design without a motion
 FACTS = {"crank_range": "rad", "dead_centres": "1", "assemblies": "1"}
-WORDS = ("range:J", "stroke:P", *(f"{word}:Q" for word in OVER), "at:ANGLE:Q", *FACTS, "FILE.py:FUNC")
+WORDS = ("range:J", "stroke:P", *(f"{word}:Q" for word in STATISTICS), "at:ANGLE:Q", *FACTS, "FILE.py:FUNC")
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,48 +34,48 @@ class TurnMeasure:
     """One number of a design.
 
     Attributes:
-        name: as it was asked for.
-        kind: "range", "stroke", "at", "function", or one of `OVER` or `FACTS`.
+        name: as requested.
+        kind: "range", "stroke", "at", "function", or one of `STATISTICS` or `FACTS`.
         unit: in SI.
-        of: the quantity; None for strokes, facts and functions.
+        quantity: the quantity; None for strokes, facts and functions.
         subject: the point of a stroke, or FILE.py:FUNC.
-        angle: path parameter at which it is taken, in [rad]: of the crank, or `pace` of motion laws times the
-            time; None over the turn.
+        angle: path parameter at which it is taken, in [rad]: of the crank, or the time
+            multiplied by `pace` of the motion laws; None over the turn.
     """
 
     name: str
     kind: str
     unit: str
-    of: TurnQuantity | None = None
+    quantity: TurnQuantity | None = None
     subject: str = ""
     angle: float | None = None
 
     @property
     def turns(self) -> bool:
-        """Whether it is of a motion; else of the design alone."""
+        """Whether it needs a motion, not the design alone."""
         return self.kind not in FACTS
 
     @property
     def rated(self) -> bool:
         """Whether velocities or accelerations are needed."""
-        return self.kind == "function" or (self.of is not None and self.of.rated)
+        return self.kind == "function" or (self.quantity is not None and self.quantity.rated)
 
     @property
     def loaded(self) -> bool:
         """Whether forces are needed."""
-        return self.of is not None and self.of.kind == "effort"
+        return self.quantity is not None and self.quantity.kind == "effort"
 
     @property
     def jointed(self) -> bool:
         """Whether motions of joints are needed."""
-        return self.kind == "function" or (self.of is not None and self.of.kind == "joint")
+        return self.kind == "function" or (self.quantity is not None and self.quantity.kind == "joint")
 
-    def value(self, turns: Turns, place: int | None = None) -> Array:
+    def value(self, turns: Turns, index: int | None = None) -> Array:
         """Return the measure of designs, (designs,).
 
         Args:
-            turns: their motions over the turn and, where `place` says, beyond.
-            place: of the poses, the one at the measure's angle; None for measures over the turn.
+            turns: their motions over the turn and, where `index` says, beyond.
+            index: of the poses, the one at the measure's angle; None for measures over the turn.
         """
         if self.kind in FACTS:
             return turns.facts[self.kind]
@@ -83,25 +83,25 @@ class TurnMeasure:
             return _function_values(self.subject, turns)
         if self.kind == "stroke":
             return _stroke(turns, self.subject)
-        assert self.of is not None
-        values = turns.of(self.of)
+        assert self.quantity is not None
+        values = turns.values(self.quantity)
         if self.kind == "at":
-            assert place is not None
-            return values[:, place]
+            assert index is not None
+            return values[:, index]
         if self.kind == "range":
             return values.max(1) - values.min(1)
-        return OVER[self.kind](values)
+        return STATISTICS[self.kind](values)
 
 
-def measure(text: str, mechanism: Mechanism, programs: Programs | None = None) -> TurnMeasure:
-    """Return the measure that a text asks for.
+def measure(text: str, mechanism: Mechanism, motion_laws: Programs | None = None) -> TurnMeasure:
+    """Return the measure that a text names.
 
     Args:
         text: range:J, stroke:P, max:Q, min:Q, rms:Q, mean:Q, ripple:Q (root mean square about the mean) with
             quantities as `turns.quantity` has them, at:ANGLE:Q or under motion laws at:TIME:Q, crank_range,
             dead_centres, assemblies, or FILE.py:FUNC of a Motion.
         mechanism: whose.
-        programs: its motion laws; None where a crank is driven.
+        motion_laws: its motion laws; None where a crank is driven.
 
     Raises:
         InputError: for an unknown word or quantity, with the nearest one.
@@ -118,31 +118,32 @@ def measure(text: str, mechanism: Mechanism, programs: Programs | None = None) -
         if rest not in mechanism.points:
             raise InputError(f"{mechanism.name} has no point {rest!r}{suggestion(rest, mechanism.points)}")
         return TurnMeasure(text, word, "m", subject=rest)
-    if colon and word in OVER:
+    if colon and word in STATISTICS:
         of = quantity(rest, mechanism)
         return TurnMeasure(text, word, of.unit, of)
     if colon and word == "at":
-        place, _, name = rest.partition(":")
+        index, _, name = rest.partition(":")
         of = quantity(name, mechanism)
-        return TurnMeasure(text, word, of.unit, of, angle=_parameter(text, place, programs))
-    said = f"{word}:" if colon else text
-    raise InputError(f"there is no measure {text!r}{suggestion(said, WORDS)}")
+        return TurnMeasure(text, word, of.unit, of, angle=_parameter(text, index, motion_laws))
+    description = f"{word}:" if colon else text
+    raise InputError(f"there is no measure {text!r}{suggestion(description, WORDS)}")
 
 
-def _parameter(text: str, place: str, programs: Programs | None) -> float:
+def _parameter(text: str, index: str, motion_laws: Programs | None) -> float:
     """Return the path parameter at a crank angle, or under motion laws at a time, in [rad]."""
-    if programs is None:
-        return units.parse(place, "rad", f"the angle of {text}")
+    if motion_laws is None:
+        return units.parse(index, "rad", f"the angle of {text}")
     try:
-        time = units.parse(place, "s", f"the time of {text}")
+        time = units.parse(index, "s", f"the time of {text}")
     except InputError as error:
         raise InputError(f"{error}; motion laws drive, so that it is taken at a time") from None
-    if not 0.0 <= time <= programs.duration:
+    if not 0.0 <= time <= motion_laws.duration:
         raise InputError(
-            f"{text} is taken at {time:g} s, and the motion laws last {programs.duration:g} s; give a time "
+            f"{text} is taken at {time:g} s, and the motion laws last {motion_laws.duration:g} s; "
+            "give a time "
             "within them, or a longer duration"
         )
-    return programs.pace * time
+    return motion_laws.pace * time
 
 
 def _range(text: str, rest: str, mechanism: Mechanism) -> TurnMeasure:
@@ -154,19 +155,19 @@ def _range(text: str, rest: str, mechanism: Mechanism) -> TurnMeasure:
 
 
 def _stroke(turns: Turns, point: str) -> Array:
-    """Return the greatest distance of two places on the path of a point, (designs,) in [m]."""
+    """Return the largest distance of two positions on the path of a point, (designs,) in [m]."""
     shape = (turns.designs, turns.poses)
-    x, y, z = (part.reshape(shape) for part in turns.motion.points[point].position.T)
-    most = np.zeros(turns.designs, x.dtype)
-    for apart in range(1, turns.poses // 2 + 1):
-        # each pair once: so many poses apart, round the turn
-        dx, dy, dz = (part - np.roll(part, apart, 1) for part in (x, y, z))
-        np.maximum(most, (dx * dx + dy * dy + dz * dz).max(1), out=most)
-    return np.sqrt(most)
+    x, y, z = (axis_values.reshape(shape) for axis_values in turns.motion.points[point].position.T)
+    largest = np.zeros(turns.designs, x.dtype)
+    for shift in range(1, turns.poses // 2 + 1):
+        # each pair once: poses that differ by a shift around the turn
+        dx, dy, dz = (axis_values - np.roll(axis_values, shift, 1) for axis_values in (x, y, z))
+        np.maximum(largest, (dx * dx + dy * dy + dz * dz).max(1), out=largest)
+    return np.sqrt(largest)
 
 
 def _function_values(where: str, turns: Turns) -> Array:
-    """Return what a user's function says of each motion, (designs,)."""
+    """Return a user's function of each motion, (designs,)."""
     function = run_object(where)
     out = np.empty(turns.designs)
     for i in range(turns.designs):
@@ -175,39 +176,43 @@ def _function_values(where: str, turns: Turns) -> Array:
     return out
 
 
-def _number(where: str, given: object) -> float:
+def _number(where: str, value: object) -> float:
     try:
-        return float(given)  # pyright: ignore[reportArgumentType]
+        return float(value)  # pyright: ignore[reportArgumentType]
     except (TypeError, ValueError):
-        raise InputError(f"{where} returns {type(given).__name__}; return one number") from None
+        raise InputError(f"{where} returns {type(value).__name__}; return one number") from None
 
 
 def measures(
-    texts: "list[str] | tuple[str, ...]", mechanism: Mechanism, programs: Programs | None = None
+    texts: "list[str] | tuple[str, ...]", mechanism: Mechanism, motion_laws: Programs | None = None
 ) -> tuple[TurnMeasure, ...]:
-    """Return the measures that texts ask for, each once.
+    """Return the measures that texts name, each once.
 
     Raises:
         InputError: as `measure`, or where there is none.
     """
     if not texts:
-        raise InputError(f"no measure is asked for; give one of {', '.join(WORDS)}")
-    return tuple(measure(text, mechanism, programs) for text in dict.fromkeys(texts))
+        raise InputError(f"no measure is requested; give one of {', '.join(WORDS)}")
+    return tuple(measure(text, mechanism, motion_laws) for text in dict.fromkeys(texts))
 
 
-def table_of(asked: "tuple[TurnMeasure, ...]", turns: Turns, places: Mapping[float, int]) -> dict[str, Array]:
+def table_of(
+    measures: "tuple[TurnMeasure, ...]", turns: Turns, indices: Mapping[float, int]
+) -> dict[str, Array]:
     """Return all measures of designs: name -> (designs,).
 
     Args:
-        asked: the measures.
-        turns: motions over the turn, then at the angles that some measures are taken at.
-        places: such an angle -> which of the poses it is.
+        measures: the measures.
+        turns: motions over the turn, then at the angles of single measures.
+        indices: such an angle -> index of its pose.
     """
-    count = turns.poses - len(places)
-    whole = _first(turns, count) if places else turns
+    count = turns.poses - len(indices)
+    whole = _first(turns, count) if indices else turns
     return {
-        one.name: one.value(turns, places[one.angle]) if one.angle is not None else one.value(whole)
-        for one in asked
+        measure.name: measure.value(turns, indices[measure.angle])
+        if measure.angle is not None
+        else measure.value(whole)
+        for measure in measures
     }
 
 
@@ -215,6 +220,6 @@ def _first(turns: Turns, count: int) -> Turns:
     """Return the motions over their first poses alone."""
     rows = np.zeros((turns.designs, turns.poses), dtype=np.bool_)
     rows[:, :count] = True
-    cut = {name: one[:, :count] for name, one in turns.efforts.items()}
+    cut = {name: values[:, :count] for name, values in turns.efforts.items()}
     angle = None if turns.transmission is None else turns.transmission[:, :count]
     return Turns(turns.designs, count, taken(turns.motion, rows.ravel()), cut, angle, turns.facts)

@@ -1,4 +1,4 @@
-"""One call from a subject and what varies of it to a table of measures."""
+"""Sweeps: from a subject and its varied parameters to a table of measures."""
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -15,7 +15,8 @@ from mechsim.maths.memory import require_room
 from mechsim.model.mechanism import Mechanism
 from mechsim.simulation.dynamics.prescribed_motion import HARD
 from mechsim.simulation.settings import Settings
-from mechsim.studies.sweep.chunks import bounds, run_parts
+from mechsim.studies.sweep.chunk_files import EXTRA_BYTES, ChunkFolder, require_disk
+from mechsim.studies.sweep.chunks import chunk_bounds, run_chunks
 from mechsim.studies.sweep.designs import (
     Designs,
     declared_units,
@@ -27,15 +28,14 @@ from mechsim.studies.sweep.designs import (
 )
 from mechsim.studies.sweep.identity import identity
 from mechsim.studies.sweep.measures import measures
-from mechsim.studies.sweep.parts import BESIDE, PartFolder, require_disk
-from mechsim.studies.sweep.roads import require_measurable
+from mechsim.studies.sweep.methods import require_measurable
 from mechsim.studies.sweep.subject import OfPython, SweptSubject, swept
 from mechsim.studies.sweep.table import (
-    MARK,
+    HASH_ATTRIBUTE,
     dataset,
-    ending,
     read_sweep,
     require_libraries,
+    suffix_of,
     write_sweep,
 )
 from mechsim.studies.sweep.task import BUILT, Measured, SweepTask, nothing_measured
@@ -43,12 +43,12 @@ from mechsim.studies.sweep.task import BUILT, Measured, SweepTask, nothing_measu
 if TYPE_CHECKING:
     from xarray import Dataset
 
-# poses a turn
-SAMPLES, MOST_SAMPLES = 72, 1_000_000
-# bytes that a text takes in a table
+# default and largest number of poses in a turn
+SAMPLES, MAX_SAMPLES = 72, 1_000_000
+# bytes of a text in a table
 TEXT = 16.0
 
-Watch = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
 
 
 def sweep(
@@ -65,8 +65,8 @@ def sweep(
     output: str | Path | None = None,
     resume: bool = False,
     scheduler: Any = None,
-    watch: Watch = lambda _, __: None,
-    **asked: Any,
+    progress: Progress = lambda _, __: None,
+    **options: Any,
 ) -> "Dataset":
     """Measure many designs of a mechanism.
 
@@ -79,17 +79,17 @@ def sweep(
         design: parameter -> values in SI, one for each design, or a CSV file of them; in place of `vary`.
         sample: "sobol:N", "halton:N", "latin:N" or "random:N".
         set: parameter -> its value where it does not vary, as `load` takes it.
-        samples: poses a turn, or over the programs of drivers; None for 72.
+        samples: poses a turn, or over the motion laws of drivers; None for 72.
         speed: of the crank in [rad/s], or text, as "600rpm".
         settings: how designs are stepped in MuJoCo, in place of motions by formulas and loop equations.
             Without a compliance, loops are as hard as what is measured asks for. Poses are then some of the
             steps, about 72 where `samples` does not say, and the steps of a turn are made a multiple of
             them; an automatic `jacobian` is dense, so that numbers are the same wherever they are made.
-        output: .nc, .zarr, .parquet or .csv to write, part by part.
-        resume: whether a sweep that was stopped is to go on.
+        output: .nc, .zarr, .parquet or .csv to write, chunk by chunk.
+        resume: whether to continue a stopped sweep.
         scheduler: of Dask: None for its own in this process, an address tcp://..., or a Client.
-        watch: told how far it has come, in words and as a part of the whole, 0 to 1.
-        asked: what else `load` takes.
+        progress: called with a description and the finished fraction, 0 to 1.
+        options: what else `load` takes.
 
     Returns:
         Measures over the parameters, with units, and for each design `outcome`, "met" where it was built,
@@ -112,19 +112,19 @@ def sweep(
         samples=samples,
         speed=speed,
         settings=settings,
-        **asked,
+        **options,
     )
-    return run_sweep(task, output, resume=resume, scheduler=scheduler, watch=watch)
+    return run_sweep(task, output, resume=resume, scheduler=scheduler, progress=progress)
 
 
 def swept_designs(
-    model: str | Form | Mechanism | SweptSubject, set: Mapping[str, str | float] | None = None, **asked: Any
+    model: str | Form | Mechanism | SweptSubject, set: Mapping[str, str | float] | None = None, **options: Any
 ) -> tuple[SweptSubject, dict[str, str]]:
-    """Return what is swept, and what may vary of it: parameter -> SI unit, empty where none is said."""
-    subject = model if isinstance(model, SweptSubject) else swept(model, set, **asked)
+    """Return the subject and its variable parameters: parameter -> SI unit, empty if none is declared."""
+    subject = model if isinstance(model, SweptSubject) else swept(model, set, **options)
     if isinstance(subject.make, OfPython):
-        return subject, dict.fromkeys(subject.family.dimensions, "")
-    return subject, parameter_units(subject.family, subject.form)
+        return subject, dict.fromkeys(subject.design_family.dimensions, "")
+    return subject, parameter_units(subject.design_family, subject.solver)
 
 
 def swept_task(
@@ -138,23 +138,23 @@ def swept_task(
     samples: int | None = None,
     speed: float | str = 1.0,
     settings: Settings | None = None,
-    **asked: Any,
+    **options: Any,
 ) -> SweepTask:
-    """Return a sweep, checked, as yet not begun; as `sweep`."""
+    """Return a checked sweep that has not started; arguments as of `sweep`."""
     least = 1 if settings is None else 2
     if samples is None:
         steps = SAMPLES if settings is None else settings.steps_per_turn
         samples = -(-steps // max(1, steps // SAMPLES))
-    if not least <= samples <= MOST_SAMPLES:
-        raise InputError(f"{samples} samples a turn; give {least} to {MOST_SAMPLES:,}")
-    subject, there = swept_designs(model, set, **asked)
-    designs = _designs(subject, vary or {}, design, sample, there)
+    if not least <= samples <= MAX_SAMPLES:
+        raise InputError(f"{samples} samples a turn; give {least} to {MAX_SAMPLES:,}")
+    subject, parameters = swept_designs(model, set, **options)
+    designs = _designs(subject, vary or {}, design, sample, parameters)
     rate = float(units.si(speed, "rad/s", "the speed"))
     texts = [measure] if isinstance(measure, str) else list(measure)
-    asked_for = measures(texts, subject.form.mechanism, subject.form.programs)
+    measures_read = measures(texts, subject.solver.mechanism, subject.solver.programs)
     if settings is not None and settings.jacobian == "auto":
         settings = replace(settings, jacobian="dense")
-    task = _hard_enough(SweepTask(subject, designs, asked_for, int(samples), rate, settings))
+    task = _hard_enough(SweepTask(subject, designs, measures_read, int(samples), rate, settings))
     require_measurable(task)
     return task
 
@@ -176,16 +176,16 @@ def _designs(
     vary: Mapping[str, Any],
     design: Mapping[str, Any] | str | None,
     sample: str | None,
-    there: Mapping[str, str],
+    parameters: Mapping[str, str],
 ) -> Designs:
     name = subject.name
     if design is not None and (vary or sample is not None):
-        raise InputError("designs are given and ranges too; give one of them")
+        raise InputError("both designs and ranges are given; give one of them")
     if isinstance(design, str):
-        return read_designs(design, name, there, declared_units(subject.family))
+        return read_designs(design, name, parameters, declared_units(subject.design_family))
     if design is not None:
-        return listed(design, name, there, "list of designs")
-    return grid(vary, name, there) if sample is None else sampled(sample, vary, name, there)
+        return listed(design, name, parameters, "list of designs")
+    return grid(vary, name, parameters) if sample is None else sampled(sample, vary, name, parameters)
 
 
 def run_sweep(
@@ -194,78 +194,78 @@ def run_sweep(
     *,
     resume: bool = False,
     scheduler: Any = None,
-    watch: Watch = lambda _, __: None,
+    progress: Progress = lambda _, __: None,
 ) -> "Dataset":
-    """Measure all designs of a sweep; write them where that is asked for; as `sweep`."""
+    """Measure all designs of a sweep and write them to the output, if any; as `sweep`."""
     count, each = task.designs.count, 8.0 * (len(task.measures) + 1) + TEXT
-    # while a table is put together it is there twice
-    require_room(f"{count:,} designs", count, 2.0 * each + BESIDE, "{most} fit: take fewer")
-    mark = identity(task)
-    place = None if output is None else Path(output)
-    if place is not None:
-        ending(place)
-        require_disk(place, count, each)
-        if _done(place, mark, resume):
-            return read_sweep(place)
-    parts = bounds(task)
-    folder = None if place is None else PartFolder(place, mark, len(parts))
-    done = {} if folder is None else folder.begin(resume=resume)
-    whole = nothing_measured(task, count)
-    ended, lock = len(done), threading.Lock()
+    # a table is in memory twice while it is built
+    require_room(f"{count:,} designs", count, 2.0 * each + EXTRA_BYTES, "{most} fit: take fewer")
+    sweep_hash = identity(task)
+    path = None if output is None else Path(output)
+    if path is not None:
+        suffix_of(path)
+        require_disk(path, count, each)
+        if _is_finished(path, sweep_hash, resume):
+            return read_sweep(path)
+    chunks = chunk_bounds(task)
+    folder = None if path is None else ChunkFolder(path, sweep_hash, len(chunks))
+    finished = {} if folder is None else folder.open(resume=resume)
+    table = nothing_measured(task, count)
+    count_finished, lock = len(finished), threading.Lock()
 
-    def keep(number: int, found: Measured) -> None:
-        nonlocal ended
+    def keep(number: int, result: Measured) -> None:
+        nonlocal count_finished
         if folder is not None:
-            folder.write(number, found)
-        _put(whole, parts[number], found.values.values(), found.outcome, found.reason)
+            folder.write(number, result)
+        _store(table, chunks[number], result.values.values(), result.outcome, result.reason)
         with lock:
-            ended += 1
-            watch(f"{parts[number][1] - parts[number][0]:,} designs", ended / len(parts))
+            count_finished += 1
+            progress(f"{chunks[number][1] - chunks[number][0]:,} designs", count_finished / len(chunks))
 
-    for number in done:
+    for number in finished:
         assert folder is not None
-        _put(whole, parts[number], *folder.read(number))
-    left = [(i, *ends) for i, ends in enumerate(parts) if i not in done]
+        _store(table, chunks[number], *folder.read(number))
+    remaining = [(i, *ends) for i, ends in enumerate(chunks) if i not in finished]
     try:
-        if left:
-            run_parts(task, left, keep, scheduler)
+        if remaining:
+            run_chunks(task, remaining, keep, scheduler)
     except InputError:
-        if folder is not None and not ended:
-            # what could not be begun leaves nothing behind
+        if folder is not None and not count_finished:
+            # a sweep that could not start leaves no files
             folder.remove()
         raise
-    found = dataset(task, whole.values, whole.outcome, whole.reason, {MARK: mark})
-    if place is not None and folder is not None:
-        write_sweep(place, found)
+    result = dataset(task, table.values, table.outcome, table.reason, {HASH_ATTRIBUTE: sweep_hash})
+    if path is not None and folder is not None:
+        write_sweep(path, result)
         folder.remove()
-    return found
+    return result
 
 
-def _put(whole: Measured, ends: tuple[int, int], values: Any, outcome: Any, reason: Any) -> None:
+def _store(table: Measured, ends: tuple[int, int], values: Any, outcome: Any, reason: Any) -> None:
     rows = slice(*ends)
-    for column, some in zip(whole.values.values(), values, strict=True):
-        column[rows] = some
-    whole.outcome[rows] = outcome
-    whole.reason[rows] = reason
+    for column, values_of in zip(table.values.values(), values, strict=True):
+        column[rows] = values_of
+    table.outcome[rows] = outcome
+    table.reason[rows] = reason
 
 
-def _done(place: Path, mark: str, resume: bool) -> bool:
-    """Whether an output is there and is this sweep's, which is to go on; refuse one of another sweep."""
-    if not place.exists():
+def _is_finished(path: Path, sweep_hash: str, resume: bool) -> bool:
+    """Return whether an output of this sweep exists and is resumed; reject one of another sweep."""
+    if not path.exists():
         return False
-    held = ""
-    if ending(place) != ".csv":
+    stored = ""
+    if suffix_of(path) != ".csv":
         try:
-            held = str(read_sweep(place).attrs.get(MARK, ""))
+            stored = str(read_sweep(path).attrs.get(HASH_ATTRIBUTE, ""))
         except InputError:
-            held = ""
-    if held != mark:
+            stored = ""
+    if stored != sweep_hash:
         raise InputError(
-            f"{place} is there already and holds another sweep; name another output, or remove it first"
+            f"{path} is there already and holds another sweep; name another output, or remove it first"
         )
     return resume
 
 
-def built(found: "Dataset") -> int:
-    """Return how many designs of a sweep could be built, those whose cranks swing included."""
-    return int(np.count_nonzero(np.isin(found["outcome"].values.astype(str), BUILT)))
+def built(result: "Dataset") -> int:
+    """Return the number of built designs in a sweep, including those whose cranks swing."""
+    return int(np.count_nonzero(np.isin(result["outcome"].values.astype(str), BUILT)))

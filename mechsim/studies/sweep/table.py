@@ -19,11 +19,11 @@ from mechsim.studies.sweep.task import OUTCOMES, SweepTask
 if TYPE_CHECKING:
     from xarray import Dataset
 
-ENDINGS = (".nc", ".zarr", ".parquet", ".csv")
+SUFFIXES = (".nc", ".zarr", ".parquet", ".csv")
 # columns that are text
 TEXTS = ("outcome", "reason")
-# the attribute that tells one sweep from another
-MARK = "sweep"
+# the attribute with the hash of the sweep
+HASH_ATTRIBUTE = "sweep"
 
 
 def dataset(
@@ -41,8 +41,12 @@ def dataset(
     xarray = library("xarray")
     designs, shape, dims = task.designs, task.designs.shape, task.designs.dims
     variables: dict[str, Any] = {}
-    for one in task.measures:
-        variables[column_name(one.name)] = (dims, values[one.name].reshape(shape), {"units": one.unit or "1"})
+    for column in task.measures:
+        variables[column_name(column.name)] = (
+            dims,
+            values[column.name].reshape(shape),
+            {"units": column.unit or "1"},
+        )
     variables["outcome"] = (dims, np.array(OUTCOMES, dtype=object)[outcome].reshape(shape))
     variables["reason"] = (dims, reason.reshape(shape))
     coordinates: dict[str, Any] = {}
@@ -51,8 +55,8 @@ def dataset(
         coordinates[name] = (along, row, {"units": designs.units[name] or "1"})
     about = {
         "model": task.subject.name,
-        "mechanism": task.subject.form.name,
-        "designs": designs.said,
+        "mechanism": task.subject.solver.name,
+        "designs": designs.description,
         "samples": task.samples,
         **_driven(task),
         "mechsim": __version__,
@@ -61,11 +65,11 @@ def dataset(
 
 
 def _driven(task: SweepTask) -> dict[str, object]:
-    """Return how designs are driven: the speed of a crank, or the duration of motion laws."""
-    programs = task.subject.form.programs
-    if programs is None:
-        return {"speed": task.pace, "speed_units": "rad/s"}
-    return {"duration": programs.duration, "duration_units": "s"}
+    """Return the speed of the crank, or the duration of the motion laws."""
+    motion_laws = task.subject.solver.programs
+    if motion_laws is None:
+        return {"speed": task.path_speed, "speed_units": "rad/s"}
+    return {"duration": motion_laws.duration, "duration_units": "s"}
 
 
 def column_name(measure: str) -> str:
@@ -73,94 +77,94 @@ def column_name(measure: str) -> str:
     return Path(measure).name
 
 
-def ending(path: str | Path) -> str:
+def suffix_of(path: str | Path) -> str:
     """Return the ending of an output.
 
     Raises:
         InputError: for another than those known.
     """
     suffix = Path(path).suffix.lower()
-    if suffix not in ENDINGS:
-        raise InputError(f"{str(path)!r} ends in {suffix or 'nothing'}; sweeps are {', '.join(ENDINGS)}")
+    if suffix not in SUFFIXES:
+        raise InputError(f"{str(path)!r} ends in {suffix or 'nothing'}; sweeps are {', '.join(SUFFIXES)}")
     return suffix
 
 
 def require_libraries(path: str | Path | None) -> None:
-    """Refuse at once what would lack a library in the end.
+    """Reject an output early if its library is missing.
 
     Raises:
         MissingToolError: naming it.
     """
     needed = {".nc": ("netCDF4",), ".zarr": ("zarr",), ".parquet": ("pyarrow",)}
-    for name in ("dask", "xarray", *needed.get("" if path is None else ending(path), ())):
+    for name in ("dask", "xarray", *needed.get("" if path is None else suffix_of(path), ())):
         library(name)
 
 
-def write_sweep(path: str | Path, found: "Dataset") -> None:
-    """Write a sweep as .nc, .zarr, .parquet or .csv, whole or not at all; the same gives the same bytes.
+def write_sweep(path: str | Path, result: "Dataset") -> None:
+    """Write a sweep as .nc, .zarr, .parquet or .csv atomically; equal sweeps give equal bytes.
 
     Raises:
-        OutputError: where it cannot be written.
+        OutputError: if it cannot be written.
     """
-    kind = ending(path)
+    kind = suffix_of(path)
     if kind == ".zarr":
-        _write_zarr(Path(path), found)
+        _write_zarr(Path(path), result)
         return
-    with written_beside(path) as beside:
+    with written_beside(path) as temporary:
         if kind == ".nc":
-            found.to_netcdf(beside, engine="netcdf4", format="NETCDF4")
+            result.to_netcdf(temporary, engine="netcdf4", format="NETCDF4")
         elif kind == ".parquet":
-            _write_parquet(beside, found)
+            _write_parquet(temporary, result)
         else:
-            _write_csv(beside, found)
+            _write_csv(temporary, result)
 
 
-def _write_zarr(path: Path, found: "Dataset") -> None:
+def _write_zarr(path: Path, result: "Dataset") -> None:
     import shutil
 
-    beside = path.with_name(f".{path.name}.new")
-    shutil.rmtree(beside, ignore_errors=True)
+    temporary = path.with_name(f".{path.name}.new")
+    shutil.rmtree(temporary, ignore_errors=True)
     try:
-        found.to_zarr(beside, mode="w", zarr_format=2, consolidated=True)
+        result.to_zarr(temporary, mode="w", zarr_format=2, consolidated=True)
         shutil.rmtree(path, ignore_errors=True)
-        beside.replace(path)
+        temporary.replace(path)
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
-def columns(found: "Dataset") -> dict[str, np.ndarray]:
+def columns(result: "Dataset") -> dict[str, np.ndarray]:
     """Return a sweep as columns: parameters, measures, outcome and reason, a row a design."""
-    dims = [str(name) for name in found.dims]
-    names = [*map(str, found.coords), *map(str, found.data_vars)]
-    wide = {name: found[name].broadcast_like(found["outcome"]).transpose(*dims) for name in names}
-    return {name: one.values.ravel() for name, one in wide.items()}
+    dims = [str(name) for name in result.dims]
+    names = [*map(str, result.coords), *map(str, result.data_vars)]
+    broadcast = {name: result[name].broadcast_like(result["outcome"]).transpose(*dims) for name in names}
+    return {name: column.values.ravel() for name, column in broadcast.items()}
 
 
-def _write_csv(path: Path, found: "Dataset") -> None:
-    table = columns(found)
+def _write_csv(path: Path, result: "Dataset") -> None:
+    table = columns(result)
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(table)
-        rows = (one.tolist() for one in table.values())
+        rows = (column.tolist() for column in table.values())
         writer.writerows(zip(*rows, strict=True))
 
 
-def _write_parquet(path: Path, found: "Dataset") -> None:
+def _write_parquet(path: Path, result: "Dataset") -> None:
     import json
 
     arrow, parquet = library("pyarrow"), library("pyarrow.parquet")
     about = {
-        "attributes": {name: _plain(value) for name, value in found.attrs.items()},
-        "units": {str(name): one.attrs.get("units", "1") for name, one in found.variables.items()},
-        "grid": [str(name) for name in found.dims] if "design" not in found.dims else [],
+        "attributes": {name: _plain(value) for name, value in result.attrs.items()},
+        "units": {str(name): column.attrs.get("units", "1") for name, column in result.variables.items()},
+        "grid": [str(name) for name in result.dims] if "design" not in result.dims else [],
     }
-    table = columns(found)
+    table = columns(result)
     arrays = [
-        arrow.array(one, arrow.string()).dictionary_encode() if name in TEXTS else arrow.array(one)
-        for name, one in table.items()
+        arrow.array(column, arrow.string()).dictionary_encode() if name in TEXTS else arrow.array(column)
+        for name, column in table.items()
     ]
-    made = arrow.table(arrays, names=[*table]).replace_schema_metadata({b"mechsim": json.dumps(about)})
-    parquet.write_table(made, path)
+    arrow_table = arrow.table(arrays, names=[*table]).replace_schema_metadata({b"mechsim": json.dumps(about)})
+    parquet.write_table(arrow_table, path)
 
 
 def _plain(value: Any) -> Any:
@@ -173,25 +177,25 @@ def read_sweep(path: str | Path) -> "Dataset":
     Raises:
         InputError: for a file that is not there, or holds no sweep.
     """
-    kind, xarray = ending(path), library("xarray")
+    kind, xarray = suffix_of(path), library("xarray")
     if not Path(path).exists():
         raise InputError(f"there is no {path}; name a sweep that was written")
     require_libraries(path)
     try:
         if kind == ".nc":
             with xarray.open_dataset(path, engine="netcdf4") as file:
-                found = file.load()
+                result = file.load()
         elif kind == ".zarr":
             with xarray.open_zarr(path) as file:
-                found = file.load()
+                result = file.load()
         else:
-            found = _read_parquet(path) if kind == ".parquet" else _read_csv(path)
+            result = _read_parquet(path) if kind == ".parquet" else _read_csv(path)
     except (OSError, ValueError, KeyError, TypeError) as error:
         line = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(f"{path} holds no sweep: {cut(line, 120)}") from None
-    if "outcome" not in found:
+    if "outcome" not in result:
         raise InputError(f"{path} holds no sweep: it has no outcome")
-    return found
+    return result
 
 
 def _read_parquet(path: str | Path) -> "Dataset":
@@ -199,17 +203,19 @@ def _read_parquet(path: str | Path) -> "Dataset":
 
     table = library("pyarrow.parquet").read_table(path)
     about = json.loads(table.schema.metadata[b"mechsim"])
-    read = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
-    return _from_columns(read, about["units"], about["grid"], about["attributes"])
+    columns_read = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
+    return _from_columns(columns_read, about["units"], about["grid"], about["attributes"])
 
 
 def _read_csv(path: str | Path) -> "Dataset":
     with Path(path).open(encoding="utf-8", newline="") as file:
         head, *rows = list(csv.reader(file))
-    read: dict[str, Any] = {}
+    columns_read: dict[str, Any] = {}
     for name, cells in zip(head, zip(*rows, strict=True), strict=True):
-        read[name] = np.array(cells, dtype=object) if name in TEXTS else np.array([*map(_number, cells)])
-    return _from_columns(read, {}, [], {})
+        columns_read[name] = (
+            np.array(cells, dtype=object) if name in TEXTS else np.array([*map(_number, cells)])
+        )
+    return _from_columns(columns_read, {}, [], {})
 
 
 def _number(text: str) -> float:
@@ -217,36 +223,38 @@ def _number(text: str) -> float:
 
 
 def _from_columns(
-    read: Mapping[str, Any], units: Mapping[str, str], grid: list[str], attributes: Mapping[str, Any]
+    columns_read: Mapping[str, Any], units: Mapping[str, str], grid: list[str], attributes: Mapping[str, Any]
 ) -> "Dataset":
     xarray = library("xarray")
-    # parameters are named so that nothing of them has the colon of a measure
-    measured = [name for name in read if name in TEXTS or ":" in name or name in FACT_NAMES]
-    given = [name for name in read if name not in measured]
-    grid = grid or _grid_of({name: read[name] for name in given})
+    # parameter names contain no colon, unlike measures
+    measured = [name for name in columns_read if name in TEXTS or ":" in name or name in FACT_NAMES]
+    parameter_names = [name for name in columns_read if name not in measured]
+    grid = grid or _grid_of({name: columns_read[name] for name in parameter_names})
     if grid:
-        axes = {name: np.unique(read[name]) for name in grid}
-        shape = tuple(len(one) for one in axes.values())
-        variables = {name: (grid, read[name].reshape(shape)) for name in measured}
-        found = xarray.Dataset(variables, axes, dict(attributes))
+        axes = {name: np.unique(columns_read[name]) for name in grid}
+        shape = tuple(len(column) for column in axes.values())
+        variables = {name: (grid, columns_read[name].reshape(shape)) for name in measured}
+        result = xarray.Dataset(variables, axes, dict(attributes))
     else:
-        variables = {name: ("design", read[name]) for name in measured}
-        coordinates = {name: ("design", read[name]) for name in given}
-        found = xarray.Dataset(variables, coordinates, dict(attributes))
-    for name in found.variables:
+        variables = {name: ("design", columns_read[name]) for name in measured}
+        coordinates = {name: ("design", columns_read[name]) for name in parameter_names}
+        result = xarray.Dataset(variables, coordinates, dict(attributes))
+    for name in result.variables:
         if name not in TEXTS:
-            found[name].attrs["units"] = units.get(str(name), "1")
-    return found
+            result[name].attrs["units"] = units.get(str(name), "1")
+    return result
 
 
-def _grid_of(given: Mapping[str, Any]) -> list[str]:
+def _grid_of(parameter_names: Mapping[str, Any]) -> list[str]:
     """Return the dimensions of columns that are a grid row by row; empty where they are none."""
-    axes = [np.unique(one) for one in given.values()]
-    if not axes or math.prod(len(one) for one in axes) != len(next(iter(given.values()))):
+    axes = [np.unique(column) for column in parameter_names.values()]
+    if not axes or math.prod(len(column) for column in axes) != len(next(iter(parameter_names.values()))):
         return []
-    wide = np.meshgrid(*axes, indexing="ij")
-    same = all(np.array_equal(a.ravel(), b) for a, b in zip(wide, given.values(), strict=True))
-    return [*given] if same else []
+    broadcast = np.meshgrid(*axes, indexing="ij")
+    is_grid = all(
+        np.array_equal(a.ravel(), b) for a, b in zip(broadcast, parameter_names.values(), strict=True)
+    )
+    return [*parameter_names] if is_grid else []
 
 
 FACT_NAMES = ("crank_range", "dead_centres", "assemblies")

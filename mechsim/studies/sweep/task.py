@@ -1,4 +1,4 @@
-"""A sweep as it is sent to workers: what is swept, what is measured, and over which poses."""
+"""A sweep task, as workers receive it: subject, designs, measures and poses."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -22,7 +22,7 @@ from mechsim.studies.sweep.designs import Designs
 from mechsim.studies.sweep.measures import FACTS, TurnMeasure
 from mechsim.studies.sweep.subject import SweptSubject
 
-# outcomes of designs, as they are kept
+# outcomes of designs, stored by index
 OUTCOMES = (
     "met",
     "cannot assemble",
@@ -35,14 +35,14 @@ OUTCOMES = (
 )
 # outcomes of designs that were built
 BUILT = ("met", "swings")
-MET = 0
+PASSED = 0
 # distance of the first and last pose from the dead centres of a crank that swings, as a fraction of its
 # reachable range
-AT_ENDS = 1e-10
-# parts of the distance of two recorded instants by which an angle may be beside one
-ON_RECORD = 1e-6
-# measures that each design is asked for by itself, where no formula is
-ALONE = ("function", *FACTS)
+END_DISTANCE = 1e-10
+# largest distance of an angle from a recorded instant, relative to the recording interval
+RECORD_TOLERANCE = 1e-6
+# kinds of measures that need single designs where there is no formula
+SINGLE_ONLY = ("function", *FACTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +53,8 @@ class CrankRows:
     speed: Array
     acceleration: Array
 
-    def some(self, rows: slice) -> "CrankRows":
-        """Return those of some designs."""
+    def subset(self, rows: slice) -> "CrankRows":
+        """Return the rows of some designs."""
         return CrankRows(self.angle[rows], self.speed[rows], self.acceleration[rows])
 
 
@@ -63,11 +63,11 @@ class SweepTask:
     """A sweep.
 
     Attributes:
-        subject: what is swept.
+        subject: of the sweep.
         designs: which.
         measures: of each.
-        samples: poses a turn, or over programs.
-        speed: of the crank in [rad/s]; programs have their own.
+        samples: poses a turn, or over motion laws.
+        speed: of the crank in [rad/s]; motion laws have their own.
         settings: how designs are stepped in MuJoCo; None for motions by formulas and loop equations.
     """
 
@@ -79,35 +79,35 @@ class SweepTask:
     settings: Settings | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        # what was worked out from these is worked out again where it is wanted
-        return {one.name: getattr(self, one.name) for one in fields(self)}
+        # cached properties are computed again
+        return {measure.name: getattr(self, measure.name) for measure in fields(self)}
 
     @property
-    def pace(self) -> float:
-        """Speed of the crank or of the programs' clock in [rad/s]."""
-        programs = self.subject.form.programs
-        return self.speed if programs is None else programs.pace
+    def path_speed(self) -> float:
+        """Rate of the path parameter in [rad/s]: speed of the crank, or `pace` of the motion laws."""
+        motion_laws = self.subject.solver.programs
+        return self.speed if motion_laws is None else motion_laws.pace
 
     @cached_property
-    def places(self) -> dict[float, int]:
-        """Angle at which some measures are taken -> which of the poses that is."""
-        asked = dict.fromkeys(one.angle for one in self.measures if one.angle is not None)
-        return {angle: self.samples + i for i, angle in enumerate(asked)}
+    def angle_index(self) -> dict[float, int]:
+        """Angle of a measure -> index of its pose."""
+        requested = dict.fromkeys(measure.angle for measure in self.measures if measure.angle is not None)
+        return {angle: self.samples + i for i, angle in enumerate(requested)}
 
     @cached_property
     def angles(self) -> Array:
-        """Angles of the crank or of the programs' clock, (poses,) in [rad]; empty where none is wanted."""
-        if not any(one.turns for one in self.measures):
+        """Path parameters of the poses, (poses,) in [rad]; empty if no motion is measured."""
+        if not any(measure.turns for measure in self.measures):
             return np.zeros(0)
-        programs = self.subject.form.programs
-        if programs is None:
+        motion_laws = self.subject.solver.programs
+        if motion_laws is None:
             turn = TURN * np.arange(self.samples) / self.samples
         else:
-            turn = np.linspace(0.0, programs.pace * programs.duration, self.samples)
-        return np.concatenate([turn, [*self.places]])
+            turn = np.linspace(0.0, motion_laws.pace * motion_laws.duration, self.samples)
+        return np.concatenate([turn, [*self.angle_index]])
 
     def within(self, low: ArrayLike, high: ArrayLike) -> CrankRows:
-        """Return the crank's motion along which designs that swing are measured.
+        """Return the crank motion over which designs that swing are measured.
 
         Poses are spread evenly over the reachable range. Rates and forces have no bound at its ends: they are
         those of the swing that `simulate` makes, at instants spread evenly in time.
@@ -117,85 +117,99 @@ class SweepTask:
             high: upper ends.
         """
         low, high = np.asarray(low)[..., None], np.asarray(high)[..., None]
-        fixed = np.broadcast_to([*self.places], (*low.shape[:-1], len(self.places)))
+        fixed = np.broadcast_to([*self.angle_index], (*low.shape[:-1], len(self.angle_index)))
         if self.rated or self.loaded:
             phase = TURN * np.arange(self.samples) / self.samples
             reach = 0.5 * PART_OF_RANGE * (high - low)
             angle = 0.5 * (low + high) - reach * np.cos(phase)
-            speed = self.pace * np.sin(phase) + 0.0 * angle
-            acceleration = self.pace**2 / reach * np.cos(phase)
+            speed = self.path_speed * np.sin(phase) + 0.0 * angle
+            acceleration = self.path_speed**2 / reach * np.cos(phase)
         else:
-            angle = low + np.linspace(AT_ENDS, 1.0 - AT_ENDS, self.samples) * (high - low)
-            speed, acceleration = np.full_like(angle, self.pace), np.zeros_like(angle)
-        rows = ((angle, fixed), (speed, np.full_like(fixed, self.pace)), (acceleration, np.zeros_like(fixed)))
+            angle = low + np.linspace(END_DISTANCE, 1.0 - END_DISTANCE, self.samples) * (high - low)
+            speed, acceleration = np.full_like(angle, self.path_speed), np.zeros_like(angle)
+        rows = (
+            (angle, fixed),
+            (speed, np.full_like(fixed, self.path_speed)),
+            (acceleration, np.zeros_like(fixed)),
+        )
         return CrankRows(*(np.concatenate(parts, -1) for parts in rows))
 
     @property
     def rated(self) -> bool:
         """Whether velocities or accelerations are needed."""
-        return any(one.rated for one in self.measures)
+        return any(measure.rated for measure in self.measures)
 
     @property
     def loaded(self) -> bool:
         """Whether forces are needed."""
-        return any(one.loaded for one in self.measures)
+        return any(measure.loaded for measure in self.measures)
 
     @property
     def joints(self) -> list[str]:
         """The joints that are measured."""
-        asked = (one.of for one in self.measures)
-        return [*dict.fromkeys(of.subject for of in asked if of is not None and of.kind == "joint")]
+        requested = (measure.quantity for measure in self.measures)
+        return [*dict.fromkeys(of.subject for of in requested if of is not None and of.kind == "joint")]
 
     @property
     def turn(self) -> CrankRows:
-        """The crank's motion along which designs are measured whose cranks turn fully, or laws drive."""
+        """The crank motion over which designs that turn fully or follow motion laws are measured."""
         angle = self.angles
-        return CrankRows(angle, np.full_like(angle, self.pace), np.zeros_like(angle))
+        return CrankRows(angle, np.full_like(angle, self.path_speed), np.zeros_like(angle))
 
     @cached_property
-    def together(self) -> SharedLoops | None:
-        """What designs followed together have in common; None where each must be by itself."""
-        form = self.subject.form
-        alone = self.loaded or self.wants("transmission") or any(one.kind in ALONE for one in self.measures)
-        if alone or getattr(form, "change_point", "smooth") != "smooth":
+    def loops(self) -> SharedLoops | None:
+        """The common loops of designs traced together; None if each must be solved alone."""
+        solver = self.subject.solver
+        alone = (
+            self.loaded
+            or self.wants("transmission")
+            or any(measure.kind in SINGLE_ONLY for measure in self.measures)
+        )
+        if alone or getattr(solver, "change_point", "smooth") != "smooth":
             return None
         with suppress(MechsimError):
-            return shared_loops(form.mechanism, self.joints, form.programs)
+            return shared_loops(solver.mechanism, self.joints, solver.programs)
         return None
 
     @cached_property
     def like(self) -> LikeModel | None:
-        """The model by which designs are stepped together; None where each must be by itself."""
-        form = self.subject.form
+        """The model with which designs are stepped together; None if each must be stepped alone."""
+        solver = self.subject.solver
         alone = self.settings is None or self.wants("function") or self.samples > CHUNK
-        if alone or form.programs is not None or (self.loaded and not self._weighed):
+        if alone or solver.programs is not None or (self.loaded and not self._weighed):
             return None
         with suppress(MechsimError):
-            return like_model(form.mechanism, self.forces.gravity if self.loaded else None)
+            return like_model(solver.mechanism, self.forces.gravity if self.loaded else None)
         return None
 
     @property
     def forces(self) -> Forces:
-        """What acts on the subject as it stands."""
-        return self.subject.form.forces or Forces()
+        """Forces on the nominal subject."""
+        return self.subject.solver.forces or Forces()
 
     @property
     def _weighed(self) -> bool:
-        """Whether the drive's torque against gravity and inertia is all that is asked of forces."""
+        """Whether the drive torque against gravity and inertia is the only force measured."""
         plain = self.forces == Forces(gravity=self.forces.gravity)
-        efforts = {one.of.subject for one in self.measures if one.of is not None and one.of.kind == "effort"}
-        return plain and efforts == {"torque"} and not self.accelerated
+        columns = {
+            measure.quantity.subject
+            for measure in self.measures
+            if measure.quantity is not None and measure.quantity.kind == "effort"
+        }
+        return plain and columns == {"torque"} and not self.accelerated
 
     @property
     def accelerated(self) -> bool:
         """Whether rates of points, or accelerations, are measured."""
-        asked = [one.of for one in self.measures if one.of is not None]
-        return any(of.part[:1] == "a" or (of.kind == "point" and of.part[:1] == "v") for of in asked)
+        requested = [measure.quantity for measure in self.measures if measure.quantity is not None]
+        return any(
+            of.component[:1] == "a" or (of.kind == "point" and of.component[:1] == "v") for of in requested
+        )
 
     @property
     def intervals(self) -> int:
-        """Between the poses of a stepped motion, whose last one is that in which it ends."""
-        return self.samples if self.subject.form.programs is None else self.samples - 1
+        """Intervals between the poses of a stepped motion, whose last pose is the end."""
+        return self.samples if self.subject.solver.programs is None else self.samples - 1
 
     @property
     def stride(self) -> int:
@@ -205,38 +219,44 @@ class SweepTask:
 
     @cached_property
     def records(self) -> NDArray[np.intp]:
-        """Which of the recorded instants of a stepped motion the poses are, in the order of `angles`.
+        """Indices of the recorded instants of the poses in a stepped motion, in the order of `angles`.
 
         Raises:
             InputError: for an angle at which something is measured and no instant is recorded.
         """
-        programs, form = self.subject.form.programs, self.subject.form
-        whole = TURN if programs is None else programs.pace * programs.duration
-        begin = form.mechanism.start if programs is None else 0.0
-        found = np.arange(self.samples)
-        for angle in self.places:
-            place = (angle - begin) / whole * self.intervals
-            if abs(place - round(place)) > ON_RECORD:
-                scale, unit = (1.0, "rad") if programs is None else (programs.pace, "s")
+        motion_laws, solver = self.subject.solver.programs, self.subject.solver
+        period = TURN if motion_laws is None else motion_laws.pace * motion_laws.duration
+        start = solver.mechanism.start if motion_laws is None else 0.0
+        result = np.arange(self.samples)
+        for angle in self.angle_index:
+            index = (angle - start) / period * self.intervals
+            if abs(index - round(index)) > RECORD_TOLERANCE:
+                scale, unit = (1.0, "rad") if motion_laws is None else (motion_laws.pace, "s")
                 raise InputError(
                     f"at {angle / scale:.6g} {unit} nothing is recorded, but every "
-                    f"{whole / self.intervals / scale:.6g} {unit}; choose --samples so that a pose lies there"
+                    f"{period / self.intervals / scale:.6g} {unit}; choose --samples so that "
+                    "a pose lies there"
                 )
-            found = np.append(found, round(place) % (self.samples if programs is None else self.samples + 1))
-        return found
+            result = np.append(
+                result, round(index) % (self.samples if motion_laws is None else self.samples + 1)
+            )
+        return result
 
     def wants(self, kind: str) -> bool:
         """Whether a measure is of a kind, or of a quantity of a kind."""
-        return any(kind == one.kind or (one.of is not None and one.of.kind == kind) for one in self.measures)
+        return any(
+            kind == measure.kind or (measure.quantity is not None and measure.quantity.kind == kind)
+            for measure in self.measures
+        )
 
 
 @dataclass
 class Measured:
-    """What was measured of some designs.
+    """Measures of some designs.
 
     Attributes:
         values: measure -> (n,) in SI; not a number where there is none.
-        outcome: place in `OUTCOMES`, (n,).
+        outcome: index in `OUTCOMES`, (n,).
         reason: why there is nothing, (n,); empty where it was built.
     """
 
@@ -244,35 +264,35 @@ class Measured:
     outcome: NDArray[np.int8]
     reason: NDArray[np.object_] = field(default_factory=lambda: np.zeros(0, dtype=object))
 
-    def take(self, rows: NDArray[np.intp], found: Mapping[str, Array]) -> None:
-        """Keep what was measured of some of the designs."""
-        for name, values in found.items():
+    def store(self, rows: NDArray[np.intp], result: Mapping[str, Array]) -> None:
+        """Store measures of some of the designs."""
+        for name, values in result.items():
             self.values[name][rows] = values
-        self.outcome[rows] = MET
+        self.outcome[rows] = PASSED
         self.reason[rows] = ""
 
-    def take_swings(
-        self, rows: NDArray[np.intp], found: Mapping[str, Array], low: Array, high: Array
+    def store_swings(
+        self, rows: NDArray[np.intp], result: Mapping[str, Array], low: Array, high: Array
     ) -> None:
-        """Keep what was measured of some designs whose cranks swing, and over which reachable range."""
-        self.take(rows, found)
+        """Store measures of some designs whose cranks swing, with their reachable ranges."""
+        self.store(rows, result)
         self.outcome[rows] = OUTCOMES.index("swings")
         self.reason[rows] = [swings_between(*ends) for ends in zip(low, high, strict=True)]
 
-    def refuse(self, rows: NDArray[np.intp], outcome: str, reason: str) -> None:
-        """Say of some designs why there is nothing."""
+    def reject(self, rows: NDArray[np.intp], outcome: str, reason: str) -> None:
+        """Store outcome and reason of some designs."""
         self.outcome[rows] = OUTCOMES.index(outcome)
         self.reason[rows] = reason
 
 
 def swings_between(low: float, high: float) -> str:
-    """Return in words over which reachable range, in [rad], a crank swings."""
+    """Return the reason text of a crank that swings over a reachable range in [rad]."""
     return f"the crank swings from {np.rad2deg(low):.6g} to {np.rad2deg(high):.6g} deg"
 
 
 def nothing_measured(task: SweepTask, count: int) -> Measured:
-    """Return a table of designs of which nothing is known."""
-    values = {one.name: np.full(count, np.nan) for one in task.measures}
+    """Return an empty table of designs."""
+    values = {measure.name: np.full(count, np.nan) for measure in task.measures}
     return Measured(
         values, np.full(count, OUTCOMES.index("diverged"), dtype=np.int8), np.full(count, "", dtype=object)
     )

@@ -1,4 +1,4 @@
-"""Motions of many designs over the same poses, and the quantities read off them by name."""
+"""Motions of many designs over the same poses, and their quantities by name."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,13 +24,13 @@ TRANSMISSION = "transmission"
 
 @dataclass(frozen=True, slots=True)
 class TurnQuantity:
-    """What is looked at over a turn.
+    """A quantity over a turn.
 
     Attributes:
-        name: as it was asked for.
+        name: as requested.
         kind: "joint", "point", "transmission" or "effort".
         subject: joint coordinate, point, or column of efforts.
-        part: of a joint "q", "v" or "a"; of a point "", "v" or "a" and perhaps an axis; of efforts which
+        component: of a joint "q", "v" or "a"; of a point "", "v" or "a" and perhaps an axis; of efforts which
             components are put together.
         unit: in SI.
     """
@@ -38,18 +38,18 @@ class TurnQuantity:
     name: str
     kind: str
     subject: str
-    part: str
+    component: str
     unit: str
 
     @property
     def angle(self) -> bool:
-        """Whether whole turns of it are to be counted on from pose to pose."""
-        return self.kind == "joint" and self.part == "q" and self.unit == "rad"
+        """Whether it is an angle to unwrap from pose to pose."""
+        return self.kind == "joint" and self.component == "q" and self.unit == "rad"
 
     @property
     def rated(self) -> bool:
         """Whether velocities or accelerations are needed."""
-        return self.kind in ("joint", "point") and self.part[:1] in ("v", "a")
+        return self.kind in ("joint", "point") and self.component[:1] in ("v", "a")
 
 
 @dataclass(frozen=True)
@@ -72,21 +72,23 @@ class Turns:
     transmission: Array | None = None
     facts: Mapping[str, Array] = field(default_factory=dict[str, Array])
 
-    def of(self, quantity: TurnQuantity) -> Array:
+    def values(self, quantity: TurnQuantity) -> Array:
         """Return a quantity, (designs, poses)."""
         shape = (self.designs, self.poses)
         if quantity.kind == "transmission":
             assert self.transmission is not None
             return self.transmission
         if quantity.kind == "effort":
-            if not quantity.part:
+            if not quantity.component:
                 return self.efforts[quantity.subject]
-            parts = [self.efforts[f"{quantity.subject}.{one}"] for one in WRENCH[quantity.part]]
-            return np.sqrt(sum(part**2 for part in parts))
+            components = [
+                self.efforts[f"{quantity.subject}.{axis_name}"] for axis_name in WRENCH[quantity.component]
+            ]
+            return np.sqrt(sum(component**2 for component in components))
         if quantity.kind == "joint":
-            values = getattr(self.motion.joints[quantity.subject], ORDERS[quantity.part]).reshape(shape)
+            values = getattr(self.motion.joints[quantity.subject], ORDERS[quantity.component]).reshape(shape)
             return unwrapped(values) if quantity.angle else values
-        order, axis = quantity.part.rstrip(AXES), quantity.part.lstrip("va")
+        order, axis = quantity.component.rstrip(AXES), quantity.component.lstrip("va")
         vectors = getattr(self.motion.points[quantity.subject], RATES[order])
         if axis:
             return vectors[:, AXES.index(axis)].reshape(shape)
@@ -94,18 +96,18 @@ class Turns:
 
 
 def unwrapped(values: Array) -> Array:
-    """Return angles (designs, poses) counted on from pose to pose."""
+    """Return unwrapped angles (designs, poses)."""
     steps = np.diff(values, axis=1)
-    laps = np.round(steps / (2.0 * np.pi))
-    if not laps.any():
+    revolutions = np.round(steps / (2.0 * np.pi))
+    if not revolutions.any():
         return values
     out = values.copy()
-    out[:, 1:] -= 2.0 * np.pi * np.cumsum(laps, axis=1)
+    out[:, 1:] -= 2.0 * np.pi * np.cumsum(revolutions, axis=1)
     return out
 
 
 def quantity(name: str, mechanism: Mechanism) -> TurnQuantity:
-    """Return what a name means.
+    """Return the quantity of a name.
 
     Known are a joint's coordinate (rocker, rocker.v, rocker.a), a point's (P3.x, P3.vy, P3.az), its speed
     and acceleration (speed:P3, acceleration:P3, or P3.v, P3.a where no joint is called so), torque of the
@@ -115,17 +117,17 @@ def quantity(name: str, mechanism: Mechanism) -> TurnQuantity:
     Raises:
         InputError: for any other, with the nearest one.
     """
-    found = _joint(name, mechanism) or _point(name, mechanism) or _effort(name, mechanism)
-    if found is None and name == TRANSMISSION:
-        found = TurnQuantity(name, "transmission", "", "", "rad")
-    if found is None:
+    result = _joint(name, mechanism) or _point(name, mechanism) or _effort(name, mechanism)
+    if result is None and name == TRANSMISSION:
+        result = TurnQuantity(name, "transmission", "", "", "rad")
+    if result is None:
         known = _known(mechanism)
         raise InputError(f"{mechanism.name} has no quantity {name!r}{suggestion(name, known)}")
-    return found
+    return result
 
 
 def joint_units(mechanism: Mechanism) -> dict[str, str]:
-    """Return the unit of each joint coordinate that motions tell."""
+    """Return the unit of each joint coordinate that motions contain."""
     return {
         coordinate: "m" if unit == "m" else "rad"
         for joint in mechanism.joints
@@ -142,25 +144,25 @@ def _known(mechanism: Mechanism) -> list[str]:
 
 def _joint(name: str, mechanism: Mechanism) -> TurnQuantity | None:
     units = joint_units(mechanism)
-    own, dot, part = name.rpartition(".")
+    own, dot, component = name.rpartition(".")
     if name in units:
-        own, part = name, "q"
-    elif not dot or own not in units or part not in ORDERS:
+        own, component = name, "q"
+    elif not dot or own not in units or component not in ORDERS:
         return None
-    return TurnQuantity(name, "joint", own, part, units[own] + PER[part])
+    return TurnQuantity(name, "joint", own, component, units[own] + PER[component])
 
 
 def _point(name: str, mechanism: Mechanism) -> TurnQuantity | None:
     word, colon, own = name.partition(":")
     if colon and word in ("speed", "acceleration") and own in mechanism.points:
-        part = word[0].replace("s", "v")
-        return TurnQuantity(name, "point", own, part, "m" + PER[part])
-    own, _, part = name.rpartition(".")
-    order = part[:1] if part[:1] in ("v", "a") else ""
-    axis = part[len(order) :]
+        component = word[0].replace("s", "v")
+        return TurnQuantity(name, "point", own, component, "m" + PER[component])
+    own, _, component = name.rpartition(".")
+    order = component[:1] if component[:1] in ("v", "a") else ""
+    axis = component[len(order) :]
     if own not in mechanism.points or (axis not in AXES if axis else not order) or len(axis) > 1:
         return None
-    return TurnQuantity(name, "point", own, part, "m" + PER[order])
+    return TurnQuantity(name, "point", own, component, "m" + PER[order])
 
 
 def _effort(name: str, mechanism: Mechanism) -> TurnQuantity | None:
@@ -174,12 +176,12 @@ def _effort(name: str, mechanism: Mechanism) -> TurnQuantity | None:
         single = mechanism.has_crank and own == mechanism.crank.name
         unit = "N" if own in mechanism.straight else "N m"
         return TurnQuantity(name, "effort", "torque" if single else f"drive {own}", "", unit)
-    own, _, part = name.rpartition(".")
-    if own in joints and any(part in parts for parts in WRENCH.values()):
-        return TurnQuantity(name, "effort", name, "", "N" if part in WRENCH["force"] else "N m")
+    own, _, component = name.rpartition(".")
+    if own in joints and any(component in components for components in WRENCH.values()):
+        return TurnQuantity(name, "effort", name, "", "N" if component in WRENCH["force"] else "N m")
     return None
 
 
 def names_of(quantities: Sequence[TurnQuantity]) -> list[str]:
     """Return the names of quantities."""
-    return [one.name for one in quantities]
+    return [quantity.name for quantity in quantities]

@@ -88,7 +88,7 @@ def test_a_cluster_gives_what_one_process_gives_though_a_worker_is_killed(tmp_pa
                 workers[0].kill()
                 killed.append(part)
 
-        ms.sweep("four_bar", VARY, MEASURES, output=there, scheduler=address, watch=watch)
+        ms.sweep("four_bar", VARY, MEASURES, output=there, scheduler=address, progress=watch)
         assert killed
         assert killed[0] < 1.0
         workers[0].wait(10.0)

@@ -31,14 +31,14 @@ def test_what_is_written_reads_back(tmp_path, ending):
 
 def stopped_after(monkeypatch, count):
     """Stop sweeps after so many parts."""
-    run = chunks.run_parts
+    run = chunks.run_chunks
 
     def short(task, parts, keep, scheduler=None):
         run(task, parts[:count], keep, "synchronous")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(chunks, "MANY", 4)
-    monkeypatch.setattr(sweeping, "run_parts", short)
+    monkeypatch.setattr(chunks, "BY_FORMULA", 4)
+    monkeypatch.setattr(sweeping, "run_chunks", short)
     return run
 
 
@@ -55,7 +55,7 @@ def test_a_sweep_that_was_stopped_goes_on_and_gives_the_same_file(tmp_path, monk
         ms.sweep("four_bar", VARY, ["crank_range"], output=cut, resume=True)
     left = []
     monkeypatch.setattr(
-        sweeping, "run_parts", lambda task, parts, *rest: left.append(parts) or run(task, parts, *rest)
+        sweeping, "run_chunks", lambda task, parts, *rest: left.append(parts) or run(task, parts, *rest)
     )
     ms.sweep("four_bar", VARY, MEASURES, output=cut, resume=True)
     assert [one[0] for one in left[0]] == [2, 3, 4]
@@ -70,7 +70,7 @@ def test_a_part_that_was_cut_off_is_made_again(tmp_path, monkeypatch):
         ms.sweep("four_bar", VARY, MEASURES, output=path)
     part = next(path.with_name("out.nc.parts").glob("*1.npz"))
     part.write_bytes(part.read_bytes()[:100])
-    monkeypatch.setattr(sweeping, "run_parts", run)
+    monkeypatch.setattr(sweeping, "run_chunks", run)
     found = ms.sweep("four_bar", VARY, MEASURES, output=path, resume=True)
     np.testing.assert_array_equal(found["range:rocker"], ms.sweep("four_bar", VARY, MEASURES)["range:rocker"])
 
@@ -92,7 +92,7 @@ def test_more_designs_than_there_is_room_for_are_refused(tmp_path, monkeypatch):
         ms.sweep("four_bar", VARY, MEASURES)
     monkeypatch.undo()
     usage = type("Usage", (), {"free": 1000})
-    monkeypatch.setattr("mechsim.studies.sweep.parts.shutil.disk_usage", lambda _: usage)
+    monkeypatch.setattr("mechsim.studies.sweep.chunk_files.shutil.disk_usage", lambda _: usage)
     with pytest.raises(InputError, match=r"of disk, .* fit"):
         ms.sweep("four_bar", VARY, MEASURES, output=tmp_path / "out.nc")
     assert list(tmp_path.iterdir()) == []
@@ -105,7 +105,7 @@ def test_a_missing_library_is_named_with_what_brings_it(tmp_path, monkeypatch):
 
 
 def test_no_scheduler_that_does_not_answer(tmp_path, monkeypatch):
-    monkeypatch.setattr(chunks, "ANSWER", 0.2)
+    monkeypatch.setattr(chunks, "TIMEOUT", 0.2)
     with pytest.raises(InputError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
         ms.sweep("four_bar", VARY, MEASURES, scheduler="tcp://127.0.0.1:9", output=tmp_path / "out.nc")
     assert list(tmp_path.iterdir()) == []

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.studies.sweep import roads
+from mechsim.studies.sweep import methods
 from mechsim.studies.sweep.checking import check_table
 from mechsim.studies.sweep.sweeping import built, run_sweep, swept_task
 
@@ -52,7 +52,7 @@ def model(request, tmp_path):
 @pytest.mark.parametrize("model", ["formula", "loops"], indirect=True)
 def test_designs_that_swing_are_built_together_over_their_reachable_range(model, monkeypatch):
     left = []
-    monkeypatch.setattr(roads, "one_by_one", lambda task, rows, index, found: left.extend(index))
+    monkeypatch.setattr(methods, "one_by_one", lambda task, rows, index, found: left.extend(index))
     found = ms.sweep(model, {"rocker": ROCKERS}, ["range:rocker", "at:90deg:rocker"])
     # designs one by one took a second each
     assert left == []

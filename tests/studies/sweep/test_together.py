@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.studies.sweep.roads import by_one_formula, come_back, measured
+from mechsim.studies.sweep.methods import by_one_formula, come_back, measured
 from mechsim.studies.sweep.sweeping import swept_task
 from mechsim.studies.sweep.task import OUTCOMES, SweepTask
 
@@ -20,16 +20,16 @@ SWEPT = {
 
 def both(monkeypatch, task):
     """Return what a sweep measures of designs together, and of each by itself."""
-    assert task.together is not None
+    assert task.loops is not None
     assert not by_one_formula(task)
     count = task.designs.count
     left = []
-    monkeypatch.setattr("mechsim.studies.sweep.roads.one_by_one", lambda t, r, index, f: left.extend(index))
+    monkeypatch.setattr("mechsim.studies.sweep.methods.one_by_one", lambda t, r, index, f: left.extend(index))
     together = measured(task, 0, count)
     monkeypatch.undo()
     assert left == []
     with monkeypatch.context() as patched:
-        patched.setattr(SweepTask, "together", None)
+        patched.setattr(SweepTask, "loops", None)
         alone = measured(task, 0, count)
     return together, alone
 

@@ -6,7 +6,7 @@ import pytest
 import mechsim as ms
 from mechsim.analytic import dynamics
 from mechsim.errors import InputError
-from mechsim.studies.sweep.roads import by_one_formula
+from mechsim.studies.sweep.methods import by_one_formula
 from mechsim.studies.sweep.sweeping import swept_task
 
 TURN = 2.0 * np.pi * np.arange(72) / 72
@@ -99,5 +99,5 @@ def test_what_no_design_can_have_is_refused():
         ms.sweep("watt_six_bar", {"crank": [0.02]}, "assemblies")
     five_bar = ms.load("five_bar", drive={"left": "0.1rad*t", "right": "0.1rad*t"})
     undriven = type(five_bar)(five_bar.mechanism)
-    with pytest.raises(InputError, match="no lone crank"):
+    with pytest.raises(InputError, match="no single crank"):
         ms.sweep(undriven, {"left.at.x": [0.01]}, "range:left")

@@ -1,4 +1,4 @@
-"""The parts of a sweep, each written as it ends, so that one that was stopped can go on."""
+"""The chunks of a sweep in files, written as they end, so that a stopped sweep can resume."""
 
 import json
 import shutil
@@ -13,38 +13,40 @@ from mechsim.maths.memory import said
 from mechsim.studies.sweep.task import Measured
 
 NOTE = "sweep.json"
-# of a design: what its place in a part, its reason and its file take beside its measures, in bytes
-BESIDE = 24.0
+# bytes of a design in addition to its measures: index, reason and file overhead
+EXTRA_BYTES = 24.0
 
 
-class PartFolder:
-    """A folder beside the output, with one file for each part that is done.
+class ChunkFolder:
+    """A folder next to the output with one file for each finished chunk.
 
     Attributes:
         folder: OUT.parts.
-        mark: of the sweep (see `identity`).
+        sweep_hash: of the sweep (see `identity`).
     """
 
-    def __init__(self, output: Path, mark: str, count: int):
+    def __init__(self, output: Path, sweep_hash: str, count: int):
         self.folder = output.with_name(output.name + ".parts")
-        self.mark, self.count = mark, count
+        self.sweep_hash, self.count = sweep_hash, count
 
-    def begin(self, *, resume: bool) -> set[int]:
-        """Make the folder, or find it with parts that are done; return their numbers.
+    def open(self, *, resume: bool) -> set[int]:
+        """Create or open the folder; return the numbers of finished chunks.
 
         Raises:
-            InputError: where it holds another sweep, or this one and it was not to go on.
-            OutputError: where it cannot be made.
+            InputError: if it contains another sweep, or this one without `resume`.
+            OutputError: if it cannot be created.
         """
         if not self.folder.exists():
             try:
                 self.folder.mkdir()
                 with written_beside(self.folder / NOTE) as note:
-                    note.write_text(json.dumps({"sweep": self.mark, "parts": self.count}), encoding="ascii")
+                    note.write_text(
+                        json.dumps({"sweep": self.sweep_hash, "parts": self.count}), encoding="ascii"
+                    )
             except OSError as error:
                 raise OutputError(f"cannot make the folder {self.folder}: {error.strerror}") from None
             return set()
-        if self._noted() != self.mark:
+        if self._stored_hash() != self.sweep_hash:
             raise InputError(
                 f"{self.folder} holds parts of another sweep; remove that folder, or name another output"
             )
@@ -53,16 +55,16 @@ class PartFolder:
                 f"{self.folder} holds parts of this sweep, which was stopped; give --resume to go on, or "
                 "remove that folder"
             )
-        numbers = {int(one.stem) for one in self.folder.glob("*.npz") if one.stem.isdigit()}
-        return {number for number in numbers if self._whole(number)}
+        numbers = {int(path.stem) for path in self.folder.glob("*.npz") if path.stem.isdigit()}
+        return {number for number in numbers if self._is_complete(number)}
 
-    def _noted(self) -> str:
+    def _stored_hash(self) -> str:
         try:
             return str(json.loads((self.folder / NOTE).read_text(encoding="ascii"))["sweep"])
         except (OSError, ValueError, KeyError, TypeError):
             return ""
 
-    def _whole(self, number: int) -> bool:
+    def _is_complete(self, number: int) -> bool:
         try:
             self.read(number)
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
@@ -72,38 +74,38 @@ class PartFolder:
     def _path(self, number: int) -> Path:
         return self.folder / f"{number:08d}.npz"
 
-    def write(self, number: int, part: Measured) -> None:
-        """Write a part."""
-        words, which = np.unique(part.reason.astype(str), return_inverse=True)
-        with written_beside(self._path(number)) as beside:
+    def write(self, number: int, chunk: Measured) -> None:
+        """Write a chunk."""
+        texts, which = np.unique(chunk.reason.astype(str), return_inverse=True)
+        with written_beside(self._path(number)) as temporary:
             np.savez(
-                beside,
+                temporary,
                 allow_pickle=False,
-                values=np.array([*part.values.values()]),
-                outcome=part.outcome,
-                words=words,
+                values=np.array([*chunk.values.values()]),
+                outcome=chunk.outcome,
+                words=texts,
                 which=which.astype(np.int32),
             )
 
     def read(self, number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return values (measures, n), outcomes and reasons (n,) of a part."""
-        with self._path(number).open("rb") as part, np.load(part, allow_pickle=False) as file:
+        """Return values (measures, n), outcomes and reasons (n,) of a chunk."""
+        with self._path(number).open("rb") as file_handle, np.load(file_handle, allow_pickle=False) as file:
             return file["values"], file["outcome"], file["words"].astype(object)[file["which"]]
 
     def remove(self) -> None:
-        """Take the folder away, once what it held is in the output."""
+        """Remove the folder after its contents are in the output."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def require_disk(output: Path, designs: int, each: float) -> None:
-    """Refuse more designs than the disk holds.
+    """Reject more designs than fit on the disk.
 
     Raises:
         InputError: saying how many fit.
     """
     free = shutil.disk_usage(output.parent).free
-    # parts, and the output made of them
-    each = 2.0 * (each + BESIDE)
+    # chunks, and the output made of them
+    each = 2.0 * (each + EXTRA_BYTES)
     if designs * each > free:
         raise InputError(
             f"{designs:,} designs would take {said(designs * each)} of disk, and {said(free)} are free at "

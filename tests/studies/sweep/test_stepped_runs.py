@@ -70,7 +70,7 @@ def test_outcomes_of_stepped_designs():
     [
         ("crank_range", "crank_range is known by formulas"),
         ("max:transmission", "leave out --method step"),
-        ("range:B", "stepped motions tell crank, A, rocker"),
+        ("range:B", "stepped motions contain crank, A, rocker"),
         ("at:10deg:rocker", "nothing is recorded, but every"),
     ],
 )

@@ -1,0 +1,403 @@
+"""Evaluation methods of designs: one formula for many, loop equations for many, or one by one."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
+from mechsim.analytic.catalog.many_arcs import swing_arcs
+from mechsim.analytic.catalog.many_designs import Turning, allowed, can_be_many, ranges, solved, turning
+from mechsim.analytic.closure.many_motion import many_motion
+from mechsim.analytic.closure.many_swings import SwingTracer
+from mechsim.analytic.dynamics import machine
+from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
+from mechsim.analytic.forms import Form, closed_form
+from mechsim.errors import InputError, MechsimError, MobilityError, cut
+from mechsim.maths.angles import TURN
+from mechsim.maths.arrays import Array
+from mechsim.model.crank_profile import arc_around, closes_nowhere
+from mechsim.model.design_arrays import StartedDesigns
+from mechsim.model.forces import Forces
+from mechsim.model.motion import Motion, taken
+from mechsim.simulation.mjcf.loop_cuts import cut_loops
+from mechsim.studies.sweep.assembled_designs import assembled_designs
+from mechsim.studies.sweep.measures import FACTS, table_of
+from mechsim.studies.sweep.stepped_runs import stepped_alone, stepped_together
+from mechsim.studies.sweep.task import CrankRows, Measured, SweepTask, nothing_measured, swings_between
+from mechsim.studies.sweep.turns import TRANSMISSION, Turns
+
+Rows = NDArray[np.intp]
+# poses solved at once: their arrays fit into a core's cache
+BLOCK = 8192
+# largest displacement of a point after a turn, relative to its stroke: rounding, far below another assembly
+RETURN_TOLERANCE = 1e-9
+# largest length of a stored reason in characters
+MAX_REASON = 240
+
+
+def measured(task: SweepTask, low: int, high: int) -> Measured:
+    """Return the measures of designs low to high; designs that fail are reported by their outcome."""
+    rows = task.designs.rows(low, high)
+    result = nothing_measured(task, high - low)
+    remaining = np.arange(high - low)
+    if task.settings is not None:
+        remaining = _stepped(task, rows, result)
+    elif by_one_formula(task):
+        remaining = _formula(task, rows, result)
+    elif task.loops is not None:
+        remaining = _loops(task, rows, result)
+    one_by_one(task, rows, remaining, result)
+    return result
+
+
+def by_one_formula(task: SweepTask) -> bool:
+    """Whether designs are measured by one formula on arrays."""
+    solver = task.subject.closed
+    measured_alone = task.loaded or task.wants("function") or task.wants(TRANSMISSION)
+    return not measured_alone and solver is not None and can_be_many(solver, task.designs.values)
+
+
+def _formula(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows:
+    """Measure designs by one formula; return those that it cannot determine."""
+    solver = task.subject.solver
+    assert isinstance(solver, TwoBranchForm)
+    valid, turning_ranges = _turning_ranges(solver, rows)
+    if turning_ranges is None:
+        return np.arange(len(result.outcome))
+    certain, selected = ~turning_ranges.doubtful, ~turning_ranges.doubtful
+    facts = _facts(task, turning_ranges) if any(measure.kind in FACTS for measure in task.measures) else {}
+    remaining: list[Rows] = []
+    if len(task.angles):
+        remaining = _swing_blocks(task, rows, valid, turning_ranges, facts, result)
+        selected = turning_ranges.full & certain
+    remaining += _blocks(
+        task, rows, valid[selected], {name: values[selected] for name, values in facts.items()}, result
+    )
+    for name, values in facts.items():
+        result.values[name][valid[certain]] = values[certain]
+    return np.sort(np.concatenate([np.setdiff1d(np.arange(len(result.outcome)), valid[certain]), *remaining]))
+
+
+def _turning_ranges(solver: TwoBranchForm, rows: Mapping[str, Array]) -> tuple[Rows, Turning | None]:
+    """Return the designs with valid parameters, and their reachable crank ranges."""
+    valid = np.flatnonzero(allowed(solver, rows))
+    return valid, turning(solver, _subset(rows, valid)) if len(valid) else None
+
+
+def _swing_blocks(
+    task: SweepTask,
+    rows: Mapping[str, Array],
+    valid: Rows,
+    turning_ranges: Turning,
+    facts: Mapping[str, Array],
+    result: Measured,
+) -> list[Rows]:
+    """Measure designs whose cranks swing over their reachable ranges; return those to measure one by one."""
+    swing = np.flatnonzero(~turning_ranges.doubtful & ~turning_ranges.full)
+    low, high = swing_arcs(turning_ranges)
+    certain = swing[np.isfinite(low[swing])]
+    remaining = [valid[np.setdiff1d(swing, certain)]]
+    step = max(1, BLOCK // max(1, len(task.angles)))
+    for first in range(0, len(certain), step):
+        block = certain[first : first + step]
+        own = {name: values[block] for name, values in facts.items()}
+        values = _block(task, rows, valid[block], task.within(low[block], high[block]), own)
+        finite = np.all([np.isfinite(column) for column in values.values()], axis=0)
+        kept = {name: column[finite] for name, column in values.items()}
+        result.store_swings(valid[block[finite]], kept, low[block[finite]], high[block[finite]])
+        remaining.append(valid[block[~finite]])
+    return remaining
+
+
+def _block(
+    task: SweepTask, rows: Mapping[str, Array], block: Rows, crank: CrankRows, facts: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Return the measures of designs along crank motions, (poses,) or (designs, poses), by one formula."""
+    solver = task.subject.solver
+    assert isinstance(solver, ClosedForm)
+    jointed = any(measure.jointed for measure in task.measures)
+    with np.errstate(all="ignore"):
+        motion = solved(
+            solver,
+            _subset(rows, block),
+            crank.angle,
+            crank.speed,
+            crank.acceleration,
+            rates=task.rated,
+            joints=jointed,
+        )
+        turns = Turns(len(block), crank.angle.shape[-1], motion, facts=facts)
+        return table_of(task.measures, turns, task.angle_index)
+
+
+def _stepped(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows:
+    """Measure designs by stepping them together where possible; return the others."""
+    solver, every = task.subject.closed, np.arange(len(result.outcome))
+    if not (isinstance(solver, TwoBranchForm) and can_be_many(solver, rows)):
+        return stepped_together(task, rows, every, result)
+    valid, turning_ranges = _turning_ranges(solver, rows)
+    if turning_ranges is None:
+        return every
+    index = valid[~turning_ranges.doubtful & turning_ranges.full & turning_ranges.clear]
+    remaining = stepped_together(task, rows, index, result)
+    return np.union1d(remaining, np.setdiff1d(every, index))
+
+
+def _facts(task: SweepTask, turning_ranges: object) -> dict[str, Array]:
+    """Return properties of designs that need no motion."""
+    widths, ends = ranges(turning_ranges)  # pyright: ignore[reportArgumentType]
+    facts_known = {"crank_range": widths, "dead_centres": ends.astype(float)}
+    facts_known["assemblies"] = np.where(widths > 0.0, 2.0, 0.0)
+    return {measure.kind: facts_known[measure.kind] for measure in task.measures if measure.kind in FACTS}
+
+
+def _blocks(
+    task: SweepTask, rows: Mapping[str, Array], selected: Rows, facts: Mapping[str, Array], result: Measured
+) -> list[Rows]:
+    """Measure designs that turn fully in blocks; return those with a measure that is not finite."""
+    solver, angles, remaining = task.subject.solver, task.angles, [np.zeros(0, dtype=np.intp)]
+    assert isinstance(solver, ClosedForm)
+    step = max(1, BLOCK // max(1, len(angles)))
+    for first in range(0, len(selected), step):
+        chunk = slice(first, first + step)
+        block = selected[chunk]
+        own = {name: values[chunk] for name, values in facts.items()}
+        if len(angles):
+            values = _block(task, rows, block, task.turn, own)
+        else:
+            motion = taken(solver.solve(np.zeros(1), links=False), slice(0, 0))
+            values = table_of(task.measures, Turns(len(block), 0, motion, facts=own), task.angle_index)
+        finite = np.all([np.isfinite(column) for column in values.values()], axis=0)
+        if "crank_range" in own:
+            finite &= own["crank_range"] > 0.0
+        result.store(block[finite], {name: column[finite] for name, column in values.items()})
+        remaining.append(block[~finite])
+    return remaining
+
+
+def _loops(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows:
+    """Measure designs by loop equations together; return those that this cannot determine."""
+    assert task.loops is not None
+    every = np.arange(len(result.outcome))
+    # a catalogue mechanism must turn fully, which the end of the turn shows
+    closed = task.subject.closed is not None
+    angles = np.append(task.angles, TURN) if closed else task.angles
+    try:
+        assembled = assembled_designs(task, rows)
+        if assembled is None:
+            return every
+        started, index = assembled.started, assembled.which
+        motion, valid = many_motion(
+            task.loops, started, angles, task.path_speed, task.joints, rates=task.rated
+        )
+    except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
+        return every
+    if closed:
+        valid &= come_back(motion, len(index))
+        motion = taken(motion, np.tile(np.arange(len(angles)) < len(task.angles), len(index)))
+    with np.errstate(all="ignore"):
+        values = table_of(task.measures, Turns(len(index), len(task.angles), motion), task.angle_index)
+    valid &= np.all([np.isfinite(column) for column in values.values()], axis=0)
+    result.store(index[valid], {name: column[valid] for name, column in values.items()})
+    swinging = _loop_swings(task, started, index, np.flatnonzero(~valid), result)
+    return np.setdiff1d(every, np.union1d(index[valid], swinging))
+
+
+def _loop_swings(
+    task: SweepTask, started: StartedDesigns, index: Rows, others: Rows, result: Measured
+) -> Rows:
+    """Measure designs whose cranks swing by loop equations together; return their indices."""
+    assert task.loops is not None
+    if not len(others) or task.subject.solver.programs is not None:
+        return others[:0]
+    try:
+        tracer = SwingTracer(task.loops, started.some(others))
+        swings = tracer.swings()
+        if swings is None:
+            return others[:0]
+        crank = task.within(swings.low, swings.high)
+        motion, valid = tracer.motion(
+            swings, crank.angle, crank.speed, crank.acceleration, task.joints, rates=task.rated
+        )
+    except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
+        return others[:0]
+    with np.errstate(all="ignore"):
+        turns = Turns(len(crank.angle), crank.angle.shape[1], motion)
+        values = table_of(task.measures, turns, task.angle_index)
+    valid &= np.all([np.isfinite(column) for column in values.values()], axis=0)
+    rows = index[others[swings.rows[valid]]]
+    own = {name: column[valid] for name, column in values.items()}
+    result.store_swings(rows, own, swings.low[valid], swings.high[valid])
+    return rows
+
+
+def come_back(motion: Motion, designs: int) -> NDArray[np.bool_]:
+    """Return whether designs return to their first pose at the last instant, (designs,)."""
+    same = np.ones(designs, dtype=np.bool_)
+    for point in motion.points.values():
+        path = point.position.reshape(designs, -1, 3)
+        same &= np.abs(path[:, -1] - path[:, 0]).max(1) <= RETURN_TOLERANCE * np.ptp(path, axis=1).max(1)
+    return same
+
+
+def _subset(rows: Mapping[str, Array], index: Rows) -> dict[str, Array]:
+    return {name: values[index] for name, values in rows.items()}
+
+
+def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: Measured) -> None:
+    """Measure designs one by one; errors become outcomes."""
+    for i in index:
+        row = np.array([i])
+        try:
+            solver = task.subject.make({name: float(values[i]) for name, values in rows.items()})
+            facts = facts_alone(task, solver)
+            for name, value in facts.items():
+                result.values[name][i] = value
+            values, outcome, reason = measured_alone(task, solver, facts)
+        except MechsimError as error:
+            result.reject(row, _outcome(error), cut(str(error), MAX_REASON))
+            continue
+        except (ArithmeticError, np.linalg.LinAlgError, ValueError) as error:
+            result.reject(row, "diverged", cut(f"{type(error).__name__}: {error}", MAX_REASON))
+            continue
+        invalid = [name for name, value in values.items() if not np.isfinite(value)]
+        result.store(row, {name: np.array([value]) for name, value in values.items()})
+        result.reject(row, outcome, reason)
+        if invalid:
+            result.reject(row, "diverged", f"{invalid[0]} is no finite number")
+
+
+def _outcome(error: MechsimError) -> str:
+    return error.outcome if isinstance(error, MobilityError) else "cannot assemble"
+
+
+def facts_alone(task: SweepTask, solver: Form) -> dict[str, float]:
+    """Return the requested properties of a design that need no motion."""
+    kinds = [measure.kind for measure in task.measures if measure.kind in FACTS]
+    result: dict[str, float] = {}
+    for kind in kinds:
+        arcs = solver.crank_range()
+        if kind == "crank_range":
+            result[kind] = float(sum(high - low for low, high in arcs.arcs))
+        elif kind == "dead_centres":
+            result[kind] = float(len(solver.dead_centres()))
+        else:
+            facts_known = closed_form(solver, "the number of assemblies")
+            result[kind] = float(len(facts_known.assemblies(arcs.start()))) if arcs.arcs else 0.0
+    return result
+
+
+def measured_alone(
+    task: SweepTask, solver: Form, facts: Mapping[str, float]
+) -> tuple[dict[str, float], str, str]:
+    """Return the measures of one design, its outcome, and the reason if it is not "met".
+
+    Raises:
+        AssemblyError: if it cannot be assembled along the whole motion.
+    """
+    angles = task.angles
+    if not len(angles):
+        if not solver.crank_range().arcs:
+            raise closes_nowhere(solver.name)
+        return {measure.name: facts[measure.kind] for measure in task.measures}, "met", ""
+    arc = swing_arc(solver)
+    if task.settings is not None:
+        values, outcome, reason = stepped_alone(task, solver)
+        if arc is not None and outcome == "met":
+            outcome, reason = "swings", swings_between(*arc)
+        return values, outcome, reason
+    if arc is None:
+        return _solved_alone(task, solver, facts, task.turn), "met", ""
+    values = _solved_alone(task, solver, facts, task.within(*arc))
+    return values, "swings", swings_between(*arc)
+
+
+def swing_arc(solver: Form) -> tuple[float, float] | None:
+    """Return the reachable range of a crank that swings, in [rad]; None where it turns fully or laws drive.
+
+    Raises:
+        AssemblyError: if it assembles at no crank angle.
+    """
+    if solver.programs is not None:
+        return None
+    arcs = solver.crank_range()
+    if arcs.full:
+        return None
+    arc = arc_around(arcs, solver.mechanism.start) if arcs.arcs else None
+    if arc is None:
+        raise closes_nowhere(solver.name)
+    return arc
+
+
+def _solved_alone(
+    task: SweepTask, solver: Form, facts: Mapping[str, float], crank: CrankRows
+) -> dict[str, float]:
+    """Return the measures of one design by its formulas or loop equations along a crank motion (p,)."""
+    kept = {name: np.array([value]) for name, value in facts.items()}
+    angles, path_speed = crank.angle, crank.speed
+    if solver.programs is not None:
+        # the rate of the path parameter depends on the design; the times are the same
+        angles, path_speed = (
+            angles / path_speed * solver.programs.pace,
+            np.full_like(path_speed, solver.programs.pace),
+        )
+    motion = solver.solve_along(angles, path_speed, crank.acceleration)
+    shape = (1, len(angles))
+    forces: dict[str, Array] = {}
+    if task.loaded:
+        acting = getattr(solver, "forces", None) or Forces()
+        study = prescribed_along(machine(solver, acting), angles, path_speed, crank.acceleration)
+        forces = {name: column.reshape(shape) for name, column in study.columns()}
+    transmission = None
+    if task.wants(TRANSMISSION):
+        transmission = closed_form(solver, "a transmission angle").transmission_angle(angles).reshape(shape)
+    turns = Turns(1, len(angles), motion, forces, transmission, kept)
+    return {
+        name: float(values[0]) for name, values in table_of(task.measures, turns, task.angle_index).items()
+    }
+
+
+def require_measurable(task: SweepTask) -> None:
+    """Reject measures that no design of a subject can have.
+
+    Raises:
+        InputError: naming the measure and the remedy.
+    """
+    solver = task.subject.solver
+    if task.settings is not None:
+        _require_stepped(task)
+    for measure in task.measures:
+        if measure.kind == "assemblies" and not isinstance(solver, ClosedForm):
+            raise InputError(
+                f"the number of assemblies is known for mechanisms of the catalogue only, and "
+                f"{solver.name!r} "
+                "is none; `mechsim trace` finds those of any other"
+            )
+        if measure.quantity is not None and measure.quantity.kind == "transmission":
+            closed_form(solver, "a transmission angle")
+    if solver.programs is None and not solver.mechanism.has_crank:
+        raise InputError(
+            f"{solver.name} has no single crank; give its drivers motion laws with --drive JOINT=PROGRAM"
+        )
+
+
+def _require_stepped(task: SweepTask) -> None:
+    """Reject measures that stepped motions do not contain."""
+    mechanism = task.subject.solver.mechanism
+    cut = [name for joint in cut_loops(mechanism, splits=True).cuts for name in joint.coordinates]
+    for measure in task.measures:
+        if measure.kind in FACTS or (measure.quantity is not None and measure.quantity.kind == TRANSMISSION):
+            raise InputError(f"{measure.name} is known by formulas; leave out --method step, or that measure")
+        if (
+            measure.quantity is not None
+            and measure.quantity.kind == "joint"
+            and measure.quantity.subject in cut
+        ):
+            available = [name for joint in mechanism.joints for name in joint.coordinates if name not in cut]
+            raise InputError(
+                f"{measure.name}: MuJoCo's model is cut at {measure.quantity.subject}, and its states do not "
+                f"hold it; "
+                f"stepped motions contain {', '.join(available)}"
+            )
+    _ = task.records
