@@ -154,11 +154,11 @@ def _round(place: Path, drive: Form, film: FilmOptions, look: Look, picture: boo
     The last frame, the first again, is left out.
     """
     # found where it is used: with it comes much that other pictures do without
-    from mechsim.theory.continuation import crank_way, even_motion, trace
+    from mechsim.theory.continuation import crank_path_length, even_motion, trace
 
     curve = trace(drive, starts=0).curves[0]
     per_turn = film.frames_per_turn or 72
-    count = round(per_turn * max(1.0, crank_way(curve) / TURN))
+    count = round(per_turn * max(1.0, crank_path_length(curve) / TURN))
     if not 1 <= count <= MOST_SAMPLES:
         raise InputError(f"{count} frames asked for; give --frames-per-turn 1 to {MOST_SAMPLES}")
     motion = even_motion(curve, count, 1.0)

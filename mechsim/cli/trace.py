@@ -74,7 +74,7 @@ def trace(
     shown = output_units(units, drive)
     over = None if of is None else columns_asked(drive.mechanism, parse_names(of))
     with progress("trace", None, at_least=True) as tick:
-        found = traced(drive, starts=starts, seed=seed, tick=tick)
+        found = traced(drive, starts=starts, seed=seed, progress=tick)
     if place is not None or picture is not None:
         tables = curve_tables(found, samples)
         if picture is not None:
@@ -114,7 +114,12 @@ def _print(found: AssemblyTrace) -> None:
     first = found.curves[0]
     driver = "crank" if first.driver.unit == "rad" else first.driver.coordinate
     rows = [
-        (f"{i + 1}{' (its own)' if i == 0 else ''}", str(curve.found), f"{curve.length:.6g}", *_crank(curve))
+        (
+            f"{i + 1}{' (its own)' if i == 0 else ''}",
+            str(curve.starts_ended),
+            f"{curve.length:.6g}",
+            *_crank(curve),
+        )
         for i, curve in enumerate(found.curves)
     ]
     print_table(title, ("component", "starts", "arc", driver, "dead centres"), rows)
@@ -134,8 +139,8 @@ def _print(found: AssemblyTrace) -> None:
     if turning:
         head = ("component", "coordinate", "is", "at", "arc", f"{driver} at")
         print_table("Where coordinates turn back", head, turning)
-    for meeting in found.meetings:
-        places = ", ".join(f"{i + 1} at arc {arc:.6g}" for i, arc in meeting.places)
+    for meeting in found.branch_points:
+        places = ", ".join(f"{i + 1} at arc {arc:.6g}" for i, arc in meeting.locations)
         angle = _value(meeting.angle, first.driver.unit)
         typer.echo(f"assemblies meet at {driver} {angle}: component {places}")
     for line in found.left_out:

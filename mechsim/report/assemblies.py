@@ -38,10 +38,10 @@ def assembly_table(trace: AssemblyTrace, tables: Sequence[dict[str, Array]]) -> 
     units = dict.fromkeys(tables[0], "m") | {"arc": "", "angle": "rad"}
     units |= {column.name: column.unit for column in first.joints.columns}
     dead = [(i, turn.arc) for i, curve in enumerate(trace.curves) for turn in curve.crank_turns]
-    met = [place for meeting in trace.meetings for place in meeting.places]
+    met = [place for meeting in trace.branch_points for place in meeting.locations]
     marked: list[dict[str, Array]] = []
     for places in (dead, met):
-        rows = [dict(trace.curves[i].at(arc).columns()) for i, arc in places]
+        rows = [dict(trace.curves[i].poses_at(arc).columns()) for i, arc in places]
         names = tables[0] if rows else ()
         marked.append({name: np.concatenate([row[name] for row in rows]) for name in names})
     return AssemblyTable(tables, units, *marked)
@@ -86,7 +86,7 @@ def told(trace: AssemblyTrace) -> dict[str, Any]:
             {
                 "component": i + 1,
                 "own": i == 0,
-                "found": curve.found,
+                "found": curve.starts_ended,
                 "length": curve.length,
                 "turns": curve.turns,
                 "dead_centres": curve.dead_centres,
@@ -106,9 +106,9 @@ def told(trace: AssemblyTrace) -> dict[str, Any]:
         "meetings": [
             {
                 "angle": meeting.angle,
-                "places": [{"component": i + 1, "arc": arc} for i, arc in meeting.places],
+                "places": [{"component": i + 1, "arc": arc} for i, arc in meeting.locations],
             }
-            for meeting in trace.meetings
+            for meeting in trace.branch_points
         ],
         "left_out": list(trace.left_out),
     }

@@ -1,1 +1,1 @@
-"""What the papers say beyond motion: mobility, Assur groups, assembly curves, synthesis, velocity plans."""
+"""Theory of the papers: mobility, Assur groups, assembly curves, synthesis, velocity plans."""

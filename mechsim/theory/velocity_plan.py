@@ -100,17 +100,17 @@ def velocity_plan(
     Source: paper 003, eqs (1)-(8).
     """
     points = drive.positions([angle])
-    at = {name: complex(flat(place)[0]) for name, place in points.items()}
-    at |= {"O1": 0j, "O2": complex(*drive.pivot2), "E": complex(*drive.pivot_rocker)}
+    positions = {name: complex(flat(path)[0]) for name, path in points.items()}
+    positions |= {"O1": 0j, "O2": complex(*drive.pivot2), "E": complex(*drive.pivot_rocker)}
     speed2 = drive.gear_ratio * speed if speed2 is None else speed2
-    one = _plan(at, "crank2", "rod5", ("C", "D"), ("B", "A", "O1"), speed, first)
-    two = _plan(at, "crank1", "rod3", ("B", "A"), ("C", "D", "O2"), speed2, first)
-    velocities = {name: one.velocities[name] + two.velocities[name] for name in "ABCDK"}
-    return VelocityPlan(float(angle), (float(speed), float(speed2)), one, two, velocities)
+    first_plan = _plan(positions, "crank2", "rod5", ("C", "D"), ("B", "A", "O1"), speed, first)
+    second_plan = _plan(positions, "crank1", "rod3", ("B", "A"), ("C", "D", "O2"), speed2, first)
+    velocities = {name: first_plan.velocities[name] + second_plan.velocities[name] for name in "ABCDK"}
+    return VelocityPlan(float(angle), (float(speed), float(speed2)), first_plan, second_plan, velocities)
 
 
 def _plan(
-    at: Mapping[str, complex],
+    positions: Mapping[str, complex],
     stopped: str,
     driver: str,
     driving: tuple[str, str],
@@ -125,18 +125,37 @@ def _plan(
     """
     (p, stand), (q, pin, pivot) = driving, driven
     # the first vector is drawn to one side; should the crank then turn backwards, to the other
-    for sense in (1.0, -1.0):
-        vector = {stand: 0j, p: sense * first * 1j * (at[p] - at[stand]) / abs(at[p] - at[stand])}
+    for direction in (1.0, -1.0):
+        vector = {
+            stand: 0j,
+            p: direction
+            * first
+            * 1j
+            * (positions[p] - positions[stand])
+            / abs(positions[p] - positions[stand]),
+        }
         # V_K = V_C + V_KC with V_KC across KC, and V_K across KE: eq. (1), in eq. (4) from B
-        vector["K"] = _crossing(vector[p], 1j * (at["K"] - at[p]), 1j * (at["K"] - at["E"]), f"K{p}", "KE")
+        vector["K"] = _crossing(
+            vector[p],
+            1j * (positions["K"] - positions[p]),
+            1j * (positions["K"] - positions["E"]),
+            f"K{p}",
+            "KE",
+        )
         # the plan holds a figure similar to the base link
-        vector[q] = vector[p] + (vector["K"] - vector[p]) * (at[q] - at[p]) / (at["K"] - at[p])
+        vector[q] = vector[p] + (vector["K"] - vector[p]) * (positions[q] - positions[p]) / (
+            positions["K"] - positions[p]
+        )
         # V_A = V_B + V_AB with V_AB across AB, and V_A across O1A: eq. (2), in eq. (4) D from C
         vector[pin] = _crossing(
-            vector[q], 1j * (at[pin] - at[q]), 1j * (at[pin] - at[pivot]), f"{pin}{q}", f"{pin}{pivot}"
+            vector[q],
+            1j * (positions[pin] - positions[q]),
+            1j * (positions[pin] - positions[pivot]),
+            f"{pin}{q}",
+            f"{pin}{pivot}",
         )
-        turned = cross(at[pin] - at[pivot], vector[pin])
-        if turned * speed >= 0.0:
+        rotated = cross(positions[pin] - positions[pivot], vector[pin])
+        if rotated * speed >= 0.0:
             break
     if abs(vector[pin]) <= PARALLEL * abs(first):
         raise AssemblyError(
@@ -144,7 +163,7 @@ def _plan(
             f"so p{pin.lower()} is a point; choose another crank angle"
         )
     # eqs (3) and (5)
-    scale = abs(speed) * abs(at[pin] - at[pivot]) / abs(vector[pin])
+    scale = abs(speed) * abs(positions[pin] - positions[pivot]) / abs(vector[pin])
     ends = {name.lower(): np.array([v.real, v.imag]) for name, v in sorted(vector.items())}
     return Plan(stopped, driver, np.zeros(2), ends, LINES[stopped], float(scale))
 

@@ -190,5 +190,5 @@ def test_what_no_row_holds_and_no_driver_moves_stays_at_rest(tmp_path):
 def test_a_shaft_that_two_bearings_hold_has_one_freedom_wherever_it_stands(shaft):
     loops, own = assembled(shaft.mechanism)
     search = CurveSearch(free_loops(replace(loops, driven=()), own), lambda *_: None)
-    search.take(Coordinates(own.values + np.linspace(0.0, 3.0, 7), np.repeat(own.turns, 7, -1)), counted=True)
-    assert search.freedoms.tolist() == [1] * 7
+    search.add(Coordinates(own.values + np.linspace(0.0, 3.0, 7), np.repeat(own.turns, 7, -1)), counted=True)
+    assert search.dofs.tolist() == [1] * 7

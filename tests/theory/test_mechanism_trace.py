@@ -20,12 +20,12 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.theory.continuation import (
-    cells,
-    crank_way,
+    crank_path_length,
     curve_search,
-    endless,
     even_motion,
+    segments,
     trace,
+    unbounded_curves,
 )
 
 TURN = 2.0 * np.pi
@@ -96,9 +96,9 @@ def passing(curve, angle):
         wanted = angle + TURN * round((poses.angle[k] - angle) / TURN)
 
         def ahead(arc, wanted=wanted):
-            return float(curve.at(arc).angle[0]) - wanted
+            return float(curve.poses_at(arc).angle[0]) - wanted
 
-        at = curve.at(root(ahead, poses.arc[k], poses.arc[k + 1]))
+        at = curve.poses_at(root(ahead, poses.arc[k], poses.arc[k + 1]))
         yield {name: place[0] for name, place in at.points.items()}
 
 
@@ -116,21 +116,21 @@ def test_a_crank_that_swings_turns_back_at_the_dead_centres_of_the_closed_form(n
 @pytest.mark.parametrize("name", grid(name for name in FORMS if FORMS[name].change_points()))
 def test_curves_meet_at_the_change_points_of_the_closed_form_and_nowhere_else(name):
     found, known = traced(name), FORMS[name].change_points()
-    angles = [meeting.angle for meeting in found.meetings]
+    angles = [meeting.angle for meeting in found.branch_points]
     assert apart(angles, known).max() <= 1e-8
     assert apart(known, angles).max() <= 1e-8
-    for meeting in found.meetings:
-        assert len(meeting.places) == 2
-        here = [found.curves[i].at(arc).points for i, arc in meeting.places]
+    for meeting in found.branch_points:
+        assert len(meeting.locations) == 2
+        here = [found.curves[i].poses_at(arc).points for i, arc in meeting.locations]
         for point, place in here[0].items():
             assert np.abs(place - here[1][point]).max() <= 1e-8 * FORMS[name].mechanism.size
 
 
 def test_assemblies_that_come_near_each_other_and_do_not_meet_are_said_not_to():
     near = FourBar(ground=0.1, crank=0.05, coupler=0.1 + 1e-5, rocker=0.05)
-    assert trace(replace(near, coupler=0.1), starts=0).meetings
+    assert trace(replace(near, coupler=0.1), starts=0).branch_points
     found = trace(near, starts=2)
-    assert not found.meetings
+    assert not found.branch_points
     # it rounds the place where it would change over, and its crank swings past neither
     for curve in found.curves:
         poses = curve.samples(16)
@@ -164,7 +164,7 @@ def test_a_linkage_folded_flat_has_a_curve_on_which_the_crank_stands_still():
     assert len(swinging.dead_centres) == 2
     assert np.ptp(still.samples(40).angle) <= 1e-12
     assert np.ptp(still.samples(40).joints["rocker.q"]) > 6.0
-    assert [sorted(i for i, _ in meeting.places) for meeting in found.meetings] == [[0, 1], [0, 1]]
+    assert [sorted(i for i, _ in meeting.locations) for meeting in found.branch_points] == [[0, 1], [0, 1]]
 
 
 def test_rockers_turn_back_where_crank_and_coupler_lie_in_line():
@@ -203,26 +203,26 @@ def test_the_ball_of_the_spatial_five_link_stays_on_torus_and_sphere():
 def test_the_same_seed_finds_the_same_and_another_the_same_curves():
     drive = SliderCrank()
     first, again, other = (trace(drive, starts=40, seed=seed) for seed in (4, 4, 5))
-    assert [c.found for c in first.curves] == [c.found for c in again.curves]
+    assert [c.starts_ended for c in first.curves] == [c.starts_ended for c in again.curves]
     assert [c.length for c in first.curves] == [c.length for c in again.curves]
     assert (
         np.abs(np.sort([c.length for c in first.curves]) - np.sort([c.length for c in other.curves])).max()
         <= 1e-9
     )
-    assert first.closed == sum(c.found for c in first.curves)
+    assert first.closed == sum(c.starts_ended for c in first.curves)
 
 
 def test_poses_of_one_curve_are_not_taken_for_those_of_another():
     found = traced("four_bar")
     loops = found.curves[0].loops
     for i, curve in enumerate(found.curves):
-        walked = curve.walked.cells[3]
-        marks = walked.at(walked.marks, np.linspace(walked.low, walked.high, 7))
+        walked = curve.traced.segments[3]
+        marks = walked.evaluate(walked.feature_coefficients, np.linspace(walked.low, walked.high, 7))
         on = [curve_search.lie_on(other, marks).all() for other in found.curves]
         assert on == [k == i for k in range(len(found.curves))]
         astray = marks + 1e-5 * np.eye(marks.shape[1])[0]
         assert not curve_search.lie_on(curve, astray).any()
-    assert loops.marks is found.curves[1].loops.marks
+    assert loops.features is found.curves[1].loops.features
 
 
 def geared(ratio):
@@ -253,13 +253,13 @@ def test_geared_cranks_come_round_after_as_many_turns_as_the_ratio_asks_for(rati
 
 
 def test_a_curve_that_never_comes_round_is_given_up_with_the_reason(monkeypatch):
-    monkeypatch.setattr(cells, "MOST", 60)
+    monkeypatch.setattr(segments, "MAX_SEGMENTS", 60)
     told = []
     with pytest.raises(
-        AssemblyError, match=r"geared: the curve has not come back .* 60 cells, .* whole numbers"
+        AssemblyError, match=r"geared: the curve has not returned .* 60 segments, .* irrational"
     ):
-        trace(geared(np.sqrt(2.0)), starts=0, tick=lambda *said: told.append(said))
-    assert told[-1] == ("component 1, cell 60 of 60 at the most", 1.0)
+        trace(geared(np.sqrt(2.0)), starts=0, progress=lambda *said: told.append(said))
+    assert told[-1] == ("component 1, segment 60 of at most 60", 1.0)
 
 
 def on_a_rail(kind, *, lead=0.0):
@@ -277,9 +277,9 @@ def on_a_rail(kind, *, lead=0.0):
 
 
 def test_a_slide_that_runs_off_is_told_from_a_curve_that_closes_before_it_is_far(monkeypatch):
-    monkeypatch.setattr(endless, "MOST_SIZES", 20)
+    monkeypatch.setattr(unbounded_curves, "MAX_DISPLACEMENT", 20)
     with pytest.raises(
-        AssemblyError, match=r"carriage: .* never closes: rail has gone 20 times .* size of 0"
+        AssemblyError, match=r"carriage: .* is not closed: rail has moved by 20 times .* length 0"
     ):
         trace(on_a_rail("slide"), starts=0)
 
@@ -298,16 +298,16 @@ def test_what_is_held_stays_where_it_is_along_the_whole_curve():
 
 
 def test_a_screw_that_is_wound_for_ever_is_given_up_after_as_many_turns_as_are_stated(monkeypatch):
-    monkeypatch.setattr(endless, "MOST_TURNS", 4)
-    with pytest.raises(AssemblyError, match=r"press: .* never closes: thread\.turn has turned 4 times"):
+    monkeypatch.setattr(unbounded_curves, "MAX_REVOLUTIONS", 4)
+    with pytest.raises(AssemblyError, match=r"press: .* is not closed: thread\.turn has made 4 revolutions"):
         trace(on_a_rail("screw", lead=0.005), starts=0)
 
 
 def test_random_starts_that_are_closed_a_few_at_a_time_find_the_same_curves(monkeypatch):
     whole, told = trace(SliderCrank(), starts=40), []
     monkeypatch.setattr(random_starts, "CHUNK_BYTES", 4000.0)
-    parts = trace(SliderCrank(), starts=40, tick=lambda *said: told.append(said))
-    assert [curve.found for curve in parts.curves] == [curve.found for curve in whole.curves]
+    parts = trace(SliderCrank(), starts=40, progress=lambda *said: told.append(said))
+    assert [curve.starts_ended for curve in parts.curves] == [curve.starts_ended for curve in whole.curves]
     done = [part for said, part in told if said.endswith("of 40 random starts")]
     assert len(done) > 2
     assert done[-1] == 1.0
@@ -352,7 +352,7 @@ def truss():
 
 
 def test_what_cannot_be_traced_is_said_in_one_sentence():
-    with pytest.raises(MobilityError, match=r"truss: the loops leave it no motion.*add a freedom"):
+    with pytest.raises(MobilityError, match=r"truss has no degree of freedom.*add one"):
         trace(truss())
     with pytest.raises(AssemblyError, match=r"four_bar: the loops close at no crank angle"):
         trace(FourBar(ground=0.3, crank=0.05, coupler=0.05, rocker=0.05))
@@ -388,7 +388,7 @@ def test_a_film_of_a_curve_goes_round_at_an_even_pace_and_through_both_assemblie
     assert signs >= {1.0, -1.0}
     assert motion.time[-1] == pytest.approx(3.0)
     swing = np.ptp(curve.dead_centres)
-    assert abs(crank_way(curve) - 2.0 * swing) <= 1e-9
+    assert abs(crank_path_length(curve) - 2.0 * swing) <= 1e-9
 
 
 def test_rates_of_a_film_are_those_of_the_closed_form_at_the_same_crank_speed():

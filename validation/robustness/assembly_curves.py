@@ -100,9 +100,9 @@ def row(name: str, drive: Form) -> Row:
     found = trace(drive)
     turning = sum(len(curve.turning_points) for curve in found.curves)
     seconds = time.process_time() - begun
-    rarest = min(curve.found for curve in found.curves) / found.starts
+    rarest = min(curve.starts_ended for curve in found.curves) / found.starts
     worst = max(gap(drive, curve) for curve in found.curves)
-    return Row(name, len(found.curves), rarest, turning, len(found.meetings), worst, seconds)
+    return Row(name, len(found.curves), rarest, turning, len(found.branch_points), worst, seconds)
 
 
 def flat(count: int, near: bool, seed: int = 11) -> tuple[int, list[str]]:
@@ -119,8 +119,10 @@ def flat(count: int, near: bool, seed: int = 11) -> tuple[int, list[str]]:
         worst = max(gap(drive, curve) for curve in found.curves)
         signs = [np.sign(drive.assembly_sign(curve.samples(73).points)) for curve in found.curves]
         changed = near and any(len(set(sign)) > 1 for sign in signs)
-        if len(found.meetings) != known or not worst <= WRONG or changed or found.left_out:
-            wrong.append(f"{lengths}: {len(found.meetings)} of {known} meetings, {worst:.1e} off, {changed}")
+        if len(found.branch_points) != known or not worst <= WRONG or changed or found.left_out:
+            wrong.append(
+                f"{lengths}: {len(found.branch_points)} of {known} meetings, {worst:.1e} off, {changed}"
+            )
     return count - len(wrong), wrong
 
 

@@ -1,21 +1,21 @@
-"""Arc-length continuation: tracing the curve that a system of equations with one freedom defines.
+"""Arc-length continuation: tracing the solution curve of equations with one degree of freedom.
 
-Dragilev's method, as paper 002 uses it: the unit tangent is the null direction of the Jacobian,
-length along the curve is the independent variable, and so nothing happens where any one coordinate
-turns back. `trace` does so for all assemblies of a mechanism.
+Dragilev's method, as paper 002 uses it: the unit tangent is the null vector of the Jacobian, and arc length
+is the independent variable, so turning points of coordinates are regular. `trace` applies it to all
+assemblies of a mechanism.
 """
 
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve, CurvePoses, TurningPoint
-from mechsim.theory.continuation.filming import crank_way, even_motion
-from mechsim.theory.continuation.mechanism_trace import AssemblyTrace, CurveMeeting, trace
+from mechsim.theory.continuation.curve_motion import crank_path_length, even_motion
+from mechsim.theory.continuation.mechanism_trace import AssemblyTrace, BranchPoint, trace
 
 __all__ = [
     "AssemblyCurve",
     "AssemblyTrace",
-    "CurveMeeting",
+    "BranchPoint",
     "CurvePoses",
     "TurningPoint",
-    "crank_way",
+    "crank_path_length",
     "even_motion",
     "trace",
 ]

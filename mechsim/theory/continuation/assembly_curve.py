@@ -14,20 +14,20 @@ from mechsim.maths.given import numbers
 from mechsim.model.display import short_repr
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.theory.continuation.cells import CLEAR, Walked
 from mechsim.theory.continuation.curve_joints import CurveJoints, JointColumn, posed, read_joints
 from mechsim.theory.continuation.free_loops import FreeLoops
+from mechsim.theory.continuation.segments import MIN_DISTANCE_FROM_BRANCH_POINT, TracedCurve
 
 
 @dataclass(frozen=True, slots=True)
 class TurningPoint:
-    """A place where a coordinate turns back.
+    """A turning point of a coordinate: a maximum or minimum along the curve.
 
     Attributes:
-        coordinate: as its column is called.
-        highest: whether it is highest there, or lowest.
+        coordinate: name of its column.
+        highest: whether it is a maximum; otherwise a minimum.
         value: of the coordinate, in [rad] or [m].
-        arc: where on the curve.
+        arc: position on the curve.
         angle: of the crank in [rad].
     """
 
@@ -44,11 +44,11 @@ class CurvePoses:
 
     Attributes:
         arc: from the start of the curve, (n,).
-        angle: of the crank, not wrapped, (n,) in [rad]; of a slide that drives, its way in [m].
+        angle: of the crank, not wrapped, (n,) in [rad]; of a driving slider its displacement in [m].
         joints: column of a joint's coordinate -> (n,) in [rad] or [m], angles not wrapped.
         poses: moving link -> n poses.
         points: tracked point -> (n, 3) in [m].
-        turning: whether the driver is a crank.
+        driver_rotates: whether the driver is a crank.
     """
 
     arc: Array
@@ -56,37 +56,38 @@ class CurvePoses:
     joints: Mapping[str, Array]
     poses: Mapping[str, Pose]
     points: Mapping[str, Array]
-    turning: bool = True
+    driver_rotates: bool = True
 
     __repr__ = short_repr
 
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield the columns of a table: arc, angle of a crank, J.q ..., P.x ..., in SI."""
         yield "arc", self.arc
-        if self.turning:
+        if self.driver_rotates:
             yield "angle", self.angle
         yield from self.joints.items()
-        for name, places in self.points.items():
-            for axis, column in zip("xyz", places.T, strict=True):
+        for name, positions in self.points.items():
+            for axis, column in zip("xyz", positions.T, strict=True):
                 yield f"{name}.{axis}", column
 
 
 @dataclass(frozen=True)
 class AssemblyCurve:
-    """Every pose that a mechanism reaches by moving on without a jump, round to where it began.
+    """A closed curve of assemblies: every pose that a mechanism reaches by continuous motion.
 
-    Arc is the length of the way: of each link velocity of its origin over the mechanism's size, and angular
-    velocity, squared and summed; of a link that spins idly the velocities of its joints instead.
+    Arc length is the integral of the norm of all links' velocities: of each link the velocity of its origin
+    over the characteristic length, and the angular velocity. For a link with a passive degree of freedom the
+    velocities of its joints are used instead.
 
     Attributes:
-        loops: the equations.
-        walked: the curve as it was walked.
-        found: how many random starts ended on it.
+        loops: loop equations.
+        traced: the curve as segments.
+        starts_ended: number of random starts that ended on it.
     """
 
     loops: FreeLoops
-    walked: Walked
-    found: int = 0
+    traced: TracedCurve
+    starts_ended: int = 0
 
     __repr__ = short_repr
 
@@ -98,17 +99,17 @@ class AssemblyCurve:
     @property
     def length(self) -> float:
         """Arc of the whole curve."""
-        return self.walked.length
+        return self.traced.length
 
     @property
-    def meetings(self) -> tuple[float, ...]:
-        """Arcs at which another curve, or another part of this one, crosses."""
-        return self.walked.meetings
+    def branch_points(self) -> tuple[float, ...]:
+        """Arcs at which another curve, or this one itself, crosses."""
+        return self.traced.branch_points
 
     @cached_property
     def joints(self) -> CurveJoints:
         """The coordinates of the joints as polynomials."""
-        return CurveJoints(self.loops.loops.tree, self.walked)
+        return CurveJoints(self.loops.loops.tree, self.traced)
 
     @cached_property
     def driver(self) -> JointColumn:
@@ -117,67 +118,69 @@ class AssemblyCurve:
 
     @property
     def turns(self) -> int:
-        """Turns of the crank in one round; 0 where it only swings."""
+        """Revolutions of the crank along the whole curve; 0 where it only oscillates."""
         return round(float(self.joints.gains[self._driver]) / TURN)
 
     @cached_property
     def turning_points(self) -> tuple[TurningPoint, ...]:
-        """Where the coordinates of joints turn back, in the order in which they are passed.
+        """Turning points of the joints' coordinates, in the order of arc.
 
         Accuracy: values to rounding, arcs to about 1e-9.
         """
-        found = self.joints.turns()
-        if not found:
+        turns = self.joints.turns()
+        if not turns:
             return ()
-        there = self.at([arc for _, _, arc in found])
-        names = [self.joints.columns[i].name for i, _, _ in found]
+        poses = self.poses_at([arc for _, _, arc in turns])
+        names = [self.joints.columns[i].name for i, _, _ in turns]
         return tuple(
-            TurningPoint(name, highest, float(there.joints[name][k]), arc, float(there.angle[k]))
-            for k, (name, (_, highest, arc)) in enumerate(zip(names, found, strict=True))
+            TurningPoint(name, highest, float(poses.joints[name][k]), arc, float(poses.angle[k]))
+            for k, (name, (_, highest, arc)) in enumerate(zip(names, turns, strict=True))
         )
 
     @property
     def crank_turns(self) -> tuple[TurningPoint, ...]:
-        """Where the crank turns back, in the order in which it does."""
-        return tuple(one for one in self.turning_points if one.coordinate == self.driver.name)
+        """Turning points of the crank, in the order of arc."""
+        return tuple(point for point in self.turning_points if point.coordinate == self.driver.name)
 
     @property
     def dead_centres(self) -> Array:
-        """Crank angles at which the crank turns back, (k,) in [rad], as they are passed."""
-        return np.array([one.value for one in self.crank_turns])
+        """Crank angles of the dead centres, (k,) in [rad], in the order of arc."""
+        return np.array([point.value for point in self.crank_turns])
 
-    def at(self, arc: ArrayLike) -> CurvePoses:
-        """Return the poses at arcs (n,) from 0 to the length, the end told from the start by whole turns.
+    def poses_at(self, arc: ArrayLike) -> CurvePoses:
+        """Return the poses at arcs (n,) from 0 to the length; angles at the end include whole revolutions.
 
-        Accuracy: loops close to rounding; within 2e-3 of where assemblies meet to 1e-11 of the size.
+        Accuracy: loop residuals at rounding level; within 2e-3 of a branch point 1e-11 of the size.
         """
-        asked = np.atleast_1d(numbers(arc))
-        of = np.array([self.walked.place(one) for one in asked.tolist()])
-        tree, parts, order = self.loops.loops.tree, [], []
-        for i in np.unique(of).tolist():
-            cell, some = self.walked.cells[i], np.flatnonzero(of == i)
-            blind = np.zeros(len(some), dtype=np.bool_)
-            for meeting in self.meetings:
-                blind |= np.abs(asked[some] - meeting) < CLEAR
-            here = self.loops.polished(cell.solver, cell.at(cell.rows, asked[some]), blind)
-            near = cell.at(self.joints.tables[i], asked[some])
-            joints = read_joints(tree, here)
-            joints += self.joints.angular * TURN * np.round((near - joints) / TURN)
-            parts.append((joints, here.position, here.rotation))
-            order.append(some)
+        arcs = np.atleast_1d(numbers(arc))
+        indices = np.array([self.traced.segment_index(value) for value in arcs.tolist()])
+        tree, chunks, order = self.loops.loops.tree, [], []
+        for i in np.unique(indices).tolist():
+            segment, rows = self.traced.segments[i], np.flatnonzero(indices == i)
+            singular = np.zeros(len(rows), dtype=np.bool_)
+            for branch_point in self.branch_points:
+                singular |= np.abs(arcs[rows] - branch_point) < MIN_DISTANCE_FROM_BRANCH_POINT
+            placed = self.loops.corrected(
+                segment.solver, segment.evaluate(segment.coefficients, arcs[rows]), singular
+            )
+            interpolated = segment.evaluate(self.joints.tables[i], arcs[rows])
+            joints = read_joints(tree, placed)
+            joints += self.joints.angular * TURN * np.round((interpolated - joints) / TURN)
+            chunks.append((joints, placed.position, placed.rotation))
+            order.append(rows)
         back = np.argsort(np.concatenate(order))
-        joints = np.concatenate([part[0] for part in parts])[back] + self._laps
-        position, rotation = (np.concatenate([part[k] for part in parts], -1)[..., back] for k in (1, 2))
-        return self._record(asked, joints, posed(tree, LinkPoses(position, rotation, np.empty(0))))
+        joints = np.concatenate([chunk[0] for chunk in chunks])[back] + self._revolution_offsets
+        position, rotation = (np.concatenate([chunk[k] for chunk in chunks], -1)[..., back] for k in (1, 2))
+        return self._record(arcs, joints, posed(tree, LinkPoses(position, rotation, np.empty(0))))
 
     def samples(self, count: int) -> CurvePoses:
-        """Return the poses at so many arcs, evenly spaced from the start round to the start."""
-        return self.at(np.linspace(0.0, self.length, count))
+        """Return the poses at `count` arcs, evenly spaced over the closed curve, both ends included."""
+        return self.poses_at(np.linspace(0.0, self.length, count))
 
     def _record(self, arc: Array, joints: Array, poses: Mapping[str, Pose]) -> CurvePoses:
         named = {column.name: joints[:, i] for i, column in enumerate(self.joints.columns)}
-        moving = [(name, place) for name, place in self.mechanism.points.items() if place[0] != GROUND]
-        points = {name: poses[link].point(at) for name, (link, at) in moving}
+        moving = [(name, owner) for name, owner in self.mechanism.points.items() if owner[0] != GROUND]
+        points = {name: poses[link].point(local) for name, (link, local) in moving}
         return CurvePoses(arc, named[self.driver.name], named, poses, points, self.driver.unit == "rad")
 
     @cached_property
@@ -186,18 +189,18 @@ class AssemblyCurve:
         return next(i for i, column in enumerate(columns) if column.coordinate == driver)
 
     @cached_property
-    def _laps(self) -> Array:
-        """Whole turns that put the start of each coordinate into (-pi, pi], the crank about its start.
+    def _revolution_offsets(self) -> Array:
+        """Whole revolutions that wrap the start of each coordinate into (-pi, pi], the crank about its start.
 
-        Coordinates that a coupling joins keep the turns by which it counts them.
+        Coordinates in a coupling keep their multi-turn values.
         """
-        begin, columns = self.joints.rough(0.0), self.joints.columns
-        middle = np.zeros(len(begin))
+        initial, columns = self.joints.interpolated(0.0), self.joints.columns
+        middle = np.zeros(len(initial))
         middle[self._driver] = self.mechanism.start
-        laps = -TURN * np.round((begin - middle) / TURN)
-        tree, first = self.loops.loops.tree, self.walked.cells[0].closed.values[:, 0]
+        offsets = -TURN * np.round((initial - middle) / TURN)
+        tree, first = self.loops.loops.tree, self.traced.segments[0].coordinates.values[:, 0]
         coupled = {name for law in self.mechanism.laws for name in law.coordinates}
         for i, column in enumerate(columns):
             if column.coordinate in coupled:
-                laps[i] = TURN * np.round((first[tree.index_of[column.coordinate]] - begin[i]) / TURN)
-        return laps * self.joints.angular
+                offsets[i] = TURN * np.round((first[tree.index_of[column.coordinate]] - initial[i]) / TURN)
+        return offsets * self.joints.angular

@@ -1,4 +1,4 @@
-"""The loop equations of a mechanism with its crank left free, made ready to walk along what stays open."""
+"""The loop equations of a mechanism with free drivers, and the corrector that follows their solutions."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,141 +12,145 @@ from mechsim.analytic.closure.numerical_rank import significant
 from mechsim.analytic.closure.tree_loops import TreeLoops, orthogonal
 from mechsim.analytic.closure.tree_motion import Coordinates, LinkPoses
 from mechsim.maths.arrays import Array
-from mechsim.theory.continuation.marks import Marks, marks_of, of_all, split
+from mechsim.theory.continuation.pose_features import PoseFeatures, all_rates, pose_features, split_motion
 
-# a residual that is closed, and Newton steps on the way to it
-CLOSED, MOST_STEPS = 1e-12, 8
-# a step, in radians or parts of the size, beyond which the linear model says nothing
-FAR = 0.3
+# residual of a converged pose, and limit on Newton steps
+MAX_RESIDUAL, MAX_STEPS = 1e-12, 8
+# Newton step, in radians or relative to the characteristic length, beyond which the corrector gives up
+MAX_STEP = 0.3
 
 
 @dataclass(frozen=True, slots=True)
-class Closed:
-    """Closed coordinates at n places of a curve.
+class CorrectedNodes:
+    """Corrected nodes of a curve.
 
     Attributes:
-        at: the coordinates.
-        marks: (n, 3 k).
-        rates: of the marks by the solver's own measure of length, (n, 3 k).
-        along: rates of the unknown coordinates in their units, (n, unknowns).
-        length: the solver's measure from where it was made, (n,).
-        least: singular value that vanishes where assemblies meet, (n,).
-        side: sign of the determinant, which changes where two assemblies meet, (n,).
+        coordinates: of the nodes.
+        features: of their poses, (n, 3 k).
+        rates: derivatives of the features by the solver's path parameter, (n, 3 k).
+        tangents: rates of the unknown coordinates in their units, (n, unknowns).
+        length: the solver's path parameter, (n,).
+        singular_values: that vanish at branch points, (n,).
+        determinant_sign: changes at a branch point, (n,).
     """
 
-    at: Coordinates
-    marks: Array
+    coordinates: Coordinates
+    features: Array
     rates: Array
-    along: Array
+    tangents: Array
     length: Array
-    least: Array
-    side: Array
+    singular_values: Array
+    determinant_sign: Array
 
 
 @dataclass(frozen=True)
 class FreeLoops:
-    """A mechanism with one freedom as a curve to walk along.
+    """The equations of a mechanism with one degree of freedom, whose solutions are a curve.
 
     Attributes:
         loops: its equations, no driver prescribed.
-        held: where the coordinates stand that are held, (holds,) in [m] or [rad].
-        rank: how many of them are independent.
-        marks: what tells poses apart.
+        locked_values: of the locked coordinates, (locks,) in [m] or [rad].
+        rank: number of independent equations.
+        features: identify poses.
     """
 
     loops: TreeLoops
-    held: Array
+    locked_values: Array
     rank: int
-    marks: Marks
+    features: PoseFeatures
 
-    def flat(self, at: Coordinates) -> Array:
+    def flat(self, coordinates: Coordinates) -> Array:
         """Return coordinates as rows of numbers, (n, w)."""
-        values = (at.values / self.loops.units[:, None]).T
-        return np.concatenate([values, at.turns.reshape(-1, len(at)).T], 1)
+        values = (coordinates.values / self.loops.units[:, None]).T
+        return np.concatenate([values, coordinates.turns.reshape(-1, len(coordinates)).T], 1)
 
     def unflat(self, rows: Array) -> Coordinates:
-        """Return coordinates from rows of numbers nearly right, those that are held to the last bit.
+        """Return coordinates from approximate rows of numbers, with the exact values of locked coordinates.
 
-        No row of the loops would bring these back from what polynomials of one cell foretell for the next.
+        Extrapolation changes locked coordinates by rounding, and no equation would correct them.
         """
         k = self.loops.tree.count
         values = rows[:, :k].T * self.loops.units[:, None]
-        values[[*self.loops.driven]] = self.held[:, None]
+        values[[*self.loops.driven]] = self.locked_values[:, None]
         turns = np.ascontiguousarray(rows[:, k:].T).reshape(-1, 3, 3, len(rows))
         if len(turns):
-            turns = np.stack([orthogonal(orthogonal(turn)) for turn in turns])
+            turns = np.stack([orthogonal(orthogonal(matrix)) for matrix in turns])
         return Coordinates(values, turns)
 
-    def solver(self, at: Coordinates, along: Array | None) -> LoopSolver:
-        """Return a solver about one set of coordinates: its first gauge leads along the curve."""
+    def solver(self, coordinates: Coordinates, direction: Array | None) -> LoopSolver:
+        """Return a solver about one set of coordinates; its first null-space vector is the tangent."""
         from scipy.linalg import qr
 
-        _, slope, here = self.loops.linearise(at)
-        slope = slope[:, self.loops.unknown]
-        ahead, idle = split(self.loops, here, np.linalg.svd(slope[..., 0])[2][self.rank :])
-        if along is not None and ahead @ along < 0.0:
-            ahead = -ahead
+        _, jacobian, poses = self.loops.linearise(coordinates)
+        jacobian = jacobian[:, self.loops.unknown]
+        tangent, idle = split_motion(self.loops, poses, np.linalg.svd(jacobian[..., 0])[2][self.rank :])
+        if direction is not None and tangent @ direction < 0.0:
+            tangent = -tangent
         rows = np.zeros(0, dtype=np.intp)
         if self.rank:
-            pivoted: Any = qr(slope[..., 0].T, mode="economic", pivoting=True)
+            pivoted: Any = qr(jacobian[..., 0].T, mode="economic", pivoting=True)
             rows = np.sort(pivoted[2][: self.rank])
-        return LoopSolver(self.loops, rows, np.vstack([ahead, idle]), at)
+        return LoopSolver(self.loops, rows, np.vstack([tangent, idle]), coordinates)
 
-    def close(self, solver: LoopSolver, guess: Coordinates) -> Closed | None:
-        """Return coordinates closed from a guess across the curve; None where Newton's method fails."""
-        at, found = guess, solver.linearise(guess)
-        length, before = found.rhs[:, self.rank].copy(), np.inf
-        for _ in range(MOST_STEPS):
-            right = found.rhs.copy()
+    def close(self, solver: LoopSolver, guess: Coordinates) -> CorrectedNodes | None:
+        """Return a guess corrected perpendicular to the curve; None where Newton's method fails."""
+        coordinates, system = guess, solver.linearise(guess)
+        length, before = system.rhs[:, self.rank].copy(), np.inf
+        for _ in range(MAX_STEPS):
+            right = system.rhs.copy()
             right[:, self.rank] -= length
             worst = float(np.abs(right).max())
             if worst <= 1e-15 or (worst < 1e-13 and worst > 0.1 * before):
                 break
             before = worst
             try:
-                step = solver.step(found.matrix, right)
+                step = solver.step(system.matrix, right)
             except np.linalg.LinAlgError:
                 return None
-            if not np.abs(step).max() < FAR:
+            if not np.abs(step).max() < MAX_STEP:
                 return None
-            at = self.loops.displaced(at, step)
-            found = solver.linearise(at)
-        if not np.abs(found.residual).max(initial=0.0) < CLOSED:
+            coordinates = self.loops.displaced(coordinates, step)
+            system = solver.linearise(coordinates)
+        if not np.abs(system.residual).max(initial=0.0) < MAX_RESIDUAL:
             return None
-        ahead = np.zeros(found.matrix.shape[1])
+        ahead = np.zeros(system.matrix.shape[1])
         ahead[self.rank] = 1.0
         try:
-            right = np.broadcast_to(ahead[:, None], (len(at), len(ahead), 1))
-            along = np.linalg.solve(found.matrix, right)[..., 0].astype(np.float64, copy=False)
+            right = np.broadcast_to(ahead[:, None], (len(coordinates), len(ahead), 1))
+            along = np.linalg.solve(system.matrix, right)[..., 0].astype(np.float64, copy=False)
         except np.linalg.LinAlgError:
             return None
-        rates = self.marks.rates(found.poses, of_all(self.loops, along))
-        least = self.least(found.jacobian)
-        side = np.linalg.slogdet(found.matrix)[0]
-        return Closed(at, self.marks.at(found.poses), rates, along, length, least, side)
+        rates = self.features.rates(system.poses, all_rates(self.loops, along))
+        least = self.singular_value(system.jacobian)
+        side = np.linalg.slogdet(system.matrix)[0]
+        return CorrectedNodes(
+            coordinates, self.features.values(system.poses), rates, along, length, least, side
+        )
 
-    def least(self, slope: Array) -> Array:
-        """Return the singular value of slopes (rows, count, n) that vanishes where assemblies meet, (n,)."""
+    def singular_value(self, jacobian: Array) -> Array:
+        """Return the singular value of Jacobians (rows, count, n) that vanishes at branch points, (n,)."""
         if not self.rank:
-            return np.ones(slope.shape[2])
-        by_unknowns = slope[:, self.loops.unknown].transpose(2, 0, 1)
+            return np.ones(jacobian.shape[2])
+        by_unknowns = jacobian[:, self.loops.unknown].transpose(2, 0, 1)
         values = np.linalg.svd(by_unknowns, compute_uv=False)[:, self.rank - 1]
         return values.astype(np.float64, copy=False)
 
-    def polished(self, solver: LoopSolver, rows: Array, blind: NDArray[np.bool_]) -> LinkPoses:
-        """Return poses closed to rounding from rows that nearly are; blind ones stay as they are."""
-        at = self.unflat(rows)
-        found = solver.linearise(at)
+    def corrected(self, solver: LoopSolver, rows: Array, singular: NDArray[np.bool_]) -> LinkPoses:
+        """Return the poses of approximate rows corrected to rounding level; singular ones stay unchanged."""
+        coordinates = self.unflat(rows)
+        system = solver.linearise(coordinates)
         for _ in range(2):
-            right = np.where(blind[:, None], 0.0, found.rhs)
+            right = np.where(singular[:, None], 0.0, system.rhs)
             right[:, self.rank :] = 0.0
-            matrix = np.where(blind[:, None, None], np.eye(found.matrix.shape[1]), found.matrix)
-            at = self.loops.displaced(at, solver.step(matrix, right))
-            found = solver.linearise(at)
-        return found.poses
+            matrix = np.where(singular[:, None, None], np.eye(system.matrix.shape[1]), system.matrix)
+            coordinates = self.loops.displaced(coordinates, solver.step(matrix, right))
+            system = solver.linearise(coordinates)
+        return system.poses
 
-    def meeting(self, rows: Callable[[Array], Array], low: float, high: float) -> tuple[float, float, float]:
-        """Return where between two arcs assemblies are nearest to meeting.
+    def nearest_singularity(
+        self, rows: Callable[[Array], Array], low: float, high: float
+    ) -> tuple[float, float, float]:
+        """Return the pose nearest to a branch point between two arcs.
 
         Args:
             rows: arc (n,) -> flattened coordinates.
@@ -154,32 +158,35 @@ class FreeLoops:
             high: arc at the other.
 
         Returns:
-            The arc, the singular value that vanishes where they meet, and how far the loops stand open
-            there in the direction in which they then cannot be closed.
+            The arc, the singular value that vanishes at a branch point, and the residual along its left
+            singular vector.
         """
         best = 0.5 * (low + high)
-        left, right = low, high
+        lower, upper = low, high
         for _ in range(11):
-            arcs = np.linspace(left, right, 25)
-            slope = self.loops.linearise(self.unflat(rows(arcs)))[1]
-            i = int(np.argmin(self.least(slope)))
+            arcs = np.linspace(lower, upper, 25)
+            jacobian = self.loops.linearise(self.unflat(rows(arcs)))[1]
+            i = int(np.argmin(self.singular_value(jacobian)))
             best = float(arcs[i])
-            left, right = float(arcs[max(i - 2, 0)]), float(arcs[min(i + 2, 24)])
-        residual, slope, _ = self.loops.linearise(self.unflat(rows(np.array([best]))))
-        u, values, _ = np.linalg.svd(slope[:, self.loops.unknown, 0])
+            lower, upper = float(arcs[max(i - 2, 0)]), float(arcs[min(i + 2, 24)])
+        residual, jacobian, _ = self.loops.linearise(self.unflat(rows(np.array([best]))))
+        u, values, _ = np.linalg.svd(jacobian[:, self.loops.unknown, 0])
         return best, float(values[self.rank - 1]), float(abs(u[:, self.rank - 1] @ residual[:, 0]))
 
 
-def free_loops(loops: TreeLoops, at: Coordinates) -> FreeLoops:
-    """Return loops whose drivers are free, about one set of closed coordinates, ready to walk along.
+def free_loops(loops: TreeLoops, coordinates: Coordinates) -> FreeLoops:
+    """Return the equations with free drivers about one set of closed coordinates.
 
     Raises:
-        MobilityError: where not exactly one freedom is open there, beside idle ones.
+        MobilityError: unless exactly one degree of freedom besides passive ones is undetermined there.
     """
-    _, slope, here = loops.linearise(at)
-    _, values, right = np.linalg.svd(slope[:, loops.unknown, 0])
+    _, jacobian, poses = loops.linearise(coordinates)
+    _, values, right = np.linalg.svd(jacobian[:, loops.unknown, 0])
     rank = int(significant(values).sum())
-    _, idle = split(loops, here, right[rank:])
+    _, idle = split_motion(loops, poses, right[rank:])
     return FreeLoops(
-        loops, at.values[[*loops.driven], 0], rank, marks_of(loops.tree, here, of_all(loops, idle))
+        loops,
+        coordinates.values[[*loops.driven], 0],
+        rank,
+        pose_features(loops.tree, poses, all_rates(loops, idle)),
     )

@@ -1,4 +1,4 @@
-"""All curves of assemblies of a mechanism with one freedom, from its own pose and from random starts."""
+"""All curves of assemblies of a mechanism with one degree of freedom, from its guess and random starts."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -19,21 +19,21 @@ from mechsim.theory.continuation.assembly_curve import AssemblyCurve
 from mechsim.theory.continuation.curve_search import ON_CURVE, CurveSearch
 from mechsim.theory.continuation.free_loops import FreeLoops, free_loops
 
-# how many random starts are taken, and which
-STARTS, SEED, MOST_STARTS = 300, 1, 100_000
+# default number of random starts, default seed, and limit on the number
+STARTS, SEED, MAX_STARTS = 300, 1, 100_000
 
 
 @dataclass(frozen=True, slots=True)
-class CurveMeeting:
-    """A pose at which curves of assemblies meet: from there the mechanism could go on along either.
+class BranchPoint:
+    """A pose at which curves of assemblies cross: from it the mechanism can continue along either.
 
     Attributes:
-        angle: of the crank in [rad], as the first of the curves counts it.
-        places: index of each curve that passes it and its arc there; a curve may pass twice.
+        angle: of the crank in [rad], on the first of the curves.
+        locations: index of each curve that passes it, and its arc there; a curve may pass twice.
     """
 
     angle: float
-    places: tuple[tuple[int, float], ...]
+    locations: tuple[tuple[int, float], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,17 +42,17 @@ class AssemblyTrace:
 
     Attributes:
         mechanism: what was traced.
-        curves: the first is the mechanism's own; the others by how many starts ended on them.
-        meetings: where they cross each other or themselves.
-        starts: how many random starts there were.
-        closed: how many of them ended in an assembly.
+        curves: the first contains the mechanism's guess; the others by number of starts that ended on them.
+        branch_points: where they cross each other or themselves.
+        starts: number of random starts.
+        closed: number of starts that converged to an assembly.
         seed: of the random numbers.
-        left_out: what was found and not traced, and why; one sentence each.
+        left_out: assemblies that were not traced, and the reason; one sentence each.
     """
 
     mechanism: Mechanism
     curves: tuple[AssemblyCurve, ...]
-    meetings: tuple[CurveMeeting, ...]
+    branch_points: tuple[BranchPoint, ...]
     starts: int
     closed: int
     seed: int
@@ -61,7 +61,7 @@ class AssemblyTrace:
     __repr__ = short_repr
 
 
-def _silent(done: str, part: float) -> None:
+def _silent(message: str, fraction: float) -> None:
     pass
 
 
@@ -70,82 +70,89 @@ def trace(
     *,
     starts: int = STARTS,
     seed: int = SEED,
-    tick: Callable[[str, float], None] = _silent,
+    progress: Callable[[str, float], None] = _silent,
 ) -> AssemblyTrace:
-    """Trace every assembly of a mechanism with one freedom, through the turning points of all coordinates.
+    """Trace every assembly of a mechanism with one degree of freedom, through all turning points.
 
-    Assemblies form closed curves: where the crank turns fully, a curve is one assembly over one turn (or
-    as many as it takes until gears repeat); where it only swings, a curve holds both assemblies between
-    its dead centres. The first curve goes through the mechanism's own guess; the others are found from
-    random starts, and from the places where curves meet. A curve on which a part p of the starts ends is
-    missed with probability (1 - p) to the power of the starts.
+    Assemblies form closed curves. If the crank rotates fully, a curve is one assembly over one revolution, or
+    over as many as the gears need to repeat. If it only oscillates, a curve contains both assemblies between
+    its dead centres. The first curve contains the mechanism's guess; the others are found from random starts
+    and from branch points. A curve on which a fraction p of the starts ends is missed with probability
+    (1 - p) to the power of the number of starts.
 
     Args:
-        model: a mechanism, or a form that has one.
-        starts: how many random starts; 0 traces the mechanism's own curve and what meets it.
+        model: a mechanism, or a solver that has one.
+        starts: number of random starts; 0 traces the curve of the guess and those connected to it.
         seed: of the random numbers: the same seed finds the same curves.
-        tick: is told what is being done, and which part of that is done at the least.
+        progress: called with a description of the work and the fraction done, at least.
 
     Raises:
-        InputError: for starts or a seed that are no whole numbers in range.
-        AssemblyError: if the loops do not close at the guess, or its curve does not: where it runs off by a
-            slide, winds up a screw, or is longer than 3,000 cells.
-        MobilityError: unless exactly one freedom is open, beside idle ones.
+        InputError: unless starts and seed are whole numbers in range.
+        AssemblyError: if the loops do not close at the guess, or its curve does not close: a slider or screw
+            is unbounded, or the curve is longer than 3,000 segments.
+        MobilityError: unless exactly one degree of freedom besides passive ones is undetermined.
 
     Source: arc-length continuation (Dragilev's method) as paper 002 uses it; here by predicted polynomials.
     """
-    for name, value, most in (("starts", starts, MOST_STARTS), ("the seed", seed, 2**32)):
+    for name, value, most in (("starts", starts, MAX_STARTS), ("the seed", seed, 2**32)):
         if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:  # pyright: ignore[reportUnnecessaryIsInstance]
             raise InputError(f"{name} of a trace: {value!r}; give a whole number from 0 to {most}")
     mechanism = described(model)
     loops, own = assembled(mechanism)
     require_determined(loop_solver(loops, own))
-    # holds stay, drivers are let go
+    # locked coordinates stay locked, drivers become free
     loops = replace(loops, driven=loops.driven[len(mechanism.drivers) :])
-    free, begin = _ready(loops, own)
-    search = CurveSearch(free, tick)
-    search.take(begin, counted=False)
-    search.walk(0)
-    search.beside(0)
+    free, initial = _starting_point(loops, own)
+    search = CurveSearch(free, progress)
+    search.add(initial, counted=False)
+    search.trace(0)
+    search.add_branches(0)
     closed = 0
-    for done, some in random_poses(loops, own, starts, seed):
-        search.take(some, counted=True)
-        closed += len(some)
-        tick(f"{done} of {starts} random starts", done / starts)
-    search.walk_all()
+    for finished, poses in random_poses(loops, own, starts, seed):
+        search.add(poses, counted=True)
+        closed += len(poses)
+        progress(f"{finished} of {starts} random starts", finished / starts)
+    search.trace_all()
     counts = search.counts()
     order = [0, *sorted(range(1, len(counts)), key=lambda i: -counts[i])]
-    curves = tuple(replace(search.curves[i], found=counts[i]) for i in order)
-    return AssemblyTrace(mechanism, curves, _met(curves), starts, closed, seed, tuple(search.left_out()))
+    curves = tuple(replace(search.curves[i], starts_ended=counts[i]) for i in order)
+    return AssemblyTrace(
+        mechanism, curves, _merged_branch_points(curves), starts, closed, seed, tuple(search.left_out())
+    )
 
 
-def _ready(loops: TreeLoops, own: Coordinates) -> tuple[FreeLoops, Coordinates]:
-    """Return the loops ready to walk along, and where to begin: beside the guess if assemblies meet there."""
+def _starting_point(loops: TreeLoops, own: Coordinates) -> tuple[FreeLoops, Coordinates]:
+    """Return the equations and a start for tracing: near the guess if that is a branch point."""
     try:
         return free_loops(loops, own), own
     except MobilityError:
-        near = poses_around_branch_point(loops, own)
-        for i in range(len(near)):
-            one = select(near, np.array([i]))
+        neighbours = poses_around_branch_point(loops, own)
+        for i in range(len(neighbours)):
+            neighbour = select(neighbours, np.array([i]))
             try:
-                return free_loops(loops, one), one
+                return free_loops(loops, neighbour), neighbour
             except MobilityError:
                 continue
         raise
 
 
-def _met(curves: tuple[AssemblyCurve, ...]) -> tuple[CurveMeeting, ...]:
-    """Return the places where curves meet."""
-    marks: list[Array] = []
-    places: list[list[tuple[int, float]]] = []
+def _merged_branch_points(curves: tuple[AssemblyCurve, ...]) -> tuple[BranchPoint, ...]:
+    """Return the branch points of all curves, each listed once."""
+    features: list[Array] = []
+    locations: list[list[tuple[int, float]]] = []
     for i, curve in enumerate(curves):
-        for arc in curve.meetings:
-            cell = curve.walked.cells[curve.walked.place(arc)]
-            here = cell.at(cell.marks, np.array([arc]))[0]
-            known = next((k for k, one in enumerate(marks) if np.abs(one - here).max() < ON_CURVE), None)
-            if known is None:
-                marks.append(here)
-                places.append([(i, arc)])
+        for arc in curve.branch_points:
+            segment = curve.traced.segments[curve.traced.segment_index(arc)]
+            values = segment.evaluate(segment.feature_coefficients, np.array([arc]))[0]
+            index = next(
+                (k for k, other in enumerate(features) if np.abs(other - values).max() < ON_CURVE), None
+            )
+            if index is None:
+                features.append(values)
+                locations.append([(i, arc)])
             else:
-                places[known].append((i, arc))
-    return tuple(CurveMeeting(float(curves[of[0][0]].at(of[0][1]).angle[0]), tuple(of)) for of in places)
+                locations[index].append((i, arc))
+    return tuple(
+        BranchPoint(float(curves[passages[0][0]].poses_at(passages[0][1]).angle[0]), tuple(passages))
+        for passages in locations
+    )

@@ -2,7 +2,7 @@
 
 from mechsim.theory.structure.assur import AssurGroup, Decomposition, assur_groups
 from mechsim.theory.structure.mobility_count import Mobility, mobility
-from mechsim.theory.structure.passive_freedoms import FreeMotion
+from mechsim.theory.structure.passive_dofs import FreeMotion
 from mechsim.theory.structure.planar import plane_normal
 
 __all__ = [

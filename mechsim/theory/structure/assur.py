@@ -119,10 +119,10 @@ def _group(links: tuple[str, ...], equations: set[Equation], units: set[Unit]) -
     contours: nx.Graph[str | int] = nx.Graph()
     elements = dict.fromkeys(links, 0)
     outer = 0
-    for pair, held, row in equations:
+    for pair, equation_links, row in equations:
         if row:
             continue
-        own = [link for link in held if link in elements]
+        own = [link for link in equation_links if link in elements]
         for link in own:
             elements[link] += 1
         if Unit(pair, 0) in units or len(own) == 2:

@@ -16,34 +16,34 @@ def inputs(
     Raises:
         InputError: for an unknown link, or one that cannot drive.
     """
-    wanted = () if driver is None else (driver,) if isinstance(driver, str) else tuple(driver)
+    requested = () if driver is None else (driver,) if isinstance(driver, str) else tuple(driver)
     stopped = tuple(stopped)
-    _require_links(mechanism, (*wanted, *stopped))
-    one = rigid(mechanism)
-    wanted, stopped, driven = (
-        tuple(dict.fromkeys(one[link] for link in links if one[link] != GROUND))
-        for links in (wanted, stopped, driven_links(mechanism))
+    _require_links(mechanism, (*requested, *stopped))
+    body = rigid(mechanism)
+    requested, stopped, driven = (
+        tuple(dict.fromkeys(body[link] for link in links if body[link] != GROUND))
+        for links in (requested, stopped, driven_links(mechanism))
     )
-    if not wanted:
+    if not requested:
         return tuple(link for link in driven if link not in stopped), stopped
-    for link in wanted:
+    for link in requested:
         if link in stopped:
             raise InputError(f"{mechanism.name}: link {link!r} cannot both drive and stand still; choose one")
-        met = neighbours(pairs, link)
-        if not met & {GROUND, *stopped, *wanted}:
-            stopped += _to_stop(mechanism, link, [other for other in driven if other in met])
-    freedoms = planar_freedoms(mechanism, pairs, stopped)
-    if freedoms < len(wanted):
+        neighbour_links = neighbours(pairs, link)
+        if not neighbour_links & {GROUND, *stopped, *requested}:
+            stopped += _to_stop(mechanism, link, [other for other in driven if other in neighbour_links])
+    dofs = planar_dofs(mechanism, pairs, stopped)
+    if dofs < len(requested):
         still = f" with {', '.join(stopped)} stopped" if stopped else ""
         raise InputError(
-            f"{mechanism.name}: {', '.join(wanted)} cannot drive{still}, which leaves W = {freedoms}; "
+            f"{mechanism.name}: {', '.join(requested)} cannot drive{still}, which leaves W = {dofs}; "
             f"links on the frame that can: {', '.join(_on_frame(mechanism, pairs))}"
         )
-    if len(wanted) > 1:
-        return wanted, stopped
+    if len(requested) > 1:
+        return requested, stopped
     # the crank yields first: the new driver stands in its place
-    rest = [link for link in driven[1:] + driven[:1] if link not in (*wanted, *stopped)]
-    return (*wanted, *rest[: freedoms - 1]), stopped
+    rest = [link for link in driven[1:] + driven[:1] if link not in (*requested, *stopped)]
+    return (*requested, *rest[: dofs - 1]), stopped
 
 
 def driven_links(mechanism: Mechanism) -> tuple[str, ...]:
@@ -56,8 +56,8 @@ def driven_links(mechanism: Mechanism) -> tuple[str, ...]:
     while more := [
         name
         for gear in mechanism.gears
-        for known, name in ((gear.driver, gear.driven), (gear.driven, gear.driver))
-        if known in names and name not in names
+        for source, name in ((gear.driver, gear.driven), (gear.driven, gear.driver))
+        if source in names and name not in names
     ]:
         names.append(more[0])
     waiting = [mechanism.joint(name) for name in names]
@@ -80,14 +80,14 @@ def neighbours(pairs: Iterable[Pairs], link: str) -> set[str]:
     return {other for pair in pairs if link in pair.links for other in pair.links} - {link}
 
 
-def planar_freedoms(mechanism: Mechanism, pairs: Iterable[Pairs], stopped: Sequence[str]) -> int:
+def planar_dofs(mechanism: Mechanism, pairs: Iterable[Pairs], stopped: Sequence[str]) -> int:
     """Return W = 3n - 2p of the lower pairs alone, stopped links counted as frame."""
-    known = {GROUND, *stopped}
-    freedoms = 3 * (len({*rigid(mechanism).values()}) - 1 - len(stopped))
+    fixed = {GROUND, *stopped}
+    dofs = 3 * (len({*rigid(mechanism).values()}) - 1 - len(stopped))
     for pair in pairs:
-        unknown = sum(link not in known for link in pair.links)
-        freedoms -= 2 * (unknown - (unknown == len(pair.links)))
-    return freedoms
+        unknown = sum(link not in fixed for link in pair.links)
+        dofs -= 2 * (unknown - (unknown == len(pair.links)))
+    return dofs
 
 
 def _to_stop(mechanism: Mechanism, link: str, cranks: list[str]) -> tuple[str]:
@@ -101,12 +101,12 @@ def _to_stop(mechanism: Mechanism, link: str, cranks: list[str]) -> tuple[str]:
 
 
 def _on_frame(mechanism: Mechanism, pairs: Sequence[Pairs]) -> list[str]:
-    met = neighbours(pairs, GROUND)
-    return [link.name for link in mechanism.links if link.name in met]
+    neighbour_links = neighbours(pairs, GROUND)
+    return [link.name for link in mechanism.links if link.name in neighbour_links]
 
 
 def _require_links(mechanism: Mechanism, names: Iterable[str]) -> None:
-    known = [link.name for link in mechanism.links]
+    links = [link.name for link in mechanism.links]
     for name in names:
-        if name not in known:
-            raise InputError(f"{mechanism.name} has no moving link {name!r}; known are {', '.join(known)}")
+        if name not in links:
+            raise InputError(f"{mechanism.name} has no moving link {name!r}; known are {', '.join(links)}")

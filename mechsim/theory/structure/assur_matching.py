@@ -43,8 +43,8 @@ def _system(pairs: Sequence[Pairs], unknown: Sequence[str]) -> "nx.Graph[Unit | 
         pin = [Unit(number, i) for i in range(2)] if pair.hinge and loose == pair.links else []
         for links in [(link,) for link in loose] if pair.hinge else [loose] * bool(loose):
             for row in range(2):
-                held = [Unit(link, i) for link in links for i in range(3)] + pin
-                graph.add_edges_from((Equation(number, links, row), unit) for unit in held)
+                units = [Unit(link, i) for link in links for i in range(3)] + pin
+                graph.add_edges_from((Equation(number, links, row), unit) for unit in units)
     return graph
 
 
@@ -62,14 +62,14 @@ def blocks(
     for equation in needs:
         needs.add_edges_from((match[unit], equation) for unit in graph[equation] if unit in match)
     _require_matched(mechanism, graph, match, needs)
-    parts = nx.condensation(needs)
-    members: list[set[Equation]] = [parts.nodes[part]["members"] for part in parts]
-    blocks = [(held, {match[equation] for equation in held}) for held in members]
+    components = nx.condensation(needs)
+    members: list[set[Equation]] = [components.nodes[component]["members"] for component in components]
+    blocks = [(equation_set, {match[equation] for equation in equation_set}) for equation_set in members]
 
     def first_link(block: int) -> int:
         return min((unknown.index(u.name) for u in blocks[block][1] if isinstance(u.name, str)), default=-1)
 
-    return [blocks[i] for i in nx.lexicographical_topological_sort(parts, key=first_link)]
+    return [blocks[i] for i in nx.lexicographical_topological_sort(components, key=first_link)]
 
 
 def _require_matched(mechanism: Mechanism, graph: Any, match: Any, needs: Any) -> None:
@@ -87,10 +87,10 @@ def _require_matched(mechanism: Mechanism, graph: Any, match: Any, needs: Any) -
             f"{_listed(mechanism, links)}; drive one link more for each"
         )
     if excess:
-        held = {match[unit] for e in excess for unit in graph[e]}
-        held |= {f for e in held for f in nx.ancestors(needs, e)}
+        matched = {match[unit] for e in excess for unit in graph[e]}
+        matched |= {f for e in matched for f in nx.ancestors(needs, e)}
         raise InputError(
-            f"{mechanism.name}: {_listed(mechanism, {match[e].name for e in held})} cannot move freely: "
+            f"{mechanism.name}: {_listed(mechanism, {match[e].name for e in matched})} cannot move freely: "
             f"with the drivers given, {len(excess)} more condition{'s' * (len(excess) > 1)} than freedoms; "
             "leave out a link that repeats another, or drive fewer"
         )

@@ -8,7 +8,7 @@ from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.theory.structure.passive_freedoms import FreeMotion, free_motions
+from mechsim.theory.structure.passive_dofs import FreeMotion, free_motions
 from mechsim.theory.structure.planar import plane_normal
 
 # how far the crank is turned to either side, in [rad], to tell a special pose from the rule: far
@@ -45,7 +45,7 @@ class Mobility:
     @property
     def somov_malyshev(self) -> int:
         """W = 6n - 5 p5 - 4 p4 - 3 p3 - gears, the count in space. Paper 000, section on mobility."""
-        return 6 * self.links - sum(taken * count for taken, count in self.joints) - self.gears
+        return 6 * self.links - sum(constraints * count for constraints, count in self.joints) - self.gears
 
     @property
     def grubler(self) -> int | None:
@@ -55,7 +55,9 @@ class Mobility:
         """
         if not self.planar:
             return None
-        return 3 * self.links - sum((taken - 3) * count for taken, count in self.joints) - self.gears
+        return (
+            3 * self.links - sum((constraints - 3) * count for constraints, count in self.joints) - self.gears
+        )
 
     @property
     def idle(self) -> tuple[FreeMotion, ...]:
@@ -70,14 +72,16 @@ class Mobility:
     def lines(self) -> list[str]:
         """Return the mobility in words, the result first, then each count, then what explains it."""
         gears = f" - {self.gears}" if self.gears else ""
-        taken = "".join(f" - {taken}*{count}" for taken, count in self.joints)
+        constraints = "".join(f" - {constraints}*{count}" for constraints, count in self.joints)
         lines = [
             f"mobility W = {self.actual} by the rank of the loop Jacobian",
-            f"Somov-Malyshev (space): W = 6*{self.links}{taken}{gears} = {self.somov_malyshev}",
+            f"Somov-Malyshev (space): W = 6*{self.links}{constraints}{gears} = {self.somov_malyshev}",
         ]
         if self.grubler is not None:
-            taken = "".join(f" - {taken - 3}*{count}" for taken, count in self.joints if taken > 3)
-            lines.append(f"Grübler (plane): W = 3*{self.links}{taken}{gears} = {self.grubler}")
+            constraints = "".join(
+                f" - {constraints - 3}*{count}" for constraints, count in self.joints if constraints > 3
+            )
+            lines.append(f"Grübler (plane): W = 3*{self.links}{constraints}{gears} = {self.grubler}")
         return lines + self._explanation()
 
     def _explanation(self) -> list[str]:
@@ -127,11 +131,11 @@ def mobility(mechanism: Mechanism) -> Mobility:
     ranked: list[tuple[Freedom, dict[str, Pose]]] = [(freedom(mechanism, poses), poses) for poses in stands]
     best, poses = max(ranked, key=lambda item: item[0].rank)
     crank_moves = best.mobility > best.passive
-    taken = Counter(6 - KINDS[joint.kind].freedoms for joint in mechanism.joints)
+    constraints = Counter(6 - KINDS[joint.kind].freedoms for joint in mechanism.joints)
     return Mobility(
         actual=best.mobility,
         links=len(mechanism.links),
-        joints=tuple(sorted(taken.items(), reverse=True)),
+        joints=tuple(sorted(constraints.items(), reverse=True)),
         gears=len(mechanism.laws),
         planar=plane_normal(mechanism) is not None,
         redundant=best.redundant,

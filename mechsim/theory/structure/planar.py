@@ -45,21 +45,21 @@ def planar_pairs(mechanism: Mechanism) -> list[Pairs]:
     """
     import networkx as nx
 
-    one = rigid(mechanism)
+    body = rigid(mechanism)
 
     hinges = [joint for joint in mechanism.joints if KINDS[joint.kind].hinge]
     pins: nx.Graph[str] = nx.Graph()
     pins.add_nodes_from(joint.name for joint in hinges)
-    near = PARALLEL * mechanism.size
-    pins.add_edges_from((a.name, b.name) for a, b in combinations(hinges, 2) if _on_one_pin(a, b, near))
+    tolerance = PARALLEL * mechanism.size
+    pins.add_edges_from((a.name, b.name) for a, b in combinations(hinges, 2) if _on_one_pin(a, b, tolerance))
 
     order = [link.name for link in mechanism.links]
     pairs: list[Pairs] = []
     for pin in nx.connected_components(pins):
-        met = {one[end.link] for name in pin for end in (mechanism.joint(name).a, mechanism.joint(name).b)}
-        pairs.append(Pairs(tuple(sorted(met, key=[GROUND, *order].index)), True))
+        links = {body[end.link] for name in pin for end in (mechanism.joint(name).a, mechanism.joint(name).b)}
+        pairs.append(Pairs(tuple(sorted(links, key=[GROUND, *order].index)), True))
     slides = (joint for joint in mechanism.joints if KINDS[joint.kind].slides and not KINDS[joint.kind].turns)
-    return pairs + [Pairs((one[joint.a.link], one[joint.b.link]), False) for joint in slides]
+    return pairs + [Pairs((body[joint.a.link], body[joint.b.link]), False) for joint in slides]
 
 
 def rigid(mechanism: Mechanism) -> dict[str, str]:
@@ -69,18 +69,22 @@ def rigid(mechanism: Mechanism) -> dict[str, str]:
     order = [GROUND, *(link.name for link in mechanism.links)]
     fixed: nx.Graph[str] = nx.Graph()
     fixed.add_nodes_from(order)
-    held = [joint for joint in mechanism.joints if not KINDS[joint.kind].freedoms]
-    fixed.add_edges_from((joint.a.link, joint.b.link) for joint in held)
-    first = {name: min(part, key=order.index) for part in nx.connected_components(fixed) for name in part}
+    welded = [joint for joint in mechanism.joints if not KINDS[joint.kind].freedoms]
+    fixed.add_edges_from((joint.a.link, joint.b.link) for joint in welded)
+    first = {
+        name: min(component, key=order.index)
+        for component in nx.connected_components(fixed)
+        for name in component
+    }
     return {name: first[name] for name in order}
 
 
-def _on_one_pin(first: Joint, second: Joint, near: float) -> bool:
+def _on_one_pin(first: Joint, second: Joint, tolerance: float) -> bool:
     """Say whether two revolute joints share a link and, on it, an axis."""
-    for one in (first.a, first.b):
+    for end in (first.a, first.b):
         for other in (second.a, second.b):
-            if one.link == other.link:
-                gap = np.asarray(one.point) - np.asarray(other.point)
-                if float(np.linalg.norm(np.cross(gap, one.axis))) <= near:
+            if end.link == other.link:
+                gap = np.asarray(end.point) - np.asarray(other.point)
+                if float(np.linalg.norm(np.cross(gap, end.axis))) <= tolerance:
                     return True
     return False

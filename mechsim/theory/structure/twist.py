@@ -24,7 +24,7 @@ class Twist:
     velocity: Array
     spin: Array
 
-    def at(self, point: Array) -> Array:
+    def velocity_at(self, point: Array) -> Array:
         return self.velocity + np.cross(self.spin, point)
 
 
@@ -32,33 +32,33 @@ def motion_words(
     mechanism: Mechanism, poses: Mapping[str, Pose], body: tuple[str, ...], twist: Twist
 ) -> str | None:
     """Say about or along which joints a body moves; None if no joint tells."""
-    size = mechanism.size
+    length = mechanism.size
     ends = [
         (joint, end)
         for joint in joints_of(mechanism, set(body))
         for end in (joint.a, joint.b)
         if end.link in body
     ]
-    places = {joint.name: poses[end.link].point(end.point)[0] for joint, end in ends}
+    positions = {joint.name: poses[end.link].point(end.point)[0] for joint, end in ends}
     speed = float(np.linalg.norm(twist.spin))
     if speed <= NOTHING:
         along = _along(poses, ends, twist.velocity, lambda kind: kind.slides)
         return f"slides along the axis of joint {along[0]}" if along else None
     direction = twist.spin / speed
     pitch = float(twist.velocity @ direction) / speed
-    verb = "spins" if abs(pitch) <= NOTHING * size else "screws"
+    verb = "spins" if abs(pitch) <= NOTHING * length else "screws"
     foot = np.cross(direction, twist.velocity) / speed
     on_axis = [
         name
-        for name, place in places.items()
-        if np.linalg.norm(np.cross(place - foot, direction)) <= NOTHING * size
+        for name, position in positions.items()
+        if np.linalg.norm(np.cross(position - foot, direction)) <= NOTHING * length
     ]
     along = _along(poses, ends, direction, lambda kind: kind.turns)
     for name in along:
         if name in on_axis:
             return f"{verb} about the axis of joint {name}"
     for first, second in combinations(on_axis, 2):
-        if np.linalg.norm(places[first] - places[second]) > NOTHING * size:
+        if np.linalg.norm(positions[first] - positions[second]) > NOTHING * length:
             return f"{verb} about the line through {first} and {second}"
     if on_axis:
         return f"{verb} about a line through {on_axis[0]} along ({', '.join(f'{x:.3g}' for x in direction)})"

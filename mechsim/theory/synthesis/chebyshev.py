@@ -61,9 +61,9 @@ def best_circle(points: Array) -> Circle:
     return Circle(origin + centre, radius, best.error, best.level, best.active)
 
 
-def circle_rows(near: Array) -> tuple[Array, Array]:
+def circle_rows(points: Array) -> tuple[Array, Array]:
     """Return rows, (n, 3), and right side, (n,), of |B - m|2 - r2 = right - rows x for x = (m, r2 - m2)."""
-    return np.column_stack([2.0 * near, np.ones(len(near))]), (near**2).sum(1)
+    return np.column_stack([2.0 * points, np.ones(len(points))]), (points**2).sum(1)
 
 
 def circle_of(x: Array) -> tuple[Array, float]:
@@ -91,21 +91,21 @@ def least_worst(rows: Array, right: Array) -> Best:
 
     basis, change = np.linalg.qr(rows)
     q = basis.T @ right
-    rough = right - basis @ q
-    unit = float(np.abs(rough).max())
+    residual = right - basis @ q
+    unit = float(np.abs(residual).max())
     active = np.arange(0)
     if unit > 1e-14 * float(np.abs(right).max()):
-        ones = np.ones((len(rows), 1))
+        unit_column = np.ones((len(rows), 1))
         best = linprog(
             [0.0, 0.0, 0.0, 1.0],
-            A_ub=np.block([[-basis, -ones], [basis, -ones]]),
-            b_ub=np.concatenate([-rough, rough]) / unit,
+            A_ub=np.block([[-basis, -unit_column], [basis, -unit_column]]),
+            b_ub=np.concatenate([-residual, residual]) / unit,
             bounds=[(None, None)] * 3 + [(0.0, None)],
             method="highs",
         )
         if best.x is None:
             raise AssemblyError(f"the linear programme for the rocker has no solution: {best.message}")
-        active, extra = _exact(basis, rough / unit, best)
+        active, extra = _exact(basis, residual / unit, best)
         q = q + unit * extra
     error = right - basis @ q
     x = np.asarray(np.linalg.solve(change, q), dtype=np.float64)

@@ -149,19 +149,19 @@ def _followed(curve: Array, base: Looper, equal_ripple: bool, in_space: bool, ev
             f"the curve extends over {extent:.3g} m, where rounding decides the linkage; give at least "
             f"{SHORTEST * base.arm:.3g} m, {SHORTEST:g} of the arm"
         )
-    found: list[Synthesis] = []
-    for bend in (1, -1):
-        task = _Task(curve, base, in_space, every, *dyad(curve, base, bend, in_space=in_space))
+    solutions: list[Synthesis] = []
+    for branch in (1, -1):
+        task = _Task(curve, base, in_space, every, *dyad(curve, base, branch, in_space=in_space))
         try:
-            found.append(task.leveled() if equal_ripple else task.by_circle().synthesis)
+            solutions.append(task.leveled() if equal_ripple else task.by_circle().synthesis)
         except AssemblyError:
             continue
-    if not found:
+    if not solutions:
         raise InputError(
             f"no linkage carries C along this curve, {extent:.6g} m in extent: the rocker that fits best "
             "cannot hold B all along it; shorten or move the curve or change crank, coupler and arm"
         )
-    return min(found, key=lambda one: one.deviation)
+    return min(solutions, key=lambda solution: solution.deviation)
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,8 +195,8 @@ class _Task:
     def by_circle(self) -> _Trial:
         """Return the linkage whose B, with C on every so many points of the curve, keeps its circle best."""
         circle = best_circle(self.b[:: self.every])
-        held = tuple(self.every * at for at in circle.alternation)
-        return self._trial(circle.centre, circle.radius, self.angles, held)
+        alternation = tuple(self.every * index for index in circle.alternation)
+        return self._trial(circle.centre, circle.radius, self.angles, alternation)
 
     def leveled(self) -> Synthesis:
         """Return the linkage whose C leaves the curve least."""
@@ -204,9 +204,9 @@ class _Task:
         for _ in range(ROUNDS):
             now, level = best.passage, best.synthesis.deviation
             rows, right = circle_rows(now.b - self.origin)
-            wanted = least_worst(now.levers[:, None] * rows, now.error + now.levers * right)
-            gain = level - wanted.level
-            better = self._toward(wanted, best, gain) if gain > LAST_GAIN * level else None
+            target = least_worst(now.levers[:, None] * rows, now.error + now.levers * right)
+            gain = level - target.level
+            better = self._toward(target, best, gain) if gain > LAST_GAIN * level else None
             if better is None:
                 break
             best = better
@@ -222,18 +222,18 @@ class _Task:
             best = least_worst(levers[:, None] * rows, levers * right)
         return self._trial(*self._circle(best.x), self.angles, best.active)
 
-    def _toward(self, wanted: Best, last: _Trial, gain: float) -> _Trial | None:
+    def _toward(self, target: Best, last: _Trial, gain: float) -> _Trial | None:
         """Return the first trial, ever nearer to the last, with a tenth of the gain foretold."""
         design, level = last.synthesis.design, last.synthesis.deviation
         centre = design.pivot[:2, 0] - self.origin
         x = np.append(centre, design.rocker**2 - centre @ centre)
-        for part in 0.5 ** np.arange(12):
+        for fraction in 0.5 ** np.arange(12):
             try:
-                circle = self._circle(x + part * (wanted.x - x))
-                trial = self._trial(*circle, last.passage.angles, wanted.active)
+                circle = self._circle(x + fraction * (target.x - x))
+                trial = self._trial(*circle, last.passage.angles, target.active)
             except AssemblyError:
                 continue
-            if level - trial.synthesis.deviation > 0.1 * part * gain:
+            if level - trial.synthesis.deviation > 0.1 * fraction * gain:
                 return trial
         return None
 
@@ -250,10 +250,10 @@ class _Task:
             branch=1 if bends[0] > 0.0 else -1,
         )
 
-    def _trial(self, centre: Array, radius: float, angles: Array, held: tuple[int, ...]) -> _Trial:
+    def _trial(self, centre: Array, radius: float, angles: Array, alternation: tuple[int, ...]) -> _Trial:
         design = self._design(centre, radius)
         passed = passage(design, self.curve, angles, in_space=self.in_space)
         radial = float(np.abs(np.hypot(*(self.b - centre).T) - radius).max())
         deviation = float(np.abs(passed.error).max())
-        found = Synthesis(design, deviation, radial, self.curve, passed.angles, passed.error, held)
-        return _Trial(found, passed)
+        synthesis = Synthesis(design, deviation, radial, self.curve, passed.angles, passed.error, alternation)
+        return _Trial(synthesis, passed)

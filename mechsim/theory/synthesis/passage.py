@@ -42,7 +42,7 @@ def depth(y: Array, base: Looper) -> Array:
     return base.axis_z - np.copysign(half, base.axis_z)
 
 
-def dyad(curve: Array, base: Looper, bend: Sign, *, in_space: bool = False) -> tuple[Array, Array]:
+def dyad(curve: Array, base: Looper, branch: Sign, *, in_space: bool = False) -> tuple[Array, Array]:
     """Return crank angles, (n,) in [rad], and places of B, (n, 2) in [m], that put C on a curve.
 
     Args:
@@ -67,7 +67,7 @@ def dyad(curve: Array, base: Looper, bend: Sign, *, in_space: bool = False) -> t
             "the arm"
         )
     inner = np.arccos(np.clip((a * a + (reach - k) * (reach + k)) / (2.0 * a * reach), -1.0, 1.0))
-    angles = np.unwrap(np.arctan2(curve[:, 1], curve[:, 0]) + bend * inner)
+    angles = np.unwrap(np.arctan2(curve[:, 1], curve[:, 0]) + branch * inner)
     pin = crank_pin(angles, base)
     return angles, pin + _rod(curve - pin, k, cosine, sine, base)
 
@@ -93,12 +93,12 @@ def passage(design: Looper, curve: Array, angles: Array, *, in_space: bool = Fal
     """
     tangents = _tangents(curve)
     normals = np.column_stack([tangents[:, 1], -tangents[:, 0]])
-    angles, places, speed = _crossings(design, curve, tangents, angles, in_space)
-    pace, off = (speed * tangents).sum(1), places[:, :2] - curve
-    b, moved = _response(design, places, angles, in_space)
+    angles, positions, speed = _crossings(design, curve, tangents, angles, in_space)
+    rate, off = (speed * tangents).sum(1), positions[:, :2] - curve
+    b, moved = _response(design, positions, angles, in_space)
     # C is held on the normal: the crank makes up for what the turn moves it along the curve
-    slope = (speed * normals).sum(1) / pace
-    levers = (moved * normals).sum(1) - slope * (moved * tangents).sum(1)
+    derivative = (speed * normals).sum(1) / rate
+    levers = (moved * normals).sum(1) - derivative * (moved * tangents).sum(1)
     return Passage(angles, (off * normals).sum(1), b, levers)
 
 
@@ -121,16 +121,16 @@ def _crossings(
     """Return crank angles, (n,), places of C, (n, 3), and speeds, (n, 2), where C crosses the normals."""
     middle = len(curve) // 2
     for _ in range(ROUNDS):
-        places, speed = _path(design, angles, in_space)
-        along, pace = ((places[:, :2] - curve) * tangents).sum(1), (speed * tangents).sum(1)
-        if not np.isfinite(along + pace).all():
+        positions, speed = _path(design, angles, in_space)
+        along, rate = ((positions[:, :2] - curve) * tangents).sum(1), (speed * tangents).sum(1)
+        if not np.isfinite(along + rate).all():
             break
-        turned = pace * pace[middle] <= 0.0
-        if not turned.any() and np.abs(along).max() <= 1e-14 * design.arm and _monotonic(angles):
-            return angles, places, speed
+        reversed_ = rate * rate[middle] <= 0.0
+        if not reversed_.any() and np.abs(along).max() <= 1e-14 * design.arm and _monotonic(angles):
+            return angles, positions, speed
         # beyond a place where C turns back the only direction is inwards; a longer step might lead there
         inwards = np.sign(angles - angles[middle])
-        step = np.divide(along, pace, out=inwards.copy(), where=~turned)
+        step = np.divide(along, rate, out=inwards.copy(), where=~reversed_)
         angles = angles - np.clip(step, -0.1, 0.1)
     raise AssemblyError("the linkage does not close, or C turns back, while C is on the curve")
 
@@ -140,16 +140,16 @@ def wedge(u: Array, v: Array) -> Array:
     return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
 
 
-def _response(design: Looper, places: Array, angles: Array, in_space: bool) -> tuple[Array, Array]:
+def _response(design: Looper, positions: Array, angles: Array, in_space: bool) -> tuple[Array, Array]:
     """Return B, and how C moves for a change of one in |B - O2|2 - c2 with the crank held, (n, 2) each.
 
     The coupler then turns about A until B is on its circle again.
     """
     pin = crank_pin(angles, design)
-    to_b = _rod(places[:, :2] - pin, *_shown(places[:, 2], design), design)
+    to_b = _rod(positions[:, :2] - pin, *_shown(positions[:, 2], design), design)
     closed = 2.0 * wedge(to_b, pin + to_b - design.pivot[:2, 0])
     with np.errstate(divide="ignore", invalid="ignore"):
-        moved = -_sweep(design, places, pin, to_b, in_space) / closed[:, None]
+        moved = -_sweep(design, positions, pin, to_b, in_space) / closed[:, None]
     if not np.isfinite(moved).all():
         raise AssemblyError("coupler and rocker stretch out while C is on the curve")
     return pin + to_b, moved
@@ -164,9 +164,9 @@ def _path(design: Looper, angles: Array, in_space: bool) -> tuple[Array, Array]:
     """Return places of C, (n, 3) in [m], and how they change with the crank angle, (n, 2) in [m/rad]."""
     around = np.concatenate([angles, angles + STEP, angles - STEP])
     with np.errstate(invalid="ignore"):
-        places = design.positions(around)["C"] if in_space else design.planar_point(around)
-    here, ahead, behind = np.split(places, 3)
-    return here, (ahead - behind)[:, :2] / (2.0 * STEP)
+        positions = design.positions(around)["C"] if in_space else design.planar_point(around)
+    current, ahead, behind = np.split(positions, 3)
+    return current, (ahead - behind)[:, :2] / (2.0 * STEP)
 
 
 def _shown(z: Array, base: Looper) -> tuple[Array, Array, Array]:

@@ -45,37 +45,37 @@ def free_motions(mechanism: Mechanism, poses: Mapping[str, Pose], count: int) ->
     if count == 0:
         return ()
     names = [link.name for link in mechanism.links]
-    size = mechanism.size
-    columns = np.tile([size] * 3 + [1.0] * 3, len(names))
+    length = mechanism.size
+    columns = np.tile([length] * 3 + [1.0] * 3, len(names))
     jacobian = equations(mechanism, poses, 0.0).jacobian[0] * columns
     jacobian /= np.linalg.norm(jacobian, axis=1, keepdims=True)
     space = np.linalg.svd(jacobian)[2][-count:].T  # (6 links, count)
-    found: list[FreeMotion] = []
+    motions: list[FreeMotion] = []
     for vector in _localised(space, len(names)):
-        parts = vector.reshape(-1, 6)
-        moving = np.linalg.norm(parts, axis=1) > NOTHING * np.linalg.norm(parts)
+        components = vector.reshape(-1, 6)
+        moving = np.linalg.norm(components, axis=1) > NOTHING * np.linalg.norm(components)
         twists: dict[str, Twist] = {}
-        for name, part in zip(names, parts, strict=True):
+        for name, component in zip(names, components, strict=True):
             if moving[names.index(name)]:
-                shift = np.asarray(np.cross(part[3:], poses[name].position[0]), dtype=np.float64)
-                twists[name] = Twist(size * part[:3] - shift, part[3:])
-        found.append(_named(mechanism, poses, twists))
-    return tuple(found)
+                shift = np.asarray(np.cross(component[3:], poses[name].position[0]), dtype=np.float64)
+                twists[name] = Twist(length * component[:3] - shift, component[3:])
+        motions.append(_named(mechanism, poses, twists))
+    return tuple(motions)
 
 
 def _localised(space: Array, links: int) -> Iterable[Array]:
     """Yield a basis of a space of twists, (6 links, k), whose vectors move few links each."""
-    known = np.zeros((space.shape[1], 0))
+    basis = np.zeros((space.shape[1], 0))
     for count in range(1, links + 1):
         for chosen in combinations(range(links), count):
             outside = np.ones(links, dtype=bool)
             outside[list(chosen)] = False
             rows = space[np.repeat(outside, 6)]
-            inside = _null_space(np.vstack([rows, known.T]))
+            inside = _null_space(np.vstack([rows, basis.T]))
             for i in range(inside.shape[1]):
-                known = np.column_stack([known, inside[:, i]])
+                basis = np.column_stack([basis, inside[:, i]])
                 yield space @ inside[:, i]
-            if known.shape[1] == space.shape[1]:
+            if basis.shape[1] == space.shape[1]:
                 return
 
 
@@ -90,8 +90,8 @@ def _named(mechanism: Mechanism, poses: Mapping[str, Pose], twists: Mapping[str,
     still = NOTHING * mechanism.size
 
     def moves(link: str, local: Vector) -> bool:
-        place = poses[link].point(local)[0]
-        return float(np.linalg.norm(twists[link].at(place))) > still
+        position = poses[link].point(local)[0]
+        return float(np.linalg.norm(twists[link].velocity_at(position))) > still
 
     moved = [
         point for point, (link, local) in mechanism.points.items() if link in twists and moves(link, local)
@@ -105,26 +105,26 @@ def _named(mechanism: Mechanism, poses: Mapping[str, Pose], twists: Mapping[str,
 
 def _words(mechanism: Mechanism, poses: Mapping[str, Pose], twists: Mapping[str, Twist]) -> str:
     """Say how each rigid body moves; what no joint names goes with the ones that joints do name."""
-    said: list[str] = []
+    phrases: list[str] = []
     carried: list[str] = []
     for body in _rigid_bodies(twists, mechanism.size):
         motion = motion_words(mechanism, poses, body, twists[body[0]])
         if motion:
-            said.append(f"{' and '.join(body)} {motion}")
+            phrases.append(f"{' and '.join(body)} {motion}")
         else:
             carried += body
-    if not said:
+    if not phrases:
         return f"{' and '.join(carried)} {'moves' if len(carried) == 1 else 'move'}"
-    return ", ".join(said) + (f", carrying {' and '.join(carried)}" if carried else "")
+    return ", ".join(phrases) + (f", carrying {' and '.join(carried)}" if carried else "")
 
 
-def _rigid_bodies(twists: Mapping[str, Twist], size: float) -> list[tuple[str, ...]]:
+def _rigid_bodies(twists: Mapping[str, Twist], length: float) -> list[tuple[str, ...]]:
     """Put links together that move as one."""
     bodies: list[list[str]] = []
     for name, twist in twists.items():
         for body in bodies:
             first = twists[body[0]]
-            gap = np.concatenate([(twist.velocity - first.velocity) / size, twist.spin - first.spin])
+            gap = np.concatenate([(twist.velocity - first.velocity) / length, twist.spin - first.spin])
             if np.linalg.norm(gap) <= NOTHING:
                 body.append(name)
                 break

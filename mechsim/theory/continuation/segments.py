@@ -1,0 +1,326 @@
+"""A curve of assemblies in segments: corrected nodes, and polynomials through them over arc length.
+
+The polynomials of the previous segment predict the next. A corrector perpendicular to the curve closes the
+loops at all nodes together. A segment is accepted if it is smooth and close to its prediction. A turning
+point of a coordinate needs no special treatment. A branch point is passed on the smooth branch; it is
+located, and no node lies near it, since the equations are singular there.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mechsim.analytic.closure.loop_solver import LoopSolver
+from mechsim.analytic.closure.tree_motion import Coordinates, link_poses
+from mechsim.errors import AssemblyError
+from mechsim.maths import polynomials
+from mechsim.maths.arrays import Array
+from mechsim.maths.roots import root
+from mechsim.theory.continuation.free_loops import CorrectedNodes, FreeLoops
+from mechsim.theory.continuation.unbounded_curves import require_return
+
+# nodes of a segment; every second one predicts the next segment
+NODES = 17
+# first, longest and shortest arc length of a segment
+FIRST_LENGTH, MAX_LENGTH, MIN_LENGTH = 0.05, 3.0, 1e-9
+# segments shorter than this predict the next by polynomials of this low degree
+SHORT_LENGTH, LOW_DEGREE = 1e-3, 3
+# limits for an accepted segment: interpolation error of every second node, and distance of the features from
+# their prediction relative to the length of the segment
+MAX_INTERPOLATION_ERROR, MAX_CORRECTOR_DISPLACEMENT = 3e-9, 2e-2
+# least cosine between the tangents at a segment's start and at any of its nodes
+MIN_COSINE = 0.5
+# arc length that nodes keep from a branch point; a branch point has a singular value below SINGULAR_RATIO of
+# the largest and a residual of at most MAX_RESIDUAL; it is searched for below SEARCH_RATIO of the largest
+MIN_DISTANCE_FROM_BRANCH_POINT, SINGULAR_RATIO, MAX_RESIDUAL, SEARCH_RATIO = 2e-3, 1e-7, 2e-13, 0.3
+# distance of features below which two poses are the same
+SAME_POSE_TOLERANCE = 1e-9
+# limit on the number of segments of a curve
+MAX_SEGMENTS = 3000
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A segment of a curve.
+
+    Attributes:
+        low: arc at its start.
+        high: arc at its end.
+        nodes: arcs of its corrected poses, (k,).
+        coordinates: at the nodes.
+        coefficients: polynomials of the flattened coordinates over arc, (k, w).
+        feature_coefficients: polynomials of the pose features over arc, (k, m).
+        tangent: rates of the unknown coordinates at its end, in their units, (unknowns,).
+        solver: solves its poses.
+        largest_singular_value: maximum so far of the singular value that vanishes at branch points.
+    """
+
+    low: float
+    high: float
+    nodes: Array
+    coordinates: Coordinates
+    coefficients: Array
+    feature_coefficients: Array
+    tangent: Array
+    solver: LoopSolver
+    largest_singular_value: float
+
+    def evaluate(self, coefficients: Array, arc: Array) -> Array:
+        """Return polynomials at arcs (n,), (n, w)."""
+        return polynomials.value(coefficients, self.scaled(arc))
+
+    def fitted(self, values: Array) -> Array:
+        """Return the coefficients of the polynomials through values at the nodes, (k, w)."""
+        return polynomials.fitted(self.scaled(self.nodes), values)
+
+    @cached_property
+    def feature_derivatives(self) -> Array:
+        """Coefficients of the derivatives of the pose features by arc, (k - 1, m)."""
+        return polynomials.derivative(self.feature_coefficients) * 2.0 / (self.high - self.low)
+
+    def predicted(self, loops: FreeLoops, arc: Array) -> Array:
+        """Return flattened coordinates extrapolated beyond its end by a polynomial of lower degree.
+
+        A higher degree amplifies the rounding of the nodes, most of all in short segments.
+        """
+        degree = NODES // 2 if self.high - self.low > SHORT_LENGTH else LOW_DEGREE
+        fit = polynomials.smoothed(self.scaled(self.nodes), loops.flat(self.coordinates), degree)
+        return polynomials.value(fit, self.scaled(arc))
+
+    def scaled(self, arc: Array) -> Array:
+        """Return arcs scaled to the segment: -1 at its start, 1 at its end."""
+        return (2.0 * arc - self.low - self.high) / (self.high - self.low)
+
+
+@dataclass(frozen=True, slots=True)
+class TracedCurve:
+    """A closed curve.
+
+    Attributes:
+        segments: in the order of arc.
+        length: arc of the whole curve.
+        branch_points: arcs of its branch points.
+    """
+
+    segments: tuple[Segment, ...]
+    length: float
+    branch_points: tuple[float, ...]
+
+    def segment_index(self, arc: float) -> int:
+        """Return the index of the segment that contains an arc."""
+        highs = [segment.high for segment in self.segments]
+        return min(int(np.searchsorted(highs, arc)), len(highs) - 1)
+
+
+def trace_curve(
+    loops: FreeLoops,
+    start: Coordinates,
+    tangent: Array | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> TracedCurve:
+    """Trace a curve of assemblies until it returns to its start.
+
+    Args:
+        loops: of the mechanism.
+        start: one set of closed coordinates, away from branch points.
+        tangent: initial direction, as rates of the unknowns; None takes that in which the driver increases.
+        progress: called after each segment with the number of segments and their limit.
+
+    Raises:
+        AssemblyError: where the curve has no smooth continuation, or does not close.
+        MobilityError: where more than one degree of freedom is undetermined.
+    """
+    solver, initial = loops.solver(start, _crank(loops) if tangent is None else tangent), start
+    segments: list[Segment] = []
+    branch_points: list[float] = []
+    length, largest = FIRST_LENGTH, 0.0
+    start_node = loops.close(solver, start)
+    assert start_node is not None
+    plane = start_node.rates[0] / np.linalg.norm(start_node.rates[0])
+    while len(segments) < MAX_SEGMENTS:
+        segment, crossed, length = _next_segment(loops, segments, solver, start, length, largest)
+        if segment is None:
+            if length < MIN_LENGTH:
+                raise AssemblyError(_blocked_message(loops, start))
+            continue
+        branch_points += crossed
+        closing_arc = _closing_arc(segment, start_node.features[0], plane, not segments)
+        if closing_arc is not None and not _same_revolutions(loops, segment, closing_arc, initial):
+            closing_arc = None
+        segments.append(segment)
+        if closing_arc is not None:
+            return TracedCurve(
+                tuple(segments), closing_arc, tuple(arc for arc in branch_points if arc < closing_arc)
+            )
+        if progress is not None:
+            progress(len(segments), MAX_SEGMENTS)
+        largest = max(largest, segment.largest_singular_value)
+        start = loops.unflat(segment.evaluate(segment.coefficients, np.array([segment.high])))
+        require_return(loops.loops, initial, start)
+        solver = loops.solver(start, segment.tangent)
+    raise AssemblyError(
+        f"{loops.loops.tree.mechanism.name}: the curve has not returned to its start after an arc length of "
+        f"{segments[-1].high:.4g} in {MAX_SEGMENTS:,} segments, the limit; gears repeat after as many "
+        "revolutions as their ratio requires, and never for an irrational ratio: change it, or solve the "
+        "mechanism over the revolutions you need"
+    )
+
+
+def _next_segment(
+    loops: FreeLoops,
+    traced: list[Segment],
+    solver: LoopSolver,
+    start: Coordinates,
+    length: float,
+    largest: float,
+) -> tuple[Segment | None, list[float], float]:
+    """Return the next segment, or None to try another length; its branch points; and the length to try."""
+    low = traced[-1].high if traced else 0.0
+    arcs = 0.5 * length * (1.0 - np.cos(np.pi * np.arange(NODES) / (NODES - 1)))
+    straight = np.zeros((loops.loops.tree.count, NODES))
+    straight[loops.loops.unknown] = np.outer(solver.null_space[0], arcs)
+    guesses = [loops.unflat(traced[-1].predicted(loops, low + arcs))] if traced else []
+    if length < SHORT_LENGTH or not traced:
+        # near high curvature the tangent is less affected by rounding than the polynomial prediction
+        guesses.append(loops.loops.displaced(_repeated(start), straight))
+    segment = nodes = None
+    for guess in guesses:
+        nodes = loops.close(solver, guess)
+        segment = None if nodes is None else _accepted_segment(loops, nodes, guess, solver, low, largest)
+        if segment is not None:
+            break
+    if segment is None or nodes is None:
+        return None, [], 0.5 * length
+    error = _interpolation_error(loops, segment)
+    if error > MAX_INTERPOLATION_ERROR:
+        return None, [], min(0.5, 0.9 * (MAX_INTERPOLATION_ERROR / error) ** (2.0 / NODES)) * length
+    branch_points = _branch_points(loops, segment, nodes)
+    flips = int((nodes.determinant_sign[1:] != nodes.determinant_sign[:-1]).sum())
+    if flips > len(branch_points):
+        # no branch point, but high curvature, which a shorter segment resolves
+        return None, [], 0.5 * length
+    if any(np.abs(segment.nodes - arc).min() < MIN_DISTANCE_FROM_BRANCH_POINT for arc in branch_points):
+        return None, [], 0.87 * length
+    growth = 0.8 * (MAX_INTERPOLATION_ERROR / max(error, 1e-16)) ** (2.0 / NODES)
+    return segment, branch_points, min(MAX_LENGTH, max(0.5, min(growth, 2.0)) * (segment.high - segment.low))
+
+
+def _accepted_segment(
+    loops: FreeLoops,
+    nodes: CorrectedNodes,
+    guess: Coordinates,
+    solver: LoopSolver,
+    low: float,
+    largest: float,
+) -> Segment | None:
+    """Return the segment through corrected nodes; None if far from the prediction or out of order."""
+    speed = np.sqrt((nodes.rates**2).sum(1))
+    cosines = (nodes.rates @ nodes.rates[0]) / (speed * speed[0])
+    # nodes that coincide within rounding determine no polynomial
+    distinct = np.diff(nodes.length) > 1e-14 * max(1.0, low)
+    if not (cosines.min() > MIN_COSINE and distinct.all()):
+        return None
+    arcs = low + polynomials.integral(nodes.length, speed)
+    high, nothing = float(arcs[-1]), np.empty(0)
+    largest = max(largest, float(nodes.singular_values.max()))
+    segment = Segment(
+        low, high, arcs, nodes.coordinates, nothing, nothing, nodes.tangents[-1], solver, largest
+    )
+    predicted = loops.features.values(link_poses(loops.loops.tree, guess))
+    if not np.abs(predicted - nodes.features).max() < MAX_CORRECTOR_DISPLACEMENT * (high - low):
+        return None
+    return replace(
+        segment,
+        coefficients=segment.fitted(loops.flat(nodes.coordinates)),
+        feature_coefficients=segment.fitted(nodes.features),
+    )
+
+
+def _interpolation_error(loops: FreeLoops, segment: Segment) -> float:
+    """Return the error of interpolating the odd nodes from the even ones."""
+    states = loops.flat(segment.coordinates)
+    fit = polynomials.fitted(segment.scaled(segment.nodes[::2]), states[::2])
+    return float(np.abs(polynomials.value(fit, segment.scaled(segment.nodes[1::2])) - states[1::2]).max())
+
+
+def _branch_points(loops: FreeLoops, segment: Segment, nodes: CorrectedNodes) -> list[float]:
+    """Return the arcs of the branch points in a segment."""
+    branch_points: list[float] = []
+    least = nodes.singular_values
+    for i in range(NODES):
+        before, after = max(i - 1, 0), min(i + 1, NODES - 1)
+        if not (
+            least[i] <= min(least[before], least[after])
+            and least[i] < SEARCH_RATIO * segment.largest_singular_value
+        ):
+            continue
+        arc, value, residual = loops.nearest_singularity(
+            lambda arc: segment.evaluate(segment.coefficients, arc),
+            float(segment.nodes[before]),
+            float(segment.nodes[after]),
+        )
+        if (
+            value < SINGULAR_RATIO * segment.largest_singular_value
+            and residual < MAX_RESIDUAL
+            and not any(abs(arc - other) < MIN_DISTANCE_FROM_BRANCH_POINT for other in branch_points)
+        ):
+            branch_points.append(arc)
+    return branch_points
+
+
+def _closing_arc(segment: Segment, start: Array, plane: Array, first: bool) -> float | None:
+    """Return the arc at which a segment returns to the start of the curve; None where it does not."""
+    ahead = (segment.evaluate(segment.feature_coefficients, segment.nodes) - start) @ plane
+    for i in np.flatnonzero((ahead[:-1] < 0.0) & (ahead[1:] >= 0.0)):
+        if first and i == 0:
+            continue
+
+        def past(arc: float) -> float:
+            return float((segment.evaluate(segment.feature_coefficients, np.array([arc]))[0] - start) @ plane)
+
+        low, high = float(segment.nodes[i]), float(segment.nodes[i + 1])
+        root_arc = root(past, low, high) if past(low) < 0.0 < past(high) else high
+        if (
+            np.abs(segment.evaluate(segment.feature_coefficients, np.array([root_arc]))[0] - start).max()
+            < SAME_POSE_TOLERANCE
+        ):
+            return root_arc
+    return None
+
+
+def _same_revolutions(loops: FreeLoops, segment: Segment, arc: float, initial: Coordinates) -> bool:
+    """Whether multi-turn coordinates of couplings, as of a screw, have returned to their initial values."""
+    tree = loops.loops.tree
+    weights = [
+        np.abs(coupling.left) + np.abs(coupling.right)
+        for coupling in loops.loops.couplings
+        if not coupling.turns
+    ]
+    counted = np.flatnonzero(np.sum(weights, 0)) if weights else []
+    displacement = (
+        segment.evaluate(segment.coefficients, np.array([arc]))[0, : tree.count]
+        - initial.values[:, 0] / loops.loops.units
+    )
+    return bool((np.abs(displacement[counted]) < 1e-6).all())
+
+
+def _crank(loops: FreeLoops) -> Array:
+    tree = loops.loops.tree
+    along = np.zeros(tree.count)
+    along[tree.index_of[tree.mechanism.drivers[0]]] = 1.0
+    return along[loops.loops.unknown]
+
+
+def _repeated(coordinates: Coordinates) -> Coordinates:
+    return Coordinates(np.repeat(coordinates.values, NODES, 1), np.repeat(coordinates.turns, NODES, -1))
+
+
+def _blocked_message(loops: FreeLoops, coordinates: Coordinates) -> str:
+    tree = loops.loops.tree
+    driver = tree.mechanism.drivers[0]
+    return (
+        f"{tree.mechanism.name}: the curve of assemblies has no smooth way on at {driver} = "
+        f"{coordinates.values[tree.index_of[driver], 0]:.7g}; change the dimensions a little"
+    )
