@@ -20,13 +20,13 @@ JUDGE = "verdict/judge.py"
 EQUIVALENT: dict[tuple[str, str, str], str] = {
     (
         SOLVER,
-        "IDLE = 1e-14",
-        "IDLE = 1e-13",
+        "NEGLIGIBLE = 1e-14",
+        "NEGLIGIBLE = 1e-13",
     ): "rows of rounding, left out or not, move singular values by rounding",
     (
         SOLVER,
-        "if len(self.others) + self.matrix.shape[1] == len(slope) and self._idle(slope):",
-        "if len(self.others) + self.matrix.shape[2] == len(slope) and self._idle(slope):",
+        "if len(self.others) + self.matrix.shape[1] == len(jacobian) and self._idle(jacobian):",
+        "if len(self.others) + self.matrix.shape[2] == len(jacobian) and self._idle(jacobian):",
     ): "the matrices are square",
     (
         LOOPS,
@@ -86,12 +86,12 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     **{
         (
             file,
-            f"return values > np.maximum({told} * values[..., :1], {floor})",
-            f"return values > np.maximum({told} / values[..., :1], {floor})",
+            f"return values > np.maximum({limit} * values[..., :1], {floor})",
+            f"return values > np.maximum({limit} / values[..., :1], {floor})",
         ): NEAR_ONE
-        for file, told, floor in (
+        for file, limit, floor in (
             ("simulation/telling.py", "RANK_TOLERANCE", "FLOOR"),
-            ("analytic/closure/numerical_rank.py", "told", "floor"),
+            ("analytic/closure/numerical_rank.py", "tolerance", "floor"),
         )
     },
     **{
@@ -104,13 +104,13 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     },
     (
         MOTION,
-        "twist = least_norm(mechanism, rows.jacobian, asked).reshape(n, -1, 6)",
-        "twist = least_norm(mechanism, rows.jacobian, asked).reshape(n, -2, 6)",
+        "twist = least_norm(mechanism, rows.jacobian, rhs).reshape(n, -1, 6)",
+        "twist = least_norm(mechanism, rows.jacobian, rhs).reshape(n, -2, 6)",
     ): SHAPE,
     (
         MOTION,
-        "accelerations = least_norm(mechanism, rows.jacobian, asked - rows.bias).reshape(n, -1, 6)",
-        "accelerations = least_norm(mechanism, rows.jacobian, asked - rows.bias).reshape(n, -2, 6)",
+        "accelerations = least_norm(mechanism, rows.jacobian, rhs - rows.bias).reshape(n, -1, 6)",
+        "accelerations = least_norm(mechanism, rows.jacobian, rhs - rows.bias).reshape(n, -2, 6)",
     ): SHAPE,
     (
         SOLVER,
@@ -119,8 +119,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "a Newton step more or less from where it has converged",
     (
         PATH,
-        "while sense * (first - self._end(sense)) < -NEAR and self.take_back(sense):",
-        "while sense * (first - self._end(sense)) < +NEAR and self.take_back(sense):",
+        "while direction * (first - self._end(direction)) < -SAME_PARAMETER and self.drop_last_segment(direction):",
+        "while direction * (first - self._end(direction)) < +SAME_PARAMETER and self.drop_last_segment(direction):",
     ): SPEED,
     (
         PATH,
@@ -130,31 +130,31 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     (PATH, "TINY = 1e-300", "..."): "any tiny number will do where nothing is rough or has moved",
     (
         PATH,
-        "step = left if left <= length else min(length, 0.6 * left)",
-        "step = left if left <= length else min(length, 6.0 * left)",
+        "step = remaining if remaining <= length else min(length, 0.6 * remaining)",
+        "step = remaining if remaining <= length else min(length, 6.0 * remaining)",
     ): SPEED,
     (
         PATH,
-        "beside = np.argsort(np.abs(closed.side))[1:2]",
-        "beside = np.argsort(np.abs(closed.side))[1:3]",
+        "nearest_index = np.argsort(np.abs(closed.signed_distance))[1:2]",
+        "nearest_index = np.argsort(np.abs(closed.signed_distance))[1:3]",
     ): "only the first of them counts",
     (
         PATH,
-        "flips = np.flatnonzero(signs[1:] != signs[:-1])",
-        "flips = np.flatnonzero(signs[1:] != signs[:+1])",
+        "sign_changes = np.flatnonzero(signs[1:] != signs[:-1])",
+        "sign_changes = np.flatnonzero(signs[1:] != signs[:+1])",
     ): "only the first flip counts: there the side is first another than at the first node",
     (
         PATH,
-        "if self.side * middle < 0.0 and cell.solver is done[-1].solver:",
-        "if self.side / middle < 0.0 and cell.solver is done[-1].solver:",
+        "if self.sign * middle_sign < 0.0 and segment.solver is segments[-1].solver:",
+        "if self.sign / middle_sign < 0.0 and segment.solver is segments[-1].solver:",
     ): "both are signs",
     (PATH, "return (None, 0.5 * step)", "return (None, 0.05 * step)"): SPEED,
-    (PATH, "AFTER = 0.3", "AFTER = 3.0"): SPEED,
-    (PATH, "BEYOND = 0.2137", "BEYOND = 2.137"): SPEED,
+    (PATH, "NEXT_LENGTH = 0.3", "NEXT_LENGTH = 3.0"): SPEED,
+    (PATH, "OVERSHOOT = 0.2137", "OVERSHOOT = 2.137"): SPEED,
     (
         SOLVER,
-        "HALF, TELLING, FEW = (0.4, 0.5, 0.2)",
-        "HALF, TELLING, FEW = (0.4, 5.0, 0.2)",
+        "MIN_VALUE_RATIO, MIN_DETERMINANT_RATIO, MIN_SHARE_RATIO = (0.4, 0.5, 0.2)",
+        "MIN_VALUE_RATIO, MIN_DETERMINANT_RATIO, MIN_SHARE_RATIO = (0.4, 5.0, 0.2)",
     ): "the rows that tell most are then always taken",
     (
         SOLVER,
@@ -164,8 +164,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     **{
         (
             SOLVER,
-            "return np.where(known, found.values[:, -1] / np.where(known, every, 1.0), 1.0)",
-            f"return np.where(known, found.values[:, -1] / np.where(known, every, {any_one}), 1.0)",
+            "return np.where(known, linearised.singular_values[:, -1] / np.where(known, every, 1.0), 1.0)",
+            f"return np.where(known, linearised.singular_values[:, -1] / np.where(known, every, {any_one}), 1.0)",
         ): "what is divided by it is not taken"
         for any_one in ("0.1", "10.0")
     },
@@ -178,16 +178,16 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         for short in ("angle > 1e-08",)
         for any_one in ("0.1", "10.0")
     },
-    (SOLVER, "FAR = 0.3", "FAR = 0.03"): "a path is followed in shorter steps",
+    (SOLVER, "MAX_TOTAL_STEP = 0.3", "MAX_TOTAL_STEP = 0.03"): "a path is followed in shorter steps",
     (
         SOLVER,
-        "if worst <= enough or (worst < ROUNDING and worst > 0.1 * before):",
+        "if worst <= tolerance or (worst < ROUNDING and worst > 0.1 * previous):",
         "...",
     ): "a Newton step more or fewer once rounding is reached",
     (
         SOLVER,
-        "before, worst = (worst, float(np.abs(found.right).max(initial=0.0)))",
-        "before, worst = (worst, float(np.abs(found.right).max(initial=1.0)))",
+        "previous, worst = (worst, float(np.abs(linearised.rhs).max(initial=0.0)))",
+        "previous, worst = (worst, float(np.abs(linearised.rhs).max(initial=1.0)))",
     ): SPEED,
     (
         CHECKS,
@@ -207,63 +207,67 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         ): "any tiny number will do, the relative bound ends the search; so will any large number of steps"
         for tiny, most in (("1e-301", 1000), ("1e-299", 1000), ("1e-300", 10000))
     },
-    (LAYOUT, "MOST = 8", "..."): SPEED,
+    (LAYOUT, "MAX_VECTORS = 8", "..."): SPEED,
     (RATES, "CHUNK = 1024", "..."): SPEED,
     (
         RATES,
-        "changed[i, :3] = spatial[i, :3] + cross(turning, place) + cross(spin, velocity[i, :3])",
-        "changed[i, :3] = spatial[i, :3] + cross(turning, place) + cross(spin, velocity[i, :4])",
+        "accelerations[i, :3] = spatial[i, :3] + cross(angular_acceleration, origin) + cross(angular_velocity, velocity[i, :3])",
+        "accelerations[i, :3] = spatial[i, :3] + cross(angular_acceleration, origin) + cross(angular_velocity, velocity[i, :4])",
     ): "a fourth component has no part in a vector product",
     (
         RATES,
-        "spin, bend = (np.ascontiguousarray(rows[:, part].T).reshape(3, 3, -1) for rows in (first, second))",
-        "spin, bend = (np.ascontiguousarray(rows[:, part].T).reshape(3, 3, -2) for rows in (first, second))",
+        "rotation_rate, rotation_second = (np.ascontiguousarray(rows[:, columns].T).reshape(3, 3, -1) for rows in (first, second))",
+        "rotation_rate, rotation_second = (np.ascontiguousarray(rows[:, columns].T).reshape(3, 3, -2) for rows in (first, second))",
     ): SHAPE,
     (
         MANY,
-        "to = float((sense * angles[ahead]).max()) * sense",
-        "to = float((sense * angles[ahead]).max()) / sense",
+        "end_parameter = float((direction * angles[indices]).max()) * direction",
+        "end_parameter = float((direction * angles[indices]).max()) / direction",
     ): "the sense is a sign",
     (
         MANY,
-        "told = Cell(nodes[::2], even, half, solver).at(nodes[1::2]).reshape(k // 2, count, -1)",
-        "told = Cell(nodes[::2], even, half, solver).at(nodes[1::2]).reshape(k // 2, count, -2)",
+        "interpolated = Segment(nodes[::2], even, half, solver).evaluate(nodes[1::2]).reshape(k // 2, count, -1)",
+        "interpolated = Segment(nodes[::2], even, half, solver).evaluate(nodes[1::2]).reshape(k // 2, count, -2)",
     ): SHAPE,
     (
         MANY,
-        "told = replace(cell, states=table).at(angles[places]).reshape(p, count, -1).transpose(1, 0, 2)",
-        "told = replace(cell, states=table).at(angles[places]).reshape(p, count, -2).transpose(1, 0, 2)",
+        "interpolated = replace(segment, states=table).evaluate(angles[columns]).reshape(p, count, -1).transpose(1, 0, 2)",
+        "interpolated = replace(segment, states=table).evaluate(angles[columns]).reshape(p, count, -2).transpose(1, 0, 2)",
     ): SHAPE,
     (
         MANY,
-        "side = np.where(group.side == 0.0, signs[:, 0], group.side)",
-        "side = np.where(group.side == 0.0, signs[:, 1], group.side)",
+        "sign = np.where(group.sign == 0.0, signs[:, 0], group.sign)",
+        "sign = np.where(group.sign == 0.0, signs[:, 1], group.sign)",
     ): "a cell is good only where all signs are alike",
     (
         MANY,
-        "told = Cell(group.nodes, table, weights, self._solver(group.some(np.arange(1)), 1)).at(nodes)",
-        "told = Cell(group.nodes, table, weights, self._solver(group.some(np.arange(1)), 2)).at(nodes)",
+        "predicted = Segment(group.nodes, table, weights, self._solver(group.select(np.arange(1)), 1)).evaluate(nodes)",
+        "predicted = Segment(group.nodes, table, weights, self._solver(group.select(np.arange(1)), 2)).evaluate(nodes)",
     ): "a polynomial is read without its solver",
-    (MANY, "if cell.nodes[-1] < cell.nodes[0]:", "if cell.nodes[-1] < cell.nodes[1]:"): "nodes go one way",
     (
         MANY,
-        "twice, some = ((rough < 1e-07) & (gone < 0.001), (rough < 1e-05) & (gone < 0.01))",
-        "twice, some = ((rough < 1e-07) & (gone < 0.0001), (rough < 1e-05) & (gone < 0.01))",
+        "if segment.nodes[-1] < segment.nodes[0]:",
+        "if segment.nodes[-1] < segment.nodes[1]:",
+    ): "nodes go one way",
+    (
+        MANY,
+        "smooth, fairly_smooth = ((error < 1e-07) & (displacement < 0.001), (error < 1e-05) & (displacement < 0.01))",
+        "smooth, fairly_smooth = ((error < 1e-07) & (displacement < 0.0001), (error < 1e-05) & (displacement < 0.01))",
     ): SPEED,
     (
         RATES,
-        "far = float(np.abs(off / path.loops.units[driven, None]).max(initial=0.0))",
-        "far = float(np.abs(off / path.loops.units[driven, None]).max(initial=1.0))",
+        "distance = float(np.abs(offset / path.loops.units[driven, None]).max(initial=0.0))",
+        "distance = float(np.abs(offset / path.loops.units[driven, None]).max(initial=1.0))",
     ): SPEED,
-    (MANY, "step = max(1, CHUNK // max(1, len(places)))", "..."): SPEED,
+    (MANY, "step = max(1, CHUNK // max(1, len(columns)))", "..."): SPEED,
     (
         MANY,
-        "at = solver.loops.moved(at, np.where(lost, 0.0, step))",
-        "at = solver.loops.moved(at, np.where(lost, 1.0, step))",
+        "q = solver.loops.displaced(q, np.where(failed, 0.0, step))",
+        "q = solver.loops.displaced(q, np.where(failed, 1.0, step))",
     ): "a design that is lost is left to itself, wherever it went",
     (
         MANY,
-        "done = frozen | (worst == 0.0) | (worst < ROUNDING) & (worst > 0.1 * before)",
+        "converged = frozen | (worst == 0.0) | (worst < ROUNDING) & (worst > 0.1 * previous)",
         "...",
     ): "a Newton step more or fewer once rounding is reached",
     (
@@ -279,18 +283,18 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         ): "rounding lies far below either"
         for least in ("0.1", "10.0")
     },
-    (WHOLE, "SPINS = 1e-06", "..."): "links turn with an idle freedom by a part near one, or by rounding",
+    (WHOLE, "MIN_SPIN = 1e-06", "..."): "links turn with an idle freedom by a part near one, or by rounding",
     (
         WHOLE,
-        "found |= {name for name, i in tree.links.items() if turning[i] > SPINS * turning.max()}",
-        "found |= {name for name, i in tree.links.items() if turning[i] > SPINS / turning.max()}",
+        "names |= {name for name, i in tree.links.items() if angular[i] > MIN_SPIN * angular.max()}",
+        "names |= {name for name, i in tree.links.items() if angular[i] > MIN_SPIN / angular.max()}",
     ): "idle freedoms are of unit length, their largest turn is near one",
     (
         WHOLE,
         "rates = np.zeros((tree.count, 1))",
         "rates = np.zeros((tree.count, 2))",
     ): "what does not move has no part in the largest",
-    (WHOLE, "WHOLE = 1e-12", "..."): "ratios are whole numbers to rounding, or far from it",
+    (WHOLE, "INTEGER_TOLERANCE = 1e-12", "..."): "ratios are whole numbers to rounding, or far from it",
     (
         LAYOUT,
         "rows.append([np.zeros_like(rows[0][0]) if rows else np.zeros(3)])",
@@ -303,12 +307,12 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): SHAPE,
     (
         TREE,
-        "still = np.zeros(twist.shape[1:])",
-        "still = np.zeros(twist.shape[2:])",
+        "zero = np.zeros(twist.shape[1:])",
+        "zero = np.zeros(twist.shape[2:])",
     ): "noughts are the same for all components",
     (
         TREE,
-        "change[k, :3] = cross(w[3:], s[:3]) + cross(w[:3], s[3:])",
-        "change[k, :3] = cross(w[3:], s[:3]) + cross(w[:4], s[3:])",
+        "derivative[k, :3] = cross(w[3:], s[:3]) + cross(w[:3], s[3:])",
+        "derivative[k, :3] = cross(w[3:], s[:3]) + cross(w[:4], s[3:])",
     ): "a fourth component has no part in a vector product",
 }

@@ -254,7 +254,30 @@ def with_rates(path: SingularPath | None, chunk: ClosedChunk, *, conditioned: bo
         speed, acceleration = instants.speed[singular], instants.acceleration[singular]
         second[:, singular] = polynomial[0] * acceleration + polynomial[1] * speed**2
     spatial = velocity_product + twists(tree, linearised.poses, second * units)
-    position = linearised.poses.position
+    velocity, accelerations = _at_origins(linearised.poses.position, twist, spatial)
+    return LoopMotion(
+        q.values.T,
+        (rates * units).T,
+        (second * units).T,
+        linearised.poses.position.transpose(2, 0, 1),
+        linearised.poses.rotation.transpose(3, 0, 1, 2),
+        velocity.transpose(2, 0, 1),
+        accelerations.transpose(2, 0, 1),
+        _conditioning(linearised, loops.unknown, len(solver.rows)) if conditioned else np.ones(len(q)),
+    )
+
+
+def _at_origins(position: Array, twist: Array, spatial: Array) -> tuple[Array, Array]:
+    """Return velocities and accelerations of the links' origins from twists and spatial accelerations.
+
+    Args:
+        position: of the origins, (links, 3, n) in [m].
+        twist: linear velocity at the frame's origin, then angular velocity, (links, 6, n).
+        spatial: spatial acceleration in the same order, (links, 6, n).
+
+    Returns:
+        Linear, then angular parts at the links' own origins, (links, 6, n) each.
+    """
     velocity, accelerations = np.empty_like(twist), np.empty_like(twist)
     for i, origin in enumerate(position):
         angular_velocity, angular_acceleration = twist[i, 3:], spatial[i, 3:]
@@ -263,16 +286,7 @@ def with_rates(path: SingularPath | None, chunk: ClosedChunk, *, conditioned: bo
             spatial[i, :3] + cross(angular_acceleration, origin) + cross(angular_velocity, velocity[i, :3])
         )
         velocity[i, 3:], accelerations[i, 3:] = angular_velocity, angular_acceleration
-    return LoopMotion(
-        q.values.T,
-        (rates * units).T,
-        (second * units).T,
-        position.transpose(2, 0, 1),
-        linearised.poses.rotation.transpose(3, 0, 1, 2),
-        velocity.transpose(2, 0, 1),
-        accelerations.transpose(2, 0, 1),
-        _conditioning(linearised, loops.unknown, len(solver.rows)) if conditioned else np.ones(len(q)),
-    )
+    return velocity, accelerations
 
 
 def _conditioning(linearised: Linearised, unknown: NDArray[np.intp], rank: int) -> Array:

@@ -42,7 +42,7 @@ MAX_SEGMENTS = 3000
 
 
 @dataclass(frozen=True)
-class Segment:
+class CurveSegment:
     """A segment of a curve.
 
     Attributes:
@@ -104,7 +104,7 @@ class TracedCurve:
         branch_points: arcs of its branch points.
     """
 
-    segments: tuple[Segment, ...]
+    segments: tuple[CurveSegment, ...]
     length: float
     branch_points: tuple[float, ...]
 
@@ -133,7 +133,7 @@ def trace_curve(
         MobilityError: where more than one degree of freedom is undetermined.
     """
     solver, initial = loops.solver(start, _crank(loops) if tangent is None else tangent), start
-    segments: list[Segment] = []
+    segments: list[CurveSegment] = []
     branch_points: list[float] = []
     length, largest = FIRST_LENGTH, 0.0
     start_node = loops.close(solver, start)
@@ -170,12 +170,12 @@ def trace_curve(
 
 def _next_segment(
     loops: FreeLoops,
-    traced: list[Segment],
+    traced: list[CurveSegment],
     solver: LoopSolver,
     start: Coordinates,
     length: float,
     largest: float,
-) -> tuple[Segment | None, list[float], float]:
+) -> tuple[CurveSegment | None, list[float], float]:
     """Return the next segment, or None to try another length; its branch points; and the length to try."""
     low = traced[-1].high if traced else 0.0
     arcs = 0.5 * length * (1.0 - np.cos(np.pi * np.arange(NODES) / (NODES - 1)))
@@ -214,7 +214,7 @@ def _accepted_segment(
     solver: LoopSolver,
     low: float,
     largest: float,
-) -> Segment | None:
+) -> CurveSegment | None:
     """Return the segment through corrected nodes; None if far from the prediction or out of order."""
     speed = np.sqrt((nodes.rates**2).sum(1))
     cosines = (nodes.rates @ nodes.rates[0]) / (speed * speed[0])
@@ -225,7 +225,7 @@ def _accepted_segment(
     arcs = low + polynomials.integral(nodes.length, speed)
     high, nothing = float(arcs[-1]), np.empty(0)
     largest = max(largest, float(nodes.singular_values.max()))
-    segment = Segment(
+    segment = CurveSegment(
         low, high, arcs, nodes.coordinates, nothing, nothing, nodes.tangents[-1], solver, largest
     )
     predicted = loops.features.values(link_poses(loops.loops.tree, guess))
@@ -238,14 +238,14 @@ def _accepted_segment(
     )
 
 
-def _interpolation_error(loops: FreeLoops, segment: Segment) -> float:
+def _interpolation_error(loops: FreeLoops, segment: CurveSegment) -> float:
     """Return the error of interpolating the odd nodes from the even ones."""
     states = loops.flat(segment.coordinates)
     fit = polynomials.fitted(segment.scaled(segment.nodes[::2]), states[::2])
     return float(np.abs(polynomials.value(fit, segment.scaled(segment.nodes[1::2])) - states[1::2]).max())
 
 
-def _branch_points(loops: FreeLoops, segment: Segment, nodes: CorrectedNodes) -> list[float]:
+def _branch_points(loops: FreeLoops, segment: CurveSegment, nodes: CorrectedNodes) -> list[float]:
     """Return the arcs of the branch points in a segment."""
     branch_points: list[float] = []
     least = nodes.singular_values
@@ -270,7 +270,7 @@ def _branch_points(loops: FreeLoops, segment: Segment, nodes: CorrectedNodes) ->
     return branch_points
 
 
-def _closing_arc(segment: Segment, start: Array, plane: Array, first: bool) -> float | None:
+def _closing_arc(segment: CurveSegment, start: Array, plane: Array, first: bool) -> float | None:
     """Return the arc at which a segment returns to the start of the curve; None where it does not."""
     ahead = (segment.evaluate(segment.feature_coefficients, segment.nodes) - start) @ plane
     for i in np.flatnonzero((ahead[:-1] < 0.0) & (ahead[1:] >= 0.0)):
@@ -290,7 +290,7 @@ def _closing_arc(segment: Segment, start: Array, plane: Array, first: bool) -> f
     return None
 
 
-def _same_revolutions(loops: FreeLoops, segment: Segment, arc: float, initial: Coordinates) -> bool:
+def _same_revolutions(loops: FreeLoops, segment: CurveSegment, arc: float, initial: Coordinates) -> bool:
     """Whether multi-turn coordinates of couplings, as of a screw, have returned to their initial values."""
     tree = loops.loops.tree
     weights = [
