@@ -90,13 +90,13 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
             f"return values > np.maximum({limit} / values[..., :1], {floor})",
         ): NEAR_ONE
         for file, limit, floor in (
-            ("simulation/telling.py", "RANK_TOLERANCE", "FLOOR"),
+            ("simulation/numerical_rank.py", "RANK_TOLERANCE", "FLOOR"),
             ("analytic/closure/numerical_rank.py", "tolerance", "floor"),
         )
     },
     **{
         (
-            "simulation/telling.py",
+            "simulation/numerical_rank.py",
             "inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)",
             f"inverse = np.where(kept, 1.0 / np.where(kept, values, {any_one}), 0.0)",
         ): "what is divided by it is not taken"

@@ -79,12 +79,12 @@ KILLERS: dict[str, list[str]] = {
     "analytic/closure/continuation_path.py": ["analytic/test_continuation_path.py"],
     "simulation/model_loops.py": [
         *LOOPS,
-        "simulation/test_spherical_meetings.py",
+        "simulation/test_spherical_change_points.py",
         "studies/test_driven_efforts.py",
     ],
     "simulation/mjcf/loop_cuts.py": ["simulation/test_loop_cuts.py"],
     "simulation/posed_bodies.py": ["simulation/test_posed_bodies.py"],
-    "simulation/telling.py": ["analytic/test_numerical_rank.py"],
+    "simulation/numerical_rank.py": ["analytic/test_numerical_rank.py"],
     "analytic/closure/numerical_rank.py": ["analytic/test_numerical_rank.py"],
     "simulation/loop_constraints.py": [
         "simulation/test_loop_constraints.py",

@@ -16,18 +16,18 @@ from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses
 from mechsim.model.scene import Scene
-from mechsim.simulation.drive import drive_of, with_clock
+from mechsim.simulation.antiparallel_axes import require_alike
+from mechsim.simulation.contact_filtering import leave_out
+from mechsim.simulation.drivers import drive_of, with_clock
 from mechsim.simulation.mjcf import compiled, generate, quiet
 from mechsim.simulation.mjcf.changes import lock_joints, require_single
 from mechsim.simulation.mjcf.joints import CRANK, model_names
 from mechsim.simulation.mjcf_reader.fixed_bodies import without_locked_bodies
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.opposed_sides import require_alike
-from mechsim.simulation.overdriven import refusal, stuck
+from mechsim.simulation.numerical_rank import RANK_TOLERANCE
 from mechsim.simulation.recorded_motion import Track, add_sensors
-from mechsim.simulation.straight_way import brought
-from mechsim.simulation.telling import RANK_TOLERANCE
-from mechsim.simulation.untouching import leave_out
+from mechsim.simulation.redundant_drivers import refusal, stuck
+from mechsim.simulation.straight_path import brought
 
 
 class Described(Protocol):

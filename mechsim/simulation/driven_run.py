@@ -17,16 +17,20 @@ from mechsim.model.work_size import require_steps
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.divergence_cause import STIFF, met_last, near_singular
 from mechsim.simulation.model_loops import CLOSED, ModelLoops
-from mechsim.simulation.open_freedoms import require_path_within_limits, require_within_limits, told_floating
-from mechsim.simulation.passed_meetings import passed, require_told, undecided, where
+from mechsim.simulation.passed_change_points import passed, require_told, undecided, where
 from mechsim.simulation.pose_errors import in_another_assembly, pose_errors
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.meeting_motion import held_off, mended
+from mechsim.simulation.poses.change_point_motion import held_off, mended
 from mechsim.simulation.recorded_motion import States, evaluate
 from mechsim.simulation.run_result import Run
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stepping import Steps, Watch, step, unwatched
-from mechsim.simulation.stiffest_part import stiffest_part
+from mechsim.simulation.stiffest_element import stiffest_part
+from mechsim.simulation.undetermined_dofs import (
+    require_path_within_limits,
+    require_within_limits,
+    told_floating,
+)
 
 # instants recorded a turn where nothing else is asked
 SAMPLES = 72

@@ -17,10 +17,10 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.motion import ChangePointPolicy
 from mechsim.simulation import followers
-from mechsim.simulation.drive import CLOCK, Drive, Law
+from mechsim.simulation.drivers import CLOCK, Drive, Law
 from mechsim.simulation.loop_constraints import Coupled, constraints
+from mechsim.simulation.numerical_rank import FLOOR, RANK_TOLERANCE, telling
 from mechsim.simulation.posed_bodies import PosedBodies, carried
-from mechsim.simulation.telling import FLOOR, RANK_TOLERANCE, telling
 
 FREE, BALL, SLIDE, HINGE = (
     int(kind)

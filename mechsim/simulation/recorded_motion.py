@@ -10,7 +10,7 @@ from mujoco import batch
 
 from mechsim.maths.arrays import Array
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join
-from mechsim.simulation.drive import CLOCK
+from mechsim.simulation.drivers import CLOCK
 from mechsim.simulation.model_loops import HINGE, SLIDE, ModelLoops
 from mechsim.simulation.posed_bodies import ONE_THREAD, carried
 

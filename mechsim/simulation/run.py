@@ -12,22 +12,22 @@ from mechsim.model.mechanism import Mechanism, starting_at
 from mechsim.model.programs import Programs
 from mechsim.model.scene import Scene
 from mechsim.simulation import closed_model
-from mechsim.simulation.begun import begun, clock_of
 from mechsim.simulation.closed_model import ClosedModel, Source
 from mechsim.simulation.driven_run import DrivenRun, check_records, first_state, solved
 from mechsim.simulation.fixed_step import with_timestep
+from mechsim.simulation.initial_state import begun, clock_of
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.open_freedoms import (
+from mechsim.simulation.position_tolerance import within
+from mechsim.simulation.run_result import Method, Run
+from mechsim.simulation.settings import Settings
+from mechsim.simulation.stepping import Watch, unwatched
+from mechsim.simulation.undetermined_dofs import (
     require_determined,
     require_movable,
     require_path_within_limits,
     require_within_limits,
     standing,
 )
-from mechsim.simulation.place_tolerance import within
-from mechsim.simulation.run_result import Method, Run
-from mechsim.simulation.settings import Settings
-from mechsim.simulation.stepping import Watch, unwatched
 from mechsim.units import si
 
 

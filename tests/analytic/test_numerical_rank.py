@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim.analytic.closure import numerical_rank as by_formulas
-from mechsim.simulation import telling as by_mujoco
+from mechsim.simulation import numerical_rank as by_mujoco
 
 # turns, so that singular values are what they are said to be; neither is symmetric whatever its signs
 TURN = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0

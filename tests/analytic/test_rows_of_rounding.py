@@ -13,7 +13,7 @@ from mechsim.analytic.closure.tree_motion import Coordinates
 from mechsim.errors import MobilityError
 from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene
-from mechsim.simulation import closed_model, open_freedoms
+from mechsim.simulation import closed_model, undetermined_dofs
 from mechsim.simulation.dynamics import determinacy
 from mechsim.simulation.dynamics.loaded_model import loaded_model
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -117,7 +117,7 @@ def test_what_a_ball_where_all_axes_meet_leaves_open_is_named_by_both_roads(tmp_
     with pytest.raises(MobilityError, match="undetermined: with what is driven held, B is left open"):
         linkage.solve(t=np.linspace(0.0, 1.0, 5))
     lone = spherical(tmp_path, ["crank"])
-    standing = open_freedoms.standing(closed_model.of_source(lone.mechanism))
+    standing = undetermined_dofs.standing(closed_model.of_source(lone.mechanism))
     assert "point P" in standing.open
     assert not standing.locked
 

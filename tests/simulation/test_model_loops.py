@@ -9,7 +9,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.simulation import model_loops
 from mechsim.simulation.closed_model import assembled
-from mechsim.simulation.drive import CLOCK, drive_of
+from mechsim.simulation.drivers import CLOCK, drive_of
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
 

@@ -21,7 +21,7 @@ from mechsim.model.scene import Scene
 from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.rough_steps import sprint
+from mechsim.simulation.poses.explicit_predictor import sprint
 
 sys.path.append(str(Path(__file__).parents[1] / "choices"))
 import random_drives

@@ -12,9 +12,9 @@ from mechsim.simulation.dynamics.efforts import row_scale, situation
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.mesh_forces import coupling_forces
 from mechsim.simulation.dynamics.reactions import transmitted
+from mechsim.simulation.numerical_rank import telling
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recorded_motion import States
-from mechsim.simulation.telling import telling
 
 # joint -> whether fx, fy, fz, mx, my, mz is settled, (6,)
 Known = Mapping[str, NDArray[np.bool_]]

@@ -16,13 +16,13 @@ from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, Loaded
 from mechsim.simulation.dynamics.mesh_forces import coupling_forces, mesh_forces
 from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.dynamics.rigid_forces import rigid_forces, soften
+from mechsim.simulation.numerical_rank import RANK_TOLERANCE, pseudo_inverse
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.meeting_motion import Near, held_off
-from mechsim.simulation.poses.meetings import Meeting, fitted
+from mechsim.simulation.poses.change_point_motion import Near, held_off
+from mechsim.simulation.poses.change_points import Meeting, fitted
 from mechsim.simulation.recorded_motion import CHUNK, States, link_motions, opening
 from mechsim.simulation.settings import set_armature
 from mechsim.simulation.stepping import Watch, unwatched, weigh_sums
-from mechsim.simulation.telling import RANK_TOLERANCE, pseudo_inverse
 
 
 @dataclass(frozen=True, slots=True)

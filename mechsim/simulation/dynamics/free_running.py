@@ -27,11 +27,11 @@ from mechsim.simulation.dynamics.free_steps import step_freely
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.numerical_rank import RANK_TOLERANCE
 from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
 from mechsim.simulation.run_result import SteppedFreeRun
 from mechsim.simulation.settings import COMPLIANCE, Settings, set_armature
 from mechsim.simulation.stepping import Watch, unwatched
-from mechsim.simulation.telling import RANK_TOLERANCE
 from mechsim.units import si
 
 # turns of the crank at its expected speed after which a run for turns is given up

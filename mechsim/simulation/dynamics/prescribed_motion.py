@@ -11,14 +11,14 @@ from mechsim.model.forces import Forces, acting_on
 from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.programs import Programs
-from mechsim.simulation.begun import begun, clock_of
 from mechsim.simulation.closed_model import Described
 from mechsim.simulation.dynamics.efforts import efforts_of, required, started, stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, within
+from mechsim.simulation.initial_state import begun, clock_of
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.passed_meetings import passed, require_told, undecided
-from mechsim.simulation.poses.meeting_motion import mended
+from mechsim.simulation.passed_change_points import passed, require_told, undecided
+from mechsim.simulation.poses.change_point_motion import mended
 from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
 from mechsim.simulation.refine import Promise
 from mechsim.simulation.run_result import Driven, Method

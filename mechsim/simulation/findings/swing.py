@@ -12,12 +12,12 @@ from mechsim.errors import MechsimError
 from mechsim.maths.arrays import Array
 from mechsim.model.programs import Programs, State, programs
 from mechsim.simulation import closed_model
-from mechsim.simulation.begun import begun, clock_of
-from mechsim.simulation.drive import CLOCK
+from mechsim.simulation.drivers import CLOCK
 from mechsim.simulation.findings.inspected import Inspected
+from mechsim.simulation.initial_state import begun, clock_of
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.open_freedoms import require_determined, standing
 from mechsim.simulation.poses.follow import follow
+from mechsim.simulation.undetermined_dofs import require_determined, standing
 
 # of a swing that nobody asked for: reach in [rad] or parts of the size, duration in [s], tries at half of it
 REACH, STROKE, DURATION, TRIES = 0.3, 0.1, 1.0, 4

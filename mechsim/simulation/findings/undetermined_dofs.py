@@ -12,7 +12,7 @@ from mechsim.simulation.findings.inspected import Inspected, null_space, rank
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.mjcf_reader.fixed_bodies import free_bodies
 from mechsim.simulation.model_loops import BALL
-from mechsim.simulation.open_freedoms import standing
+from mechsim.simulation.undetermined_dofs import standing
 
 # part of a freedom that is a motion of a joint, and no rounding
 SIGNIFICANT = 1e-6

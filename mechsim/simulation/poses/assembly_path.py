@@ -11,7 +11,7 @@ from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.poses.meetings import Meeting, settled
+from mechsim.simulation.poses.change_points import Meeting, settled
 
 # a correction of a pose interpolated between closed ones that cannot lead into another assembly, and one
 # that may though the side be the same: measured 2e-7 and 1e-2 at most

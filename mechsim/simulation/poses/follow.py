@@ -12,11 +12,11 @@ from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.assembly_path import AssemblyPath, walked_path
-from mechsim.simulation.poses.folded_path import FoldedPath, folded
-from mechsim.simulation.poses.laps import on_other_laps
-from mechsim.simulation.poses.meetings import Meeting
-from mechsim.simulation.poses.rough_steps import ASTRAY, sprint
-from mechsim.simulation.poses.strides import SHORTEST, STRIDE, Strides, walk
+from mechsim.simulation.poses.branch_path import FoldedPath, folded
+from mechsim.simulation.poses.change_points import Meeting
+from mechsim.simulation.poses.explicit_predictor import ASTRAY, sprint
+from mechsim.simulation.poses.revolutions import on_other_laps
+from mechsim.simulation.poses.trace import SHORTEST, STRIDE, Strides, walk
 
 # from a closed state to a crank angle: states on the path, or None where it is not certain
 Steps = Callable[[ModelLoops, Array, float], Strides | None]

@@ -14,7 +14,7 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.maths.convergence import believed_order
-from mechsim.simulation.stiffest_part import stiffest_part
+from mechsim.simulation.stiffest_element import stiffest_part
 from mechsim.studies.scenes.scene_run import SceneRun, stepped
 from mechsim.studies.scenes.user_scene import UserScene
 

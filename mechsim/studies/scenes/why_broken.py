@@ -6,7 +6,7 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.simulation.divergence_cause import met_last, near_singular
-from mechsim.simulation.stiffest_part import stiffest_part
+from mechsim.simulation.stiffest_element import stiffest_part
 from mechsim.studies.scenes.scene_run import SceneRun, stepped
 
 # a step that many times smaller tells whether stiffness broke it

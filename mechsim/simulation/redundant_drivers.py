@@ -5,7 +5,7 @@ import numpy as np
 from mechsim.errors import MobilityError
 from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.telling import RANK_TOLERANCE
+from mechsim.simulation.numerical_rank import RANK_TOLERANCE
 
 # part of a driver's own row that the other freedoms cannot follow where it is locked
 LOCKED = 1e-6

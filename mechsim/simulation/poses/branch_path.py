@@ -12,8 +12,8 @@ from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.assembly_path import AssemblyPath, walked_path
-from mechsim.simulation.poses.meetings import BLIND, Meeting, determinant
-from mechsim.simulation.poses.strides import SHORTEST, walk
+from mechsim.simulation.poses.change_points import BLIND, Meeting, determinant
+from mechsim.simulation.poses.trace import SHORTEST, walk
 
 # turn by which it is seen how the loops bend at a meeting; what of that must be left if the other assembly
 # is to be left by turning the crank; how far from where it is foretold that may be found, as a part of its

@@ -6,7 +6,7 @@ import pytest
 from mechsim import catalog, simulate
 from mechsim.errors import AssemblyError, MobilityError
 from mechsim.simulation import closed_model
-from mechsim.simulation.open_freedoms import standing
+from mechsim.simulation.undetermined_dofs import standing
 
 FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 0 0"/><worldbody>
 <body name="a"><joint name="crank" axis="0 0 1"/><geom size=".01"/>

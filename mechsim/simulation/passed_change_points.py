@@ -13,7 +13,7 @@ from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.assembly_path import AssemblyPath
-from mechsim.simulation.poses.folded_path import FoldedPath
+from mechsim.simulation.poses.branch_path import FoldedPath
 
 # crank angles at which a profile is probed
 PROBES = 64

@@ -9,8 +9,8 @@ from scene_texts import FINGER
 
 from mechsim import catalog, units
 from mechsim.model.crank_profile import swing, within_range
-from mechsim.simulation import Settings, driven_run, place_tolerance, simulate
-from mechsim.simulation.place_tolerance import TRIAL_STEPS
+from mechsim.simulation import Settings, driven_run, position_tolerance, simulate
+from mechsim.simulation.position_tolerance import TRIAL_STEPS
 from mechsim.subjects.subject import load
 
 TURNS = 10.0
@@ -90,7 +90,7 @@ def test_no_error_at_all_asks_for_the_fewest_steps() -> None:
         def tried(self, _settings):
             return np.zeros(max(1, round(self.profile.turns)))
 
-    assert place_tolerance.steps_needed(Exact(), Settings(), 1e-6)[0] == place_tolerance.LEAST_STEPS
+    assert position_tolerance.steps_needed(Exact(), Settings(), 1e-6)[0] == position_tolerance.LEAST_STEPS
 
 
 @pytest.mark.parametrize("reach", [0.1, 0.01])

@@ -7,7 +7,7 @@ import numpy as np
 from mechsim.errors import AssemblyError
 from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.poses.meetings import WINDOW, Meeting, meeting_between, settled
+from mechsim.simulation.poses.change_points import WINDOW, Meeting, meeting_between, settled
 
 # the crank's longest stride
 STRIDE = 2.0 * np.pi / 16

@@ -6,7 +6,7 @@ from mechsim.model.scene import Scene
 from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.rough_steps import sprint
+from mechsim.simulation.poses.explicit_predictor import sprint
 
 TURN = 2.0 * np.pi
 # of the longest link: 48 steps of fourth order leave 2e-5 on the worst of these

@@ -10,7 +10,7 @@ from mechsim.model.scene import Scene
 from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import guessed
 from mechsim.simulation.poses.follow import follow
-from mechsim.simulation.poses.strides import LONGEST, walk
+from mechsim.simulation.poses.trace import LONGEST, walk
 
 
 def test_no_stride_leads_a_joint_farther_than_a_correction_can_be_told_from_a_leap():

@@ -12,7 +12,7 @@ from mechsim.model.forces import Forces
 from mechsim.simulation import closed_model, constant, simulate
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.meetings import meeting_between
+from mechsim.simulation.poses.change_points import meeting_between
 from mechsim.studies.dynamics_check import crosscheck_driven
 
 OTHERS = [

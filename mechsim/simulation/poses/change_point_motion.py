@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mechsim.maths.arrays import Array
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.poses.meetings import Meeting, fitted
+from mechsim.simulation.poses.change_points import Meeting, fitted
 from mechsim.simulation.recorded_motion import States, Track, evaluate
 
 Rows = NDArray[np.intp]

@@ -11,9 +11,9 @@ from mechsim.maths.arrays import Array
 from mechsim.model.joint_ranges import check_instants, extremes, require_within
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import FREE, HINGE, SLIDE, ModelLoops
-from mechsim.simulation.overdriven import refusal, stuck
+from mechsim.simulation.numerical_rank import RANK_TOLERANCE
 from mechsim.simulation.poses import follow
-from mechsim.simulation.telling import RANK_TOLERANCE
+from mechsim.simulation.redundant_drivers import refusal, stuck
 
 # displacement, in [rad] and in units of the size, by which a freedom is tried; part of it that stays where
 # there is one, and that a point or joint moves by which it matters

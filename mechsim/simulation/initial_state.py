@@ -8,7 +8,7 @@ import numpy as np
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.programs import Programs
 from mechsim.simulation.closed_model import ClosedModel
-from mechsim.simulation.straight_way import brought
+from mechsim.simulation.straight_path import brought
 
 Closed = TypeVar("Closed", bound=ClosedModel)
 
